@@ -1,0 +1,143 @@
+"""A stage's section of params.yaml, checked key by key against the stage's frozen config dataclass.
+
+Every field of the dataclass must be in the file and every key in the file must be a field: defaults live in
+params.yaml only. Lengths, times, angles and speeds may be written with their unit: a text given to a field
+whose name ends in `_m`, `_s`, `_rad`, `_m_s` or `_m_s2` is parsed, e.g. `press_m: 2 mm`.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError
+
+from pentimento.contracts.errors import ConfigError, UnitError
+from pentimento.contracts.units import parse_quantity
+
+T = TypeVar("T")
+
+_UNIT_OF_SUFFIX = {"_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad", "_m": "m", "_s": "s"}  # longest first
+_STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+def load_section(params_path: Path, section: str, config_type: type[T]) -> T:
+    """Read `section` of the YAML file into `config_type`, a frozen dataclass, nested if need be.
+
+    Raises `ConfigError`, a sentence with the file, `section.key`, what was found and what is expected.
+    """
+    document = read_yaml(params_path)
+    if section not in document:
+        raise ConfigError(
+            f"{params_path} has no section {section!r}; add it, or take it from the repository."
+        )
+    try:
+        config: T = _build(document[section], config_type, section)
+    except ConfigError as error:
+        raise ConfigError(f"{params_path}: {error}") from None
+    return config
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the mapping in a YAML 1.2 file (as DVC reads it: `1e-3` is a number, a key stands once)."""
+    try:
+        document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(
+            f"{path} does not exist; run from the repository's root, or restore the file."
+        ) from None
+    except MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else "?"
+        problem = " ".join(str(error.problem).split())
+        raise ConfigError(f"{path} is not valid YAML at line {line}: {problem}; correct that line.") from None
+    if not isinstance(document, dict):
+        raise ConfigError(
+            f"{path} holds {_found(document)} where sections are expected; write `section:` lines."
+        )
+    return document
+
+
+def _build(value: Any, kind: Any, key: str) -> Any:
+    """Turn what YAML holds at `key` into `kind`."""
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _build_dataclass(value, kind, key)
+    arguments = get_args(kind)
+    if get_origin(kind) in (Union, UnionType) and any(is_dataclass(part) for part in arguments):
+        if value is None and type(None) in arguments:
+            return None
+        return _build(value, next(part for part in arguments if is_dataclass(part)), key)
+    if get_origin(kind) in (dict, Mapping) and is_dataclass(arguments[1]):
+        _require_mapping(value, key)
+        return {name: _build(entry, arguments[1], f"{key}.{name}") for name, entry in value.items()}
+    if get_origin(kind) is tuple and is_dataclass(arguments[0]) and isinstance(value, list):
+        return tuple(_build(entry, arguments[0], f"{key}[{index}]") for index, entry in enumerate(value))
+    return _build_plain(value, kind, key)
+
+
+def _build_dataclass(value: Any, kind: type, key: str) -> Any:
+    _require_mapping(value, key)
+    kinds = get_type_hints(kind)
+    names = [field.name for field in fields(kind)]
+    for name in value:
+        if name not in names:
+            close = get_close_matches(str(name), names, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}."
+            raise ConfigError(f"{key}.{name} is not a parameter; {hint}")
+    for name in names:
+        if name not in value:
+            raise ConfigError(f"{key}.{name} is missing; add it ({_type_name(kinds[name])}).")
+    entries = {name: _build(value[name], kinds[name], f"{key}.{name}") for name in names}
+    try:
+        return kind(**entries)
+    except ValueError as error:  # the dataclass checks its own ranges
+        raise ConfigError(f"{key}: {error}") from None
+
+
+def _build_plain(value: Any, kind: Any, key: str) -> Any:
+    unit = next((unit for suffix, unit in _UNIT_OF_SUFFIX.items() if key.endswith(suffix)), None)
+    if unit is not None and kind is not str:
+        value = _parse_quantities(value, unit, key)
+    adapter = TypeAdapter(kind, config=_STRICT)
+    try:
+        # Through JSON, a list may become a tuple and 1 may become 1.0, but "1" stays a text.
+        return adapter.validate_json(json.dumps(value))
+    except TypeError:
+        raise ConfigError(f"{key} is {_found(value)}, expected {_type_name(kind)}.") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        if not first["msg"].startswith("Input should be "):  # such as a tuple of another length
+            raise ConfigError(f"{key} is {_found(value)}, expected {_type_name(kind)}.") from None
+        place = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
+        expected = first["msg"].removeprefix("Input should be ")
+        raise ConfigError(f"{key}{place} is {_found(first['input'])}, expected {expected}.") from None
+
+
+def _parse_quantities(value: Any, unit: str, key: str) -> Any:
+    if isinstance(value, list):
+        return [_parse_quantities(entry, unit, key) for entry in value]
+    if not isinstance(value, str):
+        return value
+    try:
+        return parse_quantity(value, unit)
+    except UnitError as error:
+        raise ConfigError(f"{key}: {error}") from None
+
+
+def _require_mapping(value: Any, key: str) -> None:
+    if not isinstance(value, dict):
+        raise ConfigError(f"{key} is {_found(value)}, expected indented `key: value` lines.")
+
+
+def _found(value: Any) -> str:
+    return "empty" if value is None else repr(value)
+
+
+def _type_name(kind: Any) -> str:
+    return (
+        kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind).replace("typing.", "")
+    )

@@ -1,0 +1,104 @@
+"""How a stage ends: outputs that are complete or absent, and failures that are one sentence."""
+
+import argparse
+import ctypes
+import json
+import math
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import numpy as np
+
+from pentimento.contracts.atomic import atomic_folder, atomic_write
+from pentimento.contracts.errors import PentimentoError
+
+FAILED = 1
+INTERRUPTED = 130  # 128 + SIGINT, as shells count
+TERMINATED = 143  # 128 + SIGTERM
+_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
+
+
+@contextmanager
+def output_folder(path: Path) -> Iterator[Path]:
+    """Yield an empty folder that becomes `path` when the block ends well and vanishes when it raises.
+
+    It stands beside `path`, so that the change of name is one step on one file system. What an execution left
+    there when it was killed is removed first (DVC runs a stage once at a time).
+    """
+    for abandoned in path.parent.glob(f".{path.name}.*.tmp"):
+        shutil.rmtree(abandoned)
+    with atomic_folder(path) as folder:
+        yield folder
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `value` (mappings, sequences, numpy arrays and scalars) as JSON that is equal for equal values.
+
+    Keys are sorted and floats keep 9 significant digits, below which sums depend on the order of addition.
+    Raises `PentimentoError` for a number that is not finite, which JSON cannot hold.
+    """
+    text = json.dumps(_plain(value, path.name), indent=2, sort_keys=True, ensure_ascii=False)
+    atomic_write(path, (text + "\n").encode())
+
+
+def stage_main(main: Callable[[argparse.Namespace], None], parser: argparse.ArgumentParser) -> NoReturn:
+    """Run a stage from the command line and exit: 0 done, 1 failed, 2 usage, 130 interrupted."""
+    signal.signal(signal.SIGTERM, _terminate)  # scratch is removed on SIGTERM as it is on Ctrl-C
+    end_with_parent()
+    arguments = parser.parse_args()
+    try:
+        main(arguments)
+    except (PentimentoError, OSError) as error:
+        print(f"{parser.prog}: {failure_sentence(error)}", file=sys.stderr)
+        sys.exit(FAILED)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    sys.exit(0)
+
+
+def failure_sentence(error: BaseException) -> str:
+    """Say in one line what went wrong, where, and (for the system's own errors) what to do."""
+    if not isinstance(error, OSError):
+        return " ".join(str(error).split()) or type(error).__name__
+    where = f" {error.filename}" if error.filename else ""
+    match error:
+        case FileNotFoundError():
+            return f"cannot find{where}; run `make repro`, which makes what is missing, or correct the path."
+        case PermissionError():
+            return f"no permission for{where}; change the owner or the mode of that place."
+        case _ if error.errno is not None:
+            what = os.strerror(error.errno) + (f" at{where}" if where else "")
+            return f"{what}; nothing half-written was left. Correct it and run again."
+        case _:
+            return " ".join(str(error).split()) or type(error).__name__
+
+
+def end_with_parent() -> None:
+    """Receive SIGTERM when the parent process dies (on Linux), so that `kill -9` leaves no orphan at work."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _terminate(_number: int, _frame: FrameType | None) -> NoReturn:
+    sys.exit(TERMINATED)
+
+
+def _plain(value: Any, where: str) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry, f"{where}: {key}") for key, entry in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(entry, where) for entry in value]
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise PentimentoError(f"{where} is {value}, which is no result; look at what computed it.")
+        return float(f"{value:.9g}")
+    return value

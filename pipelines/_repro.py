@@ -1,0 +1,160 @@
+"""`make repro`: run DVC, put back what a failure left missing, say where the report is.
+
+    python -m pipelines._repro [PROFILE]
+
+A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files
+that git knows or would add, with DVC's cache and MLflow's store shared: the working tree stays clean.
+"""
+
+import filecmp
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from pentimento.contracts.errors import ConfigError, PentimentoError
+from pipelines._config import read_yaml
+from pipelines._io import end_with_parent
+
+_OWN_FILES = {"dvc.lock", "params.yaml"}  # an overlay has its own
+_MANIFEST = Path(".pentimento/overlaid.txt")
+
+
+def main(arguments: list[str]) -> int:
+    """Return the exit status of `make repro`."""
+    if len(arguments) > 1:
+        print(__doc__, file=sys.stderr)
+        return 2
+    end_with_parent()
+    root = Path.cwd()
+    profile = arguments[0] if arguments else None
+    os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{root / 'mlflow.db'}")
+    os.environ["PENTIMENTO_PROFILE"] = profile or "default"
+    try:
+        folder = overlay(root, profile) if profile else root
+    except (PentimentoError, OSError) as error:
+        print(f"make repro: {error}", file=sys.stderr)
+        return 1
+    status = run_dvc(["repro"], folder)
+    if status != 0:
+        restore_missing(folder)
+        print(
+            "\nThe pipeline did not finish. What stood before is in place; `make repro` goes on from here.",
+            file=sys.stderr,
+        )
+        return status
+    print(f"\nThe report:  {(folder / 'data/report/index.html').relative_to(root)}")
+    print(f"The runs:    .venv/bin/mlflow ui --backend-store-uri {os.environ['MLFLOW_TRACKING_URI']}")
+    return 0
+
+
+def run_dvc(arguments: list[str], folder: Path) -> int:
+    """Run DVC in `folder` and return its exit status, 130 after Ctrl-C, 143 after SIGTERM.
+
+    Ctrl-C reaches DVC and its stage from the terminal; we only wait for them. SIGTERM is passed on.
+    """
+    here = str(Path(sys.executable).parent)
+    environment = os.environ | {"PATH": f"{here}{os.pathsep}{os.environ.get('PATH', os.defpath)}"}
+    command = [sys.executable, "-m", "dvc", *arguments]
+    process = subprocess.Popen(command, cwd=folder, env=environment, preexec_fn=end_with_parent)
+    received: list[int] = []
+
+    def receive(number: int, _frame: object) -> None:
+        received.append(number)
+        if number == signal.SIGTERM:
+            process.terminate()
+
+    previous = {number: signal.signal(number, receive) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        status = process.wait()
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    return 128 + received[0] if received else abs(status)
+
+
+def restore_missing(folder: Path) -> None:
+    """Take what dvc.lock names and is gone from the cache: DVC deletes outputs before a stage runs."""
+    if not (folder / "dvc.lock").is_file():
+        return
+    stages = read_yaml(folder / "dvc.yaml").get("stages", {})
+    missing = [
+        out["path"]
+        for name, stage in read_yaml(folder / "dvc.lock").get("stages", {}).items()
+        for out in stage.get("outs", [])
+        if name.partition("@")[0] in stages and not (folder / out["path"]).exists()
+    ]
+    if missing:
+        run_dvc(["checkout", "--quiet", *missing], folder)
+
+
+def overlay(root: Path, profile: str) -> Path:
+    """Bring `.profiles/<profile>/` up to date and return it; dvc.lock and outputs stay from the last time."""
+    source = root / "profiles" / f"{profile}.yaml"
+    if not source.is_file():
+        known = ", ".join(sorted(file.stem for file in source.parent.glob("*.yaml")))
+        raise ConfigError(f"there is no profile {profile!r}; known are {known}.")
+    params = merge(read_yaml(root / "params.yaml"), read_yaml(source), source.relative_to(root))
+    folder = root / ".profiles" / profile
+    _copy_changed(root, folder)
+    with (folder / "params.yaml").open("w", encoding="utf-8") as file:
+        YAML(typ="safe").dump(params, file)
+    # The copy is no git repository, and a stage computed here is known there.
+    (folder / ".dvc/config.local").write_text(
+        f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n"
+    )
+    return folder
+
+
+def merge(base: dict[str, Any], over: dict[str, Any], source: Path, place: str = "") -> dict[str, Any]:
+    """Return `base` with the values of `over`, whose keys must all exist in `base` (else `ConfigError`)."""
+    merged = dict(base)
+    for key, value in over.items():
+        if key not in base:
+            raise ConfigError(
+                f"{source}: {place}{key} is not in params.yaml; correct the name or add it there."
+            )
+        if isinstance(base[key], dict) != isinstance(value, dict):
+            raise ConfigError(f"{source}: {place}{key} is a section in one file and a value in the other.")
+        merged[key] = merge(base[key], value, source, f"{place}{key}.") if isinstance(value, dict) else value
+    return merged
+
+
+def _copy_changed(root: Path, folder: Path) -> None:
+    """Copy the files that git knows or would add, and remove those of the last time that are no more."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if listed.returncode != 0:
+        raise PentimentoError(
+            f"git cannot list the files of {root} ({listed.stderr.strip()}); run in a git clone."
+        )
+    files = [
+        name
+        for name in listed.stdout.split("\0")
+        if name and name not in _OWN_FILES and (root / name).is_file()
+    ]
+    manifest = folder / _MANIFEST
+    before = manifest.read_text().splitlines() if manifest.is_file() else []
+    for name in set(before) - set(files):
+        (folder / name).unlink(missing_ok=True)
+    for name in files:
+        target = folder / name
+        if not (target.is_file() and filecmp.cmp(root / name, target)):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(root / name, target)
+    manifest.parent.mkdir(parents=True, exist_ok=True)
+    manifest.write_text("\n".join(files))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

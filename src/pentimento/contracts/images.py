@@ -1,0 +1,84 @@
+"""PNG in and out. RGB order everywhere; OpenCV's BGR never leaves this module."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.errors import ImageError
+
+
+def encode_png(image: npt.NDArray[Any]) -> bytes:
+    """PNG bytes of uint8 [H, W, 3] (sRGB), uint8 [H, W] (grey, labels) or uint16 [H, W] (heights).
+
+    Raises:
+        ImageError: another type or shape, or no pixel.
+    """
+    colour = image.ndim == 3 and image.shape[2] == 3 and image.dtype == np.uint8
+    grey = image.ndim == 2 and image.dtype in (np.uint8, np.uint16)
+    if not (colour or grey) or image.size == 0:
+        raise ImageError(
+            f"A {image.dtype} array of shape {image.shape} cannot be a PNG here; give uint8 [H, W, 3], "
+            "uint8 [H, W] or uint16 [H, W] (to_uint8 converts floats)."
+        )
+    pixels = np.ascontiguousarray(image[..., ::-1]) if colour else np.ascontiguousarray(image)
+    done, data = cv2.imencode(".png", pixels)
+    if not done:
+        raise ImageError(f"OpenCV could not encode a {image.dtype} image of shape {image.shape} as PNG.")
+    return bytes(data.tobytes())
+
+
+def _decoded(data: bytes, flags: int, name: str) -> npt.NDArray[Any]:
+    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if data else None
+    if pixels is None:
+        raise ImageError(f"{name} ({len(data)} bytes) is not a readable image; it may be cut off or corrupt.")
+    return np.ascontiguousarray(pixels[..., ::-1]) if pixels.ndim == 3 else pixels
+
+
+def decode_png(data: bytes) -> npt.NDArray[Any]:
+    """The array that `encode_png` was given: uint8 [H, W, 3], uint8 [H, W] or uint16 [H, W].
+
+    Raises:
+        ImageError: unreadable, or of another kind (transparent, 16 bits of colour).
+    """
+    image = _decoded(data, cv2.IMREAD_UNCHANGED, "A PNG")
+    colour = image.ndim == 3 and image.shape[2] == 3 and image.dtype == np.uint8
+    if not colour and not (image.ndim == 2 and image.dtype in (np.uint8, np.uint16)):
+        raise ImageError(
+            f"A PNG holds {image.dtype} of shape {image.shape}; tables hold 8-bit RGB, 8-bit grey or 16-bit "
+            "grey. Save it again without transparency."
+        )
+    return image
+
+
+def read_image(path: Path) -> npt.NDArray[np.uint8]:
+    """Any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3].
+
+    Raises:
+        ImageError: missing or unreadable.
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"Image {path} cannot be opened ({error.strerror}); check the path.") from error
+    return _decoded(data, cv2.IMREAD_COLOR, f"Image {path}")
+
+
+def write_png(path: Path, image: npt.NDArray[Any]) -> None:
+    """Write an image as PNG, atomically; types as in `encode_png`."""
+    atomic_write(Path(path), encode_png(image))
+
+
+def ink_encoded_to_srgb(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Rows with `encoding` = `ink` hold grey = 255 - ink mask: black ink on white paper, as sRGB [H, W, 3].
+
+    Raises:
+        ImageError: not uint8 [H, W] or [H, W, 3].
+    """
+    if grey.dtype != np.uint8 or grey.ndim not in (2, 3) or (grey.ndim == 3 and grey.shape[2] != 3):
+        raise ImageError(f"An ink-encoded image is uint8 [H, W], not {grey.dtype} of shape {grey.shape}.")
+    return grey.copy() if grey.ndim == 3 else np.repeat(grey[:, :, None], 3, axis=2)

@@ -1,0 +1,227 @@
+"""Reading and writing contract tables: Parquet shards with a README card.
+
+A reader checks the schema, then each row. Rows that break the contract are quarantined: left out, and
+returned with the reason. One bad row is always borne; more than that and more than 1 % of the rows is
+an error, because then the recording is wrong and not the row. A writer bears none.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from pentimento.contracts.atomic import atomic_folder
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.rows import row_faults
+from pentimento.contracts.schema import TableContract, arrow_field, columns_markdown, type_name
+
+SHARD_BYTES: Final = 256 * 2**20
+MAX_BAD_SHARE: Final = 0.01
+
+
+@dataclass(frozen=True)
+class Quarantined:
+    """A row that was left out: its index in the file or folder as stored, and why."""
+
+    row: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedTable:
+    """Rows that keep the contract, and those that do not."""
+
+    table: pa.Table
+    quarantined: tuple[Quarantined, ...]
+
+
+def write_table(folder: Path, table: pa.Table, contract: TableContract, card: str) -> None:
+    """Write a table as a folder of shards with README.md (`card` and the columns' meaning), atomically.
+
+    Raises:
+        ContractError: the schema or any row breaks the contract; nothing is written.
+    """
+    checked = _valid(table, contract)
+    with atomic_folder(Path(folder)) as temporary:
+        _write_checked(temporary, checked)
+        (temporary / "README.md").write_text(f"{card.rstrip()}\n\n## Columns\n\n{columns_markdown(contract)}")
+
+
+def write_shards(folder: Path, table: pa.Table, contract: TableContract) -> None:
+    """Write only the shards, into an existing folder (one that `atomic_folder` gave).
+
+    Raises:
+        ContractError: the schema or any row breaks the contract; nothing is written.
+    """
+    _write_checked(Path(folder), _valid(table, contract))
+
+
+def read_table(path: Path, contract: TableContract) -> CheckedTable:
+    """Read one Parquet file, or all `*.parquet` in a folder by name, and check them against a contract.
+
+    Integer and float widths are cast; other columns (covariates) are kept as they are.
+
+    Raises:
+        ContractError: nothing to read, a required column missing, a column of a wrong type, or too many
+            bad rows (with counts per reason).
+    """
+    path = Path(path)
+    files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
+    if not files:
+        raise ContractError(
+            f"Folder {path} holds no *.parquet file; make the table of {contract.name} first."
+        )
+    parts = [_cast(_read_parquet(file), contract, str(file)) for file in files]
+    try:
+        table = pa.concat_tables(parts, promote_options="permissive")
+    except pa.ArrowException as error:
+        raise ContractError(f"The shards in {path} do not fit together: {error}.") from error
+    quarantined = _quarantine(table, contract, str(path))
+    if not quarantined:
+        return CheckedTable(table, ())
+    bad = {q.row for q in quarantined}
+    return CheckedTable(table.take([i for i in range(table.num_rows) if i not in bad]), quarantined)
+
+
+def _quarantine(table: pa.Table, contract: TableContract, where: str) -> tuple[Quarantined, ...]:
+    quarantined = tuple(
+        Quarantined(row, reason)
+        for row, reason in enumerate(row_faults(table, contract))
+        if reason is not None
+    )
+    count, rows = len(quarantined), table.num_rows
+    if count > max(1, math.floor(MAX_BAD_SHARE * rows)) or 0 < count == rows:
+        raise ContractError(
+            f"{count} of {rows} rows of {where} break the {contract.name} contract: "
+            f"{_counted(q.reason for q in quarantined)}. Repair the recording; at most 1 % is quarantined."
+        )
+    return quarantined
+
+
+def _counted(reasons: Iterable[str]) -> str:
+    return "; ".join(f"{count} x {reason}" for reason, count in Counter(reasons).most_common())
+
+
+def _valid(table: pa.Table, contract: TableContract) -> pa.Table:
+    table = _cast(table, contract, "The table to write")
+    reasons = [reason for reason in row_faults(table, contract) if reason is not None]
+    if reasons:
+        raise ContractError(
+            f"{len(reasons)} of {table.num_rows} rows to write break the {contract.name} contract: "
+            f"{_counted(reasons)}."
+        )
+    return table
+
+
+def _write_checked(folder: Path, table: pa.Table) -> None:
+    """part-00000.parquet, ...: shards of equal row counts, each of about `SHARD_BYTES` at most."""
+    shards = max(1, math.ceil(table.nbytes / SHARD_BYTES))
+    rows = max(1, math.ceil(table.num_rows / shards))
+    for part, start in enumerate(range(0, max(table.num_rows, 1), rows)):
+        pq.write_table(table.slice(start, rows), folder / f"part-{part:05d}.parquet", compression="zstd")
+
+
+def _read_parquet(file: Path) -> pa.Table:
+    try:
+        with pq.ParquetFile(file) as opened:
+            return opened.read()
+    except (OSError, pa.ArrowException) as error:
+        raise ContractError(
+            f"{file} cannot be read as Parquet: {error}. Check the path or copy it again."
+        ) from error
+
+
+def _cast(table: pa.Table, contract: TableContract, where: str) -> pa.Table:
+    """The table with the contract's columns in the contract's types and order, then the others."""
+    if len(set(table.column_names)) < table.num_columns:
+        raise ContractError(f"{where} has two columns of one name among {table.column_names}.")
+    fields: list[pa.Field] = []
+    arrays: list[pa.ChunkedArray] = []
+    for column in contract.columns:
+        if column.name not in table.column_names:
+            if column.required:
+                raise ContractError(
+                    f"{where} lacks the required column {column.name!r} ({type_name(column.type)}: "
+                    f"{column.description}) of the {contract.name} contract."
+                )
+            continue
+        values = table.column(column.name)
+        complaint = (
+            f"{where}: column {column.name!r} is {type_name(values.type)}, but the {contract.name} contract "
+            f"needs {type_name(column.type)} ({column.description})."
+        )
+        if not _fits(values.type, column.type):
+            raise ContractError(complaint)
+        try:
+            arrays.append(_without_null_vectors(_cast_values(values, column.type)))
+        except pa.ArrowInvalid as error:
+            raise ContractError(f"{complaint} Its values do not convert: {error}.") from error
+        fields.append(arrow_field(column))
+    for name in table.column_names:
+        if contract.column(name) is None:
+            fields.append(table.schema.field(name))
+            arrays.append(_without_null_vectors(table.column(name)))
+    return pa.table(arrays, schema=pa.schema(fields))
+
+
+def _cast_values(values: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray:
+    if values.type == kind:
+        return values
+    if pa.types.is_floating(values.type) and pa.types.is_integer(kind):
+        # Data frames turn an integer column with gaps into floats with NaN.
+        values = pc.if_else(pc.is_nan(values), pa.scalar(None, values.type), values)
+    return values.cast(kind)
+
+
+def _without_null_vectors(values: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Null vectors of fixed length become NaN (0 for integers): pyarrow writes null ones to Parquet but
+    cannot read them back."""
+    if not pa.types.is_fixed_size_list(values.type) or values.null_count == 0:
+        return values
+    unknown = float("nan") if pa.types.is_floating(values.type.value_type) else 0
+    fill = [unknown] * values.type.list_size
+    return pa.chunked_array(
+        [
+            pa.array([fill if v is None else v for v in chunk.to_pylist()], values.type)
+            for chunk in values.chunks
+        ],
+        type=values.type,
+    )
+
+
+def _fits(actual: pa.DataType, wanted: pa.DataType) -> bool:
+    """Whether two types differ only in width or in how Arrow lays them out."""
+    t = pa.types
+    if actual == wanted or t.is_null(actual):
+        return True
+    if t.is_dictionary(actual):
+        return _fits(actual.value_type, wanted)
+    if t.is_string(wanted):
+        return bool(t.is_large_string(actual) or t.is_string_view(actual))
+    if t.is_binary(wanted):
+        return bool(t.is_large_binary(actual) or t.is_binary_view(actual))
+    if t.is_integer(wanted) or t.is_floating(wanted):
+        return bool(t.is_integer(actual) or t.is_floating(actual))
+    if t.is_struct(wanted):
+        return _fits_struct(actual, wanted)
+    if t.is_list(wanted) or t.is_fixed_size_list(wanted):
+        sizes_agree = not (t.is_fixed_size_list(wanted) and t.is_fixed_size_list(actual)) or (
+            actual.list_size == wanted.list_size
+        )
+        is_list = t.is_list(actual) or t.is_large_list(actual) or t.is_fixed_size_list(actual)
+        return bool(is_list) and sizes_agree and _fits(actual.value_type, wanted.value_type)
+    return False
+
+
+def _fits_struct(actual: pa.DataType, wanted: pa.DataType) -> bool:
+    if not pa.types.is_struct(actual):
+        return False
+    types: dict[str, Any] = {actual.field(i).name: actual.field(i).type for i in range(actual.num_fields)}
+    fields = [wanted.field(i) for i in range(wanted.num_fields)]
+    return len(types) == len(fields) and all(f.name in types and _fits(types[f.name], f.type) for f in fields)

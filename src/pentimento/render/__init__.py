@@ -1,0 +1,5 @@
+"""The stroke renderer: one compiled kernel, forward and backward, that plans in the workshop and on the robot."""
+
+from pentimento.render.kernel import Fragments, StrokeGradients, render, render_backward
+
+__all__ = ["Fragments", "StrokeGradients", "render", "render_backward"]

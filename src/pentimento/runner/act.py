@@ -1,0 +1,143 @@
+"""Acting: planned strokes become dips and moves, and the memory follows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates
+from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.contracts.plan import PlannedStroke
+from pentimento.robots.driver import Robot
+from pentimento.robots.tools import Tool
+
+FloatArray = NDArray[np.float64]
+
+_SAME_COLOUR = 0.5 / 255
+
+
+@dataclass(frozen=True)
+class Session:
+    """One uninterrupted recording: same tool, paint and camera pose."""
+
+    name: str
+    started_s: float
+    """The robot's clock at the session's start; tables count from here."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutedStroke:
+    """What happened in one stroke."""
+
+    event: StrokeEvent
+    covariates: dict[str, int | float | list[float]]
+    """The strokes contract's columns with memory, as they stood before the stroke."""
+    measured_path: FloatArray
+    """[N, 5] as the robot measured it; NaN where it did not."""
+
+
+class ExecutionError(PentimentoError):
+    """A stroke could not be made. `__cause__` is the driver's or the guard's own error.
+
+    Strokes before `stroke` were made and are in `memory` and `measured`; `stroke` and those after are not.
+    Going on from `memory` is safe: a tool that was dipped for the failed stroke is dipped for it again.
+    """
+
+    def __init__(self, sentence: str, stroke: int, memory: Memory, measured: list[FloatArray]) -> None:
+        super().__init__(sentence)
+        self.stroke = stroke
+        self.memory = memory
+        self.measured = measured
+
+
+def execute(
+    robot: Robot,
+    tool: Tool,
+    strokes: Sequence[PlannedStroke],
+    palette_srgb: FloatArray,
+    memory: Memory,
+    session: Session,
+) -> tuple[Memory, list[FloatArray]]:
+    """Make the strokes in their order; returns the memory after them and the measured path of each [N, 5].
+
+    The robot takes up `tool` and lays out `palette_srgb` [K, 3] first (both do nothing where that is so
+    already). A tool that dips is dipped where the stroke says so, where its colour changes (then it is
+    wiped first) and after `tool.strokes_per_dip` strokes; a tool that carries its own ink never is.
+
+    Raises ContractError, before anything moves, if a colour is not on the palette; ExecutionError when a
+    stroke fails.
+    """
+    for index, stroke in enumerate(strokes):
+        _paint_of(stroke, tool, palette_srgb, index)
+    robot.change_tool(tool)
+    if tool.dips:
+        robot.load_palette(palette_srgb)
+    measured: list[FloatArray] = []
+    for index, stroke in enumerate(strokes):
+        try:
+            memory, done = execute_stroke(robot, tool, stroke, palette_srgb, memory, session)
+        except (PentimentoError, OSError, RuntimeError) as error:
+            raise ExecutionError(
+                f"Stroke {index} of {len(strokes)} failed: {error} The {index} strokes before it were made; "
+                "look at the canvas, then go on from this error's memory.",
+                index,
+                memory,
+                measured,
+            ) from error
+        measured.append(done.measured_path)
+    return memory, measured
+
+
+def execute_stroke(
+    robot: Robot,
+    tool: Tool,
+    stroke: PlannedStroke,
+    palette_srgb: FloatArray,
+    memory: Memory,
+    session: Session,
+) -> tuple[Memory, ExecutedStroke]:
+    """Make one stroke, after the dip that it needs, with a robot that holds `tool` and has the palette.
+
+    Errors of the robot pass through; then `memory`, which is a value, still describes the canvas unless
+    the driver failed on its way.
+    """
+    paint = _paint_of(stroke, tool, palette_srgb, 0)
+    dip = needs_dip(tool, stroke, memory)
+    if dip:
+        if not _same_colour(memory.last_color_srgb, stroke.color_srgb):
+            robot.wipe()
+        robot.dip(paint)
+    measured = robot.move(stroke.path)
+    # The way to the stroke's start takes time too, so that its start is known from its end.
+    started_s = robot.clock_s - float(stroke.path[-1, 0]) - session.started_s
+    event = StrokeEvent(path=stroke.path, t_start_s=started_s, dip=dip, color_srgb=stroke.color_srgb)
+    return advance(memory, event), ExecutedStroke(event, covariates(memory, event), measured)
+
+
+def needs_dip(tool: Tool, stroke: PlannedStroke, memory: Memory) -> bool:
+    """Whether the tool must be dipped before the stroke."""
+    if not tool.dips:
+        return False
+    changes = not _same_colour(memory.last_color_srgb, stroke.color_srgb)  # also where nothing is known yet
+    return stroke.dip or changes or memory.since_reload >= tool.strokes_per_dip
+
+
+def _same_colour(one_srgb: FloatArray, other_srgb: FloatArray) -> bool:
+    """Whether two colours are one 8-bit colour; never true of NaN."""
+    return bool(np.all(np.abs(np.asarray(one_srgb) - np.asarray(other_srgb)) <= _SAME_COLOUR))
+
+
+def _paint_of(stroke: PlannedStroke, tool: Tool, palette_srgb: FloatArray, index: int) -> int:
+    """Index of the stroke's colour on the palette (0 for a tool with its own ink)."""
+    available = np.array([tool.color_srgb]) if tool.color_srgb is not None else np.asarray(palette_srgb)
+    for paint, color in enumerate(available):
+        if _same_colour(color, stroke.color_srgb):
+            return paint
+    place = f"the {tool.name}'s own" if tool.color_srgb is not None else "on the palette"
+    raise ContractError(
+        f"Stroke {index}'s colour {np.round(stroke.color_srgb, 3).tolist()} is not {place} "
+        f"({np.round(available, 3).tolist()}); plan with the palette that is painted with."
+    )

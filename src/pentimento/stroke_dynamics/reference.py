@@ -1,0 +1,70 @@
+"""The dense stroke renderer in plain PyTorch: slow, readable, the oracle of the compiled kernel.
+
+It evaluates every segment at every pixel. Same formula, same floors as ``pentimento.render.kernel``; see there for
+the two corrections to the thesis's equations (5.1) and (5.2).
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from pentimento.render.kernel import Q_MIN, R_MIN
+
+
+def stroke_coverage(
+    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, shape: tuple[int, int]
+) -> Tensor:
+    """Coverage of one stroke at every pixel (thesis 5.1 to 5.5).
+
+    Args:
+        points: [N, 2] pixel coordinates (column, row); one point alone is a disc.
+        radius, density, softness: [N], radius in px.
+        shape: (H, W).
+
+    Returns:
+        [H, W], 0 where no ink falls.
+    """
+    if len(points) == 1:
+        points, radius, density, softness = (x.repeat(2, *[1] * (x.ndim - 1)) for x in (points, radius, density, softness))
+    height, width = shape
+    rows = torch.arange(height, dtype=points.dtype)
+    columns = torch.arange(width, dtype=points.dtype)
+    grid = torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)  # [H, W, 2]
+    u, v = points[:-1], points[1:]  # [K, 2]
+    edge = v - u
+    offset = grid[None] - u[:, None, None]  # [K, H, W, 2]
+    length2 = edge.square().sum(-1).clamp(min=1e-12)[:, None, None]
+    t = ((offset * edge[:, None, None]).sum(-1) / length2).clamp(0.0, 1.0)  # [K, H, W]  (5.2), sign kept
+    apart2 = (offset - t[..., None] * edge[:, None, None]).square().sum(-1)
+    # A square root has no slope at 0; where the pixel lies on the path, any subgradient will do: 0.
+    on_path = apart2 == 0
+    distance = torch.where(on_path, 0.0, torch.where(on_path, 1.0, apart2).sqrt())  # (5.1), to the segment
+
+    def along(values: Tensor) -> Tensor:  # (5.3)
+        return values[:-1, None, None] + t * (values[1:] - values[:-1])[:, None, None]
+
+    thickness = along(radius).clamp(min=R_MIN)  # (5.4) is applied by the caller
+    q = 1 - distance / thickness
+    darkness = along(density) * q.clamp(min=Q_MIN) ** along(softness)  # (5.5)
+    return torch.where(q > 0, darkness, 0.0).amax(dim=0)
+
+
+def render_reference(
+    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
+) -> Tensor:
+    """Lay strokes on one canvas, in order.
+
+    Args:
+        points: [S, N, 2]; radius, density, softness: [S, N]; color: [S, C], linear light.
+        canvas: [H, W, C], linear light.
+
+    Returns:
+        [H, W, C].
+    """
+    image = canvas
+    for s in range(len(points)):
+        shape = (canvas.shape[0], canvas.shape[1])
+        alpha = stroke_coverage(points[s], radius[s], density[s], softness[s], shape)[..., None]
+        image = image + alpha * (color[s] - image)
+    return image

@@ -1,0 +1,151 @@
+"""Fit Traj2Stroke to measured strokes on the thesis's weighted L1 (5.3.4)."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import lightning
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader, TensorDataset
+
+from pentimento.stroke_dynamics.autograd import render_strokes
+from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
+from pentimento.stroke_dynamics.samples import INK_THRESHOLD, StrokeSamples, inked_share
+from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
+
+Log = Callable[[str, float, int], None]
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How Traj2Stroke is fitted."""
+
+    path_points: int
+    """Points n of a path (thesis 5.3.2: 32)."""
+    pixels_per_m: float
+    """Photographs finer than this are averaged down to about it."""
+    margin_m: float
+    """Windows are trimmed to this much around the commanded path."""
+    epochs: int
+    batch: int
+    learning_rate: float
+    """Adam's; lengths are in mm inside the model."""
+    ink_weight: float
+    """How much more an inked pixel weighs than a blank one in the L1 (thesis 5.3.4)."""
+    held_out: float
+    """Share of the actions kept for the metrics."""
+    seed: int
+
+
+def split_by_action(samples: StrokeSamples, held_out: float, seed: int) -> tuple[StrokeSamples, StrokeSamples]:
+    """(training, held-out) samples; repeats of one action stay together."""
+    actions = np.unique(samples.action.numpy())
+    order = np.random.default_rng(seed).permutation(len(actions))
+    apart = actions[order[: max(1, round(held_out * len(actions)))]]
+    is_apart = torch.from_numpy(np.isin(samples.action.numpy(), apart))
+    return samples.pick(~is_apart), samples.pick(is_apart)
+
+
+def predict(mark: Mark, samples: StrokeSamples) -> Tensor:
+    """The photograph after each stroke, sRGB [B, H, W, 3]: its mark laid over ``before`` in linear light."""
+    image = render_strokes(
+        samples.to_pixels(mark.points_m)[:, None],
+        (mark.radius_m * samples.pixels_per_m[:, None])[:, None],
+        mark.density[:, None],
+        mark.softness[:, None],
+        srgb_to_linear(samples.color)[:, None],
+        samples.before_linear,
+    )
+    return linear_to_srgb(image)
+
+
+def predicted_ink(samples: StrokeSamples, predicted: Tensor) -> Tensor:
+    """Which pixels a prediction [B, H, W, 3] inks, bool [B, H, W], by the same threshold as the measurement."""
+    return inked_share(samples.before, predicted.detach(), samples.color[:, None, None]) > INK_THRESHOLD
+
+
+def weighted_l1(predicted: Tensor, samples: StrokeSamples, ink_weight: float) -> Tensor:
+    """Mean absolute difference over sRGB, pixels under the new stroke weighing ``ink_weight`` times (thesis 5.3.4)."""
+    weight = samples.valid * torch.where(samples.ink, ink_weight, 1.0)
+    return ((predicted - samples.after).abs().mean(-1) * weight).sum() / weight.sum()
+
+
+def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
+    """Start values from the data alone: half-width = inked area / (2 · length), regressed on the mean press depth."""
+    area = samples.ink.flatten(1).sum(1) / samples.pixels_per_m**2
+    length = samples.path[..., 1:3].diff(dim=1).norm(dim=-1).sum(1)
+    press = (-samples.path[..., 3]).clamp(min=0.0).mean(1)
+    usable = (area > 0) & (length > 0)
+    # A round end adds its disc: area = 2 w L + π w².
+    half = (torch.sqrt(length**2 + torch.pi * area) - length)[usable] / torch.pi
+    press = press[usable]
+    spread = float(press.var(unbiased=False)) if len(press) else 0.0
+    slope = float(((press - press.mean()) * half).mean()) / spread if spread > 1e-10 else 0.0
+    slope = max(slope, 0.05)
+    contact = float(half.mean() - slope * press.mean()) if len(press) else 1e-3
+    return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), slope, max(contact, 2e-4), 0.3, 0.9)
+
+
+def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stroke:
+    """Fit the model; ``log("weighted_l1", value, epoch)`` is called after every epoch."""
+    torch.manual_seed(config.seed)
+    model = Traj2Stroke(first_guess(samples))
+    loader = DataLoader(
+        TensorDataset(torch.arange(len(samples.path))),
+        batch_size=config.batch,
+        shuffle=True,
+        generator=torch.Generator().manual_seed(config.seed),
+    )
+    with _quiet_lightning():
+        trainer = lightning.Trainer(
+            max_epochs=config.epochs,
+            accelerator="cpu",
+            logger=False,
+            enable_checkpointing=False,
+            enable_progress_bar=False,
+            enable_model_summary=False,
+        )
+        trainer.fit(_Fit(model, samples, config, log), loader)
+    return model.eval()
+
+
+class _Fit(lightning.LightningModule):
+    def __init__(self, model: Traj2Stroke, samples: StrokeSamples, config: TrainingConfig, log: Log) -> None:
+        super().__init__()
+        self.model, self.samples, self.config, self.report = model, samples, config, log
+        self.losses: list[float] = []
+
+    def training_step(self, batch: list[Tensor], _: int) -> Tensor:
+        part = self.samples.pick(batch[0])
+        loss = weighted_l1(predict(self.model(part.path), part), part, self.config.ink_weight)
+        self.losses.append(float(loss.detach()))
+        return loss
+
+    def on_train_epoch_end(self) -> None:
+        self.report("weighted_l1", float(np.mean(self.losses)), self.current_epoch)
+        self.losses.clear()
+
+    def configure_optimizers(self) -> Any:
+        optimizer = torch.optim.Adam(self.model.parameters(), lr=self.config.learning_rate)
+        return [optimizer], [torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, self.config.epochs)]
+
+
+@contextmanager
+def _quiet_lightning() -> Iterator[None]:
+    """Lightning advertises and advises on start-up; none of it concerns a model of eight numbers."""
+    logger = logging.getLogger("lightning.pytorch")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            yield
+    finally:
+        logger.setLevel(level)

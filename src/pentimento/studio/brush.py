@@ -1,0 +1,211 @@
+"""A bundle of bristles: what it is made of, how the tip's motion bends, splays and drags it over the sheet."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pentimento.studio.motion import Tip
+from pentimento.studio.world import Effects, Tool
+
+MENISCUS_M = 0.00015  # paint bulges out of the tip and touches before the bristles do
+DAB_STEPS = 8  # steps in which the tool comes down on the sheet and leaves it
+STICTION = 0.12  # a resting patch lets the bristles bend by this share more before it breaks loose
+STRAIGHTENING_M = 0.005  # bent bristles straighten within this distance when press is released
+FLICK = 0.05  # share of the bend that they recover in one step of leaving the sheet
+BEND_WIDENING = 0.45
+BEND_RADIUS_M = 0.014
+SPEED_SCALE_M_S = 0.09
+WEAR_WIDENING = 0.4
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """The bristles at rest: places in units of the tip's half extents, extra height of each one's end, and its wetting.
+
+    place: float64[B,2] in [-1,1]; short_m: float64[B]; wetting: float64[B] relative film that it lays down.
+    """
+
+    place: Array
+    short_m: Array
+    wetting: Array
+
+
+@dataclass(frozen=True)
+class Drag:
+    """How the bundle's contact patch travels, in metres of the canvas frame.
+
+    patch: float64[M,2] centre; press_m: float64[M]; frame: float64[M,2,2] maps a bristle's place at rest to its
+    displacement from the centre; outer: float64[M,2] displacement added per unit of place on the outer side of a bend,
+    film: float64[M] relative thickness of the film that is laid down; speed_m_s: float64[M].
+    """
+
+    patch: Array
+    press_m: Array
+    frame: Array
+    outer: Array
+    film: Array
+    speed_m_s: Array
+
+
+def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
+    """Bristles over the tip's cross-section: a disc, or a rectangle with rounded corners for a flat tool."""
+    place = _scatter(tool, rng)
+    # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
+    tuft = _smooth_noise(place, rng)
+    short = tool.dome_m * _rim_distance(tool, place) ** 2 - MENISCUS_M
+    short += tool.raggedness_m * (0.7 * tuft + 0.7 * rng.standard_normal(len(place)))
+    wetting = np.exp(0.22 * _smooth_noise(place, rng) + 0.18 * rng.standard_normal(len(place)))
+    return Bundle(place, short, wetting)
+
+
+def _scatter(tool: Tool, rng: np.random.Generator) -> Array:
+    """Blue-noise-like places: each bristle is the one of a few candidates that is farthest from those before it."""
+    aspect = tool.half_thickness_m / tool.half_width_m
+    places = np.empty((tool.bristles, 2))
+    for i in range(tool.bristles):
+        candidates = rng.uniform(-1, 1, (24, 2))
+        candidates = candidates[_rim_distance(tool, candidates) <= 1][:6]
+        gap = (candidates[:, None, :] - places[None, :i, :]) * (1.0, aspect)
+        nearest = np.min((gap**2).sum(axis=2), axis=1, initial=9.0)
+        places[i] = candidates[int(np.argmax(nearest))]
+    return places
+
+
+def _rim_distance(tool: Tool, place: Array) -> Array:
+    """0 in the middle, 1 at the rim; a flat tool's cross-section is a superellipse."""
+    power = 5.0 if tool.kind == "flat" else 2.0
+    return np.asarray((np.abs(place) ** power).sum(axis=1) ** (1 / power))
+
+
+def _smooth_noise(place: Array, rng: np.random.Generator) -> Array:
+    waves = rng.standard_normal((6, 2)) * 4.0
+    phases = rng.uniform(0, 2 * np.pi, 6)
+    return np.asarray(np.cos(place @ waves.T + phases).sum(axis=1) / np.sqrt(3.0))
+
+
+def drag(tip: Tip, surface_m: Array, tool: Tool, effects: Effects, worn_m: float, friction: Array) -> Drag:
+    """Contact patch of `tool` for a tip's motion over a surface of height float64[M].
+
+    worn_m: length drawn in the tool's life. friction: float64[M + 2 DAB_STEPS] standard normal, the sheet's roughness.
+    """
+    xy, press, yaw, speed = _with_dabs(tip, surface_m)
+    patch, bend = _drag_patch(xy, press, effects.bristle_lag * tool.trail_m, tool.splay_press_m, friction)
+    heading, curvature = _course(patch)
+    width = 1 + tool.splay * press / (press + tool.splay_press_m)
+    width *= _speed_widening(speed, tool, effects.speed_width) * _wear_widening(worn_m, tool, effects.tool_wear)
+    frame = _footprint(tool, effects, yaw, heading, bend) * width[:, None, None]
+    tight = (curvature * BEND_RADIUS_M) ** 2
+    swing = effects.curvature_width * BEND_WIDENING * np.sign(curvature) * tight / (1 + tight)
+    outer = swing[:, None] * np.column_stack([heading[:, 1], -heading[:, 0]])
+    film = _speed_thinning(speed, tool, effects.speed_density)
+    return Drag(patch, press, frame, outer, film, speed)
+
+
+def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
+    """Add the tool's coming down and leaving: xy, press, yaw, speed, each [M + 2 DAB_STEPS]."""
+    press = np.asarray(surface_m - tip.pose[:, 2])
+    clear = -2 * MENISCUS_M
+    down = np.linspace(clear, press[0], DAB_STEPS, endpoint=False)
+    up = np.linspace(clear, press[-1], DAB_STEPS, endpoint=False)[::-1]
+    press = np.concatenate([down, press, up])
+
+    def pad(values: Array) -> Array:
+        return np.concatenate([np.repeat(values[:1], DAB_STEPS, 0), values, np.repeat(values[-1:], DAB_STEPS, 0)])
+
+    return pad(tip.pose[:, :2]), press, pad(tip.pose[:, 3]), pad(_blur(tip.speed_m_s, 3))
+
+
+@njit(cache=True)
+def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, friction: Array) -> tuple[Array, Array]:
+    """The patch sticks until the bent bristles pull hard enough, then slides towards the tip until they pull less.
+
+    Returns its centre [M,2] and the bend, tip minus patch over the largest trail (zero without a trail) [M,2].
+    """
+    count = press.size
+    patch = tip.copy()
+    bend = np.zeros((count, 2))
+    if trail_m <= 0:
+        return patch, bend
+    x, y = tip[0, 0], tip[0, 1]
+    hold, resting = 0.0, True
+    for k in range(count):
+        p = max(press[k], 0.0)
+        target = trail_m * np.sqrt(p / (p + half_press_m))
+        moved = 0.0
+        if k > 0:
+            moved = np.hypot(tip[k, 0] - tip[k - 1, 0], tip[k, 1] - tip[k - 1, 1])
+        if target >= hold:
+            hold = target
+        else:
+            hold += (target - hold) * (1 - (1 - FLICK) * np.exp(-moved / STRAIGHTENING_M))
+        slack = hold * (1 + 0.06 * friction[k])
+        dx, dy = tip[k, 0] - x, tip[k, 1] - y
+        distance = np.hypot(dx, dy)
+        limit = slack * (1 + STICTION) if resting else slack
+        if distance > limit and distance > 0:
+            slide = (distance - slack) * (0.35 if resting else 0.8)
+            x += dx / distance * slide
+            y += dy / distance * slide
+            resting = False
+        else:
+            resting = True
+        patch[k, 0], patch[k, 1] = x, y
+        bend[k, 0], bend[k, 1] = (tip[k, 0] - x) / trail_m, (tip[k, 1] - y) / trail_m
+    return patch, bend
+
+
+def _course(patch: Array) -> tuple[Array, Array]:
+    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's way, smoothed over ~3 mm."""
+    step = np.gradient(np.column_stack([_blur(patch[:, 0], 15), _blur(patch[:, 1], 15)]), axis=0)
+    length = np.hypot(step[:, 0], step[:, 1])
+    heading = np.where(length[:, None] > 1e-7, step / np.maximum(length, 1e-12)[:, None], (1.0, 0.0))
+    turn = heading[:, 0] * np.gradient(heading[:, 1]) - heading[:, 1] * np.gradient(heading[:, 0])
+    return heading, _blur(turn / np.maximum(length, 2e-5), 15)
+
+
+def _blur(values: Array, size: int) -> Array:
+    size = min(size, 2 * (len(values) // 4) + 1)
+    padded = np.pad(values, size // 2, mode="edge")
+    return np.convolve(padded, np.full(size, 1 / size), mode="valid")
+
+
+def _speed_widening(speed: Array, tool: Tool, strength: float) -> Array:
+    """Fast bristles stiffen and have no time to spread; 1 at the reference speed."""
+    reference = (tool.reference_speed_m_s / SPEED_SCALE_M_S) ** 1.4
+    return np.asarray(((1 + reference) / (1 + (speed / SPEED_SCALE_M_S) ** 1.4)) ** (0.5 * strength))
+
+
+def _speed_thinning(speed: Array, tool: Tool, strength: float) -> Array:
+    """Viscous supply keeps up with slow strokes only; 1 at the reference speed."""
+    reference = (tool.reference_speed_m_s / SPEED_SCALE_M_S) ** 2
+    return np.asarray(((1 + reference) / (1 + (speed / SPEED_SCALE_M_S) ** 2)) ** (0.9 * strength))
+
+
+def _wear_widening(worn_m: float, tool: Tool, strength: float) -> float:
+    """A used tip spreads for good, quickly at first."""
+    return 1 + strength * WEAR_WIDENING * (1 - (1 + worn_m / tool.wear_m) ** -1.3)
+
+
+def _footprint(tool: Tool, effects: Effects, yaw: Array, heading: Array, bend: Array) -> Array:
+    """Matrices [M,2,2] from places at rest to metres.
+
+    A tool without an orientation is round, of the same mean width over all headings as the oblong one.
+    """
+    mean = 0.5 * (tool.half_width_m + tool.half_thickness_m) if tool.kind != "flat" else 0.72 * tool.half_width_m
+    half = mean * (np.array([tool.half_width_m, tool.half_thickness_m]) / mean) ** effects.orientation_width
+    c, s = np.cos(yaw), np.sin(yaw)
+    # With no oblong shape left, the square cross-section of a flat tool's bundle turns with the stroke, not with the arm.
+    if effects.orientation_width == 0:
+        c, s = -heading[:, 1], heading[:, 0]
+    frame = np.empty((len(yaw), 2, 2))
+    frame[:, 0, 0], frame[:, 0, 1] = c * half[0], -s * half[1]
+    frame[:, 1, 0], frame[:, 1, 1] = s * half[0], c * half[1]
+    # Bristles that are bent lie down along their bend.
+    amount = np.hypot(bend[:, 0], bend[:, 1])
+    axis = bend / np.maximum(amount, 1e-9)[:, None]
+    stretch = np.eye(2) + (tool.elongation * np.minimum(amount, 1.2))[:, None, None] * axis[:, :, None] * axis[:, None, :]
+    return np.asarray(stretch @ frame)

@@ -1,0 +1,142 @@
+"""The camera over the table: perspective, lens, uneven light, a sensor with noise, and eight bits of sRGB."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pentimento.contracts.markers import DICTIONARY, MarkerLayout
+from pentimento.studio.paper import CELLS_PER_M
+from pentimento.studio.world import Camera, Effects
+
+LEVELS = 4096  # of the table from linear light to sRGB bytes
+
+Field = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Optics:
+    """What stays the same between two photos.
+
+    column, row: float32[h,w] where each pixel of the frame looks on the scene; light: float32[h,w,3] exposure,
+    white balance, vignetting and uneven light together; blur_px: optical blur in the frame.
+    """
+
+    column: Field
+    row: Field
+    light: Field
+    blur_px: float
+
+
+def table_scene(
+    canvas_size_m: tuple[float, float], layout: MarkerLayout, margin_m: float, rng: np.random.Generator
+) -> tuple[Field, tuple[int, int]]:
+    """Table with printed markers as float32[H,W,3] linear light, and the (row, column) of the sheet's first cell."""
+    margin = round(margin_m * CELLS_PER_M)
+    rows, columns = (round(s * CELLS_PER_M) + 2 * margin for s in reversed(canvas_size_m))
+    fibres = cv2.GaussianBlur(rng.standard_normal((rows, columns), dtype=np.float32), (0, 0), 30, sigmaY=1.2)
+    scene = np.float32([0.36, 0.33, 0.30]) * (1 + 0.05 * fibres / fibres.std())[..., None]
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
+    side = round(layout.side_m * CELLS_PER_M)
+    quiet = round(0.19 * side)  # white round the black square; ArUco needs one module, a sixth of the side
+    for marker, (x_m, y_m) in zip(layout.ids, layout.centres_m, strict=True):
+        c = round(x_m * CELLS_PER_M - side / 2) + margin
+        r = rows - margin - round(y_m * CELLS_PER_M + side / 2)
+        scene[max(r - quiet, 0) : r + side + quiet, max(c - quiet, 0) : c + side + quiet] = 0.82
+        ink = cv2.aruco.generateImageMarker(dictionary, marker, side)
+        scene[r : r + side, c : c + side] = np.where(ink[..., None] > 0, 0.82, 0.03)
+    return scene.astype(np.float32), (margin, margin)
+
+
+def make_optics(camera: Camera, effects: Effects, canvas_size_m: tuple[float, float]) -> Optics:
+    """Where each pixel looks, and how much light it gets."""
+    size_m = np.asarray(canvas_size_m) + 2 * camera.margin_m
+    width, height = (int(np.ceil(s * camera.pixels_per_m * 1.02)) for s in size_m)
+    x, y = np.meshgrid(np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2)
+    half = 0.5 * np.hypot(width, height)
+    x, y = x / half, y / half
+    u, v = _through_lens(x, y, camera, effects.lens_distortion)
+    u, v = _onto_table(u, v, camera)
+    metres = half / camera.pixels_per_m * 1.005
+    column = (u * metres + size_m[0] / 2) * CELLS_PER_M - 0.5
+    row = (v * metres + size_m[1] / 2) * CELLS_PER_M - 0.5
+    light = _light(x, y, camera, effects)[..., None] * np.asarray(camera.white_balance)
+    light = light * (camera.exposure_s / 0.008 * camera.gain)
+    return Optics(
+        column.astype(np.float32), row.astype(np.float32), light.astype(np.float32), camera.blur_m * camera.pixels_per_m
+    )
+
+
+def _through_lens(
+    x: NDArray[np.float64], y: NDArray[np.float64], camera: Camera, strength: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions without a lens, from places in the frame; radius 1 is the frame's corner."""
+    dx, dy = x - camera.decentring, y + 0.6 * camera.decentring
+    r2 = dx**2 + dy**2
+    k1, k2, k3 = camera.radial
+    factor = strength * (k1 * r2 + k2 * r2**2 + k3 * r2**3)
+    return x + dx * factor, y + dy * factor
+
+
+def _onto_table(
+    u: NDArray[np.float64], v: NDArray[np.float64], camera: Camera
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A slightly turned camera that looks from the table's front edge."""
+    c, s = np.cos(camera.rotation_rad), np.sin(camera.rotation_rad)
+    u, v = c * u - s * v, s * u + c * v
+    depth = 1 + camera.keystone * (v + 0.3 * u)
+    return u / depth, v / depth
+
+
+def _light(
+    x: NDArray[np.float64], y: NDArray[np.float64], camera: Camera, effects: Effects
+) -> NDArray[np.float64]:
+    # cos^4 law for the natural fall-off of a lens
+    tangent2 = (x**2 + y**2) * np.tan(camera.field_angle_rad) ** 2
+    fall_off = 1 + effects.vignetting * ((1 + tangent2) ** -2 - 1)
+    # A lamp at one side: stronger near it, by the inverse square law rather than linearly.
+    nearer = camera.gradient[0] * x - camera.gradient[1] * y
+    lamp = 1 + effects.illumination_gradient * ((1 - nearer / 2) ** -2 - 1)
+    return np.asarray(fall_off * lamp)
+
+
+def expose(scene: Field, optics: Optics, camera: Camera, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Take a photo of a scene float32[H,W,3] linear light: uint8[h,w,3] sRGB."""
+    image = cv2.remap(scene, optics.column, optics.row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if optics.blur_px > 0:
+        image = cv2.GaussianBlur(image, (0, 0), optics.blur_px)
+    noise = rng.standard_normal(image.shape, dtype=np.float32)
+    frame = np.empty(image.shape, dtype=np.uint8)
+    _digitise(image, optics.light, noise, camera.gain / camera.full_well, camera.read_noise, _SRGB_BYTES, frame)
+    return frame
+
+
+@njit(cache=True)
+def _digitise(
+    image: Field,
+    light: Field,
+    noise: Field,
+    shot: float,
+    read: float,
+    srgb: NDArray[np.uint8],
+    out: NDArray[np.uint8],
+) -> None:
+    top = np.float32(srgb.size - 1)
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            for i in range(3):
+                signal = image[r, c, i] * light[r, c, i]
+                signal += np.float32(np.sqrt(shot * max(signal, np.float32(0)) + read * read)) * noise[r, c, i]
+                level = min(max(signal, np.float32(0)), np.float32(1)) * top
+                out[r, c, i] = srgb[int(level + np.float32(0.5))]
+
+
+def _srgb_bytes() -> NDArray[np.uint8]:
+    linear = np.linspace(0, 1, LEVELS)
+    srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(255 * srgb).astype(np.uint8)
+
+
+_SRGB_BYTES = _srgb_bytes()

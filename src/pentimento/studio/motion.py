@@ -1,0 +1,124 @@
+"""From the commanded path to where the tool's tip really goes.
+
+The errors come in the order of the machine: the servo follows its command late (`latency`), the gears have play
+(`backlash`), the frame in which the arm believes is scaled and shifted against the sheet (`path_scale`, `path_offset`).
+Encoders sit on the motors, so that they see the first of these only.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pentimento.studio.world import Effects, Robot
+
+STEP_M = 0.00022  # about one cell of the fine grid
+MAX_STEPS = 6000
+DEAD_TIME_SHARE = 0.4  # of the latency; the rest is the servo's own
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tip:
+    """The tip's true motion in the canvas frame, at uniform time steps.
+
+    pose: float64[M,4] x_m, y_m, z_m, yaw_rad; speed_m_s: float64[M]; encoders: float64[N,5] as the command;
+    slack_m: where the gears rest within their play afterwards.
+    """
+
+    pose: Array
+    speed_m_s: Array
+    encoders: Array
+    slack_m: tuple[float, float]
+
+
+def execute(
+    path: Array,
+    robot: Robot,
+    effects: Effects,
+    canvas_size_m: tuple[float, float],
+    slack_m: tuple[float, float],
+    rng: np.random.Generator,
+) -> Tip:
+    """Let the arm execute `path` (float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; t increasing, all finite)."""
+    encoder_noise = rng.standard_normal((len(path), 3)) * robot.encoder_noise_m
+    seat_m = rng.standard_normal(2) * robot.repeatability_m
+    command, step_s = _resample(path)
+    followed = command.copy()
+    lag_s = effects.latency * robot.latency_s
+    if lag_s > 0:
+        for axis in (0, 1, 3):  # the lift is a short, stiff axis with its own fast servo
+            _follow(command[:, axis], step_s, lag_s * DEAD_TIME_SHARE, lag_s * (1 - DEAD_TIME_SHARE), followed[:, axis])
+    encoders = _read_encoders(path, followed, step_s, encoder_noise)
+    xy, slack = followed[:, :2].copy(), list(slack_m)
+    for axis in (0, 1):
+        half_play_m = 0.5 * effects.backlash * robot.backlash_m[axis]
+        slack[axis] = _play(xy[:, axis], half_play_m, slack[axis])
+    xy = _misplace(xy, path[0, 1:3], robot, effects, canvas_size_m) + seat_m
+    speed = np.hypot(*np.gradient(xy, axis=0).T) / step_s
+    pose = np.column_stack([xy, followed[:, 2:]])
+    return Tip(pose, speed, encoders, (slack[0], slack[1]))
+
+
+def _resample(path: Array) -> tuple[Array, float]:
+    """Path at uniform time steps: float64[M,4] x, y, z, yaw, and the step."""
+    length_m = float(np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1).sum())
+    count = int(np.clip(np.ceil(length_m / STEP_M), 8, MAX_STEPS)) + 1
+    times = np.linspace(path[0, 0], path[-1, 0], count)
+    columns = [np.interp(times, path[:, 0], path[:, i]) for i in (1, 2, 3)]
+    columns.append(np.interp(times, path[:, 0], np.unwrap(path[:, 4])))
+    return np.column_stack(columns), float(times[1] - times[0])
+
+
+@njit(cache=True)
+def _follow(command: Array, step_s: float, dead_s: float, servo_s: float, out: Array) -> None:
+    """Dead time, then a critically damped servo that trails a ramp by `servo_s` (its 2/omega), stepped finely enough."""
+    omega = 2.0 / servo_s
+    substeps = int(np.ceil(step_s * omega / 0.2))
+    h = step_s / substeps
+    position, velocity = command[0], 0.0
+    for k in range(command.size):
+        out[k] = position
+        delayed = k - dead_s / step_s
+        below = int(np.floor(delayed))
+        if below < 0:
+            target = command[0]
+        else:
+            share = delayed - below
+            target = command[below] * (1 - share) + command[min(below + 1, command.size - 1)] * share
+        for _ in range(substeps):
+            velocity += h * (omega * omega * (target - position) - 2 * omega * velocity)
+            position += h * velocity
+
+
+@njit(cache=True)
+def _play(position: Array, half_play_m: float, slack_m: float) -> float:
+    """Play operator in place: the driven side moves only when the driver has crossed the gap. Returns the last slack."""
+    slack = min(max(slack_m, -half_play_m), half_play_m)
+    last = position[0]
+    for k in range(position.size):
+        slack = min(max(slack + last - position[k], -half_play_m), half_play_m)
+        last = position[k]
+        position[k] = last + slack
+    return slack
+
+
+def _misplace(xy: Array, start: Array, robot: Robot, effects: Effects, canvas_size_m: tuple[float, float]) -> Array:
+    """Scale about the stroke's start, then shift; the shift turns slightly over the sheet, as a bad registration does."""
+    scale = 1 + effects.path_scale * (np.asarray(robot.scale) - 1)
+    centre = 0.5 * np.asarray(canvas_size_m)
+    relative = (xy - centre) / centre[0]
+    offset = np.asarray(robot.offset_m)
+    turn = 0.15 * float(np.hypot(*offset)) * np.column_stack([-relative[:, 1], relative[:, 0]])
+    return np.asarray(start + (xy - start) * scale + effects.path_offset * (offset + turn))
+
+
+def _read_encoders(path: Array, followed: Array, step_s: float, noise: Array) -> Array:
+    times = path[0, 0] + step_s * np.arange(len(followed))
+    encoders = path.copy()
+    for column in (1, 2, 3, 4):
+        encoders[:, column] = np.interp(path[:, 0], times, followed[:, column - 1])
+    encoders[:, 1:4] += noise
+    return encoders

@@ -1,0 +1,152 @@
+"""The bundle swept over the sheet: bristles lay paint down, level it, and take wet paint along."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+
+TOUCH_M = 0.00025  # press over which a bristle comes to bear fully
+LEVELLING = 0.30  # share of the way to its film that a cell goes at one full touch
+LIFTING = 0.05  # the same where the bristle finds more paint than it would leave
+THIRST = 0.35  # load at which a bristle lays down half of what it could
+FEED = 0.035  # share of a bristle's deficit that the belly makes good in one step
+
+
+@njit(cache=True)
+def sweep(
+    film: Field,
+    wet: Field,
+    liquid: Field,
+    grain: Field,
+    roughness: float,
+    centre: Array,
+    press_m: Array,
+    frame: Array,
+    outer: Array,
+    thickness: Array,
+    place: Array,
+    short_m: Array,
+    wetting: Array,
+    colour: Array,
+    load: Array,
+    belly: Array,
+    bristle_cells: Array,
+    belly_cells: float,
+    radius: float,
+    pickup: float,
+) -> None:
+    """Move the bundle along its drag and let paint flow, in place. Lengths are cells of the window's grid.
+
+    film: float32[h,w,7] this stroke's paint: volume (nominal thickness times cells), K[3], S[3];
+    wet: float32[h,w,7] the layer on the sheet, liquid: float32[h,w] its liquid share, grain: float32[h,w];
+    centre: float64[M,2] (column, row); frame: float64[M,2,2], outer: float64[M,2] as in `brush.Drag` but in
+    (column, row); thickness: float64[M]; place, short_m, wetting: the bundle; colour: float64[B,6] K and S of what each
+    bristle holds; load: float64[B] and belly: float64[1] shares of full, whose volumes are `bristle_cells` (float64[B])
+    and `belly_cells`; infinite volumes never deplete.
+    """
+    rows, columns = grain.shape
+    reach = int(np.ceil(radius + 0.5))
+    before_x, before_y = np.empty(load.size), np.empty(load.size)
+    for k in range(press_m.size):
+        for b in range(load.size):
+            u, v = place[b, 0], place[b, 1]
+            dx = frame[k, 0, 0] * u + frame[k, 0, 1] * v
+            dy = frame[k, 1, 0] * u + frame[k, 1, 1] * v
+            swing = max(dx * outer[k, 0] + dy * outer[k, 1], 0.0)
+            norm = outer[k, 0] ** 2 + outer[k, 1] ** 2
+            if norm > 0:
+                dx += outer[k, 0] * swing / np.sqrt(norm)
+                dy += outer[k, 1] * swing / np.sqrt(norm)
+            x, y = centre[k, 0] + dx, centre[k, 1] + dy
+            way = 0.0 if k == 0 else np.hypot(x - before_x[b], y - before_y[b])
+            before_x[b], before_y[b] = x, y
+            touch = (press_m[k] - short_m[b]) / TOUCH_M
+            if touch <= 0:
+                continue
+            touch = min(touch, 1.0)
+            # A bristle that rolls on the spot still wets the sheet a little.
+            rate = 1 - (1 - LEVELLING) ** (0.25 + min(way, 2.5))
+            need = 1 - load[b]
+            if need > 0 and belly[0] > 0:
+                flow = need * FEED * min(way, 2.5) * belly[0] ** 0.7
+                if belly_cells > 0 and not np.isinf(belly_cells):
+                    flow = min(flow, belly[0] * belly_cells / bristle_cells[b])
+                    belly[0] -= flow * bristle_cells[b] / belly_cells
+                load[b] += flow
+            supply = load[b] * (1 + THIRST) / (load[b] + THIRST)
+            target = thickness[k] * wetting[b] * supply * (0.25 + 0.75 * touch)
+            depth = 0.45 * touch + 1.25 * supply
+            _touch_sheet(
+                film, wet, liquid, grain, roughness, x, y, reach, radius, rate, target, depth, pickup * rate,
+                colour, load, bristle_cells, b, rows, columns,
+            )  # fmt: skip
+
+
+@njit(cache=True)
+def _touch_sheet(
+    film: Field,
+    wet: Field,
+    liquid: Field,
+    grain: Field,
+    roughness: float,
+    x: float,
+    y: float,
+    reach: int,
+    radius: float,
+    rate: float,
+    target: float,
+    depth: float,
+    pickup: float,
+    colour: Array,
+    load: Array,
+    bristle_cells: Array,
+    b: int,
+    rows: int,
+    columns: int,
+) -> None:
+    column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
+    for r in range(max(row - reach, 0), min(row + reach + 1, rows)):
+        for c in range(max(column - reach, 0), min(column + reach + 1, columns)):
+            weight = radius + 0.5 - np.sqrt((c - x) ** 2 + (r - y) ** 2)
+            if weight <= 0:
+                continue
+            weight = min(weight, 1.0) * rate
+            # Valleys of the paper are reached only by a well loaded or well pressed bristle.
+            caught = (depth - (1 - grain[r, c]) * (0.6 + roughness)) / 0.15
+            if caught <= 0:
+                continue
+            if pickup > 0 and wet[r, c, 0] > 0.02:
+                _take_along(film, wet, liquid[r, c], colour, b, r, c, pickup)
+            wanted = target * min(caught, 1.0)
+            has = film[r, c, 0]
+            if wanted > has:
+                gain = (wanted - has) * weight
+                gain = min(gain, load[b] * bristle_cells[b])
+                load[b] -= gain / bristle_cells[b]
+                film[r, c, 0] += gain
+                for i in range(6):
+                    film[r, c, 1 + i] += gain * colour[b, i]
+            elif has > 0:
+                loss = (has - wanted) * weight * LIFTING / LEVELLING
+                loss = min(loss, (1 - load[b]) * bristle_cells[b])
+                if loss > 0:
+                    load[b] += loss / bristle_cells[b]
+                    for i in range(7):
+                        film[r, c, i] -= film[r, c, i] * (loss / has)
+
+
+@njit(cache=True)
+def _take_along(
+    film: Field, wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float
+) -> None:
+    """Exchange with the wet layer, volume for volume: the bristle's paint goes into the sheet and the sheet's into it."""
+    share = pickup * liquid
+    moved = share * wet[r, c, 0]
+    # What one bristle holds at its end is about one nominal film over the area that it covers.
+    dilution = moved / (moved + 4.0)
+    for i in range(6):
+        taken = wet[r, c, 1 + i] / wet[r, c, 0]
+        wet[r, c, 1 + i] += moved * (colour[b, i] - taken)
+        colour[b, i] += dilution * (taken - colour[b, i])

@@ -1,0 +1,200 @@
+"""What a hidden world consists of, and how it is read from a world file (TOML).
+
+A world file has one table for each section of `World`. `base = "other.toml"` beside the tables takes every key that
+the file does not set from another world file of the same folder. Lengths are metres, times seconds, angles radians.
+"""
+
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from pentimento.contracts.errors import ConfigError
+
+WORLDS = Path(__file__).with_name("worlds")
+
+ToolKind = Literal["marker", "round", "flat"]
+Medium = Literal["ink", "acrylic"]
+
+
+@dataclass(frozen=True)
+class Paper:
+    """The sheet. `grain_m` is the size of its texture, `grain` how deep it is (0 smooth, 1 rough)."""
+
+    size_m: tuple[float, float]
+    color_srgb: tuple[float, float, float]
+    grain: float
+    grain_m: float
+    absorbency: float  # 0 sized, 1 blotting: how far liquid travels in it
+    tilt_m: tuple[float, float]  # the surface's height gained from the centre to the right and to the upper border
+    bow_m: float  # height of the sheet's bow above the plane at its centre
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The camera above the table and the light. Intensities are shares of the sensor's full scale."""
+
+    pixels_per_m: float
+    margin_m: float  # table seen around the sheet
+    keystone: float  # perspective: relative difference of scale between the frame's near and far sides
+    rotation_rad: float
+    radial: tuple[float, float, float]  # k1, k2, k3 over the radius in half diagonals
+    decentring: float  # the lens's centre beside the frame's, in half diagonals
+    field_angle_rad: float  # half the angle of view at the corner: vignetting by cos^4
+    gradient: tuple[float, float]  # relative light gained from the centre to the right and to the upper border
+    blur_m: float
+    exposure_s: float
+    gain: float
+    white_balance: tuple[float, float, float]
+    full_well: float  # electrons at full scale: shot noise
+    read_noise: float
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Errors of the arm at strength 1."""
+
+    latency_s: float
+    backlash_m: tuple[float, float]
+    scale: tuple[float, float]  # executed over commanded length, per axis
+    offset_m: tuple[float, float]
+    encoder_noise_m: float
+    repeatability_m: float
+    travel_s: float  # between two strokes
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A bundle of bristles (a felt nib is a bundle of fibres). Half extents are those of the unpressed tip."""
+
+    name: str
+    kind: ToolKind
+    half_width_m: float
+    half_thickness_m: float
+    bristles: int
+    bristle_radius_m: float
+    dome_m: float  # how much shorter the outermost bristles are than those in the middle
+    raggedness_m: float  # spread of the bristles' lengths
+    splay: float  # relative widening that press approaches
+    splay_press_m: float  # press at which half of it is reached
+    trail_m: float  # distance by which the bent bristles trail at high press
+    elongation: float  # relative stretching of the patch along the bristles' bend
+    capacity_m2: float  # area that a full load covers with a film of nominal thickness
+    belly: float  # share of the load that is held above the tip and feeds it
+    wear_m: float  # length drawn at which about half of the wear has happened
+    reference_speed_m_s: float  # speed at which the speed effects neither add nor take
+
+
+@dataclass(frozen=True)
+class Paint:
+    """The medium. Opacities refer to a film of nominal thickness."""
+
+    medium: Medium
+    scattering: float  # S times thickness of a white film (0 for a dye)
+    absorption: float  # K times thickness that the darkest film approaches
+    drying_s: float
+    drying_loss: float  # share of the scattering that is lost when the film dries
+    stirring: float  # share of a wet film that a stroke over it works in
+    pickup: float  # share of a wet film that a bristle takes along at one touch
+    mixing_error: float  # relative error when a colour is mixed by hand
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Strength of each cause of the gap finder's vocabulary: 0 none, 1 believable."""
+
+    ink_depletion: float
+    speed_width: float
+    speed_density: float
+    speed_bleed: float
+    bristle_lag: float
+    latency: float
+    backlash: float
+    path_scale: float
+    path_offset: float
+    canvas_tilt: float
+    lens_distortion: float
+    vignetting: float
+    illumination_gradient: float
+    tool_wear: float
+    drying_shift: float
+    wet_mixing: float
+    orientation_width: float
+    curvature_width: float
+    paper_bleed: float
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything that is true in the studio and unknown to the robot."""
+
+    paper: Paper
+    camera: Camera
+    robot: Robot
+    tool: Tool
+    paint: Paint
+    effects: Effects
+
+
+def load_world(name_or_path: str | Path) -> World:
+    """World from a world file: a name such as `round_brush` (shipped), or the path of a `.toml` file.
+
+    Raises ConfigError where the file is missing, or a key is missing, unknown or of the wrong type.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = WORLDS / f"{name_or_path}.toml"
+    sections = _read_sections(path, ())
+    types = get_type_hints(World)
+    _check_keys(sections, types, f"world file {path}", "section")
+    return World(**{key: _parse_section(types[key], sections[key], f"[{key}] of {path}") for key in types})
+
+
+def _read_sections(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    if path in seen:
+        raise ConfigError(f"World file {path} is its own base; remove one `base` line from the circle.")
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        known = ", ".join(sorted(p.stem for p in WORLDS.glob("*.toml")))
+        raise ConfigError(f"There is no world file {path}; give the path of a .toml file or one of: {known}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"World file {path} is not valid TOML: {error}.") from error
+    base = document.pop("base", None)
+    if base is None:
+        return document
+    merged = _read_sections(path.parent / base, (*seen, path))
+    for key, section in document.items():
+        if not isinstance(section, dict):
+            raise ConfigError(f"World file {path} has a key '{key}' outside a section; move it into a [section].")
+        merged[key] = {**merged.get(key, {}), **section}
+    return merged
+
+
+def _parse_section(section_type: Any, section: Any, where: str) -> Any:
+    if not isinstance(section, dict):
+        raise ConfigError(f"{where} is not a section; write its keys below a line [name].")
+    types = get_type_hints(section_type)
+    _check_keys(section, {f.name: None for f in fields(section_type)}, where, "key")
+    return section_type(**{key: _parse_value(types[key], section[key], f"'{key}' in {where}") for key in types})
+
+
+def _check_keys(given: dict[str, Any], expected: dict[str, Any], where: str, noun: str) -> None:
+    if unknown := sorted(set(given) - set(expected)):
+        raise ConfigError(f"Unknown {noun} {', '.join(unknown)} in {where}; known are: {', '.join(expected)}.")
+    if missing := [key for key in expected if key not in given]:
+        raise ConfigError(f"Missing {noun} {', '.join(missing)} in {where}; add it.")
+
+
+def _parse_value(kind: Any, value: Any, where: str) -> Any:
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin is Literal and value in arguments:
+        return value
+    if origin is tuple and isinstance(value, list) and len(value) == len(arguments):
+        return tuple(_parse_value(k, v, where) for k, v in zip(arguments, value, strict=True))
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if kind in (int, str) and isinstance(value, kind) and not isinstance(value, bool):
+        return value
+    name = kind.__name__ if isinstance(kind, type) else str(kind)
+    raise ConfigError(f"The value {value!r} of {where} is not a {name}; correct it.")

@@ -1,0 +1,127 @@
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from pentimento.contracts.errors import ConfigError
+from pipelines._config import load_section
+
+
+@dataclass(frozen=True)
+class Press:
+    depth_m: float
+    speeds_m_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Painting:
+    strokes: int
+    rate: float
+    order: Literal["light", "dark"]
+    photo: Path | None
+    press: Press
+    tools: dict[str, Press]
+    stops: tuple[Press, ...]
+    last: Press | None
+
+    def __post_init__(self) -> None:
+        if self.strokes < 0:
+            raise ValueError(f"strokes must not be negative, but is {self.strokes}")
+
+
+GOOD = """\
+paint:
+  strokes: 3
+  rate: 1e-3
+  order: light
+  photo: cat.png
+  press: {depth_m: 2 mm, speeds_m_s: [10 cm/s, 1]}
+  tools:
+    round: {depth_m: 0.001, speeds_m_s: [1, 2]}
+  stops: [{depth_m: 0, speeds_m_s: [0, 0]}]
+  last: null
+"""
+
+
+def load(folder: Path, text: str) -> Painting:
+    (folder / "params.yaml").write_text(text)
+    return load_section(folder / "params.yaml", "paint", Painting)
+
+
+def test_a_section_becomes_its_dataclass_with_units_converted(tmp_path: Path) -> None:
+    assert load(tmp_path, GOOD) == Painting(
+        strokes=3,
+        rate=0.001,
+        order="light",
+        photo=Path("cat.png"),
+        press=Press(pytest.approx(0.002), (pytest.approx(0.1), 1.0)),  # type: ignore[arg-type]
+        tools={"round": Press(0.001, (1.0, 2.0))},
+        stops=(Press(0.0, (0.0, 0.0)),),
+        last=None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("strokes: 3", "strokes: many", r"paint\.strokes is 'many', expected a valid integer"),
+        ("strokes: 3", "strokes: 3.5", r"paint\.strokes is 3\.5, expected a valid integer"),
+        ("strokes: 3", "strokes: -1", r"paint: strokes must not be negative, but is -1"),
+        ("strokes: 3\n", "stroks: 3\n", r"paint\.stroks is not a parameter; did you mean 'strokes'\?"),
+        ("  strokes: 3\n", "", r"paint\.strokes is missing; add it \(int\)"),
+        ("rate: 1e-3", "rate: .nan", r"paint\.rate is nan, expected a finite number"),
+        ("rate: 1e-3", "rate: '1'", r"paint\.rate is '1', expected a valid number"),
+        ("rate: 1e-3", "rate: true", r"paint\.rate is True, expected a valid number"),
+        ("light", "blue", r"paint\.order is 'blue', expected 'light' or 'dark'"),
+        ("2 mm", "2 deg", r"paint\.press\.depth_m: .*2 deg"),
+        ("[10 cm/s, 1]", "[1]", r"paint\.press\.speeds_m_s is \[1\], expected tuple\[float, float\]"),
+        ("[10 cm/s, 1]", "[x, 1]", r"paint\.press\.speeds_m_s: .*x"),
+        ("{depth_m: 0.001, ", "{", r"paint\.tools\.round\.depth_m is missing"),
+        (
+            "[{depth_m: 0, ",
+            "[{depth_m: null, ",
+            r"paint\.stops\[0\]\.depth_m is empty, expected a valid number",
+        ),
+        ("cat.png", "2020-01-01", r"paint\.photo is datetime\.date\(2020, 1, 1\), expected pathlib\.Path"),
+        ("last: null", "last: 3", r"paint\.last is 3, expected indented `key: value` lines"),
+        ("last: null", "last: null\n  last: null", "line 11: found duplicate key"),
+        ("paint:", "pain:", r"has no section 'paint'"),
+        (GOOD, "[paint", "is not valid YAML at line 1"),
+        (GOOD, "paint", "holds 'paint' where sections are expected"),
+    ],
+)
+def test_a_bad_entry_is_one_sentence_with_file_key_and_value(
+    tmp_path: Path, old: str, new: str, sentence: str
+) -> None:
+    assert old in GOOD
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        load(tmp_path, GOOD.replace(old, new, 1))
+    assert str(tmp_path / "params.yaml") in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"absent\.yaml does not exist"):
+        load_section(tmp_path / "absent.yaml", "paint", Painting)
+
+
+def test_defaults_in_code_do_not_stand_in_for_the_file(tmp_path: Path) -> None:
+    @dataclass(frozen=True)
+    class Hidden:
+        seed: int = 0
+
+    (tmp_path / "params.yaml").write_text("paint: {}\n")
+    with pytest.raises(ConfigError, match=r"paint\.seed is missing"):
+        load_section(tmp_path / "params.yaml", "paint", Hidden)
+
+
+def test_every_profile_overlays_existing_parameters() -> None:
+    from pipelines._config import read_yaml
+    from pipelines._repro import merge
+
+    base: dict[str, Any] = read_yaml(Path("params.yaml"))
+    profiles = sorted(Path("profiles").glob("*.yaml"))
+    assert profiles
+    for profile in profiles:
+        merge(base, read_yaml(profile), profile)

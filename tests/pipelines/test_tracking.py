@@ -1,0 +1,134 @@
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pentimento.contracts.errors import PentimentoError
+from pipelines._tracking import EXPERIMENT, input_digest, tracked_run
+
+PARAMS: dict[str, Any] = {"strokes": 3, "rate": 1e-3, "press": {"depth_m": 0.002}}
+
+
+@pytest.fixture(scope="session")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("store")
+
+
+@pytest.fixture
+def client(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A store that is made once, seen from a folder that is empty in each test."""
+    from mlflow import MlflowClient
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{store / 'mlflow.db'}")
+    monkeypatch.setenv("MLFLOW_LOGGING_LEVEL", "WARNING")
+    yield MlflowClient()
+
+
+def unfinished() -> list[Path]:
+    return list(Path(".pentimento/runs").iterdir())
+
+
+def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any, store: Path) -> None:
+    Path("strokes").mkdir()
+    Path("strokes/part").write_text("x")
+    Path("error.png").write_bytes(b"png")
+    with tracked_run("paint", "colour", PARAMS, {"strokes": Path("strokes")}) as run:
+        for step in range(250):
+            run.log("loss", 1 / (1 + step), step)
+        run.log_metrics({"gap": {"ours": 0.1, "text": "no number"}, "strokes": 300})
+        run.log_picture(Path("error.png"))
+    kept = client.get_run(run.id)
+    assert kept.info.run_name == "paint · colour"
+    assert kept.info.status == "FINISHED"
+    assert kept.data.params == {"strokes": "3", "rate": "0.001", "press.depth_m": "0.002"}
+    assert kept.data.metrics["gap.ours"] == 0.1
+    assert kept.data.metrics["strokes"] == 300
+    assert kept.data.metrics["wall_s"] > 0
+    assert [point.step for point in client.get_metric_history(run.id, "loss")] == list(range(250))
+    assert {"stage": "paint", "item": "colour", "pipeline": "default"}.items() <= kept.data.tags.items()
+    (used,) = kept.inputs.dataset_inputs
+    assert (used.dataset.name, used.dataset.digest) == ("strokes", input_digest(Path("strokes")))
+    assert [entry.path for entry in client.list_artifacts(run.id, "pictures")] == ["pictures/error.png"]
+    assert (store / "mlartifacts").is_dir()
+    assert json.loads(Path("data/timings/paint@colour.json").read_text())["run_id"] == run.id
+    assert "paint@colour" in Path("data/timings/index.html").read_text()
+    assert not unfinished()
+
+
+def test_a_failed_run_says_why_and_is_not_continued(client: Any) -> None:
+    with pytest.raises(PentimentoError), tracked_run("paint", None, PARAMS, {}) as failed:
+        raise PentimentoError("The brush is missing.")
+    kept = client.get_run(failed.id)
+    assert (kept.info.status, kept.data.tags["error"]) == ("FAILED", "The brush is missing.")
+    assert not Path("data/timings").exists()
+    with tracked_run("paint", None, PARAMS, {}) as again:
+        pass
+    assert again.id != failed.id
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, SystemExit])
+def test_an_interrupted_run_is_continued(client: Any, interruption: type[BaseException]) -> None:
+    with pytest.raises(interruption), tracked_run("paint", "marker", PARAMS, {}) as first:
+        first.log("loss", 1.0, 0)
+        raise interruption
+    assert client.get_run(first.id).info.status == "KILLED"
+    with tracked_run("paint", "marker", PARAMS, {}) as second:
+        assert client.get_run(second.id).info.status == "RUNNING"
+        second.log("loss", 0.5, 1)
+    assert second.id == first.id
+    assert client.get_run(first.id).info.status == "FINISHED"
+    assert [point.value for point in client.get_metric_history(first.id, "loss")] == [1.0, 0.5]
+
+
+def test_an_interrupted_run_is_not_continued_with_other_parameters(client: Any) -> None:
+    with pytest.raises(KeyboardInterrupt), tracked_run("paint", "marker", PARAMS, {}) as first:
+        raise KeyboardInterrupt
+    client.update_run(first.id, status="RUNNING")  # as SIGKILL would leave it
+    with tracked_run("paint", "marker", PARAMS | {"strokes": 4}, {}) as second:
+        pass
+    assert second.id != first.id
+    assert client.get_run(first.id).info.status == "KILLED"
+
+
+def test_a_run_that_is_gone_from_the_store_is_not_continued(client: Any) -> None:
+    with pytest.raises(KeyboardInterrupt), tracked_run("paint", "marker", PARAMS, {}) as first:
+        raise KeyboardInterrupt
+    (state,) = unfinished()
+    state.write_text(state.read_text().replace(first.id, "0" * 32))
+    with tracked_run("paint", "marker", PARAMS, {}) as second:
+        pass
+    assert client.get_run(second.id).info.status == "FINISHED"
+
+
+def test_a_store_that_does_not_open_is_one_sentence(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "file:///nowhere")
+    sentence = "MLflow's store file:///nowhere does not open"
+    with pytest.raises(PentimentoError, match=sentence), tracked_run("paint", None, PARAMS, {}):
+        pass
+
+
+def test_an_input_has_the_digest_that_dvc_knows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("dvc.lock").write_text(
+        "stages:\n  a@x:\n    outs:\n    - {path: data/a, md5: 0123.dir}\n  b:\n    cmd: echo\n"
+    )
+    Path("data/a").mkdir(parents=True)
+    Path("data/a/part").write_text("x")
+    Path("data/b").write_text("x")
+    assert input_digest(Path("data/a")) == "0123.dir"
+    assert input_digest(Path("data/b")) == input_digest(Path("data/a/part"))
+    with pytest.raises(FileNotFoundError):
+        input_digest(Path("data/absent"))
+
+
+def test_lightning_writes_into_the_run(client: Any) -> None:
+    with tracked_run("paint", "lightning", PARAMS, {}) as run:
+        logger = run.mlflow_logger()
+        logger.log_metrics({"val_loss": 0.25}, step=3)
+        logger.finalize("success")
+    assert logger.run_id == run.id
+    assert client.get_run(run.id).data.metrics["val_loss"] == 0.25
+    assert client.get_experiment_by_name(EXPERIMENT) is not None
