@@ -34,8 +34,12 @@ def output_folder(path: Path) -> Iterator[Path]:
     """
     for abandoned in path.parent.glob(f".{path.name}.*.tmp"):
         shutil.rmtree(abandoned)
-    with atomic_folder(path) as folder:
-        yield folder
+    try:
+        with atomic_folder(path) as folder:
+            yield folder
+    except OSError as error:
+        error.filename = error.filename or str(path)  # a full disk does not say where
+        raise
 
 
 def write_json(path: Path, value: Any) -> None:

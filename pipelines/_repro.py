@@ -90,7 +90,7 @@ def restore_missing(folder: Path) -> None:
         if name.partition("@")[0] in stages and not (folder / out["path"]).exists()
     ]
     if missing:
-        run_dvc(["checkout", "--quiet", *missing], folder)
+        run_dvc(["checkout", "--quiet", "--allow-missing", *missing], folder)
 
 
 def overlay(root: Path, profile: str) -> Path:

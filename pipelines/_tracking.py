@@ -11,7 +11,7 @@ import os
 import subprocess
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -72,6 +72,13 @@ class Run:
         self._client.log_batch(self.id, metrics=self._pending)
         self._pending.clear()
 
+    def end(self, status: str, **tags: str) -> None:
+        """Close the run as FINISHED, FAILED or KILLED (which may be continued)."""
+        self.flush()
+        for name, value in tags.items():
+            self._client.set_tag(self.id, name, value)
+        self._client.set_terminated(self.id, status)
+
 
 @contextmanager
 def tracked_run(
@@ -86,25 +93,22 @@ def tracked_run(
     name = stage if item is None else f"{stage}@{item}"
     digests = {label: input_digest(path) for label, path in inputs.items()}
     started = time.perf_counter()
-    client, experiment_id = _open_store()
-    run = _continue_or_create(client, experiment_id, name, _tags(stage, item), _key(params, digests))
-    _describe(client, run.id, params, inputs, digests)
-    try:
-        yield run
-    except (KeyboardInterrupt, SystemExit):
-        run.flush()
-        client.set_terminated(run.id, "KILLED")
-        raise
-    except Exception as error:  # whatever it was, the run must say so; it goes on to the caller
-        run.flush()
-        client.set_tag(run.id, "error", failure_sentence(error))
-        client.set_terminated(run.id, "FAILED")
-        _state_file(name).unlink()
-        raise
-    seconds = time.perf_counter() - started
-    run.log("wall_s", seconds)
-    run.flush()
-    client.set_terminated(run.id, "FINISHED")
+    with _store_errors():
+        client, experiment_id = _open_store()
+        run = _continue_or_create(client, experiment_id, name, _tags(stage, item), _key(params, digests))
+        _describe(client, run.id, params, inputs, digests)
+        try:
+            yield run
+        except (KeyboardInterrupt, SystemExit):
+            run.end("KILLED")
+            raise
+        except Exception as error:  # whatever it was, the run must say so; it goes on to the caller
+            _end_failed(run, failure_sentence(error))
+            _state_file(name).unlink()
+            raise
+        seconds = time.perf_counter() - started
+        run.log("wall_s", seconds)
+        run.end("FINISHED")
     _state_file(name).unlink()
     _write_timing(name, run.id, seconds)
 
@@ -125,29 +129,50 @@ def input_digest(path: Path) -> str:
     return _md5("\n".join(f"{file.relative_to(path)} {_md5(file.read_bytes())}" for file in files).encode())
 
 
-def _open_store() -> tuple["MlflowClient", str]:
-    """Return a client and the experiment's id; by default the store is SQLite in the repository's root."""
+@contextmanager
+def _store_errors() -> Iterator[None]:
+    """Turn what MLflow raises (a store that does not open, a full disk) into our sentence."""
+    _settings()
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (MlflowException, SQLAlchemyError) as error:
+        root: BaseException = error
+        while root.__cause__ is not None:
+            root = root.__cause__
+        store, reason = os.environ["MLFLOW_TRACKING_URI"], str(root).splitlines()[0]
+        raise PentimentoError(f"MLflow's store {store} fails ({reason}); see its disk or address.") from None
+
+
+def _end_failed(run: Run, sentence: str) -> None:
+    """Mark a failed run, as far as the store still works: the stage's own error is the one to report."""
+    from mlflow.exceptions import MlflowException
+
+    with suppress(MlflowException):
+        run.end("FAILED", error=sentence)
+
+
+def _settings() -> None:
     os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{Path.cwd() / 'mlflow.db'}")
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
-    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")  # it announces each table that it creates
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")  # what it raises is said in a sentence
+
+
+def _open_store() -> tuple["MlflowClient", str]:
+    """Return a client and the experiment's id; by default the store is SQLite in the repository's root."""
     from mlflow import MlflowClient
-    from mlflow.exceptions import MlflowException
 
     uri = os.environ["MLFLOW_TRACKING_URI"]
-    try:
-        client = MlflowClient(uri)
-        known = client.get_experiment_by_name(EXPERIMENT)
-        if known is not None:
-            return client, known.experiment_id
-        beside = Path(uri.removeprefix("sqlite:///")).parent / "mlartifacts"
-        location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own place
-        return client, client.create_experiment(EXPERIMENT, artifact_location=location)
-    except MlflowException as error:
-        reason = failure_sentence(error)
-        raise PentimentoError(
-            f"MLflow's store {uri} does not open ({reason}); see MLFLOW_TRACKING_URI."
-        ) from error
+    client = MlflowClient(uri)
+    known = client.get_experiment_by_name(EXPERIMENT)
+    if known is not None:
+        return client, known.experiment_id
+    beside = Path(uri.removeprefix("sqlite:///")).parent / "mlartifacts"
+    location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own place
+    return client, client.create_experiment(EXPERIMENT, artifact_location=location)
 
 
 def _continue_or_create(

@@ -9,6 +9,11 @@ SOURCES = sorted((ROOT / "src/pentimento").rglob("*.py"))
 PIPELINES = sorted((ROOT / "pipelines").glob("*.py"))
 
 
+def has_code(file: Path) -> bool:
+    """Tell whether a file holds more than a docstring."""
+    return any(not isinstance(node, ast.Expr) for node in ast.parse(file.read_text(encoding="utf-8")).body)
+
+
 @cache
 def imported_names(file: Path) -> frozenset[str]:
     """Return dotted names: `import a.b` gives a.b, `from a import b` gives a and a.b (b may be a module)."""

@@ -55,7 +55,7 @@ def environment() -> dict[str, str]:
         (
             "raise OSError(28, 'No space left on device')",
             1,
-            "toy: No space left on device; nothing half-written",
+            "toy: No space left on device at out; nothing half-written",
         ),
         ("raise KeyboardInterrupt", 130, ""),
     ],
@@ -66,7 +66,7 @@ def test_a_failure_is_one_sentence_and_the_old_output_stays(
     out = tmp_path / "out"
     out.mkdir()
     (out / "part").write_text("old")
-    done = run_stage(body, "--out", str(out), cwd=tmp_path)
+    done = run_stage(body, "--out", "out", cwd=tmp_path)
     assert done.returncode == status
     assert done.stderr.startswith(sentence)
     assert len(done.stderr.splitlines()) == (1 if sentence else 0)

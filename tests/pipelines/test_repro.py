@@ -122,7 +122,7 @@ def test_outputs_that_a_failure_left_missing_come_back(
 """
     )
     restore_missing(repository)
-    assert asked == [(["checkout", "--quiet", "data/paintings/colour"], repository)]
+    assert asked == [(["checkout", "--quiet", "--allow-missing", "data/paintings/colour"], repository)]
     (repository / "dvc.lock").unlink()
     restore_missing(repository)
     assert len(asked) == 1

@@ -105,7 +105,7 @@ def test_a_run_that_is_gone_from_the_store_is_not_continued(client: Any) -> None
 
 def test_a_store_that_does_not_open_is_one_sentence(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "file:///nowhere")
-    sentence = "MLflow's store file:///nowhere does not open"
+    sentence = "MLflow's store file:///nowhere fails"
     with pytest.raises(PentimentoError, match=sentence), tracked_run("paint", None, PARAMS, {}):
         pass
 

@@ -28,6 +28,7 @@ from pentimento.studio.world import World
 
 PHOTO_S, DIP_S, WIPE_S, SHEET_S = 1.0, 5.0, 4.0, 20.0
 RINSED = 0.04  # of the old paint that is left in the bristles after a wipe, at full mixing strength
+ENDLESS = 1e-30  # a load so large that no stroke changes its floating-point number
 BLACK_SRGB = (0.11, 0.105, 0.115)
 
 
@@ -174,15 +175,14 @@ class Studio:
         window = slice(low[1], high[1]), slice(low[0], high[0])
         liquid = np.exp((self._painted_s[window] - np.float32(self.clock_s)) / np.float32(world.paint.drying_s))
         film = np.zeros((*liquid.shape, 7), dtype=np.float32)
-        volume = tool.capacity_m2 * CELLS_PER_M**2 / max(world.effects.ink_depletion, 1e-12)
-        endless = world.effects.ink_depletion == 0
-        bristle = np.full(tool.bristles, np.inf if endless else volume * (1 - tool.belly) / tool.bristles)
+        volume = tool.capacity_m2 * CELLS_PER_M**2 / max(world.effects.ink_depletion, ENDLESS)
+        bristle = np.full(tool.bristles, volume * (1 - tool.belly) / tool.bristles)
         sweep(
             film, self._wet[window], liquid, self._grain[window], world.paper.grain,
             centre - low, moved.press_m, moved.frame * flip[:, None] * CELLS_PER_M, moved.outer * flip, moved.film,
             self._bundle.place, self._bundle.short_m, self._bundle.wetting, self._colour, self._load, self._belly,
-            bristle, np.inf if endless else volume * tool.belly, tool.bristle_radius_m * CELLS_PER_M,
-            world.paint.pickup * world.effects.wet_mixing,
+            bristle, volume * tool.belly, tool.bristle_radius_m * CELLS_PER_M,
+            world.paint.pickup * world.effects.wet_mixing, tool.swell,
         )  # fmt: skip
         spread(film, self._reach_cells(moved, window), self._grain[window])
         lay_film(
@@ -192,14 +192,15 @@ class Studio:
         self._seen_liquid[window][film[..., 0] > 0] = 2.0
 
     def _reach_cells(self, moved: Drag, window: tuple[slice, slice]) -> NDArray[np.float32]:
-        """How far the stroke's paint wicks, float32[h,w]: by the paper, and by the time that the tool stays."""
+        """How far the stroke's paint flows, float32[h,w]: by itself, by the paper, and by the time that the tool stays."""
         effects, tool = self._world.effects, self._world.tool
         absorbed = effects.paper_bleed * BLEED_M * self._absorbency[window]
         inside = moved.press_m > 0
         speed = max(float(np.median(moved.speed_m_s[inside])) if inside.any() else 0.0, 0.002)
         stay_s = 2 * tool.half_thickness_m / speed
         wicked = effects.speed_bleed * WICKING_M_PER_SQRT_S * np.sqrt(stay_s)
-        return np.asarray(np.hypot(absorbed, np.float32(wicked)) * np.float32(CELLS_PER_M), dtype=np.float32)
+        further = np.float32(np.hypot(wicked, self._world.paint.levelling_m))
+        return np.asarray(np.hypot(absorbed, further) * np.float32(CELLS_PER_M), dtype=np.float32)
 
     def _look(self) -> None:
         world = self._world

@@ -10,11 +10,12 @@ Field = NDArray[np.float32]
 TOUCH_M = 0.00025  # press over which a bristle comes to bear fully
 LEVELLING = 0.30  # share of the way to its film that a cell goes at one full touch
 LIFTING = 0.05  # the same where the bristle finds more paint than it would leave
-THIRST = 0.35  # load at which a bristle lays down half of what it could
-FEED = 0.035  # share of a bristle's deficit that the belly makes good in one step
+THIRST = 0.6  # load at which a bristle lays down half of what it could
+HELD = 4.0  # volume at a bristle's end: about a nominal film over the area that it covers
+FEED = 0.012  # share of a bristle's deficit that the belly makes good in one step
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def sweep(
     film: Field,
     wet: Field,
@@ -36,6 +37,7 @@ def sweep(
     belly_cells: float,
     radius: float,
     pickup: float,
+    swell: float,
 ) -> None:
     """Move the bundle along its drag and let paint flow, in place. Lengths are cells of the window's grid.
 
@@ -44,16 +46,17 @@ def sweep(
     centre: float64[M,2] (column, row); frame: float64[M,2,2], outer: float64[M,2] as in `brush.Drag` but in
     (column, row); thickness: float64[M]; place, short_m, wetting: the bundle; colour: float64[B,6] K and S of what each
     bristle holds; load: float64[B] and belly: float64[1] shares of full, whose volumes are `bristle_cells` (float64[B])
-    and `belly_cells`; infinite volumes never deplete.
+    and `belly_cells`; pickup: share of the wet layer that one touch exchanges; swell: relative narrowing when emptied.
     """
     rows, columns = grain.shape
-    reach = int(np.ceil(radius + 0.5))
     before_x, before_y = np.empty(load.size), np.empty(load.size)
     for k in range(press_m.size):
+        # Paint between the bristles keeps them apart; when it is gone, they draw together.
+        swollen = 1 - swell * (1 - belly[0] ** 0.8)
         for b in range(load.size):
             u, v = place[b, 0], place[b, 1]
-            dx = frame[k, 0, 0] * u + frame[k, 0, 1] * v
-            dy = frame[k, 1, 0] * u + frame[k, 1, 1] * v
+            dx = swollen * (frame[k, 0, 0] * u + frame[k, 0, 1] * v)
+            dy = swollen * (frame[k, 1, 0] * u + frame[k, 1, 1] * v)
             swing = max(dx * outer[k, 0] + dy * outer[k, 1], 0.0)
             norm = outer[k, 0] ** 2 + outer[k, 1] ** 2
             if norm > 0:
@@ -71,81 +74,76 @@ def sweep(
             need = 1 - load[b]
             if need > 0 and belly[0] > 0:
                 flow = need * FEED * min(way, 2.5) * belly[0] ** 0.7
-                if belly_cells > 0 and not np.isinf(belly_cells):
-                    flow = min(flow, belly[0] * belly_cells / bristle_cells[b])
-                    belly[0] -= flow * bristle_cells[b] / belly_cells
+                flow = min(flow, belly[0] * belly_cells / bristle_cells[b])
+                belly[0] = max(belly[0] - flow * bristle_cells[b] / belly_cells, 0.0)
                 load[b] += flow
             supply = load[b] * (1 + THIRST) / (load[b] + THIRST)
-            target = thickness[k] * wetting[b] * supply * (0.25 + 0.75 * touch)
-            depth = 0.45 * touch + 1.25 * supply
+            target = thickness[k] * wetting[b] * supply * (0.5 + 0.5 * touch)
+            # Sliding works the paint into the valleys that a mere dab bridges.
+            depth = 0.4 * touch + 0.8 * supply + 0.4 * way / (way + 0.5) - 0.1
+            r, c = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
+            if pickup > 0 and 0 <= r < rows and 0 <= c < columns and wet[r, c, 0] > 0.02:
+                _take_along(wet, liquid[r, c], colour, b, r, c, pickup * rate)
             _touch_sheet(
-                film, wet, liquid, grain, roughness, x, y, reach, radius, rate, target, depth, pickup * rate,
-                colour, load, bristle_cells, b, rows, columns,
-            )  # fmt: skip
+                film, grain, roughness, x, y, radius, rate, target, depth, colour, load, bristle_cells[b], b
+            )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _touch_sheet(
     film: Field,
-    wet: Field,
-    liquid: Field,
     grain: Field,
     roughness: float,
     x: float,
     y: float,
-    reach: int,
     radius: float,
     rate: float,
     target: float,
     depth: float,
-    pickup: float,
     colour: Array,
     load: Array,
-    bristle_cells: Array,
+    capacity: float,
     b: int,
-    rows: int,
-    columns: int,
 ) -> None:
-    column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
-    for r in range(max(row - reach, 0), min(row + reach + 1, rows)):
-        for c in range(max(column - reach, 0), min(column + reach + 1, columns)):
-            weight = radius + 0.5 - np.sqrt((c - x) ** 2 + (r - y) ** 2)
-            if weight <= 0:
+    """One bristle's touch: the cells that it covers come nearer to the film that it would leave."""
+    rows, columns = grain.shape
+    far = radius + 0.5
+    for r in range(max(int(np.ceil(y - far)), 0), min(int(np.floor(y + far)) + 1, rows)):
+        for c in range(max(int(np.ceil(x - far)), 0), min(int(np.floor(x + far)) + 1, columns)):
+            distance2 = (c - x) ** 2 + (r - y) ** 2
+            if distance2 >= far * far:
                 continue
-            weight = min(weight, 1.0) * rate
+            weight = min(far - np.sqrt(distance2), 1.0) * rate
             # Valleys of the paper are reached only by a well loaded or well pressed bristle.
             caught = (depth - (1 - grain[r, c]) * (0.6 + roughness)) / 0.15
             if caught <= 0:
                 continue
-            if pickup > 0 and wet[r, c, 0] > 0.02:
-                _take_along(film, wet, liquid[r, c], colour, b, r, c, pickup)
             wanted = target * min(caught, 1.0)
             has = film[r, c, 0]
             if wanted > has:
                 gain = (wanted - has) * weight
-                gain = min(gain, load[b] * bristle_cells[b])
-                load[b] -= gain / bristle_cells[b]
+                gain = min(gain, load[b] * capacity)
+                load[b] -= gain / capacity
                 film[r, c, 0] += gain
                 for i in range(6):
                     film[r, c, 1 + i] += gain * colour[b, i]
             elif has > 0:
                 loss = (has - wanted) * weight * LIFTING / LEVELLING
-                loss = min(loss, (1 - load[b]) * bristle_cells[b])
+                loss = min(loss, (1 - load[b]) * capacity)
                 if loss > 0:
-                    load[b] += loss / bristle_cells[b]
+                    load[b] += loss / capacity
                     for i in range(7):
                         film[r, c, i] -= film[r, c, i] * (loss / has)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _take_along(
-    film: Field, wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float
+    wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float
 ) -> None:
     """Exchange with the wet layer, volume for volume: the bristle's paint goes into the sheet and the sheet's into it."""
     share = pickup * liquid
     moved = share * wet[r, c, 0]
-    # What one bristle holds at its end is about one nominal film over the area that it covers.
-    dilution = moved / (moved + 4.0)
+    dilution = moved / (moved + HELD)
     for i in range(6):
         taken = wet[r, c, 1 + i] / wet[r, c, 0]
         wet[r, c, 1 + i] += moved * (colour[b, i] - taken)

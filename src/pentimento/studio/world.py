@@ -81,6 +81,7 @@ class Tool:
     elongation: float  # relative stretching of the patch along the bristles' bend
     capacity_m2: float  # area that a full load covers with a film of nominal thickness
     belly: float  # share of the load that is held above the tip and feeds it
+    swell: float  # relative narrowing of the bundle when its belly is empty
     wear_m: float  # length drawn at which about half of the wear has happened
     reference_speed_m_s: float  # speed at which the speed effects neither add nor take
 
@@ -93,6 +94,7 @@ class Paint:
     scattering: float  # S times thickness of a white film (0 for a dye)
     absorption: float  # K times thickness that the darkest film approaches
     drying_s: float
+    levelling_m: float  # distance over which surface tension smooths the film
     drying_loss: float  # share of the scattering that is lost when the film dries
     stirring: float  # share of a wet film that a stroke over it works in
     pickup: float  # share of a wet film that a bristle takes along at one touch

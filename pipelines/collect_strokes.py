@@ -1,0 +1,70 @@
+"""Collect strokes of one tool: the robot makes its own in the studio, or a table measured elsewhere is taken in."""
+
+import argparse
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table, write_shards
+from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner.collect import CollectionConfig, collect_strokes
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
+from pipelines._config import load_section
+from pipelines._io import output_folder, stage_main, write_json
+from pipelines._tracking import Run, tracked_run
+
+
+@dataclass(frozen=True)
+class CollectStrokes:
+    """Section `collect_strokes` of params.yaml."""
+
+    source: dict[str, str | None]
+    """For each tool a table in the strokes contract (a file or a folder of shards), or null: the studio."""
+    world: dict[str, str]
+    """For each tool the studio's world: a name or a TOML file."""
+    collection: CollectionConfig
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out` as shards of the strokes contract, with `metrics.json`."""
+    config = load_section(Path("params.yaml"), "collect_strokes", CollectStrokes)
+    source = config.source[arguments.tool]
+    inputs = {} if source is None else {"source": Path(source)}
+    with (
+        tracked_run("collect_strokes", arguments.tool, asdict(config), inputs) as run,
+        output_folder(arguments.out) as out,
+    ):
+        if source is None:
+            table, quarantined = _collect(arguments.tool, config, run), 0
+            origin = f"Made by the robot in the studio, world `{config.world[arguments.tool]}`."
+        else:
+            checked = read_table(Path(source), CONTRACT)
+            table, quarantined = checked.table, len(checked.quarantined)
+            origin = f"Measured elsewhere: `{Path(source).name}`, {quarantined} rows quarantined."
+        write_shards(out, table, CONTRACT)
+        (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")
+        metrics = {"rows": table.num_rows, "quarantined": quarantined}
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+
+
+def _collect(tool_name: str, config: CollectStrokes, run: Run) -> pa.Table:
+    tool = load_tool(tool_name)
+    robot = VirtualRobot(Studio(load_world(config.world[tool_name]), config.collection.seed))
+    rows = collect_strokes(
+        GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config.collection, run.log
+    )
+    return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="collect_strokes", description=__doc__)
+    parser.add_argument("--tool", required=True)
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,198 @@
+"""Paint a photograph: plan, execute in the studio with and without replanning, and measure what came of it."""
+
+import argparse
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
+from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.images import write_png
+from pentimento.contracts.markers import markers_around
+from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
+from pentimento.planning.objective import print_loss
+from pentimento.planning.painter import Image, Painting, as_linear, foretell, observe, paint
+from pentimento.planning.planner import PlannerConfig, Scene, plan
+from pentimento.planning.strokes import to_planned
+from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.robots.driver import Robot
+from pentimento.robots.svg import SvgPlotter
+from pentimento.robots.tools import Tool, load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner.act import Session, execute
+from pentimento.runner.observe import calibrate_camera
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, read_parameters
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
+from pipelines._config import load_section
+from pipelines._io import output_folder, stage_main, write_json
+from pipelines._tracking import tracked_run
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One painting."""
+
+    photograph: str
+    """A file, or the name of a photograph that scikit-image ships."""
+    tool: str
+    world: str
+    """The studio's."""
+    darkest: float
+    """For a tool with its own ink: the lightness (0 to 1) of the target's darkest tone."""
+    planner: PlannerConfig
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Section `paint` of params.yaml."""
+
+    strokes: int
+    """In each painting."""
+    batch: int
+    """Strokes between two photographs (thesis 4.3.5: 20)."""
+    seed: int
+    """Of the studio."""
+    settings: dict[str, Setting]
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: pictures, plans, curves and metrics.json of one setting."""
+    config = load_section(Path("params.yaml"), "paint", Paint)
+    setting = config.settings[arguments.setting]
+    weights = {"colour": arguments.brush, "marker": arguments.marker}[arguments.setting]
+    torch.use_deterministic_algorithms(True)
+    params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)
+    with (
+        tracked_run("paint", arguments.setting, params, {"stroke_model": weights}) as run,
+        output_folder(arguments.out) as out,
+    ):
+        tool = load_tool(setting.tool)
+        robot = _robot(tool, setting, config.seed)
+        calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
+        blank = observe(robot, calibration, setting.planner.pixels_per_m)
+        photograph = fit_to_canvas(load_photograph(setting.photograph), blank.shape[:2])
+        target = photograph if tool.color_srgb is None else fit_to_ink(photograph, setting.darkest)
+        scene = _scene(tool, weights / "parameters.json", robot.canvas_size_m, target)
+        trivial = _scene(tool, weights / "polyline.json", robot.canvas_size_m, target)
+
+        losses: list[float] = []
+
+        def log(name: str, value: float, step: int) -> None:
+            run.log(name, value, step)
+            losses.append(value)
+
+        strokes, palette = plan(as_linear(blank), scene, config.strokes, setting.planner, log)
+        paintings = {
+            kind: paint(
+                _robot(tool, setting, config.seed), scene, strokes, palette, config.batch, kind == "with",
+                setting.planner, lambda name, value, step, kind=kind: run.log(f"{name}.{kind}", value, step),
+            )  # fmt: skip
+            for kind in ("without", "with")
+        }
+
+        write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
+        write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
+        write_png(out / "plan.png", paintings["without"].foretold)
+        polyline = foretell(strokes, blank, trivial, setting.planner).clamp(0, 1).numpy()
+        write_png(out / "polyline.png", to_uint8(polyline))
+        (out / "frames").mkdir()
+        for number, photo in enumerate(paintings["with"].photos):
+            write_png(out / "frames" / f"{number:03d}.png", photo)
+        planned = to_planned(strokes, tool, setting.planner.path_points)
+        header = PlanHeader(tool.name, palette, robot.canvas_size_m, envelope_for(tool, robot.canvas_size_m).id)
+        write_plan(out / "plan.jsonl", Plan(header, tuple(planned)))
+        for kind, painting in paintings.items():
+            write_png(out / f"painting_{kind}.png", painting.photos[-1])
+            write_plan(out / f"executed_{kind}.jsonl", Plan(header, tuple(painting.executed)))
+        _plot(out / "plan.svg", tool, planned, palette, robot.canvas_size_m)
+        made = [min(i * config.batch, len(planned)) for i in range(len(paintings["with"].deviation))]
+        write_json(
+            out / "deviation.json",
+            {"strokes": made, "with": paintings["with"].deviation, "without": paintings["without"].deviation},
+        )
+        write_json(out / "curve.json", {"iteration": list(range(len(losses))), "print_loss": losses})
+        write_json(out / "palette.json", palette)
+        metrics = _metrics(scene, blank, polyline, paintings, setting.planner)
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+        for name in ("plan.png", "painting_with.png", "painting_without.png"):
+            run.log_picture(out / name)
+
+
+def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
+    """The same robot before the same blank sheet, every time."""
+    robot = VirtualRobot(Studio(load_world(setting.world), seed))
+    return GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
+
+
+def _scene(tool: Tool, parameters: Path, canvas_size_m: tuple[float, float], target: FloatArray) -> Scene:
+    model = Traj2Stroke(read_parameters(parameters)).requires_grad_(False)
+    return Scene(tool, model, canvas_size_m, torch.tensor(target, dtype=torch.float32))
+
+
+def _plot(
+    path: Path, tool: Tool, strokes: list[PlannedStroke], palette: FloatArray, canvas_size_m: tuple[float, float]
+) -> None:
+    """The plan as a drawing for a pen plotter, through the same safety envelope."""
+    plotter = SvgPlotter(path, canvas_size_m)
+    execute(
+        GuardedRobot(plotter, envelope_for(tool, canvas_size_m)), tool, strokes, palette,
+        fresh_memory(canvas_size_m, tool.nominal_width_m), Session("plot", 0.0),
+    )  # fmt: skip
+    plotter.close()
+
+
+def _metrics(
+    scene: Scene, blank: Image, polyline: FloatArray, paintings: dict[str, Painting], config: PlannerConfig
+) -> dict[str, Any]:
+    """Errors against the target and against the plan; mean squared differences in sRGB in [0, 1]."""
+    target = linear_to_srgb(scene.target.double().numpy())
+    final = {kind: painting.photos[-1] for kind, painting in paintings.items()}
+
+    def error(image: Image) -> float:
+        return float(print_loss(as_linear(image), scene.target, config.distances_px))
+
+    def mse(one: FloatArray, other: FloatArray) -> float:
+        return float(np.square(one - other).mean())
+
+    real = to_float(final["without"])
+    sim2real = {
+        "model": mse(to_float(paintings["without"].foretold), real),
+        "polyline": mse(polyline, real),
+        "blank": mse(to_float(blank), real),
+    }
+    errors = {
+        "blank": error(blank),
+        "plan": error(paintings["without"].foretold),
+        "without_replanning": error(final["without"]),
+        "with_replanning": error(final["with"]),
+    }
+    return {
+        "strokes": len(paintings["with"].executed),
+        "error": errors,
+        "replanning_lowers_error_by": 1 - errors["with_replanning"] / errors["without_replanning"],
+        "pixel_mse": {
+            "without_replanning": mse(to_float(final["without"]), target),
+            "with_replanning": mse(to_float(final["with"]), target),
+        },
+        "sim2real_mse": sim2real,
+        "sim2real_factor": sim2real["polyline"] / sim2real["model"],
+        "deviation": {kind: painting.deviation[-1] for kind, painting in paintings.items()},
+    }
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="paint", description=__doc__)
+    parser.add_argument("--setting", required=True, choices=["colour", "marker"])
+    parser.add_argument("--brush", required=True, type=Path, help="model of the brush that paints in colour")
+    parser.add_argument("--marker", required=True, type=Path, help="model of the black marker")
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

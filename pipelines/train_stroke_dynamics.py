@@ -1,0 +1,85 @@
+"""Train Traj2Stroke on one tool's strokes, and fit the trivial model that stands beside it."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.stroke_dynamics.evaluation import StrokeScores, score, score_model
+from pentimento.stroke_dynamics.polyline import blank, fit_polyline
+from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
+from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from pipelines._config import load_section
+from pipelines._io import output_folder, stage_main, write_json
+from pipelines._tracking import tracked_run
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: parameters.json, polyline.json, metrics.json, curve.json, held_out_actions.json."""
+    config = load_section(Path("params.yaml"), "train_stroke_dynamics", TrainingConfig)
+    torch.use_deterministic_algorithms(True)
+    with (
+        tracked_run(
+            "train_stroke_dynamics", arguments.tool, asdict(config), {"strokes": arguments.strokes}
+        ) as run,
+        output_folder(arguments.out) as out,
+    ):
+        checked = read_table(arguments.strokes, CONTRACT)
+        samples = load_samples(checked.table, config.path_points, config.pixels_per_m, config.margin_m)
+        training, held_out = split_by_action(samples, config.held_out, config.seed)
+        curve = Curve(run.log)
+        parameters = train(training, config, curve.log).parameters_si()
+        polyline = fit_polyline(training, lambda pen, part: score_model(pen, part).mse)
+        metrics = {
+            "training": _scores(parameters, polyline, training),
+            "held_out": _scores(parameters, polyline, held_out),
+            "strokes": {
+                "training": len(training.path),
+                "held_out": len(held_out.path),
+                "quarantined": len(checked.quarantined),
+            },
+        }
+        write_json(out / "parameters.json", asdict(parameters))
+        write_json(out / "polyline.json", asdict(polyline))
+        write_json(out / "metrics.json", metrics)
+        write_json(out / "curve.json", {"epoch": curve.steps, "weighted_l1": curve.values})
+        write_json(out / "held_out_actions.json", sorted(set(held_out.action.tolist())))
+        run.log_metrics(metrics)
+
+
+class Curve:
+    """A curve that goes to MLflow and is kept for the report."""
+
+    def __init__(self, log: Callable[[str, float, int], None]) -> None:
+        self._log = log
+        self.steps: list[int] = []
+        self.values: list[float] = []
+
+    def log(self, name: str, value: float, step: int) -> None:
+        self._log(name, value, step)
+        self.steps.append(step)
+        self.values.append(value)
+
+
+def _scores(
+    model: Traj2StrokeParameters, polyline: Traj2StrokeParameters, samples: StrokeSamples
+) -> dict[str, dict[str, float]]:
+    scores: dict[str, StrokeScores] = {
+        "model": score_model(model, samples),
+        "polyline": score_model(polyline, samples),
+        "blank": score(blank(samples), samples),
+    }
+    return {name: asdict(value) for name, value in scores.items()}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="train_stroke_dynamics", description=__doc__)
+    parser.add_argument("--tool", required=True)
+    parser.add_argument("--strokes", required=True, type=Path)
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,61 @@
+"""The picture to paint: a photograph by file or by name, fitted to the canvas, and for a black pen to its tones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import skimage
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float
+from pentimento.contracts.errors import ImageError
+from pentimento.contracts.images import read_image
+
+FloatArray = NDArray[np.float64]
+
+PHOTOGRAPHS = ("astronaut", "chelsea", "coffee", "rocket", "retina")
+"""Photographs that scikit-image ships inside its wheel."""
+
+
+def load_photograph(name_or_path: str) -> NDArray[np.uint8]:
+    """RGB [H, W, 3] of a file, or of one of ``PHOTOGRAPHS``.
+
+    Raises:
+        ImageError: neither a name that is known nor a file that can be read.
+    """
+    if name_or_path in PHOTOGRAPHS:
+        folder = Path(skimage.__file__).parent / "data"
+        return read_image(next(folder.glob(f"{name_or_path}.*")))
+    if not Path(name_or_path).is_file():
+        raise ImageError(
+            f"There is no photograph {name_or_path!r}: give the path of an image file, or one of {', '.join(PHOTOGRAPHS)}."
+        )
+    return read_image(Path(name_or_path))
+
+
+def fit_to_canvas(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArray:
+    """The photograph's largest centred part of the canvas's proportions, linear light [H, W, 3] at ``shape``."""
+    height, width = shape
+    scale = max(height / photo.shape[0], width / photo.shape[1])
+    crop_h, crop_w = round(height / scale), round(width / scale)
+    top, left = (photo.shape[0] - crop_h) // 2, (photo.shape[1] - crop_w) // 2
+    part = srgb_to_linear(to_float(photo[top : top + crop_h, left : left + crop_w]).astype(np.float64))
+    smaller = crop_h >= height
+    resized = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC)
+    return np.clip(resized, 0.0, 1.0)
+
+
+def fit_to_ink(target: FloatArray, darkest: float) -> FloatArray:
+    """Grey tones that a pen can reach, linear light [H, W, 3].
+
+    A pen cannot fill a dark photograph with a few hundred lines. Lightness (of CIE L*) is stretched over the picture's
+    own 2nd to 98th percentile and laid between ``darkest`` (0 to 1) and white.
+    """
+    luminance = target @ np.array([0.2126, 0.7152, 0.0722])
+    lightness = linear_to_srgb(np.clip(luminance, 0.0, 1.0))
+    low, high = np.percentile(lightness, [2, 98])
+    stretched = np.clip((lightness - low) / max(high - low, 1e-3), 0.0, 1.0)
+    tones = srgb_to_linear(darkest + (1 - darkest) * stretched)
+    return np.repeat(tones[..., None], 3, axis=-1)
