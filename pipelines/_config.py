@@ -33,9 +33,7 @@ def load_section(params_path: Path, section: str, config_type: type[T]) -> T:
     """
     document = read_yaml(params_path)
     if section not in document:
-        raise ConfigError(
-            f"{params_path} has no section {section!r}; add it, or take it from the repository."
-        )
+        raise ConfigError(f"{params_path} has no section {section!r}; add it, or take it from the repository.")
     try:
         config: T = _build(document[section], config_type, section)
     except ConfigError as error:
@@ -48,17 +46,13 @@ def read_yaml(path: Path) -> dict[str, Any]:
     try:
         document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise ConfigError(
-            f"{path} does not exist; run from the repository's root, or restore the file."
-        ) from None
+        raise ConfigError(f"{path} does not exist; run from the repository's root, or restore the file.") from None
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
         problem = " ".join(str(error.problem).split())
         raise ConfigError(f"{path} is not valid YAML at line {line}: {problem}; correct that line.") from None
     if not isinstance(document, dict):
-        raise ConfigError(
-            f"{path} holds {_found(document)} where sections are expected; write `section:` lines."
-        )
+        raise ConfigError(f"{path} holds {_found(document)} where sections are expected; write `section:` lines.")
     return document
 
 
@@ -138,6 +132,4 @@ def _found(value: Any) -> str:
 
 
 def _type_name(kind: Any) -> str:
-    return (
-        kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind).replace("typing.", "")
-    )
+    return kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind).replace("typing.", "")

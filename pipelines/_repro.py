@@ -49,7 +49,8 @@ def main(arguments: list[str]) -> int:
         )
         return status
     print(f"\nThe report:  {(folder / 'data/report/index.html').relative_to(root)}")
-    print(f"The runs:    .venv/bin/mlflow ui --backend-store-uri {os.environ['MLFLOW_TRACKING_URI']}")
+    store = os.environ["MLFLOW_TRACKING_URI"]
+    print(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
     return 0
 
 
@@ -105,9 +106,7 @@ def overlay(root: Path, profile: str) -> Path:
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(params, file)
     # The copy is no git repository, and a stage computed here is known there.
-    (folder / ".dvc/config.local").write_text(
-        f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n"
-    )
+    (folder / ".dvc/config.local").write_text(f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n")
     return folder
 
 
@@ -116,9 +115,7 @@ def merge(base: dict[str, Any], over: dict[str, Any], source: Path, place: str =
     merged = dict(base)
     for key, value in over.items():
         if key not in base:
-            raise ConfigError(
-                f"{source}: {place}{key} is not in params.yaml; correct the name or add it there."
-            )
+            raise ConfigError(f"{source}: {place}{key} is not in params.yaml; correct the name or add it there.")
         if isinstance(base[key], dict) != isinstance(value, dict):
             raise ConfigError(f"{source}: {place}{key} is a section in one file and a value in the other.")
         merged[key] = merge(base[key], value, source, f"{place}{key}.") if isinstance(value, dict) else value
@@ -135,14 +132,8 @@ def _copy_changed(root: Path, folder: Path) -> None:
         check=False,
     )
     if listed.returncode != 0:
-        raise PentimentoError(
-            f"git cannot list the files of {root} ({listed.stderr.strip()}); run in a git clone."
-        )
-    files = [
-        name
-        for name in listed.stdout.split("\0")
-        if name and name not in _OWN_FILES and (root / name).is_file()
-    ]
+        raise PentimentoError(f"git cannot list the files of {root} ({listed.stderr.strip()}); run in a git clone.")
+    files = [name for name in listed.stdout.split("\0") if name and name not in _OWN_FILES and (root / name).is_file()]
     manifest = folder / _MANIFEST
     before = manifest.read_text().splitlines() if manifest.is_file() else []
     for name in set(before) - set(files):

@@ -81,9 +81,7 @@ class Run:
 
 
 @contextmanager
-def tracked_run(
-    stage: str, item: str | None, params: Mapping[str, Any], inputs: Mapping[str, Path]
-) -> Iterator[Run]:
+def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs: Mapping[str, Path]) -> Iterator[Run]:
     """Track the block as one execution of `stage` for the matrix `item` (None where there is no matrix).
 
     `params` is the stage's section, `inputs` names the data and models that it reads. When the block ends

@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import load_section
 from pipelines._io import output_folder, stage_main, write_json
-from pipelines._tracking import tracked_run
+from pipelines._tracking import Run, tracked_run
 
 FloatArray = NDArray[np.float64]
 
@@ -90,13 +91,18 @@ def main(arguments: argparse.Namespace) -> None:
             losses.append(value)
 
         strokes, palette = plan(as_linear(blank), scene, config.strokes, setting.planner, log)
-        paintings = {
-            kind: paint(
-                _robot(tool, setting, config.seed), scene, strokes, palette, config.batch, kind == "with",
-                setting.planner, lambda name, value, step, kind=kind: run.log(f"{name}.{kind}", value, step),
-            )  # fmt: skip
-            for kind in ("without", "with")
-        }
+        paintings: dict[str, Painting] = {}
+        for kind in ("without", "with"):
+            paintings[kind] = paint(
+                _robot(tool, setting, config.seed),
+                scene,
+                strokes,
+                palette,
+                config.batch,
+                kind == "with",
+                setting.planner,
+                partial(_log_as, run, kind),
+            )
 
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
@@ -127,6 +133,10 @@ def main(arguments: argparse.Namespace) -> None:
             run.log_picture(out / name)
 
 
+def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
+    run.log(f"{name}.{kind}", value, step)
+
+
 def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
     """The same robot before the same blank sheet, every time."""
     robot = VirtualRobot(Studio(load_world(setting.world), seed))
@@ -139,7 +149,11 @@ def _scene(tool: Tool, parameters: Path, canvas_size_m: tuple[float, float], tar
 
 
 def _plot(
-    path: Path, tool: Tool, strokes: list[PlannedStroke], palette: FloatArray, canvas_size_m: tuple[float, float]
+    path: Path,
+    tool: Tool,
+    strokes: list[PlannedStroke],
+    palette: FloatArray,
+    canvas_size_m: tuple[float, float],
 ) -> None:
     """The plan as a drawing for a pen plotter, through the same safety envelope."""
     plotter = SvgPlotter(path, canvas_size_m)
@@ -160,7 +174,7 @@ def _metrics(
     def error(image: Image) -> float:
         return float(print_loss(as_linear(image), scene.target, config.distances_px))
 
-    def mse(one: FloatArray, other: FloatArray) -> float:
+    def mse(one: NDArray[np.floating], other: NDArray[np.floating]) -> float:
         return float(np.square(one - other).mean())
 
     real = to_float(final["without"])

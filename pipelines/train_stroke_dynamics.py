@@ -24,9 +24,7 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "train_stroke_dynamics", TrainingConfig)
     torch.use_deterministic_algorithms(True)
     with (
-        tracked_run(
-            "train_stroke_dynamics", arguments.tool, asdict(config), {"strokes": arguments.strokes}
-        ) as run,
+        tracked_run("train_stroke_dynamics", arguments.tool, asdict(config), {"strokes": arguments.strokes}) as run,
         output_folder(arguments.out) as out,
     ):
         checked = read_table(arguments.strokes, CONTRACT)

@@ -10,8 +10,12 @@ PIPELINES = sorted((ROOT / "pipelines").glob("*.py"))
 
 
 def has_code(file: Path) -> bool:
-    """Tell whether a file holds more than a docstring."""
-    return any(not isinstance(node, ast.Expr) for node in ast.parse(file.read_text(encoding="utf-8")).body)
+    """Tell whether a file holds more than a docstring and names such as `__version__`."""
+    return any(
+        not isinstance(node, ast.Expr)
+        and not (isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).startswith("__"))
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+    )
 
 
 @cache

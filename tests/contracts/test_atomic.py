@@ -65,9 +65,7 @@ def test_an_exception_leaves_the_old_folder(tmp_path: Path, error: type[BaseExce
     assert names(tmp_path) == ["out"]
 
 
-def test_a_full_disk_at_the_flush_leaves_the_old_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_at_the_flush_leaves_the_old_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = old_folder(tmp_path)
     monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(OSError, match="No space"), atomic_folder(target) as folder:

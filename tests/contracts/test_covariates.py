@@ -24,9 +24,7 @@ SIZE = (0.30, 0.20)
 RED = np.array([1.0, 0.0, 0.0])
 
 
-def line(
-    x0: float, y0: float, x1: float, y1: float, z: float = -0.001, duration_s: float = 0.0
-) -> np.ndarray:
+def line(x0: float, y0: float, x1: float, y1: float, z: float = -0.001, duration_s: float = 0.0) -> np.ndarray:
     s = np.linspace(0, 1, 32)
     return np.column_stack(
         [duration_s * s, x0 + (x1 - x0) * s, y0 + (y1 - y0) * s, np.full_like(s, z), np.zeros_like(s)]
@@ -55,9 +53,7 @@ def test_counting_strokes_dips_and_length() -> None:
         memory = advance(memory, stroke)
     assert [row["since_reload"] for row in seen] == [0, 1, 2, 0, 1]
     assert [row["reload_id"] for row in seen] == [1, 1, 1, 2, 2]
-    np.testing.assert_allclose(
-        [row["ink_since_reload_m"] for row in seen], [0, 0.05, 0.10, 0, 0.05], atol=1e-12
-    )
+    np.testing.assert_allclose([row["ink_since_reload_m"] for row in seen], [0, 0.05, 0.10, 0, 0.05], atol=1e-12)
     np.testing.assert_allclose([row["tool_age_m"] for row in seen], 1 + 0.05 * np.arange(5))
     assert math.isnan(seen[0]["wet_age_s"])
     np.testing.assert_allclose([row["wet_age_s"] for row in seen[1:]], 10.0)
@@ -77,9 +73,7 @@ def test_advance_is_pure() -> None:
         np.testing.assert_array_equal(value, before[name])
 
 
-@given(
-    st.lists(st.tuples(st.floats(0.02, 0.28), st.floats(0.02, 0.18), st.booleans()), min_size=1, max_size=8)
-)
+@given(st.lists(st.tuples(st.floats(0.02, 0.28), st.floats(0.02, 0.18), st.booleans()), min_size=1, max_size=8))
 def test_length_since_the_dips_adds_up_to_the_tool_age(places: list[tuple[float, float, bool]]) -> None:
     memory, x0, y0, total, since = fresh_memory(SIZE), 0.15, 0.1, 0.0, 0.0
     for t_s, (x, y, dip) in enumerate(places):

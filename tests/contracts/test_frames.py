@@ -56,9 +56,7 @@ def test_stroke_and_canvas_are_inverse_and_rigid(x: float, y: float, theta: floa
 
 def test_stroke_frame_has_its_x_along_theta() -> None:
     start_and_ahead = np.array([[0.0, 0.0], [0.05, 0.0]])
-    assert_allclose(
-        stroke_to_canvas(start_and_ahead, 0.2, 0.1, math.pi / 2), [[0.2, 0.1], [0.2, 0.15]], atol=1e-15
-    )
+    assert_allclose(stroke_to_canvas(start_and_ahead, 0.2, 0.1, math.pi / 2), [[0.2, 0.1], [0.2, 0.15]], atol=1e-15)
 
 
 def test_stroke_to_canvas_leaves_its_argument_alone() -> None:

@@ -14,9 +14,7 @@ GREY = RNG.integers(0, 256, (5, 7), dtype=np.uint8)
 HEIGHTS = RNG.integers(0, 65536, (5, 7), dtype=np.uint16)
 
 
-@pytest.mark.parametrize(
-    "image", [COLOUR, GREY, HEIGHTS, COLOUR[::-1, 1:4]], ids=["rgb", "grey", "u16", "view"]
-)
+@pytest.mark.parametrize("image", [COLOUR, GREY, HEIGHTS, COLOUR[::-1, 1:4]], ids=["rgb", "grey", "u16", "view"])
 def test_png_round_trip(image: np.ndarray) -> None:
     decoded = decode_png(encode_png(image))
     assert decoded.dtype == image.dtype

@@ -46,9 +46,7 @@ def test_the_card_explains_the_columns(tmp_path: Path) -> None:
 def test_the_same_rows_give_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_table(tmp_path / name, strokes.example_table(3), CONTRACT, "# x")
-    assert (tmp_path / "a/part-00000.parquet").read_bytes() == (
-        tmp_path / "b/part-00000.parquet"
-    ).read_bytes()
+    assert (tmp_path / "a/part-00000.parquet").read_bytes() == (tmp_path / "b/part-00000.parquet").read_bytes()
 
 
 def test_large_tables_are_split_and_read_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,9 +77,7 @@ def test_other_widths_and_layouts_are_cast(tmp_path: Path) -> None:
     wide = replaced(wide, "gain", table.column("gain").cast(pa.float64()))
     wide = replaced(wide, "since_reload", pa.array([0.0, np.nan, 2.0]))  # as a data frame holds gaps
     wide = replaced(wide, "tool", table.column("tool").cast(pa.large_string()).dictionary_encode())
-    wide = replaced(
-        wide, "path", pa.array(table.column("path").to_pylist(), pa.list_(pa.list_(pa.float64())))
-    )
+    wide = replaced(wide, "path", pa.array(table.column("path").to_pylist(), pa.list_(pa.list_(pa.float64()))))
     wide = replaced(wide, "window_m", pa.array(table.column("window_m").to_pylist(), pa.list_(pa.float64())))
     again = read_table(stored(tmp_path, wide), CONTRACT).table
     assert again.schema == table.schema
@@ -122,9 +118,7 @@ def test_a_missing_column_is_named_with_its_type(tmp_path: Path) -> None:
         ("tool", pa.array([1, 2]), "needs string"),
     ],
 )
-def test_a_wrong_type_is_named_with_the_right_one(
-    tmp_path: Path, name: str, values: pa.Array, says: str
-) -> None:
+def test_a_wrong_type_is_named_with_the_right_one(tmp_path: Path, name: str, values: pa.Array, says: str) -> None:
     file = stored(tmp_path, replaced(strokes.example_table(2), name, values))
     with pytest.raises(ContractError, match=says):
         read_table(file, CONTRACT)

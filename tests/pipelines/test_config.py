@@ -91,9 +91,7 @@ def test_a_section_becomes_its_dataclass_with_units_converted(tmp_path: Path) ->
         (GOOD, "paint", "holds 'paint' where sections are expected"),
     ],
 )
-def test_a_bad_entry_is_one_sentence_with_file_key_and_value(
-    tmp_path: Path, old: str, new: str, sentence: str
-) -> None:
+def test_a_bad_entry_is_one_sentence_with_file_key_and_value(tmp_path: Path, old: str, new: str, sentence: str) -> None:
     assert old in GOOD
     with pytest.raises(ConfigError, match=sentence) as caught:
         load(tmp_path, GOOD.replace(old, new, 1))

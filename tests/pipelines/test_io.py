@@ -95,9 +95,7 @@ def test_sigterm_removes_the_scratch_and_sigkill_leaves_it_to_the_next_execution
 
 
 def test_json_is_equal_for_equal_values(tmp_path: Path) -> None:
-    write_json(
-        tmp_path / "a.json", {"b": np.float32(0.5), "a": np.arange(2), "c": {"x": (0.1 + 0.2, None, "é")}}
-    )
+    write_json(tmp_path / "a.json", {"b": np.float32(0.5), "a": np.arange(2), "c": {"x": (0.1 + 0.2, None, "é")}})
     write_json(tmp_path / "b.json", {"c": {"x": [0.3, None, "é"]}, "a": [0, 1], "b": 0.5})
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     assert json.loads((tmp_path / "a.json").read_text()) == {

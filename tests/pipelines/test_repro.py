@@ -104,14 +104,10 @@ def test_outside_a_clone_an_overlay_is_refused(repository: Path) -> None:
         overlay(repository, "smoke")
 
 
-def test_outputs_that_a_failure_left_missing_come_back(
-    repository: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_outputs_that_a_failure_left_missing_come_back(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """DVC removes a stage's outputs before it runs; the ones that are there must stay as they are."""
     asked: list[tuple[list[str], Path]] = []
-    monkeypatch.setattr(
-        "pipelines._repro.run_dvc", lambda arguments, folder: asked.append((arguments, folder))
-    )
+    monkeypatch.setattr("pipelines._repro.run_dvc", lambda arguments, folder: asked.append((arguments, folder)))
     (repository / "dvc.yaml").write_text("stages: {paint: {cmd: x}, collect: {cmd: x}}\n")
     (repository / "dvc.lock").write_text(
         """stages:

@@ -55,9 +55,7 @@ def test_an_ordinary_bent_stroke_reaches_its_speed() -> None:
     """4 bend L s (1 − s) with the bend of .35 that tools allow."""
     for length_m in (0.01, 0.03, 0.06):
         s = np.linspace(0, 1, 32)
-        points = np.column_stack(
-            (length_m * s, 1.4 * length_m * s * (1 - s), -0.002 * np.sin(np.pi * s), 0 * s)
-        )
+        points = np.column_stack((length_m * s, 1.4 * length_m * s * (1 - s), -0.002 * np.sin(np.pi * s), 0 * s))
         assert np.mean(tip_speeds(timed_path(points, 0.06)) > 0.9 * 0.06) > 0.8
 
 

@@ -78,9 +78,7 @@ def test_what_is_lifted_is_not_drawn(tmp_path: Path) -> None:
     """z crosses zero a quarter of the way down and half of the way up."""
     target = tmp_path / "lift.svg"
     robot = plotter(target)
-    robot.move(
-        stroke((0.1, 0.1, 1e-3), (0.14, 0.1, -3e-3), (0.16, 0.1, 3e-3), (0.2, 0.1, 3e-3), (0.2, 0.14, -1e-3))
-    )
+    robot.move(stroke((0.1, 0.1, 1e-3), (0.14, 0.1, -3e-3), (0.16, 0.1, 3e-3), (0.2, 0.1, 3e-3), (0.2, 0.14, -1e-3)))
     robot.move(stroke((0.1, 0.1, 1e-3), (0.2, 0.1, 1e-3)))
     robot.close()
     (element,) = ElementTree.parse(target).getroot()

@@ -68,9 +68,7 @@ class FakeRobot:
         self.clock_s += seconds
 
 
-def planned(
-    color: np.ndarray = RED, dip: bool = False, y_m: float = 0.1, press_m: float = 0.001
-) -> PlannedStroke:
+def planned(color: np.ndarray = RED, dip: bool = False, y_m: float = 0.1, press_m: float = 0.001) -> PlannedStroke:
     xyz_yaw = np.zeros((16, 4))
     xyz_yaw[:, 0] = np.linspace(0.1, 0.13, 16)
     xyz_yaw[:, 1], xyz_yaw[:, 2] = y_m, -press_m
@@ -81,9 +79,7 @@ def run(
     strokes: list[PlannedStroke], tool: str = "round_brush", memory: Memory | None = None
 ) -> tuple[Memory, list[str]]:
     robot = FakeRobot()
-    memory, measured = execute(
-        robot, load_tool(tool), strokes, PALETTE, memory or fresh_memory(CANVAS_M), SESSION
-    )
+    memory, measured = execute(robot, load_tool(tool), strokes, PALETTE, memory or fresh_memory(CANVAS_M), SESSION)
     assert len(measured) == len(strokes)
     for path, stroke in zip(measured, strokes, strict=True):
         assert path == pytest.approx(stroke.path + 1e-4)

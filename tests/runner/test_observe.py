@@ -75,9 +75,7 @@ def photograph(texture: np.ndarray, camera_from_canvas: np.ndarray, noise: float
 def painted_canvas() -> np.ndarray:
     """200 x 300 blocks of 1 mm in linear light: smooth colours with a few strong marks."""
     rows, columns = np.mgrid[0:200, 0:300] / 100
-    canvas = 0.4 + 0.2 * np.stack(
-        (np.sin(2 * columns), np.cos(3 * rows), np.sin(columns + 2 * rows)), axis=-1
-    )
+    canvas = 0.4 + 0.2 * np.stack((np.sin(2 * columns), np.cos(3 * rows), np.sin(columns + 2 * rows)), axis=-1)
     canvas[40:60, 100:220] = (0.02, 0.02, 0.3)
     canvas[120:180, 20:30] = (0.8, 0.05, 0.05)
     return canvas

@@ -108,9 +108,7 @@ def test_images_that_do_not_belong_together_are_refused() -> None:
     image = rectify(photo, calibration, window, PER_M)
 
     def record(before: np.ndarray, after: np.ndarray) -> None:
-        record_stroke(
-            Session("s", 0.0), 0, 0, tool, executed, window, before, after, photo, photo, calibration
-        )
+        record_stroke(Session("s", 0.0), 0, 0, tool, executed, window, before, after, photo, photo, calibration)
 
     with pytest.raises(ContractError, match="rectify both alike"):
         record(image, image[:-1])

@@ -141,9 +141,7 @@ def keeps_limits(path: np.ndarray, slack: float) -> bool:
 
 
 @PROPERTY
-@given(
-    point=st.integers(0, 31), column=st.integers(0, 4), bad=st.sampled_from((math.nan, math.inf, -math.inf))
-)
+@given(point=st.integers(0, 31), column=st.integers(0, 4), bad=st.sampled_from((math.nan, math.inf, -math.inf)))
 def test_a_value_that_is_not_finite_is_refused_wherever_it_hides(point: int, column: int, bad: float) -> None:
     path = good_path()
     path[point, column] = bad
@@ -179,9 +177,7 @@ def test_one_point_outside_is_enough(point: int, violation: tuple[int, float]) -
     path = good_path()
     column, value = violation
     path[point, column] = value
-    with pytest.raises(
-        EnvelopeViolation, match=r"The path's .* at point \d+ is .*; the safety envelope allows"
-    ):
+    with pytest.raises(EnvelopeViolation, match=r"The path's .* at point \d+ is .*; the safety envelope allows"):
         BRUSH.check_path(path)
 
 
@@ -241,9 +237,7 @@ def test_no_hint_where_nothing_looks_like_a_slip() -> None:
 def test_the_sentence_names_what_where_value_and_limit() -> None:
     path = good_path()
     path[7, 3] = -0.0052
-    with pytest.raises(
-        EnvelopeViolation, match=r"press depth \(z\) at point 7 is -0.0052 m; .* -0.004 to 0.05 m"
-    ):
+    with pytest.raises(EnvelopeViolation, match=r"press depth \(z\) at point 7 is -0.0052 m; .* -0.004 to 0.05 m"):
         BRUSH.check_path(path)
     path = good_path()
     path[:, 0] /= 2.5  # 0.06 m/s becomes 0.15

@@ -75,9 +75,7 @@ def fresh_memory(
         )
     shape = (math.ceil(height_m / CELL_M - 1e-6), math.ceil(width_m / CELL_M - 1e-6))
     unknown = np.full(3, np.nan)
-    return Memory(
-        canvas_size_m, mark_width_m, 0, 0, 0.0, tool_age_m, unknown, np.full(shape, np.nan), np.zeros(shape)
-    )
+    return Memory(canvas_size_m, mark_width_m, 0, 0, 0.0, tool_age_m, unknown, np.full(shape, np.nan), np.zeros(shape))
 
 
 def new_sheet(memory: Memory) -> Memory:
@@ -106,9 +104,7 @@ def advance(memory: Memory, stroke: StrokeEvent) -> Memory:
         ContractError: a path that is not [N, 5] or has NaN positions, or a start time that is not finite.
     """
     if not math.isfinite(stroke.t_start_s):
-        raise ContractError(
-            f"The stroke's start time is {stroke.t_start_s}; give seconds since the session's start."
-        )
+        raise ContractError(f"The stroke's start time is {stroke.t_start_s}; give seconds since the session's start.")
     loaded = _dipped(memory) if stroke.dip else memory
     length_m = drawn_length_m(stroke.path)
     rows, columns, covered, when_s = _footprint(memory, stroke.path, stroke.t_start_s)
@@ -161,9 +157,7 @@ def _dipped(memory: Memory) -> Memory:
 def _checked(path: FloatArray) -> FloatArray:
     points = np.asarray(path, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 5 or len(points) == 0 or not np.isfinite(points[:, 1:]).all():
-        raise ContractError(
-            f"A stroke's path of shape {points.shape} must be [N, 5] with finite x, y, z and yaw."
-        )
+        raise ContractError(f"A stroke's path of shape {points.shape} must be [N, 5] with finite x, y, z and yaw.")
     return points
 
 
@@ -175,9 +169,7 @@ def _footprint(
     samples = _resampled(points, CELL_M / 2)
     samples = samples[samples[:, 3] <= 0]
     width_m, height_m = memory.canvas_size_m
-    centre = canvas_to_pixel(
-        samples[:, 1:3], (0.0, 0.0, width_m, height_m), 1.0 / CELL_M
-    )  # [S, 2] (column, row)
+    centre = canvas_to_pixel(samples[:, 1:3], (0.0, 0.0, width_m, height_m), 1.0 / CELL_M)  # [S, 2] (column, row)
     reach = math.ceil(memory.mark_width_m / 2 / CELL_M + 0.5)
     steps = np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)

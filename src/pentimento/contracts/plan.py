@@ -97,9 +97,7 @@ def read_plan(path: Path) -> Plan:
         raise ContractError(f"Plan {path} is empty; make it again.")
     first = _parsed(lines[0], f"{path}, line 1")
     if first.get("kind") != "plan" or first.get("schema") != SCHEMA:
-        raise ContractError(
-            f"{path} is not a plan of schema {SCHEMA}; its first line must be a plan's header."
-        )
+        raise ContractError(f"{path} is not a plan of schema {SCHEMA}; its first line must be a plan's header.")
     header = PlanHeader(
         tool=str(_entry(first, "tool", f"{path}, line 1")),
         palette_srgb=_colours(_entry(first, "palette_srgb", f"{path}, line 1"), (-1, 3), f"{path}, palette"),

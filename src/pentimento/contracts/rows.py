@@ -28,8 +28,7 @@ def row_faults(table: pa.Table, contract: TableContract) -> list[str | None]:
 def _batch_faults(batch: pa.RecordBatch, columns: list[Column]) -> list[str | None]:
     values = {column.name: batch.column(column.name).to_pylist() for column in columns}
     return [
-        _row_fault({name: column[row] for name, column in values.items()}, columns)
-        for row in range(batch.num_rows)
+        _row_fault({name: column[row] for name, column in values.items()}, columns) for row in range(batch.num_rows)
     ]
 
 

@@ -48,16 +48,12 @@ class TableContract:
         return next((column for column in self.columns if column.name == name), None)
 
 
-def needed(
-    name: str, kind: pa.DataType, description: str, unit: str = "", frame: str = "", **more: Any
-) -> Column:
+def needed(name: str, kind: pa.DataType, description: str, unit: str = "", frame: str = "", **more: Any) -> Column:
     """A required column; `more` are `may_be_nan` and `choices`."""
     return Column(name, kind, unit, frame, description, required=True, **more)
 
 
-def known(
-    name: str, kind: pa.DataType, description: str, unit: str = "", frame: str = "", **more: Any
-) -> Column:
+def known(name: str, kind: pa.DataType, description: str, unit: str = "", frame: str = "", **more: Any) -> Column:
     """An optional column, in which null or NaN means unknown; `more` are `may_be_nan` and `choices`."""
     return Column(name, kind, unit, frame, description, required=False, **more)
 
@@ -68,9 +64,7 @@ def arrow_schema(contract: TableContract, include_optional: bool | Collection[st
     Args:
         include_optional: all optional columns, none, or only those named.
     """
-    return pa.schema(
-        [arrow_field(c) for c in contract.columns if c.required or _named(c.name, include_optional)]
-    )
+    return pa.schema([arrow_field(c) for c in contract.columns if c.required or _named(c.name, include_optional)])
 
 
 def arrow_field(column: Column) -> pa.Field:

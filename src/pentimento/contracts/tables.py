@@ -74,9 +74,7 @@ def read_table(path: Path, contract: TableContract) -> CheckedTable:
     path = Path(path)
     files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
     if not files:
-        raise ContractError(
-            f"Folder {path} holds no *.parquet file; make the table of {contract.name} first."
-        )
+        raise ContractError(f"Folder {path} holds no *.parquet file; make the table of {contract.name} first.")
     parts = [_cast(_read_parquet(file), contract, str(file)) for file in files]
     try:
         table = pa.concat_tables(parts, promote_options="permissive")
@@ -91,9 +89,7 @@ def read_table(path: Path, contract: TableContract) -> CheckedTable:
 
 def _quarantine(table: pa.Table, contract: TableContract, where: str) -> tuple[Quarantined, ...]:
     quarantined = tuple(
-        Quarantined(row, reason)
-        for row, reason in enumerate(row_faults(table, contract))
-        if reason is not None
+        Quarantined(row, reason) for row, reason in enumerate(row_faults(table, contract)) if reason is not None
     )
     count, rows = len(quarantined), table.num_rows
     if count > max(1, math.floor(MAX_BAD_SHARE * rows)) or 0 < count == rows:
@@ -113,8 +109,7 @@ def _valid(table: pa.Table, contract: TableContract) -> pa.Table:
     reasons = [reason for reason in row_faults(table, contract) if reason is not None]
     if reasons:
         raise ContractError(
-            f"{len(reasons)} of {table.num_rows} rows to write break the {contract.name} contract: "
-            f"{_counted(reasons)}."
+            f"{len(reasons)} of {table.num_rows} rows to write break the {contract.name} contract: {_counted(reasons)}."
         )
     return table
 
@@ -132,9 +127,7 @@ def _read_parquet(file: Path) -> pa.Table:
         with pq.ParquetFile(file) as opened:
             return opened.read()
     except (OSError, pa.ArrowException) as error:
-        raise ContractError(
-            f"{file} cannot be read as Parquet: {error}. Check the path or copy it again."
-        ) from error
+        raise ContractError(f"{file} cannot be read as Parquet: {error}. Check the path or copy it again.") from error
 
 
 def _cast(table: pa.Table, contract: TableContract, where: str) -> pa.Table:
@@ -187,10 +180,7 @@ def _without_null_vectors(values: pa.ChunkedArray) -> pa.ChunkedArray:
     unknown = float("nan") if pa.types.is_floating(values.type.value_type) else 0
     fill = [unknown] * values.type.list_size
     return pa.chunked_array(
-        [
-            pa.array([fill if v is None else v for v in chunk.to_pylist()], values.type)
-            for chunk in values.chunks
-        ],
+        [pa.array([fill if v is None else v for v in chunk.to_pylist()], values.type) for chunk in values.chunks],
         type=values.type,
     )
 

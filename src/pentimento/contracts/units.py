@@ -36,9 +36,7 @@ def _table() -> dict[str, tuple[str, float]]:
 
 
 _UNITS: Final = _table()
-_QUANTITY: Final = re.compile(
-    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z][A-Za-z/^0-9]*)?\s*"
-)
+_QUANTITY: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z][A-Za-z/^0-9]*)?\s*")
 
 
 def parse_quantity(text: str, unit: str) -> float:

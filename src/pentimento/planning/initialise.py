@@ -41,20 +41,20 @@ def error_guided_strokes(
         image, target: [H, W, 3], linear light, of the whole canvas.
         size: 0 for the tool's shortest, lightest strokes, 1 for its longest and fullest.
     """
-    height, width = target.shape[:2]
+    width = target.shape[1]
     px_per_m = width / canvas_size_m[0]
     wide_px = max(tool.nominal_width_m * px_per_m, 1.0)
     tone = cv2.GaussianBlur(target, (0, 0), wide_px / 4)
     error = np.abs(np.sqrt(cv2.GaussianBlur(image, (0, 0), wide_px / 4)) - np.sqrt(tone)).mean(-1) ** 2
     along = _edge_heading(np.sqrt(tone), wide_px)
-    length = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7
+    length: float = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7
     press = tool.press_range_m[0] + size * (tool.press_range_m[1] - tool.press_range_m[0]) * 0.8
     rows, columns = _places(error, count, np.sqrt(length * px_per_m * wide_px) / 2, rng)
     middle = np.stack([(columns + 0.5) / px_per_m, canvas_size_m[1] - (rows + 0.5) / px_per_m], axis=1)
     return _strokes(
         middle,
         along[rows, columns] + rng.normal(0, 0.1, count),
-        length * rng.uniform(0.8, 1.2, count),
+        length * rng.uniform(0.8, 1.2, size=count),
         np.full(count, press),
         tone[rows, columns],
     )

@@ -21,7 +21,7 @@ def print_loss(image: Tensor, target: Tensor, distances_px: tuple[int, ...]) -> 
 
 
 def seen_from(image: Tensor, distance_px: int) -> Tensor:
-    """SRGB [h, w, 3] of light averaged over squares of ``distance_px``; what fills no square at the edge is left out."""
+    """SRGB [h, w, 3] of light averaged over squares of ``distance_px``; an edge that fills none is left out."""
     if distance_px > 1:
         # Squares overlap by half, so that no grid of theirs shows in the plan.
         stride = max(distance_px // 2, 1)

@@ -99,9 +99,7 @@ def render_plan(strokes: StrokeTensors, canvas: Tensor, scene: Scene, path_point
     )[0]
 
 
-def plan(
-    canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, log: Log
-) -> tuple[StrokeTensors, FloatArray]:
+def plan(canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[StrokeTensors, FloatArray]:
     """``count`` strokes in the order of execution, and their palette, sRGB [K, 3].
 
     Strokes are added round by round, coarse to fine, and optimised; then their colours are clustered, the strokes

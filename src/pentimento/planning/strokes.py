@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -83,7 +83,7 @@ def to_planned(strokes: StrokeTensors, tool: Tool, points: int) -> list[PlannedS
 
 def with_color(strokes: StrokeTensors, color_srgb: Tensor) -> StrokeTensors:
     """The same strokes in other colours, sRGB [S, 3]."""
-    return StrokeTensors(*strokes.tensors()[:-1], srgb_to_linear(color_srgb))
+    return replace(strokes, color=srgb_to_linear(color_srgb))
 
 
 def _half_turn(yaw_rad: float) -> float:

@@ -30,7 +30,8 @@ def load_photograph(name_or_path: str) -> NDArray[np.uint8]:
         return read_image(next(folder.glob(f"{name_or_path}.*")))
     if not Path(name_or_path).is_file():
         raise ImageError(
-            f"There is no photograph {name_or_path!r}: give the path of an image file, or one of {', '.join(PHOTOGRAPHS)}."
+            f"There is no photograph {name_or_path!r}: give the path of an image file or one of "
+            f"{', '.join(PHOTOGRAPHS)}."
         )
     return read_image(Path(name_or_path))
 

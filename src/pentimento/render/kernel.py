@@ -12,8 +12,8 @@ and strokes are laid over the canvas in their order, in linear light: image ← 
 The thesis prints two slips that the formula above repairs: its (5.1) takes the least of the distances to the *line*
 and to both ends, which is the distance to an infinite line; its (5.2) drops the sign of the projection.
 
-What a stroke leaves at a pixel is kept as a *fragment* (place, coverage, winning segment, colour below), so memory grows
-with inked area, never with strokes × canvas, and the backward pass visits just the pixels that have ink.
+What a stroke leaves at a pixel is kept as a *fragment* (place, coverage, winning segment, colour below), so memory
+grows with inked area, never with strokes × canvas, and the backward pass visits just the pixels that have ink.
 
 Pixel coordinates are (column, row); the centre of pixel (r, c) is (c, r). See ``pentimento.contracts.frames``.
 """
@@ -66,7 +66,16 @@ class StrokeGradients(NamedTuple):
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", boundscheck=False)
-def _rasterize_stroke(points, radius, density, softness, coverage, winner, height, width):
+def _rasterize_stroke(
+    points: Array,
+    radius: Array,
+    density: Array,
+    softness: Array,
+    coverage: Array,
+    winner: Array,
+    height: int,
+    width: int,
+) -> tuple[int, int, int, int]:
     """Write the stroke's coverage and winning segment into the scratch images; return its box (r0, r1, c0, c1)."""
     n_points = points.shape[0]
     constant_profile = True
@@ -120,7 +129,9 @@ def _rasterize_stroke(points, radius, density, softness, coverage, winner, heigh
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", boundscheck=False)
-def _render_painting(points, radius, density, softness, color, image):
+def _render_painting(
+    points: Array, radius: Array, density: Array, softness: Array, color: Array, image: Array
+) -> tuple[Array, Array, Array, Array, Array]:
     """Lay every stroke on ``image`` in place; return the fragments."""
     n_strokes, channels = color.shape
     height, width = image.shape[0], image.shape[1]
@@ -168,9 +179,24 @@ def _render_painting(points, radius, density, softness, color, image):
 
 @njit(cache=True, fastmath=True, error_model="numpy", boundscheck=False)
 def _backward_painting(
-    points, radius, density, softness, color, width, start, pixel, segment, alpha, below,
-    g_image, g_points, g_radius, g_density, g_softness, g_color,
-):  # fmt: skip
+    points: Array,
+    radius: Array,
+    density: Array,
+    softness: Array,
+    color: Array,
+    width: int,
+    start: Array,
+    pixel: Array,
+    segment: Array,
+    alpha: Array,
+    below: Array,
+    g_image: Array,
+    g_points: Array,
+    g_radius: Array,
+    g_density: Array,
+    g_softness: Array,
+    g_color: Array,
+) -> None:
     """Accumulate the gradients of one painting; ``g_image`` [H·W, C] ends as the gradient of the canvas."""
     n_strokes, channels = color.shape
     n_points = points.shape[1]
@@ -297,9 +323,7 @@ def render_backward(
     return gradients
 
 
-def _check_inputs(
-    points: Array, radius: Array, density: Array, softness: Array, color: Array, canvas: Array
-) -> None:
+def _check_inputs(points: Array, radius: Array, density: Array, softness: Array, color: Array, canvas: Array) -> None:
     if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.size == 0:
         raise RenderInputError(
             f"The renderer needs points [B, S, N, 2] and a canvas [B, H, W, C]; got {points.shape} and {canvas.shape}."
@@ -320,6 +344,4 @@ def _check_inputs(
             raise RenderInputError(f"The renderer's {name} is {array.dtype}, but points are {points.dtype}.")
         if not np.isfinite(array).all():
             index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise RenderInputError(
-                f"The renderer's {name}{list(index)} is {array[index]}: every value must be finite."
-            )
+            raise RenderInputError(f"The renderer's {name}{list(index)} is {array[index]}: every value must be finite.")

@@ -90,9 +90,7 @@ def timed_path(
 
 def _check(points: FloatArray, limits: tuple[float, float, float]) -> None:
     if points.ndim != 2 or points.shape[1] != 4 or len(points) < 2:
-        raise ContractError(
-            f"A path to be timed is [N, 4] (x, y, z, yaw) with N of 2 or more; got {points.shape}."
-        )
+        raise ContractError(f"A path to be timed is [N, 4] (x, y, z, yaw) with N of 2 or more; got {points.shape}.")
     if not np.all(np.isfinite(points)):
         row = int(np.argmin(np.all(np.isfinite(points), axis=1)))
         raise ContractError(f"Point {row} of the path to be timed is not finite: {points[row].tolist()}.")

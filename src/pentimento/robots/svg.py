@@ -86,9 +86,7 @@ class SvgPlotter:
         return np.full(points.shape, np.nan)
 
     def photo(self) -> Photo:
-        raise MissingAbilityError(
-            "An SVG plotter has no camera; paint in the open loop or use a robot with one."
-        )
+        raise MissingAbilityError("An SVG plotter has no camera; paint in the open loop or use a robot with one.")
 
     def scan(self) -> FloatArray:
         raise MissingAbilityError("An SVG plotter has no scanner; use a robot with one.")
@@ -96,8 +94,7 @@ class SvgPlotter:
     def new_sheet(self) -> None:
         if self._lines:
             raise ContractError(
-                f"One SVG file is one sheet and {self._path} has strokes; "
-                "close it and open another SvgPlotter."
+                f"One SVG file is one sheet and {self._path} has strokes; close it and open another SvgPlotter."
             )
 
     def wait(self, seconds: float) -> None:

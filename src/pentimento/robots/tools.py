@@ -72,9 +72,7 @@ def load_tool(name_or_path: str | Path) -> Tool:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         if not path.is_file():
-            raise ConfigError(
-                f"The tool file {path} does not exist; give a .toml file or one of {_bundled()}."
-            )
+            raise ConfigError(f"The tool file {path} does not exist; give a .toml file or one of {_bundled()}.")
         text = path.read_text(encoding="utf-8")
     elif str(name_or_path) in _bundled():
         text = (_folder() / f"{name_or_path}.toml").read_text(encoding="utf-8")
@@ -127,8 +125,7 @@ def _check(tool: Tool, source: str) -> None:
     low, high = tool.speed_range_m_s
     if not 0 < low <= tool.speed_m_s <= high:
         raise ConfigError(
-            f"Tool {source}: speed {tool.speed_m_s} m/s must lie within speed_range "
-            f"[{low}, {high}] m/s, above zero."
+            f"Tool {source}: speed {tool.speed_m_s} m/s must lie within speed_range [{low}, {high}] m/s, above zero."
         )
     for key, value in (("nominal_width", tool.nominal_width_m), ("stroke_length", tool.stroke_length_m[0])):
         if not value > 0:
@@ -174,9 +171,7 @@ def _range(table: Mapping[str, Any], key: str, unit: str | None, source: str) ->
 
 def _count(value: Any, source: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise ConfigError(
-            f"Tool {source}: strokes_per_dip is {value!r}; it must be a whole number, 0 for never."
-        )
+        raise ConfigError(f"Tool {source}: strokes_per_dip is {value!r}; it must be a whole number, 0 for never.")
     return value
 
 

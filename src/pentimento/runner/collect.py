@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.covariates import Memory, fresh_memory, new_sheet
+from pentimento.contracts.covariates import fresh_memory, new_sheet
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import image_shape, snap_window, window_around
 from pentimento.contracts.markers import markers_around
@@ -86,11 +86,15 @@ def collect_strokes(
         memory, executed = execute_stroke(robot, tool, stroke, palette, memory, session)
         robot.wait(config.settle_s)
         after = robot.photo()
-        pictures = [rectify(photo, calibration, window, config.pixels_per_m) for photo in (before, after)]
-        rows.append(
-            record_stroke(session, order, order, tool, executed, window, *pictures, before, after, calibration)
+        shown_before, shown_after = (
+            rectify(photo, calibration, window, config.pixels_per_m) for photo in (before, after)
         )
-        log("ink_length_m", _total_m(memory), order)
+        rows.append(
+            record_stroke(
+                session, order, order, tool, executed, window, shown_before, shown_after, before, after, calibration
+            )
+        )
+        log("ink_length_m", memory.tool_age_m, order)
     return rows
 
 
@@ -141,7 +145,3 @@ def _random_path(
 
 def _overlap(a: FloatArray, b: FloatArray) -> bool:
     return bool(np.all(a[:2] < b[2:]) and np.all(b[:2] < a[2:]))
-
-
-def _total_m(memory: Memory) -> float:
-    return memory.tool_age_m

@@ -54,9 +54,7 @@ def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     ids = [marker for marker, _ in found if marker in layout.ids]
     twice = sorted({marker for marker in ids if ids.count(marker) > 1})
     if twice:
-        raise CalibrationError(
-            f"The camera sees more than one of marker {twice}; take other prints out of its view."
-        )
+        raise CalibrationError(f"The camera sees more than one of marker {twice}; take other prints out of its view.")
     if len(ids) < _FEWEST_MARKERS:
         missing = sorted(set(layout.ids) - set(ids))
         raise CalibrationError(
@@ -88,9 +86,7 @@ def rectify(
     """
     height_px, width_px = photo.frame.shape[:2]
     if photo.frame.dtype != np.uint8 or photo.frame.ndim != 3 or photo.frame.shape[2] != 3:
-        raise ImageError(
-            f"The photo is {photo.frame.dtype} {photo.frame.shape}; a frame is uint8 sRGB [H, W, 3]."
-        )
+        raise ImageError(f"The photo is {photo.frame.dtype} {photo.frame.shape}; a frame is uint8 sRGB [H, W, 3].")
     if (width_px, height_px) != calibration.frame_size_px:
         raise CalibrationError(
             f"The photo is {width_px} x {height_px} px and the calibration is of "
@@ -104,9 +100,7 @@ def rectify(
             "move the camera or choose a window on the canvas."
         )
     fine = _oversampling(corners_px, rows, columns)
-    camera_from_fine = calibration.camera_from_canvas @ _canvas_from_pixel(
-        window_m, rows * fine, columns * fine
-    )
+    camera_from_fine = calibration.camera_from_canvas @ _canvas_from_pixel(window_m, rows * fine, columns * fine)
     # Only the part of the frame around the window is linearised and sampled.
     low = np.maximum(np.floor(corners_px.min(axis=0)).astype(int) - 1, 0)
     high = np.minimum(np.ceil(corners_px.max(axis=0)).astype(int) + 2, (width_px, height_px))

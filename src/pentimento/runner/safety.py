@@ -60,15 +60,12 @@ class SafetyEnvelope:
         for field in fields(self):
             value = getattr(self, field.name)
             if not math.isfinite(value):
-                raise ConfigError(
-                    f"The safety envelope's {field.name} is {value}; every limit must be finite."
-                )
+                raise ConfigError(f"The safety envelope's {field.name} is {value}; every limit must be finite.")
             if field.name.startswith("max_") and value < 0:
                 raise ConfigError(f"The safety envelope's {field.name} is {value}; it cannot be below zero.")
         if not (self.x_min_m < self.x_max_m and self.y_min_m < self.y_max_m):
             raise ConfigError(
-                "The safety envelope's workspace is empty: its x_min and y_min must lie below its x_max and "
-                "y_max."
+                "The safety envelope's workspace is empty: its x_min and y_min must lie below its x_max and y_max."
             )
 
     @property
@@ -125,8 +122,7 @@ def _as_points(path: FloatArray) -> FloatArray:
     if bad.size:
         row, column = bad[0]
         raise EnvelopeViolation(
-            f"The path's {_NAMES[column]} at point {row} is {points[row, column]}; "
-            "every value must be finite."
+            f"The path's {_NAMES[column]} at point {row} is {points[row, column]}; every value must be finite."
         )
     return points
 
@@ -165,9 +161,7 @@ def _check_places(points: FloatArray, envelope: SafetyEnvelope) -> None:
         excess = np.maximum(low - values, values - high)
         worst = int(np.argmax(excess))
         if not excess[worst] <= _SLACK_M:
-            _refuse(
-                _place_name(column, values[worst]), worst, values[worst], f"{low:g} to {high:g} m", "m", hint
-            )
+            _refuse(_place_name(column, values[worst]), worst, values[worst], f"{low:g} to {high:g} m", "m", hint)
     worst = int(np.argmax(np.abs(points[:, 4])))
     if not abs(points[worst, 4]) <= envelope.max_yaw_rad * (1 + _FLOAT32):
         slip = abs(math.radians(points[worst, 4])) <= envelope.max_yaw_rad
@@ -321,7 +315,5 @@ class GuardedRobot:
 
     def wait(self, seconds: float) -> None:
         if not 0 <= seconds <= _MAX_WAIT_S:
-            raise EnvelopeViolation(
-                f"A wait of {seconds} s is refused; it must last from 0 to {_MAX_WAIT_S:g} s."
-            )
+            raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {_MAX_WAIT_S:g} s.")
         self._robot.wait(seconds)

@@ -13,14 +13,17 @@ from pentimento.render.kernel import render, render_backward
 class _Render(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        arrays = tuple(x.detach().contiguous().numpy() for x in inputs)
-        image, ctx.fragments = render(*arrays)
-        ctx.strokes = arrays[:5]
+        points, radius, density, softness, color, canvas = (x.detach().contiguous().numpy() for x in inputs)
+        image, ctx.fragments = render(points, radius, density, softness, color, canvas)
+        ctx.strokes = (points, radius, density, softness, color)
         return torch.from_numpy(image)
 
     @staticmethod
     def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor, ...]:
-        gradients = render_backward(*ctx.strokes, ctx.fragments, image_gradient[0].contiguous().numpy())
+        points, radius, density, softness, color = ctx.strokes
+        gradients = render_backward(
+            points, radius, density, softness, color, ctx.fragments, image_gradient[0].contiguous().numpy()
+        )
         return tuple(torch.from_numpy(g) for g in gradients)
 
 

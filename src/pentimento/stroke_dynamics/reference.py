@@ -26,7 +26,9 @@ def stroke_coverage(
         [H, W], 0 where no ink falls.
     """
     if len(points) == 1:
-        points, radius, density, softness = (x.repeat(2, *[1] * (x.ndim - 1)) for x in (points, radius, density, softness))
+        points, radius, density, softness = (
+            x.repeat(2, *[1] * (x.ndim - 1)) for x in (points, radius, density, softness)
+        )
     height, width = shape
     rows = torch.arange(height, dtype=points.dtype)
     columns = torch.arange(width, dtype=points.dtype)

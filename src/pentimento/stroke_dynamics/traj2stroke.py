@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -50,7 +50,7 @@ class Mark(NamedTuple):
 
 
 class Traj2Stroke(nn.Module):
-    """Paths [..., N, 5] (t_s, x_m, y_m, z_m, yaw_rad) to marks. Lengths are millimetres inside, for one learning rate."""
+    """Paths [..., N, 5] (t_s, x_m, y_m, z_m, yaw_rad) to marks. Lengths are mm inside, for one learning rate."""
 
     def __init__(self, initial: Traj2StrokeParameters) -> None:
         super().__init__()
@@ -96,11 +96,10 @@ def read_parameters(path: Path) -> Traj2StrokeParameters:
         ContractError: the file is not there or does not hold these parameters.
     """
     try:
-        fields = json.loads(path.read_text())
-        return Traj2StrokeParameters(
-            **{name: tuple(value) if isinstance(value, list) else float(value) for name, value in fields.items()}
-        )
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+        fields: dict[str, Any] = json.loads(path.read_text())
+        pairs = {name: tuple(fields.pop(name)) for name in ("scale", "offset_m")}
+        return Traj2StrokeParameters(**pairs, **fields)
+    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
         raise ContractError(
             f"{path} is not a stroke model ({error}): train one with the stage train_stroke_dynamics."
         ) from error

@@ -1,4 +1,4 @@
-"""A bundle of bristles: what it is made of, how the tip's motion bends, splays and drags it over the sheet."""
+"""A bundle of bristles: what it is made of, and how the tip bends, splays and drags it over the sheet."""
 
 from dataclasses import dataclass
 
@@ -10,6 +10,7 @@ from pentimento.studio.motion import Tip
 from pentimento.studio.world import Effects, Tool
 
 MENISCUS_M = 0.00015  # paint bulges out of the tip and touches before the bristles do
+CLEAR_M = -0.0012  # "press" at which no bristle touches
 DAB_STEPS = 8  # steps in which the tool comes down on the sheet and leaves it
 STICTION = 0.12  # a resting patch lets the bristles bend by this share more before it breaks loose
 STRAIGHTENING_M = 0.005  # bent bristles straighten within this distance when press is released
@@ -24,7 +25,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bundle:
-    """The bristles at rest: places in units of the tip's half extents, extra height of each one's end, and its wetting.
+    """The bristles at rest: places in units of the tip's half extents, extra height of each one's end, and
+    its wetting.
 
     place: float64[B,2] in [-1,1]; short_m: float64[B]; wetting: float64[B] relative film that it lays down.
     """
@@ -38,9 +40,10 @@ class Bundle:
 class Drag:
     """How the bundle's contact patch travels, in metres of the canvas frame.
 
-    patch: float64[M,2] centre; press_m: float64[M]; frame: float64[M,2,2] maps a bristle's place at rest to its
-    displacement from the centre; outer: float64[M,2] displacement added per unit of place on the outer side of a bend,
-    film: float64[M] relative thickness of the film that is laid down; speed_m_s: float64[M].
+    patch: float64[M,2] centre; press_m: float64[M]; frame: float64[M,2,2] maps a bristle's place at rest to
+    its displacement from the centre; outer: float64[M,2] displacement added per unit of place on the outer
+    side of a bend, film: float64[M] relative thickness of the film that is laid down; speed_m_s:
+    float64[M].
     """
 
     patch: Array
@@ -63,7 +66,9 @@ def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
 
 
 def _scatter(tool: Tool, rng: np.random.Generator) -> Array:
-    """Blue-noise-like places: each bristle is the one of a few candidates that is farthest from those before it."""
+    """Blue-noise-like places: each bristle is the one of a few candidates that is farthest from those
+    before it.
+    """
     aspect = tool.half_thickness_m / tool.half_width_m
     places = np.empty((tool.bristles, 2))
     for i in range(tool.bristles):
@@ -90,7 +95,8 @@ def _smooth_noise(place: Array, rng: np.random.Generator) -> Array:
 def drag(tip: Tip, surface_m: Array, tool: Tool, effects: Effects, worn_m: float, friction: Array) -> Drag:
     """Contact patch of `tool` for a tip's motion over a surface of height float64[M].
 
-    worn_m: length drawn in the tool's life. friction: float64[M + 2 DAB_STEPS] standard normal, the sheet's roughness.
+    worn_m: length drawn in the tool's life. friction: float64[M + 2 DAB_STEPS] standard normal, the sheet's
+    roughness.
     """
     xy, press, yaw, speed = _with_dabs(tip, surface_m)
     patch, bend = _drag_patch(xy, press, effects.bristle_lag * tool.trail_m, tool.splay_press_m, friction)
@@ -108,10 +114,8 @@ def drag(tip: Tip, surface_m: Array, tool: Tool, effects: Effects, worn_m: float
 def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
     """Add the tool's coming down and leaving: xy, press, yaw, speed, each [M + 2 DAB_STEPS]."""
     press = np.asarray(surface_m - tip.pose[:, 2])
-    clear = -2 * MENISCUS_M
-    down = np.linspace(clear, press[0], DAB_STEPS, endpoint=False)
-    up = np.linspace(clear, press[-1], DAB_STEPS, endpoint=False)[::-1]
-    press = np.concatenate([down, press, up])
+    down, up = (np.linspace(min(CLEAR_M, end), end, DAB_STEPS, endpoint=False) for end in (press[0], press[-1]))
+    press = np.concatenate([down, press, up[::-1]])
 
     def pad(values: Array) -> Array:
         return np.concatenate([np.repeat(values[:1], DAB_STEPS, 0), values, np.repeat(values[-1:], DAB_STEPS, 0)])
@@ -121,9 +125,11 @@ def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
 
 @njit(cache=True)
 def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, friction: Array) -> tuple[Array, Array]:
-    """The patch sticks until the bent bristles pull hard enough, then slides towards the tip until they pull less.
+    """The patch sticks until the bent bristles pull hard enough, then slides towards the tip until they
+    pull less.
 
-    Returns its centre [M,2] and the bend, tip minus patch over the largest trail (zero without a trail) [M,2].
+    Returns its centre [M,2] and the bend, tip minus patch over the largest trail (zero without a trail)
+    [M,2].
     """
     count = press.size
     patch = tip.copy()
@@ -159,7 +165,9 @@ def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, f
 
 
 def _course(patch: Array) -> tuple[Array, Array]:
-    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's way, smoothed over ~3 mm."""
+    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's way, smoothed over ~3
+    mm.
+    """
     step = np.gradient(np.column_stack([_blur(patch[:, 0], 15), _blur(patch[:, 1], 15)]), axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     heading = np.where(length[:, None] > 1e-7, step / np.maximum(length, 1e-12)[:, None], (1.0, 0.0))
@@ -198,7 +206,7 @@ def _footprint(tool: Tool, effects: Effects, yaw: Array, heading: Array, bend: A
     mean = 0.5 * (tool.half_width_m + tool.half_thickness_m) if tool.kind != "flat" else 0.72 * tool.half_width_m
     half = mean * (np.array([tool.half_width_m, tool.half_thickness_m]) / mean) ** effects.orientation_width
     c, s = np.cos(yaw), np.sin(yaw)
-    # With no oblong shape left, the square cross-section of a flat tool's bundle turns with the stroke, not with the arm.
+    # With no oblong shape left, what is square in a bundle turns with the stroke, not with the arm.
     if effects.orientation_width == 0:
         c, s = -heading[:, 1], heading[:, 0]
     frame = np.empty((len(yaw), 2, 2))
@@ -207,5 +215,7 @@ def _footprint(tool: Tool, effects: Effects, yaw: Array, heading: Array, bend: A
     # Bristles that are bent lie down along their bend.
     amount = np.hypot(bend[:, 0], bend[:, 1])
     axis = bend / np.maximum(amount, 1e-9)[:, None]
-    stretch = np.eye(2) + (tool.elongation * np.minimum(amount, 1.2))[:, None, None] * axis[:, :, None] * axis[:, None, :]
+    stretch = (
+        np.eye(2) + (tool.elongation * np.minimum(amount, 1.2))[:, None, None] * axis[:, :, None] * axis[:, None, :]
+    )
     return np.asarray(stretch @ frame)

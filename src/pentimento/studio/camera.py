@@ -1,6 +1,8 @@
 """The camera over the table: perspective, lens, uneven light, a sensor with noise, and eight bits of sRGB."""
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,14 +16,15 @@ from pentimento.studio.world import Camera, Effects
 LEVELS = 4096  # of the table from linear light to sRGB bytes
 
 Field = NDArray[np.float32]
+Plane = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Optics:
     """What stays the same between two photos.
 
-    column, row: float32[h,w] where each pixel of the frame looks on the scene; light: float32[h,w,3] exposure,
-    white balance, vignetting and uneven light together; blur_px: optical blur in the frame.
+    column, row: float32[h,w] where each pixel of the frame looks on the scene; light: float32[h,w,3]
+    exposure, white balance, vignetting and uneven light together; blur_px: optical blur in the frame.
     """
 
     column: Field
@@ -33,11 +36,15 @@ class Optics:
 def table_scene(
     canvas_size_m: tuple[float, float], layout: MarkerLayout, margin_m: float, rng: np.random.Generator
 ) -> tuple[Field, tuple[int, int]]:
-    """Table with printed markers as float32[H,W,3] linear light, and the (row, column) of the sheet's first cell."""
+    """Table with printed markers as float32[H,W,3] linear light, and the (row, column) of the sheet's first
+    cell.
+    """
     margin = round(margin_m * CELLS_PER_M)
     rows, columns = (round(s * CELLS_PER_M) + 2 * margin for s in reversed(canvas_size_m))
-    fibres = cv2.GaussianBlur(rng.standard_normal((rows, columns), dtype=np.float32), (0, 0), 30, sigmaY=1.2)
-    scene = np.float32([0.36, 0.33, 0.30]) * (1 + 0.05 * fibres / fibres.std())[..., None]
+    noise = rng.standard_normal((rows, columns // 30 + 2), dtype=np.float32)
+    fibres = cv2.resize(cv2.GaussianBlur(noise, (0, 0), 1.0), (columns, rows), interpolation=cv2.INTER_CUBIC)
+    wood = np.array([0.36, 0.33, 0.30], dtype=np.float32)
+    scene = wood * (1 + np.float32(0.05 / fibres.std()) * fibres)[..., None]
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     side = round(layout.side_m * CELLS_PER_M)
     quiet = round(0.19 * side)  # white round the black square; ArUco needs one module, a sixth of the side
@@ -47,31 +54,32 @@ def table_scene(
         scene[max(r - quiet, 0) : r + side + quiet, max(c - quiet, 0) : c + side + quiet] = 0.82
         ink = cv2.aruco.generateImageMarker(dictionary, marker, side)
         scene[r : r + side, c : c + side] = np.where(ink[..., None] > 0, 0.82, 0.03)
-    return scene.astype(np.float32), (margin, margin)
+    return scene, (margin, margin)
 
 
 def make_optics(camera: Camera, effects: Effects, canvas_size_m: tuple[float, float]) -> Optics:
     """Where each pixel looks, and how much light it gets."""
     size_m = np.asarray(canvas_size_m) + 2 * camera.margin_m
-    width, height = (int(np.ceil(s * camera.pixels_per_m * 1.02)) for s in size_m)
-    x, y = np.meshgrid(np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2)
-    half = 0.5 * np.hypot(width, height)
-    x, y = x / half, y / half
+    width, height = (int(np.ceil(s * camera.pixels_per_m)) for s in size_m)
+    half = 0.5 * math.hypot(width, height)
+    x = ((np.arange(width, dtype=np.float32) - (width - 1) / 2) / half)[None, :]
+    y = ((np.arange(height, dtype=np.float32) - (height - 1) / 2) / half)[:, None]
     u, v = _through_lens(x, y, camera, effects.lens_distortion)
     u, v = _onto_table(u, v, camera)
-    metres = half / camera.pixels_per_m * 1.005
+    metres = half / camera.pixels_per_m
     column = (u * metres + size_m[0] / 2) * CELLS_PER_M - 0.5
     row = (v * metres + size_m[1] / 2) * CELLS_PER_M - 0.5
-    light = _light(x, y, camera, effects)[..., None] * np.asarray(camera.white_balance)
+    light = _light(x, y, camera, effects)[..., None] * np.asarray(camera.white_balance, dtype=np.float32)
     light = light * (camera.exposure_s / 0.008 * camera.gain)
     return Optics(
-        column.astype(np.float32), row.astype(np.float32), light.astype(np.float32), camera.blur_m * camera.pixels_per_m
+        column.astype(np.float32),
+        row.astype(np.float32),
+        light.astype(np.float32),
+        camera.blur_m * camera.pixels_per_m,
     )
 
 
-def _through_lens(
-    x: NDArray[np.float64], y: NDArray[np.float64], camera: Camera, strength: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _through_lens(x: Plane, y: Plane, camera: Camera, strength: float) -> tuple[Plane, Plane]:
     """Directions without a lens, from places in the frame; radius 1 is the frame's corner."""
     dx, dy = x - camera.decentring, y + 0.6 * camera.decentring
     r2 = dx**2 + dy**2
@@ -80,21 +88,17 @@ def _through_lens(
     return x + dx * factor, y + dy * factor
 
 
-def _onto_table(
-    u: NDArray[np.float64], v: NDArray[np.float64], camera: Camera
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _onto_table(u: Plane, v: Plane, camera: Camera) -> tuple[Plane, Plane]:
     """A slightly turned camera that looks from the table's front edge."""
-    c, s = np.cos(camera.rotation_rad), np.sin(camera.rotation_rad)
+    c, s = math.cos(camera.rotation_rad), math.sin(camera.rotation_rad)
     u, v = c * u - s * v, s * u + c * v
     depth = 1 + camera.keystone * (v + 0.3 * u)
     return u / depth, v / depth
 
 
-def _light(
-    x: NDArray[np.float64], y: NDArray[np.float64], camera: Camera, effects: Effects
-) -> NDArray[np.float64]:
+def _light(x: Plane, y: Plane, camera: Camera, effects: Effects) -> Plane:
     # cos^4 law for the natural fall-off of a lens
-    tangent2 = (x**2 + y**2) * np.tan(camera.field_angle_rad) ** 2
+    tangent2 = (x**2 + y**2) * math.tan(camera.field_angle_rad) ** 2
     fall_off = 1 + effects.vignetting * ((1 + tangent2) ** -2 - 1)
     # A lamp at one side: stronger near it, by the inverse square law rather than linearly.
     nearer = camera.gradient[0] * x - camera.gradient[1] * y
@@ -125,7 +129,9 @@ def _digitise(
     srgb: NDArray[np.uint8],
     out: NDArray[np.uint8],
 ) -> None:
-    """Shot noise grows with the signal, read noise is always there. `normal` holds the quantiles of a normal deviate."""
+    """Shot noise grows with the signal, read noise is always there. `normal` holds the quantiles of a
+    normal deviate.
+    """
     top, shot32, read2 = np.float32(srgb.size - 1), np.float32(shot), np.float32(read * read)
     for r in range(out.shape[0]):
         for c in range(out.shape[1]):

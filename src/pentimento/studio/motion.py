@@ -1,8 +1,8 @@
 """From the commanded path to where the tool's tip really goes.
 
-The errors come in the order of the machine: the servo follows its command late (`latency`), the gears have play
-(`backlash`), the frame in which the arm believes is scaled and shifted against the sheet (`path_scale`, `path_offset`).
-Encoders sit on the motors, so that they see the first of these only.
+The errors come in the order of the machine: the servo follows its command late (`latency`), the gears have
+play (`backlash`), the frame in which the arm believes is scaled and shifted against the sheet
+(`path_scale`, `path_offset`). Encoders sit on the motors, so that they see the first of these only.
 """
 
 from dataclasses import dataclass
@@ -21,17 +21,25 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Gears:
+    """Where the motors rest (x_m, y_m) and how far the driven side is off within its play, per axis."""
+
+    rest_m: tuple[float, float] = (0.0, 0.0)
+    slack_m: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Tip:
     """The tip's true motion in the canvas frame, at uniform time steps.
 
     pose: float64[M,4] x_m, y_m, z_m, yaw_rad; speed_m_s: float64[M]; encoders: float64[N,5] as the command;
-    slack_m: where the gears rest within their play afterwards.
+    gears: as they are left.
     """
 
     pose: Array
     speed_m_s: Array
     encoders: Array
-    slack_m: tuple[float, float]
+    gears: Gears
 
 
 def execute(
@@ -39,7 +47,7 @@ def execute(
     robot: Robot,
     effects: Effects,
     canvas_size_m: tuple[float, float],
-    slack_m: tuple[float, float],
+    gears: Gears,
     rng: np.random.Generator,
 ) -> Tip:
     """Let the arm execute `path` (float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; t increasing, all finite)."""
@@ -50,16 +58,25 @@ def execute(
     lag_s = effects.latency * robot.latency_s
     if lag_s > 0:
         for axis in (0, 1, 3):  # the lift is a short, stiff axis with its own fast servo
-            _follow(command[:, axis], step_s, lag_s * DEAD_TIME_SHARE, lag_s * (1 - DEAD_TIME_SHARE), followed[:, axis])
+            _follow(
+                command[:, axis],
+                step_s,
+                lag_s * DEAD_TIME_SHARE,
+                lag_s * (1 - DEAD_TIME_SHARE),
+                followed[:, axis],
+            )
     encoders = _read_encoders(path, followed, step_s, encoder_noise)
-    xy, slack = followed[:, :2].copy(), list(slack_m)
+    # The way to the stroke's start counts: it decides on which side the gears rest.
+    xy, slack = np.vstack([gears.rest_m, followed[:, :2]]), [0.0, 0.0]
     for axis in (0, 1):
         half_play_m = 0.5 * effects.backlash * robot.backlash_m[axis]
-        slack[axis] = _play(xy[:, axis], half_play_m, slack[axis])
+        slack[axis] = _play(xy[:, axis], half_play_m, gears.slack_m[axis])
+    xy = xy[1:]
     xy = _misplace(xy, path[0, 1:3], robot, effects, canvas_size_m) + seat_m
     speed = np.hypot(*np.gradient(xy, axis=0).T) / step_s
     pose = np.column_stack([xy, followed[:, 2:]])
-    return Tip(pose, speed, encoders, (slack[0], slack[1]))
+    rest = Gears((float(followed[-1, 0]), float(followed[-1, 1])), (slack[0], slack[1]))
+    return Tip(pose, speed, encoders, rest)
 
 
 def _resample(path: Array) -> tuple[Array, float]:
@@ -74,20 +91,23 @@ def _resample(path: Array) -> tuple[Array, float]:
 
 @njit(cache=True)
 def _follow(command: Array, step_s: float, dead_s: float, servo_s: float, out: Array) -> None:
-    """Dead time, then a critically damped servo that trails a ramp by `servo_s` (its 2/omega), stepped finely enough."""
+    """Dead time, then a critically damped servo that trails a ramp by `servo_s` (its 2/omega), stepped
+    finely enough.
+    """
     omega = 2.0 / servo_s
-    substeps = int(np.ceil(step_s * omega / 0.2))
+    substeps = int(np.ceil(step_s * omega / 0.04))
     h = step_s / substeps
     position, velocity = command[0], 0.0
     for k in range(command.size):
         out[k] = position
-        delayed = k - dead_s / step_s
+        delayed = k + 0.5 - dead_s / step_s  # the command in the middle of the coming step
         below = int(np.floor(delayed))
         if below < 0:
             target = command[0]
         else:
             share = delayed - below
-            target = command[below] * (1 - share) + command[min(below + 1, command.size - 1)] * share
+            after = min(below + 1, command.size - 1)
+            target = command[min(below, after)] * (1 - share) + command[after] * share
         for _ in range(substeps):
             velocity += h * (omega * omega * (target - position) - 2 * omega * velocity)
             position += h * velocity
@@ -95,7 +115,9 @@ def _follow(command: Array, step_s: float, dead_s: float, servo_s: float, out: A
 
 @njit(cache=True)
 def _play(position: Array, half_play_m: float, slack_m: float) -> float:
-    """Play operator in place: the driven side moves only when the driver has crossed the gap. Returns the last slack."""
+    """Play operator in place: the driven side moves only when the driver has crossed the gap. Returns the
+    last slack.
+    """
     slack = min(max(slack_m, -half_play_m), half_play_m)
     last = position[0]
     for k in range(position.size):
@@ -106,7 +128,9 @@ def _play(position: Array, half_play_m: float, slack_m: float) -> float:
 
 
 def _misplace(xy: Array, start: Array, robot: Robot, effects: Effects, canvas_size_m: tuple[float, float]) -> Array:
-    """Scale about the stroke's start, then shift; the shift turns slightly over the sheet, as a bad registration does."""
+    """Scale about the stroke's start, then shift; the shift turns slightly over the sheet, as a bad
+    registration does.
+    """
     scale = 1 + effects.path_scale * (np.asarray(robot.scale) - 1)
     centre = 0.5 * np.asarray(canvas_size_m)
     relative = (xy - centre) / centre[0]

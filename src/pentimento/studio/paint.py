@@ -1,7 +1,7 @@
 """Paint as light sees it: Kubelka-Munk films over a background, in three bands.
 
-K absorbs and S scatters, both per thickness of a nominal film. Source: P. Kubelka, "New contributions to the optics of
-intensely light-scattering materials", J. Opt. Soc. Am. 38 (1948).
+K absorbs and S scatters, both per thickness of a nominal film. Source: P. Kubelka, "New contributions to
+the optics of intensely light-scattering materials", J. Opt. Soc. Am. 38 (1948).
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,8 @@ class Pigment:
 
 
 def pigment(masstone_linear: Array, paint: Paint) -> Pigment:
-    """Paint whose infinitely thick layer has this reflectance, float64[3] linear; a dye's nominal film has it on white.
+    """Paint whose infinitely thick layer has this reflectance, float64[3] linear; a dye's nominal film has
+    it on white.
 
     Dark paints scatter less, so that no film absorbs more than `paint.absorption` allows.
     """
@@ -68,9 +69,10 @@ def lay_film(
 ) -> None:
     """Lay a stroke's film float32[h,w,7] (volume, K[3], S[3]) on the sheet, in place.
 
-    wet: float32[h,w,7] the uppermost layer; below: float32[h,w,3] linear reflectance of what lies beneath it;
-    painted_s: float32[h,w] when the uppermost layer was painted. A wet layer is stirred into the new one as far as it
-    is liquid and the new one is thick enough to do so; what is left of it becomes background.
+    wet: float32[h,w,7] the uppermost layer; below: float32[h,w,3] linear reflectance of what lies beneath
+    it; painted_s: float32[h,w] when the uppermost layer was painted. A wet layer is stirred into the new
+    one as far as it is liquid and the new one is thick enough to do so; what is left of it becomes
+    background.
     """
     rows, columns = painted_s.shape
     for r in range(rows):

@@ -20,7 +20,9 @@ def sheet_shape(paper: Paper) -> tuple[int, int]:
 
 
 def grain_field(paper: Paper, rng: np.random.Generator) -> Field:
-    """Height of the paper's texture by rank, float32[H,W] uniform in [0,1] (1 = peaks, which paint reaches first)."""
+    """Height of the paper's texture by rank, float32[H,W] uniform in [0,1] (1 = peaks, which paint reaches
+    first).
+    """
     shape = sheet_shape(paper)
     size = paper.grain_m * CELLS_PER_M
     fine = cv2.GaussianBlur(rng.standard_normal(shape, dtype=np.float32), (0, 0), 0.45 * size)
@@ -31,16 +33,21 @@ def grain_field(paper: Paper, rng: np.random.Generator) -> Field:
 
 
 def absorbency_field(paper: Paper, rng: np.random.Generator) -> Field:
-    """How far liquid travels in the sheet, float32[H,W]: patches of centimetres, and the sheet's humidity on the day."""
+    """How far liquid travels in the sheet, float32[H,W]: patches of centimetres, and the sheet's humidity
+    on the day.
+    """
     rows, columns = sheet_shape(paper)
     humidity = float(np.exp(0.35 * rng.standard_normal()))
     coarse = rng.standard_normal((rows // 40 + 2, columns // 40 + 2), dtype=np.float32)
     patches = cv2.resize(cv2.GaussianBlur(coarse, (0, 0), 1.0), (columns, rows), interpolation=cv2.INTER_CUBIC)
-    return np.asarray(paper.absorbency * humidity * np.exp(0.9 * patches), dtype=np.float32)
+    thirst = paper.absorbency * humidity * np.exp(0.9 * patches)
+    return np.asarray(thirst / (0.5 + thirst), dtype=np.float32)
 
 
 def surface_height_m(paper: Paper, effects: Effects, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Height of the sheet above the plane that the robot believes in, for positions float64[M,2] (`canvas_tilt`)."""
+    """Height of the sheet above the plane that the robot believes in, for positions float64[M,2]
+    (`canvas_tilt`).
+    """
     half = 0.5 * np.asarray(paper.size_m)
     u, v = ((xy_m - half) / half).T
     plane = paper.tilt_m[0] * u + paper.tilt_m[1] * v
@@ -49,13 +56,14 @@ def surface_height_m(paper: Paper, effects: Effects, xy_m: NDArray[np.float64]) 
 
 
 def spread(film: NDArray[np.float32], reach_cells: Field, grain: Field) -> None:
-    """Let liquid wick outwards in place, conserving its volume: film float32[H,W,C], reach float32[H,W] in cells.
+    """Let liquid wick outwards in place, conserving its volume: film float32[H,W,C], reach float32[H,W] in
+    cells.
 
-    An explicit diffusion whose conductivity follows the fibres, so that edges feather; after it a line's edge has
-    about `reach_cells` as standard deviation.
+    An explicit diffusion whose conductivity follows the fibres, so that edges feather; after it a line's
+    edge has about `reach_cells` as standard deviation.
     """
     largest = float(reach_cells.max(initial=0.0))
-    steps = int(np.ceil(largest**2 / 2 / 0.2))
+    steps = int(np.ceil(largest**2 / 2 / 0.22))
     if steps == 0:
         return
     conductivity = (reach_cells**2 / (2 * steps) * (0.35 + 1.3 * grain)).astype(np.float32)

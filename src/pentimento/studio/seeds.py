@@ -1,4 +1,6 @@
-"""Random streams of the studio: one for each item, so that what happens to an item depends on nothing but its id."""
+"""Random streams of the studio: one for each item, so that what happens to an item depends on nothing but
+its id.
+"""
 
 from enum import IntEnum
 

@@ -10,7 +10,7 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.photo import Photo
 from pentimento.studio.brush import DAB_STEPS, Drag, drag, make_bundle
 from pentimento.studio.camera import expose, make_optics, table_scene
-from pentimento.studio.motion import Tip, execute
+from pentimento.studio.motion import Gears, Tip, execute
 from pentimento.studio.paint import lay_film, pigment, refresh
 from pentimento.studio.paper import (
     BLEED_M,
@@ -27,7 +27,8 @@ from pentimento.studio.sweep import sweep
 from pentimento.studio.world import World
 
 PHOTO_S, DIP_S, WIPE_S, SHEET_S = 1.0, 5.0, 4.0, 20.0
-RINSED = 0.04  # of the old paint that is left in the bristles after a wipe, at full mixing strength
+RINSED = 0.015  # of the old paint that is left in the bristles after a wipe, at full mixing strength
+SLOWEST_M_S = 0.008  # a tool that hardly moves does not wick without end
 ENDLESS = 1e-30  # a load so large that no stroke changes its floating-point number
 BLACK_SRGB = (0.11, 0.105, 0.115)
 
@@ -35,8 +36,8 @@ BLACK_SRGB = (0.11, 0.105, 0.115)
 class Studio:
     """A virtual world under one seed: the same commands give the same bytes.
 
-    A marker begins with fresh black ink, a brush clean and dry; `dip` loads it (and hands a marker's holder a fresh pen
-    of that colour).
+    A marker begins with fresh black ink, a brush clean and dry; `dip` loads it (and hands a marker's holder
+    a fresh pen of that colour).
     """
 
     def __init__(self, world: World, seed: int) -> None:
@@ -49,7 +50,7 @@ class Studio:
         self._optics = make_optics(world.camera, world.effects, world.paper.size_m)
         self.clock_s = 0.0
         self._counts = dict.fromkeys(Item, 0)
-        self._slack_m = (0.0, 0.0)
+        self._gears = Gears()
         self._worn_m = 0.0
         bristles = world.tool.bristles
         self._load, self._belly = np.zeros(bristles), np.zeros(1)
@@ -83,22 +84,25 @@ class Studio:
         self.clock_s += DIP_S
 
     def wipe(self) -> None:
-        """Wash and dry the tool; a little of the paint stays between the bristles. A marker is left as it is."""
+        """Wash and dry the tool; a little of the paint stays between the bristles. A marker is left as it
+        is.
+        """
         if self._world.tool.kind != "marker":
             self._load[:], self._belly[0] = 0.0, 0.0
             self._held = False
         self.clock_s += WIPE_S
 
     def stroke(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Execute a commanded path, float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; returns what the encoders measured.
+        """Execute a commanded path, float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; returns what the encoders
+        measured.
 
-        Raises ContractError for a path of another shape, with numbers that are not finite, or with times that do not
-        increase.
+        Raises ContractError for a path of another shape, with numbers that are not finite, or with times
+        that do not increase.
         """
         path = _checked(path)
         world, rng = self._world, self._next(Item.STROKE)
-        tip = execute(path, world.robot, world.effects, world.paper.size_m, self._slack_m, rng)
-        self._slack_m = tip.slack_m
+        tip = execute(path, world.robot, world.effects, world.paper.size_m, self._gears, rng)
+        self._gears = tip.gears
         self.clock_s += world.robot.travel_s + float(path[-1, 0] - path[0, 0])
         surface = surface_height_m(world.paper, world.effects, tip.pose[:, :2])
         friction = rng.standard_normal(len(tip.pose) + 2 * DAB_STEPS)
@@ -179,24 +183,27 @@ class Studio:
         bristle = np.full(tool.bristles, volume * (1 - tool.belly) / tool.bristles)
         sweep(
             film, self._wet[window], liquid, self._grain[window], world.paper.grain,
-            centre - low, moved.press_m, moved.frame * flip[:, None] * CELLS_PER_M, moved.outer * flip, moved.film,
-            self._bundle.place, self._bundle.short_m, self._bundle.wetting, self._colour, self._load, self._belly,
-            bristle, volume * tool.belly, tool.bristle_radius_m * CELLS_PER_M,
-            world.paint.pickup * world.effects.wet_mixing, tool.swell,
+            centre - low, moved.press_m, moved.frame * flip[:, None] * CELLS_PER_M, moved.outer * flip,
+            moved.film, self._bundle.place, self._bundle.short_m, self._bundle.wetting,
+            self._colour, self._load, self._belly, bristle, volume * tool.belly,
+            tool.bristle_radius_m * CELLS_PER_M, world.paint.pickup * world.effects.wet_mixing, tool.swell,
         )  # fmt: skip
         spread(film, self._reach_cells(moved, window), self._grain[window])
         lay_film(
-            film, self._wet[window], self._below[window], self._painted_s[window], self.clock_s, world.paint.drying_s,
-            world.paint.drying_loss * world.effects.drying_shift, world.paint.stirring * world.effects.wet_mixing,
+            film, self._wet[window], self._below[window], self._painted_s[window],
+            self.clock_s, world.paint.drying_s, world.paint.drying_loss * world.effects.drying_shift,
+            world.paint.stirring * world.effects.wet_mixing,
         )  # fmt: skip
         self._seen_liquid[window][film[..., 0] > 0] = 2.0
 
     def _reach_cells(self, moved: Drag, window: tuple[slice, slice]) -> NDArray[np.float32]:
-        """How far the stroke's paint flows, float32[h,w]: by itself, by the paper, and by the time that the tool stays."""
+        """How far the stroke's paint flows, float32[h,w]: by itself, by the paper, and by the time that the
+        tool stays.
+        """
         effects, tool = self._world.effects, self._world.tool
         absorbed = effects.paper_bleed * BLEED_M * self._absorbency[window]
         inside = moved.press_m > 0
-        speed = max(float(np.median(moved.speed_m_s[inside])) if inside.any() else 0.0, 0.002)
+        speed = max(float(np.median(moved.speed_m_s[inside])) if inside.any() else 0.0, SLOWEST_M_S)
         stay_s = 2 * tool.half_thickness_m / speed
         wicked = effects.speed_bleed * WICKING_M_PER_SQRT_S * np.sqrt(stay_s)
         further = np.float32(np.hypot(wicked, self._world.paint.levelling_m))

@@ -41,12 +41,13 @@ def sweep(
 ) -> None:
     """Move the bundle along its drag and let paint flow, in place. Lengths are cells of the window's grid.
 
-    film: float32[h,w,7] this stroke's paint: volume (nominal thickness times cells), K[3], S[3];
-    wet: float32[h,w,7] the layer on the sheet, liquid: float32[h,w] its liquid share, grain: float32[h,w];
+    film: float32[h,w,7] this stroke's paint: volume (nominal thickness times cells), K[3], S[3]; wet:
+    float32[h,w,7] the layer on the sheet, liquid: float32[h,w] its liquid share, grain: float32[h,w];
     centre: float64[M,2] (column, row); frame: float64[M,2,2], outer: float64[M,2] as in `brush.Drag` but in
-    (column, row); thickness: float64[M]; place, short_m, wetting: the bundle; colour: float64[B,6] K and S of what each
-    bristle holds; load: float64[B] and belly: float64[1] shares of full, whose volumes are `bristle_cells` (float64[B])
-    and `belly_cells`; pickup: share of the wet layer that one touch exchanges; swell: relative narrowing when emptied.
+    (column, row); thickness: float64[M]; place, short_m, wetting: the bundle; colour: float64[B,6] K and S
+    of what each bristle holds; load: float64[B] and belly: float64[1] shares of full, whose volumes are
+    `bristle_cells` (float64[B]) and `belly_cells`; pickup: share of the wet layer that one touch exchanges;
+    swell: relative narrowing when emptied.
     """
     rows, columns = grain.shape
     before_x, before_y = np.empty(load.size), np.empty(load.size)
@@ -84,9 +85,7 @@ def sweep(
             r, c = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
             if pickup > 0 and 0 <= r < rows and 0 <= c < columns and wet[r, c, 0] > 0.02:
                 _take_along(wet, liquid[r, c], colour, b, r, c, pickup * rate)
-            _touch_sheet(
-                film, grain, roughness, x, y, radius, rate, target, depth, colour, load, bristle_cells[b], b
-            )
+            _touch_sheet(film, grain, roughness, x, y, radius, rate, target, depth, colour, load, bristle_cells[b], b)
 
 
 @njit(cache=True, error_model="numpy")
@@ -137,10 +136,10 @@ def _touch_sheet(
 
 
 @njit(cache=True, error_model="numpy")
-def _take_along(
-    wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float
-) -> None:
-    """Exchange with the wet layer, volume for volume: the bristle's paint goes into the sheet and the sheet's into it."""
+def _take_along(wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float) -> None:
+    """Exchange with the wet layer, volume for volume: the bristle's paint goes into the sheet and the
+    sheet's into it.
+    """
     share = pickup * liquid
     moved = share * wet[r, c, 0]
     dilution = moved / (moved + HELD)

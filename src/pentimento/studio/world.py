@@ -1,7 +1,8 @@
 """What a hidden world consists of, and how it is read from a world file (TOML).
 
-A world file has one table for each section of `World`. `base = "other.toml"` beside the tables takes every key that
-the file does not set from another world file of the same folder. Lengths are metres, times seconds, angles radians.
+A world file has one table for each section of `World`. `base = "other.toml"` beside the tables takes every
+key that the file does not set from another world file of the same folder. Lengths are metres, times
+seconds, angles radians.
 """
 
 import tomllib
@@ -65,7 +66,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Tool:
-    """A bundle of bristles (a felt nib is a bundle of fibres). Half extents are those of the unpressed tip."""
+    """A bundle of bristles, or a nib's bundle of fibres. Half extents are those of the unpressed tip."""
 
     name: str
     kind: ToolKind
@@ -159,7 +160,9 @@ def _read_sections(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         known = ", ".join(sorted(p.stem for p in WORLDS.glob("*.toml")))
-        raise ConfigError(f"There is no world file {path}; give the path of a .toml file or one of: {known}.") from error
+        raise ConfigError(
+            f"There is no world file {path}; give the path of a .toml file or one of: {known}."
+        ) from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"World file {path} is not valid TOML: {error}.") from error
     base = document.pop("base", None)

@@ -1,0 +1,42 @@
+"""Put what the other stages made on one page."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from pentimento.report.inputs import read_painting, read_tool
+from pentimento.report.page import ReportConfig, build_report
+from pipelines._config import load_section
+from pipelines._io import output_folder, stage_main
+from pipelines._tracking import tracked_run
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: index.html, and its pictures as files beside it."""
+    config = load_section(Path("params.yaml"), "report", ReportConfig)
+    strokes = {tool: arguments.strokes / tool for tool in arguments.tools}
+    weights = {tool: arguments.models / f"stroke_{tool}_base/weights" for tool in arguments.tools}
+    paintings = {setting: arguments.paintings / setting for setting in arguments.settings}
+    inputs = {f"strokes.{tool}": path for tool, path in strokes.items()}
+    inputs |= {f"model.{tool}": path for tool, path in weights.items()}
+    inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
+    with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
+        files = build_report(
+            [read_painting(setting, folder) for setting, folder in paintings.items()],
+            [read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
+            config,
+        )
+        for name, data in files.items():
+            (out / name).write_bytes(data)
+        run.log("page_bytes", len(files["index.html"]))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="report", description=__doc__)
+    parser.add_argument("--strokes", required=True, type=Path, help="folder of a table of strokes for each tool")
+    parser.add_argument("--models", required=True, type=Path)
+    parser.add_argument("--paintings", required=True, type=Path)
+    parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
+    parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

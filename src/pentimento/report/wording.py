@@ -1,0 +1,55 @@
+"""Numbers as words: sentences that stay true whichever way a result goes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_UNCHANGED = 0.0005  # a change of less than 0.05 % would be written as 0.0 %
+
+
+def decimal(value: float, digits: int = 3) -> str:
+    """`value` with so many significant digits and never an exponent: 0.00421, 12.3, 340."""
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    if abs(rounded) >= 10 ** (digits - 1):
+        return f"{rounded:.0f}"
+    return np.format_float_positional(rounded, precision=digits, unique=False, fractional=False, trim="k")
+
+
+def percent(share: float) -> str:
+    """0.234 -> 23 %, 0.052 -> 5.2 %, with a space that does not break."""
+    number = 100 * share
+    return f"{number:.1f} %" if abs(number) < 9.95 else f"{number:.0f} %"
+
+
+def signed_mm(length_m: float) -> str:
+    """+0.31 mm, −0.20 mm; with a true minus sign."""
+    text = f"{1000 * length_m:+.2f}"
+    return ("0.00" if float(text) == 0 else text.replace("-", "−")) + " mm"
+
+
+def count(number: int, noun: str) -> str:
+    """1 paint, 12 paints."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def lowered(what: str, share: float) -> str:
+    """A verb phrase: lowered, raised (a negative share) or did not change `what`."""
+    if abs(share) < _UNCHANGED:
+        return f"did not change {what}"
+    return f"{'lowered' if share > 0 else 'raised'} {what} by {percent(abs(share))}"
+
+
+def times(factor: float, more: str, less: str) -> str:
+    """3.1 -> 3.1 times {more}; 0.5 -> 2.0 times {less}: by how much one number exceeds another."""
+    if abs(factor - 1) < _UNCHANGED:
+        return "as large"
+    if factor > 1:
+        return f"{decimal(factor)} times {more}"
+    return f"{decimal(1 / factor)} times {less}" if factor > 0 else f"infinitely {less}"
+
+
+def tool_name(name: str) -> str:
+    """round_brush -> round brush."""
+    return name.replace("_", " ")

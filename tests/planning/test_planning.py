@@ -1,0 +1,154 @@
+"""Plans get closer to the target, stay within what tool and canvas allow, and repeat bit by bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
+from pentimento.contracts.errors import ImageError
+from pentimento.planning.initialise import error_guided_strokes
+from pentimento.planning.objective import print_loss
+from pentimento.planning.palette import cluster_palette
+from pentimento.planning.planner import LearningRates, PlannerConfig, Scene, optimise, plan, render_plan
+from pentimento.planning.strokes import StrokeTensors, to_planned
+from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.robots.tools import load_tool
+from pentimento.runner.safety import envelope_for
+from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
+
+SIZE_M = (0.12, 0.08)
+MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 2e-3, 0.2, 0.95)).requires_grad_(False)
+RATES = LearningRates(6e-4, 0.03, 6e-4, 3e-4, 5e-5, 0.02)
+CONFIG = PlannerConfig("error_guided", 2, 10, 10, 15, 10, 0.3, 3, 10, 500.0, 5e-3, (1, 4), RATES, 1)
+WHITE = torch.ones(40, 60, 3)
+
+
+def scene(tool: str = "round_brush") -> Scene:
+    """A red disc on a green ground, lower right of the middle."""
+    rows, columns = torch.meshgrid(torch.arange(40), torch.arange(60), indexing="ij")
+    inside = ((rows - 25) ** 2 + (columns - 40) ** 2 < 100)[..., None]
+    target = torch.where(inside, torch.tensor([0.6, 0.05, 0.05]), torch.tensor([0.05, 0.4, 0.1]))
+    return Scene(load_tool(tool), MODEL, SIZE_M, target)
+
+
+def unheard(*_: object) -> None: ...
+
+
+def test_a_plan_comes_closer_than_the_blank_canvas_and_than_its_start() -> None:
+    losses: list[float] = []
+    strokes, palette = plan(WHITE, scene(), 40, CONFIG, lambda name, value, step: losses.append(value))
+    final = float(print_loss(render_plan(strokes, WHITE, scene(), 10), scene().target, CONFIG.distances_px))
+    assert final < 0.3 * losses[0]
+    assert len(strokes) == 40
+    assert palette.shape[0] <= 3
+
+
+def test_strokes_run_from_light_to_dark_in_palette_colours() -> None:
+    strokes, palette = plan(WHITE, scene(), 24, CONFIG, unheard)
+    planned = to_planned(strokes, scene().tool, 10)
+    paint = [int(np.abs(palette - stroke.color_srgb).sum(1).argmin()) for stroke in planned]
+    assert paint == sorted(paint)
+    assert max(np.abs(palette[i] - s.color_srgb).max() for i, s in zip(paint, planned, strict=True)) < 1e-5
+    assert (np.diff(srgb_to_lab(palette)[:, 0]) <= 0).all()
+
+
+def test_planned_strokes_pass_the_safety_envelope() -> None:
+    tool = load_tool("round_brush")
+    wild = StrokeTensors(
+        torch.tensor([[-0.5, 0.3], [0.05, 0.04], [0.2, -0.1]]),
+        torch.tensor([0.0, 2.0, -1.0]),
+        torch.tensor([9.0, 0.0, 0.03]),
+        torch.tensor([-3.0, 1.0, 0.0]),
+        torch.tensor([[9.0, -9.0, 0.0]] * 3),
+        torch.tensor([[2.0, -1.0, 0.5]] * 3),
+    )
+    wild.keep_within(tool, SIZE_M, 5e-3)
+    for stroke in to_planned(wild, tool, 12):
+        envelope_for(tool, SIZE_M).check_path(stroke.path)
+        assert stroke.path[:, 1:3].min() >= 5e-3 - 1e-6
+
+
+def test_optimising_never_ends_worse_than_it_began() -> None:
+    strokes, _ = plan(WHITE, scene(), 12, CONFIG, unheard)
+    before = float(print_loss(render_plan(strokes, WHITE, scene(), 10), scene().target, CONFIG.distances_px))
+    optimise(strokes, WHITE, scene(), CONFIG, 5, False, 300.0, unheard, 0)  # steps that are far too long
+    after = float(print_loss(render_plan(strokes, WHITE, scene(), 10), scene().target, CONFIG.distances_px))
+    assert after <= before + 1e-9
+
+
+def test_the_same_seed_gives_the_same_plan() -> None:
+    first, second = (plan(WHITE, scene(), 10, CONFIG, unheard)[0].tensors() for _ in range(2))
+    assert all(torch.equal(a, b) for a, b in zip(first, second, strict=True))
+
+
+def test_a_marker_keeps_its_colour() -> None:
+    strokes, palette = plan(WHITE, scene("marker"), 8, CONFIG, unheard)
+    assert float(strokes.color.abs().max()) == 0
+    np.testing.assert_array_equal(palette, [[0, 0, 0]])
+
+
+def test_guided_strokes_start_where_the_error_is() -> None:
+    target = np.ones((40, 60, 3))
+    target[25:, 45:] = 0.1  # dark at the lower right: large x, small y
+    new = error_guided_strokes(
+        20, load_tool("marker"), SIZE_M, np.ones((40, 60, 3)), target, 0.5, np.random.default_rng(0)
+    )
+    near = (new.middle_m[:, 0] > 0.08) & (new.middle_m[:, 1] < 0.035)
+    assert near.float().mean() > 0.9
+
+
+def test_replanning_finds_a_stroke_to_mend_a_moved_canvas() -> None:
+    """Half of the painting came out displaced: the rest, replanned, ends closer to the target than unplanned."""
+    strokes, _ = plan(WHITE, scene(), 30, CONFIG, unheard)
+    done, left = strokes.pick(slice(0, 15)), strokes.pick(slice(15, None))
+    done.middle_m += 0.006
+    canvas = render_plan(done, WHITE, scene(), 10)
+
+    def error() -> float:
+        return float(print_loss(render_plan(left, canvas, scene(), 10), scene().target, CONFIG.distances_px))
+
+    unplanned = error()
+    optimise(left, canvas, scene(), CONFIG, 20, False, 0.3, unheard, 0)
+    assert error() < unplanned
+
+
+def test_the_palette_clusters_in_lab_and_weighs_by_area() -> None:
+    rng = np.random.default_rng(0)
+    centres = np.array([[0.9, 0.85, 0.8], [0.5, 0.2, 0.2], [0.1, 0.1, 0.3]])
+    colors = np.repeat(centres, 20, axis=0) + rng.normal(0, 0.01, (60, 3))
+    palette, paint = cluster_palette(colors, np.ones(60), 3, 0)
+    np.testing.assert_array_equal(paint, np.repeat([0, 1, 2], 20))
+    assert (delta_e_2000(srgb_to_lab(palette), srgb_to_lab(centres)) < 1.5).all()
+    assert len(cluster_palette(np.repeat(centres, 5, axis=0), np.ones(15), 12, 0)[0]) == 3
+
+
+def test_the_target_keeps_the_canvas_proportions_and_orientation() -> None:
+    photo = np.zeros((100, 400, 3), np.uint8)
+    photo[:50, :, 0] = 255  # red above
+    photo[:, 250:, 2] = 255  # blue right of the middle
+    fitted = fit_to_canvas(photo, (40, 60))
+    assert fitted.shape == (40, 60, 3)
+    assert fitted[5, 30, 0] == pytest.approx(1)
+    assert fitted[35, 30, 0] == 0
+    assert fitted[20, 58, 2] == pytest.approx(1)
+    assert fitted[20, 5, 2] == 0
+
+
+def test_ink_tones_run_from_darkest_to_white() -> None:
+    ramp = np.repeat(np.linspace(0, 1, 50)[None, :, None], 3, axis=-1) ** 2 * np.ones((20, 1, 1))
+    tones = fit_to_ink(ramp, darkest=0.4)
+    assert tones.max() == pytest.approx(1)
+    assert tones.min() == pytest.approx(((0.4 + 0.055) / 1.055) ** 2.4)
+    assert (np.diff(tones[0, :, 0]) >= 0).all()
+
+
+def test_photographs_by_name_and_a_sentence_for_what_is_none(tmp_path: Path) -> None:
+    assert load_photograph("chelsea").shape == (300, 451, 3)
+    with pytest.raises(ImageError, match=r"no photograph .*astronaut"):
+        load_photograph("no_such_cat")
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(b"not a picture")
+    with pytest.raises(ImageError, match=r"broken\.png"):
+        load_photograph(str(broken))

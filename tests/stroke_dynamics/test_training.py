@@ -1,0 +1,57 @@
+"""Training finds the parameters that made the strokes, and beats what is trivial."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from pentimento.stroke_dynamics.evaluation import score, score_model
+from pentimento.stroke_dynamics.polyline import blank, fit_polyline
+from pentimento.stroke_dynamics.samples import StrokeSamples
+from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train, weighted_l1
+from tests.stroke_dynamics.conftest import TRUTH
+
+CONFIG = TrainingConfig(12, 1000.0, 0.05, 40, 8, 0.05, 2.0, 0.25, 0)
+
+
+def test_the_truth_is_found_again(made_by_truth: StrokeSamples) -> None:
+    curve: list[float] = []
+    found = train(made_by_truth, CONFIG, lambda name, value, step: curve.append(value)).parameters_si()
+    assert curve[-1] < 0.3 * curve[0]
+    assert found.scale == pytest.approx(TRUTH.scale, abs=0.02)
+    assert found.offset_m == pytest.approx(TRUTH.offset_m, abs=1e-4)
+    assert found.thickness_per_press == pytest.approx(TRUTH.thickness_per_press, rel=0.1)
+    assert found.thickness_at_contact_m == pytest.approx(TRUTH.thickness_at_contact_m, rel=0.1)
+    assert found.softness == pytest.approx(TRUTH.softness, abs=0.06)
+    assert found.opacity == pytest.approx(TRUTH.opacity, abs=0.03)
+
+
+def test_training_twice_gives_the_same_bits(made_by_truth: StrokeSamples) -> None:
+    short = dataclasses.replace(CONFIG, epochs=2)
+    first, second = (train(made_by_truth, short, lambda *_: None).state_dict() for _ in range(2))
+    assert all(torch.equal(first[name], second[name]) for name in first)
+
+
+def test_the_order_truth_polyline_blank(made_by_truth: StrokeSamples) -> None:
+    polyline = fit_polyline(made_by_truth, lambda pen, part: score_model(pen, part).mse)
+    scores = [
+        score_model(TRUTH, made_by_truth),
+        score_model(polyline, made_by_truth),
+        score(blank(made_by_truth), made_by_truth),
+    ]
+    assert scores[0].mse < 1e-5  # eight bits a colour
+    assert scores[0].mse < scores[1].mse < scores[2].mse
+    assert scores[0].iou > 0.99 > scores[1].iou > scores[2].iou == 0
+
+
+def test_repeats_of_an_action_stay_together(made_by_truth: StrokeSamples) -> None:
+    paired = made_by_truth._replace(action=made_by_truth.action // 2)
+    training, held_out = split_by_action(paired, 0.25, seed=3)
+    assert len(held_out.path) == 6
+    assert not set(training.action.tolist()) & set(held_out.action.tolist())
+
+
+def test_inked_pixels_weigh_more(made_by_truth: StrokeSamples) -> None:
+    nothing = blank(made_by_truth)
+    assert weighted_l1(nothing, made_by_truth, 5.0) > weighted_l1(nothing, made_by_truth, 1.0)
+    assert float(weighted_l1(made_by_truth.after, made_by_truth, 5.0)) == 0
