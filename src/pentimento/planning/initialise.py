@@ -44,7 +44,7 @@ def error_guided_strokes(
     width = target.shape[1]
     px_per_m = width / canvas_size_m[0]
     wide_px = max(tool.nominal_width_m * px_per_m, 1.0)
-    tone = cv2.GaussianBlur(target, (0, 0), wide_px / 4)
+    tone = np.asarray(cv2.GaussianBlur(target, (0, 0), wide_px / 4), dtype=np.float64)
     error = np.abs(np.sqrt(cv2.GaussianBlur(image, (0, 0), wide_px / 4)) - np.sqrt(tone)).mean(-1) ** 2
     along = _edge_heading(np.sqrt(tone), wide_px)
     length: float = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7

@@ -97,7 +97,7 @@ def read_parameters(path: Path) -> Traj2StrokeParameters:
     """
     try:
         fields: dict[str, Any] = json.loads(path.read_text())
-        pairs = {name: tuple(fields.pop(name)) for name in ("scale", "offset_m")}
+        pairs: dict[str, Any] = {name: tuple(fields.pop(name)) for name in ("scale", "offset_m")}
         return Traj2StrokeParameters(**pairs, **fields)
     except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
         raise ContractError(

@@ -60,8 +60,8 @@ def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
     # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
     tuft = _smooth_noise(place, rng)
     short = tool.dome_m * _rim_distance(tool, place) ** 2 - MENISCUS_M
-    short += tool.raggedness_m * (0.7 * tuft + 0.7 * rng.standard_normal(len(place)))
-    wetting = np.exp(0.22 * _smooth_noise(place, rng) + 0.18 * rng.standard_normal(len(place)))
+    short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(place)))
+    wetting = 0.85 * np.exp(0.45 * _smooth_noise(place, rng) + 0.3 * rng.standard_normal(len(place)))
     return Bundle(place, short, wetting)
 
 

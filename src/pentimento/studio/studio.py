@@ -30,7 +30,7 @@ PHOTO_S, DIP_S, WIPE_S, SHEET_S = 1.0, 5.0, 4.0, 20.0
 RINSED = 0.015  # of the old paint that is left in the bristles after a wipe, at full mixing strength
 SLOWEST_M_S = 0.008  # a tool that hardly moves does not wick without end
 ENDLESS = 1e-30  # a load so large that no stroke changes its floating-point number
-BLACK_SRGB = (0.11, 0.105, 0.115)
+BLACK_SRGB = (0.2, 0.195, 0.205)
 
 
 class Studio:
@@ -160,7 +160,7 @@ class Studio:
         mixed = np.concatenate([fresh.absorption, fresh.scattering])
         old = np.clip(residue * world.effects.wet_mixing, 0, 1) if self._colour.any() else 0.0
         self._colour[:] = (1 - old) * mixed + old * self._colour
-        fill = np.clip(0.93 + 0.05 * rng.standard_normal(world.tool.bristles), 0.6, 1.0)
+        fill = np.clip(0.9 + 0.08 * rng.standard_normal(world.tool.bristles), 0.5, 1.0)
         self._load[:], self._belly[0] = fill, np.clip(0.95 + 0.03 * rng.standard_normal(), 0.8, 1.0)
         self._held = True
 

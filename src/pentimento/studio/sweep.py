@@ -9,7 +9,7 @@ Field = NDArray[np.float32]
 
 TOUCH_M = 0.00025  # press over which a bristle comes to bear fully
 LEVELLING = 0.30  # share of the way to its film that a cell goes at one full touch
-LIFTING = 0.05  # the same where the bristle finds more paint than it would leave
+LIFTING = 0.18  # the same where the bristle finds more paint than it would leave: streaks stay behind it
 THIRST = 0.6  # load at which a bristle lays down half of what it could
 HELD = 4.0  # volume at a bristle's end: about a nominal film over the area that it covers
 FEED = 0.012  # share of a bristle's deficit that the belly makes good in one step
