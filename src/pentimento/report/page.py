@@ -9,7 +9,8 @@ from pathlib import Path
 
 from pentimento.report.html import Album, row
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs
-from pentimento.report.paintings import hero, painting_section, summary
+from pentimento.report.painting_words import summary
+from pentimento.report.paintings import hero, painting_section
 from pentimento.report.tools import tool_section
 from pentimento.report.wording import tool_name
 

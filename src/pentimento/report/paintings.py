@@ -7,11 +7,12 @@ from html import escape
 import numpy as np
 
 from pentimento.contracts.images import encode_png
+from pentimento.report import painting_words as words
 from pentimento.report.figures import BLUE, OCHRE, Series, difference_maps, line_chart, stroke_lines
 from pentimento.report.html import Album, bar, row, table
 from pentimento.report.inputs import PaintingInputs
 from pentimento.report.pictures import difference, time_lapse
-from pentimento.report.wording import count, decimal, lowered, percent, times, tool_name
+from pentimento.report.wording import count, decimal, lowered, percent
 
 _ROWS = {
     "blank": "blank canvas",
@@ -40,31 +41,13 @@ def hero(inputs: PaintingInputs, frame_ms: int, album: Album) -> str:
     )  # fmt: skip
 
 
-def summary(inputs: PaintingInputs) -> str:
-    """The painting in a paragraph of numbers, HTML."""
-    tool = escape(tool_name(inputs.executed.header.tool))
-    factor = times(inputs.sim2real_factor, "smaller", "larger")
-    than = "as that" if factor == "as large" else "than that"
-    paints = len(inputs.palette_srgb)
-    return (
-        f"<p><b>{escape(inputs.setting.capitalize())}.</b> With the {tool}"
-        f"{f' and {paints} paints' if paints > 1 else ''}, the robot made "
-        f"{count(len(inputs.executed.strokes), 'stroke')}. After every {_batch(inputs)} it looked at the canvas and "
-        f"planned the rest anew, which <b>{lowered('the final error', inputs.lowered_by)}</b> against painting the "
-        "first plan blindly. "
-        f"The model that it had learned of the {tool} foretold that blind painting with a mean squared error "
-        f"<b>{factor}</b> {than} of the strongest trivial model, a line of constant width.</p>"
-    )  # fmt: skip
-
-
 def painting_section(inputs: PaintingInputs, frame_ms: int, album: Album) -> str:
     """HTML of the section; its pictures go into the album."""
-    name, tool = inputs.setting, escape(tool_name(inputs.executed.header.tool))
+    name = inputs.setting
     svg = album.keep(f"{name}_plan.svg", inputs.plan_svg)
     return f"""<section id="{escape(name)}">
 <h2>The {escape(name)} painting</h2>
-<p>{count(len(inputs.executed.strokes), "stroke")} with the {tool}; a photograph and a new plan of what was left after
-every {_batch(inputs)}.</p>
+<p>{words.introduction(inputs)}</p>
 {_side_by_side(inputs, album)}
 {_palette(inputs)}
 <h3>Did looking help?</h3>
@@ -85,15 +68,9 @@ _LAPSE = "The canvas as the robot’s camera saw it before the first stroke and 
 
 def _side_by_side(inputs: PaintingInputs, album: Album) -> str:
     name = inputs.setting
-    same = np.array_equal(inputs.target, inputs.photograph)
-    target = (
-        "paint can be mixed to its colours, so it is the photograph itself"
-        if same
-        else "the photograph in tones that the tool’s own ink can reach"
-    )
     pictures = (
         ("photograph", inputs.photograph, "Photograph", "what the user gave, cut to the canvas"),
-        ("target", inputs.target, "Target", f"what the planner aims at: {target}"),
+        ("target", inputs.target, "Target", words.target(inputs)),
         ("plan", inputs.plan, "Plan", "what the stroke model foretells before the first stroke is made"),
         (
             "painting_without", inputs.without, "Painting without replanning",
@@ -127,7 +104,7 @@ def _palette(inputs: PaintingInputs) -> str:
 
 
 _PALETTE = (
-    "The planner’s colours, gathered into as many paints as a person can mix (k-means in L*a*b*, thesis "
+    "The planner’s colours, gathered into as many paints as a person can mix (k‑means in L*a*b*, thesis "
     "Figure 4.6), with the number of strokes made with each."
 )
 _OWN_INK = "One colour only: the tool’s own."
@@ -145,7 +122,7 @@ def _errors(inputs: PaintingInputs) -> str:
         "viewing distances, lower is better. A blank canvas is the baseline. The last column is the plain mean "
         "squared difference per pixel."
     )
-    return table(("", "error", "of the blank canvas’s", "MSE per pixel"), rows, caption)
+    return table(("picture", "error", "of the blank canvas’s", "MSE per pixel"), rows, caption)
 
 
 def _time_lapse(inputs: PaintingInputs, frame_ms: int, album: Album, caption: str) -> str:
@@ -170,22 +147,16 @@ def _deviation(inputs: PaintingInputs, album: Album) -> str:
         (5.6, 3.7),
     )
     ended = (inputs.deviation_with[-1], inputs.deviation_without[-1])
-    words = "farther from" if ended[0] > ended[1] else "nearer to" if ended[0] < ended[1] else "as near to"
-    than = "than" if words != "as near to" else "as"
     return album.plot(
         f"{inputs.setting}_deviation.png", data,
         f"Two curves of the deviation from the first plan over the strokes made, ending at {decimal(ended[0])} with "
         f"and {decimal(ended[1])} without replanning.",
-        "Deviation from the first plan (thesis Figure 4.11): mean squared difference between the finished picture as "
-        "foretold at the start and as foretold after each batch. Without replanning it is only what reality does to "
-        f"the plan; with replanning it also holds what the robot changed its mind about. At {decimal(ended[0])}, the "
-        f"painting with replanning ended {words} the first plan {than} the one without, at {decimal(ended[1])}.",
+        words.deviation(inputs),
     )  # fmt: skip
 
 
 def _sim2real(inputs: PaintingInputs, album: Album) -> str:
     name, mse = inputs.setting, inputs.sim2real_mse
-    factor = times(inputs.sim2real_factor, "smaller", "larger")
     pair = row(
         [
             album.photo(
@@ -216,13 +187,7 @@ def _sim2real(inputs: PaintingInputs, album: Album) -> str:
         "[0, 1], pale where the model was right and dark where it was wrong. The right map is what there is to "
         "foretell: the difference if nothing were painted.",
     )  # fmt: skip
-    than = "as the polyline’s" if factor == "as large" else "than the polyline’s"
-    share = f", and {percent(mse['model'] / mse['blank'])} of that of a blank canvas" if mse["blank"] > 0 else ""
-    return (
-        "<p>The sim2real gap (thesis Figure 4.10) is the mean squared difference between what was foretold and what "
-        f"the robot then painted, without replanning. The learned model’s gap is <b>{factor}</b> {than}{share}.</p>"
-        f"{pair}{heat}"
-    )
+    return f"<p>{words.sim2real(inputs)}</p>{pair}{heat}"
 
 
 def _lines(inputs: PaintingInputs, album: Album) -> str:
@@ -236,6 +201,8 @@ def _lines(inputs: PaintingInputs, album: Album) -> str:
 
 
 def _planning(inputs: PaintingInputs, album: Album) -> str:
+    if not inputs.print_loss:  # planned without any optimisation
+        return ""
     first, last = inputs.print_loss[0], inputs.print_loss[-1]
     return album.plot(
         f"{inputs.setting}_planning.png",
@@ -243,12 +210,5 @@ def _planning(inputs: PaintingInputs, album: Album) -> str:
             [Series("print loss", inputs.iterations, inputs.print_loss, BLUE)], "iteration", "print loss", (11, 3)
         ),
         f"Curve of the planning loss, from {decimal(first)} to {decimal(last)}.",
-        "Planning: the print objective (thesis 4.3) while the first plan was optimised. It jumps where strokes are "
-        "added, where colours are gathered into a palette and where strokes are put in order. "
-        f"It went from {decimal(first)} to {decimal(last)} in {count(len(inputs.print_loss), 'iteration')}.",
+        words.planning(inputs),
     )  # fmt: skip
-
-
-def _batch(inputs: PaintingInputs) -> str:
-    batch = round(inputs.made[1] - inputs.made[0]) if len(inputs.made) > 1 else len(inputs.executed.strokes)
-    return count(batch, "stroke")

@@ -45,7 +45,7 @@ def tool_section(inputs: ToolInputs, shown: int, album: Album) -> str:
     )  # fmt: skip
     return f"""<section id="tool-{escape(inputs.name)}">
 <h3>The {name}</h3>
-<p>{_summary(inputs)}</p>
+<p>{tool_summary(inputs)}</p>
 {sheet}
 {parameter_table(inputs.model, name)}
 <p>{polyline_sentence(inputs.polyline)}</p>
@@ -53,7 +53,8 @@ def tool_section(inputs: ToolInputs, shown: int, album: Album) -> str:
 </section>"""
 
 
-def _summary(inputs: ToolInputs) -> str:
+def tool_summary(inputs: ToolInputs) -> str:
+    """How well the model foretells strokes, in words that stay true where it is the worse one."""
     counts, scores = inputs.counts, inputs.scores["held_out"]
     model, polyline = scores["model"], scores["polyline"]
     quarantined = (
@@ -62,13 +63,13 @@ def _summary(inputs: ToolInputs) -> str:
         else ""
     )
     ahead = "more" if model.iou >= polyline.iou else "less"
-    factor = polyline.mse / model.mse if model.mse > 0 else 1.0
+    factor = times(polyline.mse / model.mse, "smaller", "larger") if model.mse > 0 else "nil, smaller"
+    than = "as" if factor == "as large" else "than"
     return (
         f"The model learned from {count(counts['training'], 'stroke')} and was tested on "
         f"{counts['held_out']} others{quarantined}. On those, predicted and photographed ink overlap by "
         f"{model.iou:.3f} (IoU; 1 is perfect), {abs(model.iou - polyline.iou):.3f} {ahead} than with the polyline; "
-        f"its mean squared error is {times(factor, 'smaller', 'larger')}"
-        f"{' as' if times(factor, '', '') == 'as large' else ' than'} the polyline’s."
+        f"its mean squared error is {factor} {than} the polyline’s."
     )
 
 

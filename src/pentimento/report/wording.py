@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 _UNCHANGED = 0.0005  # a change of less than 0.05 % would be written as 0.0 %
 
@@ -12,9 +12,7 @@ def decimal(value: float, digits: int = 3) -> str:
     if value == 0:
         return "0"
     rounded = float(f"{value:.{digits - 1}e}")
-    if abs(rounded) >= 10 ** (digits - 1):
-        return f"{rounded:.0f}"
-    return np.format_float_positional(rounded, precision=digits, unique=False, fractional=False, trim="k")
+    return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)}f}"
 
 
 def percent(share: float) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.studio.world import Effects, Robot
 
-STEP_M = 0.00028  # a bristle covers about two of these at a time
+STEP_M = 0.00032  # a bristle covers about two of these at a time
 MAX_STEPS = 6000
 DEAD_TIME_SHARE = 0.4  # of the latency; the rest is the servo's own
 

@@ -10,6 +10,7 @@ Field = NDArray[np.float32]
 TOUCH_M = 0.00025  # press over which a bristle comes to bear fully
 LEVELLING = 0.30  # share of the way to its film that a cell goes at one full touch
 LIFTING = 0.18  # the same where the bristle finds more paint than it would leave: streaks stay behind it
+LEVEL = 0.01  # difference of thickness that does not make paint flow
 THIRST = 0.6  # load at which a bristle lays down half of what it could
 HELD = 4.0  # volume at a bristle's end: about a nominal film over the area that it covers
 FEED = 0.012  # share of a bristle's deficit that the belly makes good in one step
@@ -119,6 +120,8 @@ def _touch_sheet(
                 continue
             wanted = target * min(caught, 1.0)
             has = film[r, c, 0]
+            if abs(wanted - has) < LEVEL:
+                continue
             if wanted > has:
                 gain = (wanted - has) * weight
                 gain = min(gain, load[b] * capacity)
@@ -131,8 +134,9 @@ def _touch_sheet(
                 loss = min(loss, (1 - load[b]) * capacity)
                 if loss > 0:
                     load[b] += loss / capacity
+                    kept = 1 - loss / has
                     for i in range(7):
-                        film[r, c, i] -= film[r, c, i] * (loss / has)
+                        film[r, c, i] *= kept
 
 
 @njit(cache=True, error_model="numpy")
