@@ -67,6 +67,17 @@ def stage_main(main: Callable[[argparse.Namespace], None], parser: argparse.Argu
     sys.exit(0)
 
 
+def single_threaded() -> None:
+    """Let PyTorch compute on one thread, so that outputs do not depend on the machine's cores.
+
+    Sums then come in one order. Nothing is lost: the tensors are small, and the renderer is not PyTorch's.
+    """
+    import torch
+
+    torch.set_num_threads(1)
+    torch.use_deterministic_algorithms(True)
+
+
 def failure_sentence(error: BaseException) -> str:
     """Say in one line what went wrong, where, and (for the system's own errors) what to do."""
     if not isinstance(error, OSError):

@@ -15,7 +15,7 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
-from pentimento.planning.objective import print_loss
+from pentimento.planning.objective import PrintObjective
 from pentimento.planning.painter import Image, Painting, as_linear, foretell, observe, paint
 from pentimento.planning.planner import PlannerConfig, Scene, plan
 from pentimento.planning.strokes import to_planned
@@ -31,7 +31,7 @@ from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, read_parameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import load_section
-from pipelines._io import output_folder, stage_main, write_json
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "paint", Paint)
     setting = config.settings[arguments.setting]
     weights = {"colour": arguments.brush, "marker": arguments.marker}[arguments.setting]
-    torch.use_deterministic_algorithms(True)
+    single_threaded()
     params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)
     with (
         tracked_run("paint", arguments.setting, params, {"stroke_model": weights}) as run,
@@ -169,10 +169,11 @@ def _metrics(
 ) -> dict[str, Any]:
     """Errors against the target and against the plan; mean squared differences in sRGB in [0, 1]."""
     target = linear_to_srgb(scene.target.double().numpy())
+    objective = PrintObjective(scene.target, config.distances_px)
     final = {kind: painting.photos[-1] for kind, painting in paintings.items()}
 
     def error(image: Image) -> float:
-        return float(print_loss(as_linear(image), scene.target, config.distances_px))
+        return float(objective(as_linear(image)))
 
     def mse(one: NDArray[np.floating], other: NDArray[np.floating]) -> float:
         return float(np.square(one - other).mean())

@@ -7,13 +7,14 @@ from pathlib import Path
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
 from pipelines._config import load_section
-from pipelines._io import output_folder, stage_main
+from pipelines._io import output_folder, single_threaded, stage_main
 from pipelines._tracking import tracked_run
 
 
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: index.html, and its pictures as files beside it."""
     config = load_section(Path("params.yaml"), "report", ReportConfig)
+    single_threaded()
     strokes = {tool: arguments.strokes / tool for tool in arguments.tools}
     weights = {tool: arguments.models / f"stroke_{tool}_base/weights" for tool in arguments.tools}
     paintings = {setting: arguments.paintings / setting for setting in arguments.settings}

@@ -5,24 +5,22 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-import torch
-
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.stroke_dynamics.evaluation import StrokeScores, score, score_model
+from pentimento.stroke_dynamics.evaluation import StrokeScores, mean_squared_error, predict_with, score, score_model
 from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
 from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train
 from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pipelines._config import load_section
-from pipelines._io import output_folder, stage_main, write_json
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
 
 
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: parameters.json, polyline.json, metrics.json, curve.json, held_out_actions.json."""
     config = load_section(Path("params.yaml"), "train_stroke_dynamics", TrainingConfig)
-    torch.use_deterministic_algorithms(True)
+    single_threaded()
     with (
         tracked_run("train_stroke_dynamics", arguments.tool, asdict(config), {"strokes": arguments.strokes}) as run,
         output_folder(arguments.out) as out,
@@ -32,7 +30,7 @@ def main(arguments: argparse.Namespace) -> None:
         training, held_out = split_by_action(samples, config.held_out, config.seed)
         curve = Curve(run.log)
         parameters = train(training, config, curve.log).parameters_si()
-        polyline = fit_polyline(training, lambda pen, part: score_model(pen, part).mse)
+        polyline = fit_polyline(lambda pen: mean_squared_error(predict_with(pen, training), training))
         metrics = {
             "training": _scores(parameters, polyline, training),
             "held_out": _scores(parameters, polyline, held_out),

@@ -9,7 +9,7 @@ import torch
 from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
 from pentimento.contracts.errors import ImageError
 from pentimento.planning.initialise import error_guided_strokes
-from pentimento.planning.objective import print_loss
+from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import cluster_palette
 from pentimento.planning.planner import LearningRates, PlannerConfig, Scene, optimise, plan, render_plan
 from pentimento.planning.strokes import StrokeTensors, to_planned
@@ -33,13 +33,17 @@ def scene(tool: str = "round_brush") -> Scene:
     return Scene(load_tool(tool), MODEL, SIZE_M, target)
 
 
+def loss(strokes: StrokeTensors, canvas: torch.Tensor) -> float:
+    return float(PrintObjective(scene().target, CONFIG.distances_px)(render_plan(strokes, canvas, scene(), 10)))
+
+
 def unheard(*_: object) -> None: ...
 
 
 def test_a_plan_comes_closer_than_the_blank_canvas_and_than_its_start() -> None:
     losses: list[float] = []
     strokes, palette = plan(WHITE, scene(), 40, CONFIG, lambda name, value, step: losses.append(value))
-    final = float(print_loss(render_plan(strokes, WHITE, scene(), 10), scene().target, CONFIG.distances_px))
+    final = loss(strokes, WHITE)
     assert final < 0.3 * losses[0]
     assert len(strokes) == 40
     assert palette.shape[0] <= 3
@@ -72,9 +76,9 @@ def test_planned_strokes_pass_the_safety_envelope() -> None:
 
 def test_optimising_never_ends_worse_than_it_began() -> None:
     strokes, _ = plan(WHITE, scene(), 12, CONFIG, unheard)
-    before = float(print_loss(render_plan(strokes, WHITE, scene(), 10), scene().target, CONFIG.distances_px))
+    before = loss(strokes, WHITE)
     optimise(strokes, WHITE, scene(), CONFIG, 5, False, 300.0, unheard, 0)  # steps that are far too long
-    after = float(print_loss(render_plan(strokes, WHITE, scene(), 10), scene().target, CONFIG.distances_px))
+    after = loss(strokes, WHITE)
     assert after <= before + 1e-9
 
 
@@ -107,11 +111,19 @@ def test_replanning_finds_a_stroke_to_mend_a_moved_canvas() -> None:
     canvas = render_plan(done, WHITE, scene(), 10)
 
     def error() -> float:
-        return float(print_loss(render_plan(left, canvas, scene(), 10), scene().target, CONFIG.distances_px))
+        return loss(left, canvas)
 
     unplanned = error()
     optimise(left, canvas, scene(), CONFIG, 20, False, 0.3, unheard, 0)
     assert error() < unplanned
+
+
+def test_a_fine_pattern_is_its_mean_from_afar() -> None:
+    stripes = torch.zeros(32, 32, 3)
+    stripes[::2] = 1.0
+    grey = torch.full((32, 32, 3), 0.5)
+    assert float(PrintObjective(grey, (4,))(stripes)) < 1e-10  # averaged in linear light
+    assert float(PrintObjective(grey, (1,))(stripes)) > 0.1
 
 
 def test_the_palette_clusters_in_lab_and_weighs_by_area() -> None:

@@ -36,8 +36,8 @@ def one_stroke(points: list[list[float]], radius: float, softness: float = 1.0) 
         np.full((1, 1, n), radius),
         np.ones((1, 1, n)),
         np.full((1, 1, n), softness),
-        np.ones((1, 1, 1)),
-        np.zeros((1, *SHAPE, 1)),
+        np.ones((1, 1, 3)),
+        np.zeros((1, *SHAPE, 3)),
     )
     return image[0, ..., 0]
 

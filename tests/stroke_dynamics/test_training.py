@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import torch
 
-from pentimento.stroke_dynamics.evaluation import score, score_model
+from pentimento.stroke_dynamics.evaluation import mean_squared_error, predict_with, score, score_model
 from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples
 from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train, weighted_l1
@@ -33,7 +33,7 @@ def test_training_twice_gives_the_same_bits(made_by_truth: StrokeSamples) -> Non
 
 
 def test_the_order_truth_polyline_blank(made_by_truth: StrokeSamples) -> None:
-    polyline = fit_polyline(made_by_truth, lambda pen, part: score_model(pen, part).mse)
+    polyline = fit_polyline(lambda pen: mean_squared_error(predict_with(pen, made_by_truth), made_by_truth))
     scores = [
         score_model(TRUTH, made_by_truth),
         score_model(polyline, made_by_truth),

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
+from torch.nn.functional import avg_pool2d
 
 from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
 
-def print_loss(image: Tensor, target: Tensor, distances_px: tuple[int, ...]) -> Tensor:
-    """Mean squared difference in sRGB, averaged over viewing distances.
+class PrintObjective:
+    """Mean squared difference in sRGB between an image and a target, averaged over viewing distances.
 
-    Args:
-        image, target: [H, W, 3], linear light.
-        distances_px: side lengths of the squares over which light is averaged before comparing: 1 is the thesis's
-            (4.3); larger ones see tone where a pixel sees only a black line on white.
+    From farther off, the eye averages light over squares before it compares: 1 px is the thesis's (4.3), larger squares
+    see tone where a pixel sees only a black line on white.
     """
-    losses = [(seen_from(image, d) - seen_from(target, d)).square().mean() for d in distances_px]
-    return torch.stack(losses).mean()
+
+    def __init__(self, target: Tensor, distances_px: tuple[int, ...]) -> None:
+        """Hold what there is to see of ``target``, [H, W, 3] in linear light."""
+        self._seen = [(distance, seen_from(target, distance)) for distance in distances_px]
+
+    def __call__(self, image: Tensor) -> Tensor:
+        """The objective for an image [H, W, 3] in linear light; a scalar, differentiable."""
+        losses = [(seen_from(image, distance) - target).square().mean() for distance, target in self._seen]
+        return sum(losses[1:], losses[0]) / len(losses)
 
 
 def seen_from(image: Tensor, distance_px: int) -> Tensor:
-    """SRGB [h, w, 3] of light averaged over squares of ``distance_px``; an edge that fills none is left out."""
+    """SRGB [3, h, w] of light averaged over squares of ``distance_px``; an edge that fills none is left out."""
+    planes = image.movedim(-1, 0).contiguous()
     if distance_px > 1:
         # Squares overlap by half, so that no grid of theirs shows in the plan.
-        stride = max(distance_px // 2, 1)
-        image = torch.nn.functional.avg_pool2d(image.permute(2, 0, 1), distance_px, stride).permute(1, 2, 0)
-    return linear_to_srgb(image)
+        planes = avg_pool2d(planes, distance_px, max(distance_px // 2, 1))
+    return linear_to_srgb(planes)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.planning.initialise import error_guided_strokes, random_strokes
-from pentimento.planning.objective import print_loss
+from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import cluster_palette
 from pentimento.planning.strokes import StrokeTensors, with_color
 from pentimento.robots.tools import Tool
@@ -142,6 +142,7 @@ def optimise(
     """
     rates = config.learning_rates
     steps = (rates.middle_m, rates.theta_rad, rates.length_m, rates.bend_m, rates.press_m, rates.color)
+    objective = PrintObjective(scene.target, config.distances_px)
     moving = list(zip(strokes.tensors(), steps, strict=True))[: 6 if free_color else 5]
     for tensor, _ in moving:
         tensor.requires_grad_(True)
@@ -150,8 +151,7 @@ def optimise(
     least, best = float("inf"), strokes.pick(slice(None))
     for iteration in range(iterations + 1):
         optimiser.zero_grad()
-        image = render_plan(strokes, canvas, scene, config.path_points)
-        loss = print_loss(image, scene.target, config.distances_px)
+        loss = objective(render_plan(strokes, canvas, scene, config.path_points))
         if float(loss.detach()) < least:
             least, best = float(loss.detach()), strokes.pick(slice(None))
         if iteration == iterations:

@@ -35,11 +35,11 @@ def render_strokes(
     Args:
         points: [B, S, N, 2], pixel coordinates (column, row).
         radius, density, softness: [B, S, N]; radius in px.
-        color: [B, S, C], linear light.
-        canvas: [B, H, W, C], linear light.
+        color: [B, S, 3], linear light.
+        canvas: [B, H, W, 3], linear light.
 
     Returns:
-        [B, H, W, C], on the CPU.
+        [B, H, W, 3], on the CPU.
 
     Raises:
         RenderInputError: shapes do not fit, or a value is not finite.

@@ -26,20 +26,36 @@ class StrokeScores:
 
 def score(predicted: Tensor, samples: StrokeSamples) -> StrokeScores:
     """Scores of predicted photographs [B, H, W, 3]."""
-    truth, guess = samples.ink, predicted_ink(samples, predicted)
-    union = (truth | guess).flatten(1).sum(1)
-    overlap = (truth & guess).flatten(1).sum(1)
-    inked = truth.flatten(1).any(1)
-    difference = (predicted - samples.after).detach()
+    difference = (predicted - samples.after).abs().mean(-1)
     share = samples.valid / samples.valid.sum()
     return StrokeScores(
-        iou=float((overlap[inked] / union[inked]).mean()),
-        l1=float((difference.abs().mean(-1) * share).sum()),
-        mse=float((difference.square().mean(-1) * share).sum()),
+        iou=mean_iou(predicted, samples),
+        l1=float((difference * share).sum()),
+        mse=mean_squared_error(predicted, samples),
     )
+
+
+def mean_iou(predicted: Tensor, samples: StrokeSamples) -> float:
+    """Mean intersection over union of inked pixels; strokes without ink are left out."""
+    guess = predicted_ink(samples, predicted)
+    union = (samples.ink | guess).flatten(1).sum(1)
+    overlap = (samples.ink & guess).flatten(1).sum(1)
+    inked = samples.ink.flatten(1).any(1)
+    return float((overlap[inked] / union[inked]).mean())
+
+
+def mean_squared_error(predicted: Tensor, samples: StrokeSamples) -> float:
+    """Mean squared difference over the windows, sRGB in [0, 1]."""
+    share = samples.valid / samples.valid.sum()
+    return float(((predicted - samples.after).square().mean(-1) * share).sum())
+
+
+def predict_with(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
+    """The photographs that a model foretells, sRGB [B, H, W, 3]."""
+    with torch.no_grad():
+        return predict(Traj2Stroke(parameters)(samples.path), samples)
 
 
 def score_model(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> StrokeScores:
     """Scores of a model on measured strokes."""
-    with torch.no_grad():
-        return score(predict(Traj2Stroke(parameters)(samples.path), samples), samples)
+    return score(predict_with(parameters, samples), samples)

@@ -23,21 +23,19 @@ def constant_width(half_width_m: float, opacity: float) -> Traj2StrokeParameters
     return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1e-4, half_width_m, HARD_EDGE, opacity)
 
 
-def fit_polyline(
-    samples: StrokeSamples, error: Callable[[Traj2StrokeParameters, StrokeSamples], float]
-) -> Traj2StrokeParameters:
-    """The pen whose mean ``error`` over the samples is least."""
+def fit_polyline(error: Callable[[Traj2StrokeParameters], float]) -> Traj2StrokeParameters:
+    """The pen whose ``error`` on the strokes at hand is least."""
     width, opacity = 2e-3, 0.95
     for _ in range(2):  # width and opacity hardly interact: two rounds of line searches settle them
         found = minimize_scalar(
-            lambda log_width, o=opacity: error(constant_width(math.exp(log_width), o), samples),
+            lambda log_width, o=opacity: error(constant_width(math.exp(log_width), o)),
             bounds=(math.log(2e-4), math.log(2e-2)),
             method="bounded",
             options={"xatol": 0.05},
         )
         width = math.exp(found.x)
         found = minimize_scalar(
-            lambda o, w=width: error(constant_width(w, o), samples),
+            lambda o, w=width: error(constant_width(w, o)),
             bounds=(0.3, 0.99),
             method="bounded",
             options={"xatol": 0.05},
