@@ -2,6 +2,7 @@
 #   make repro [PROFILE=smoke]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make test                    the whole test suite
 #   make check                   format, lint, types
+#   make bench                   the benchmarks, side by side with the slow references
 #   make clean                   remove outputs and caches; environment, DVC's cache and MLflow's history stay
 #   make env                     the environment alone
 PYTHON ?= python3
@@ -22,7 +23,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro test check clean env
+.PHONY: repro test check bench clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -36,6 +37,9 @@ check: env
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_layering.py tests/pipelines/test_stages.py
+
+bench: env
+	$(BIN)/python -m benchmarks
 
 clean:
 	rm -rf data models/*/weights models/bundle .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis
