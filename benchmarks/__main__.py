@@ -1,4 +1,4 @@
-"""The stroke renderer, forward and backward with all gradients, beside the dense PyTorch reference: seconds, one thread.
+"""The stroke renderer, forward and backward with all gradients, beside the dense reference: seconds, one thread.
 
 Strokes are 20 to 60 px long with radii of 1.5 to 5 px. The reference evaluates every segment at every pixel and is
 timed once, up to 20 strokes; more would take minutes and say the same.

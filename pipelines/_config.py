@@ -15,7 +15,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pentimento.contracts.errors import ConfigError, UnitError
 from pentimento.contracts.units import parse_quantity
@@ -51,9 +51,20 @@ def read_yaml(path: Path) -> dict[str, Any]:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
         problem = " ".join(str(error.problem).split())
         raise ConfigError(f"{path} is not valid YAML at line {line}: {problem}; correct that line.") from None
+    except (YAMLError, UnicodeDecodeError) as error:
+        problem = " ".join(str(error).split())
+        raise ConfigError(f"{path} is not readable as YAML: {problem}; save it as plain UTF-8 text.") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{path} holds {_found(document)} where sections are expected; write `section:` lines.")
     return document
+
+
+def entry_of(entries: Mapping[str, T], name: str, key: str) -> T:
+    """Return what the mapping `key` of params.yaml holds under `name`, a tool or setting of the command line."""
+    if name not in entries:
+        known = ", ".join(entries) or "none"
+        raise ConfigError(f"params.yaml: {key} has no entry {name!r}; known are {known}. Add it.")
+    return entries[name]
 
 
 def _build(value: Any, kind: Any, key: str) -> Any:

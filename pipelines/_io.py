@@ -59,7 +59,7 @@ def stage_main(main: Callable[[argparse.Namespace], None], parser: argparse.Argu
     arguments = parser.parse_args()
     try:
         main(arguments)
-    except (PentimentoError, OSError) as error:
+    except (PentimentoError, OSError, MemoryError) as error:
         print(f"{parser.prog}: {failure_sentence(error)}", file=sys.stderr)
         sys.exit(FAILED)
     except KeyboardInterrupt:
@@ -80,6 +80,8 @@ def single_threaded() -> None:
 
 def failure_sentence(error: BaseException) -> str:
     """Say in one line what went wrong, where, and (for the system's own errors) what to do."""
+    if isinstance(error, MemoryError):
+        return f"memory is exhausted ({error}); use a coarser resolution (pixels_per_m) or fewer strokes."
     if not isinstance(error, OSError):
         return " ".join(str(error).split()) or type(error).__name__
     where = f" {error.filename}" if error.filename else ""

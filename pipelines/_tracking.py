@@ -131,12 +131,13 @@ def input_digest(path: Path) -> str:
 def _store_errors() -> Iterator[None]:
     """Turn what MLflow raises (a store that does not open, a full disk) into our sentence."""
     _settings()
+    from alembic.util import CommandError
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
     try:
         yield
-    except (MlflowException, SQLAlchemyError) as error:
+    except (MlflowException, SQLAlchemyError, CommandError) as error:
         root: BaseException = error
         while root.__cause__ is not None:
             root = root.__cause__
@@ -181,16 +182,16 @@ def _continue_or_create(
 
     state = _state_file(name)
     if state.is_file():
-        left = json.loads(state.read_text())
         try:
+            left = json.loads(state.read_text())
             if left["key"] == key:
                 client.update_run(left["run_id"], status="RUNNING")
                 for tag, value in tags.items():  # the commit may be another one by now
                     client.set_tag(left["run_id"], tag, value)
                 return Run(left["run_id"], client)
             client.set_terminated(left["run_id"], "KILLED")  # it was killed without a chance to say so
-        except MlflowException:
-            pass  # that run was deleted from the store: there is nothing to continue
+        except (MlflowException, ValueError, KeyError, TypeError):
+            pass  # that run was deleted from the store, or the file was damaged: there is nothing to continue
     run = client.create_run(experiment_id, run_name=name.replace("@", " · "), tags=dict(tags))
     state.parent.mkdir(parents=True, exist_ok=True)
     atomic_write(state, json.dumps({"run_id": run.info.run_id, "key": key}).encode())

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
@@ -15,7 +16,7 @@ from pentimento.runner.collect import CollectionConfig, collect_strokes
 from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
-from pipelines._config import load_section
+from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
 
@@ -34,18 +35,21 @@ class CollectStrokes:
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out` as shards of the strokes contract, with `metrics.json`."""
     config = load_section(Path("params.yaml"), "collect_strokes", CollectStrokes)
-    source = config.source[arguments.tool]
+    source = entry_of(config.source, arguments.tool, "collect_strokes.source")
+    world = entry_of(config.world, arguments.tool, "collect_strokes.world")
     inputs = {} if source is None else {"source": Path(source)}
     with (
         tracked_run("collect_strokes", arguments.tool, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
         if source is None:
-            table, quarantined = _collect(arguments.tool, config, run), 0
-            origin = f"Made by the robot in the studio, world `{config.world[arguments.tool]}`."
+            table, quarantined = _collect(arguments.tool, world, config.collection, run), 0
+            origin = f"Made by the robot in the studio, world `{world}`."
         else:
             checked = read_table(Path(source), CONTRACT)
             table, quarantined = checked.table, len(checked.quarantined)
+            if table.num_rows == 0:
+                raise ContractError(f"{source} holds no strokes; name another table in collect_strokes.source.")
             origin = f"Measured elsewhere: `{Path(source).name}`, {quarantined} rows quarantined."
         write_shards(out, table, CONTRACT)
         (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")
@@ -54,12 +58,10 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(metrics)
 
 
-def _collect(tool_name: str, config: CollectStrokes, run: Run) -> pa.Table:
+def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> pa.Table:
     tool = load_tool(tool_name)
-    robot = VirtualRobot(Studio(load_world(config.world[tool_name]), config.collection.seed))
-    rows = collect_strokes(
-        GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config.collection, run.log
-    )
+    robot = VirtualRobot(Studio(load_world(world), config.seed))
+    rows = collect_strokes(GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config, run.log)
     return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
 
 

@@ -15,6 +15,7 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
+from pentimento.contracts.ranges import at_least
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.painter import Image, Painting, as_linear, foretell, observe, paint
 from pentimento.planning.planner import PlannerConfig, Scene, plan
@@ -30,7 +31,7 @@ from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, read_parameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
-from pipelines._config import load_section
+from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
 
@@ -50,6 +51,11 @@ class Setting:
     """For a tool with its own ink: the lightness (0 to 1) of the target's darkest tone."""
     planner: PlannerConfig
 
+    def __post_init__(self) -> None:
+        at_least(self, 0, "darkest")
+        if self.darkest >= 1:
+            raise ValueError(f"darkest is {self.darkest}; below 1, the target is not all white.")
+
 
 @dataclass(frozen=True)
 class Paint:
@@ -63,11 +69,15 @@ class Paint:
     """Of the studio."""
     settings: dict[str, Setting]
 
+    def __post_init__(self) -> None:
+        at_least(self, 1, "strokes", "batch")
+        at_least(self, 0, "seed")
+
 
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: pictures, plans, curves and metrics.json of one setting."""
     config = load_section(Path("params.yaml"), "paint", Paint)
-    setting = config.settings[arguments.setting]
+    setting = entry_of(config.settings, arguments.setting, "paint.settings")
     weights = {"colour": arguments.brush, "marker": arguments.marker}[arguments.setting]
     single_threaded()
     params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)

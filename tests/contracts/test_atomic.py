@@ -95,3 +95,11 @@ def test_death_between_the_two_renames_is_repaired_by_the_next_call(tmp_path: Pa
     with pytest.raises(ValueError), atomic_folder(target):
         raise ValueError
     assert (target / "x").read_text() == "old"
+
+
+def test_a_file_where_the_folder_belongs_is_replaced_and_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    for _ in range(2):
+        with atomic_folder(tmp_path / "out") as folder:
+            (folder / "part").write_text("new")
+        assert [entry.name for entry in tmp_path.iterdir()] == ["out"]

@@ -69,6 +69,14 @@ def test_missing_and_damaged_files_are_named(tmp_path: Path) -> None:
         read_image(tmp_path / "bad.png")
 
 
+def test_a_png_that_was_cut_off_is_an_error_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
+    data = encode_png(COLOUR)
+    for length in (20, len(data) // 2, len(data) - 12):
+        with pytest.raises(ImageError, match="cut off"):
+            decode_png(data[:length])
+    assert capfd.readouterr() == ("", "")
+
+
 def test_ink_is_black_on_white() -> None:
     ink = np.array([[0, 255]], np.uint8)
     assert_array_equal(ink_encoded_to_srgb(255 - ink), [[[255] * 3, [0] * 3]])

@@ -5,7 +5,7 @@ from typing import Any, Literal
 import pytest
 
 from pentimento.contracts.errors import ConfigError
-from pipelines._config import load_section
+from pipelines._config import entry_of, load_section
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,19 @@ def test_a_bad_entry_is_one_sentence_with_file_key_and_value(tmp_path: Path, old
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"absent\.yaml does not exist"):
         load_section(tmp_path / "absent.yaml", "paint", Painting)
+
+
+@pytest.mark.parametrize("text", [b"# caf\xe9\npaint: 1\n", b"paint: \x07\n"], ids=["latin-1", "control character"])
+def test_a_file_that_is_no_text_is_one_sentence(tmp_path: Path, text: bytes) -> None:
+    (tmp_path / "params.yaml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"params\.yaml is not readable as YAML: .*save it as plain UTF-8 text\.$"):
+        load_section(tmp_path / "params.yaml", "paint", Painting)
+
+
+def test_an_entry_that_the_command_line_names_must_be_there() -> None:
+    assert entry_of({"marker": "ink"}, "marker", "collect_strokes.world") == "ink"
+    with pytest.raises(ConfigError, match=r"collect_strokes\.world has no entry 'crayon'; known are marker\. Add it"):
+        entry_of({"marker": "ink"}, "crayon", "collect_strokes.world")
 
 
 def test_defaults_in_code_do_not_stand_in_for_the_file(tmp_path: Path) -> None:

@@ -57,6 +57,7 @@ def environment() -> dict[str, str]:
             1,
             "toy: No space left on device at out; nothing half-written",
         ),
+        ("raise MemoryError('Unable to allocate 9 TiB')", 1, "toy: memory is exhausted (Unable to allocate"),
         ("raise KeyboardInterrupt", 130, ""),
     ],
 )

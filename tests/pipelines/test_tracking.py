@@ -103,11 +103,30 @@ def test_a_run_that_is_gone_from_the_store_is_not_continued(client: Any) -> None
     assert client.get_run(second.id).info.status == "FINISHED"
 
 
+@pytest.mark.parametrize("text", ["", "[]", "{}"])
+def test_a_damaged_note_of_a_run_is_not_continued(client: Any, text: str) -> None:
+    with pytest.raises(KeyboardInterrupt), tracked_run("paint", "marker", PARAMS, {}):
+        raise KeyboardInterrupt
+    (state,) = unfinished()
+    state.write_text(text)
+    with tracked_run("paint", "marker", PARAMS, {}) as second:
+        pass
+    assert client.get_run(second.id).info.status == "FINISHED"
+
+
 def test_a_store_that_does_not_open_is_one_sentence(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "file:///nowhere")
     sentence = "MLflow's store file:///nowhere fails"
     with pytest.raises(PentimentoError, match=sentence), tracked_run("paint", None, PARAMS, {}):
         pass
+
+
+def test_a_store_of_another_version_of_mlflow_is_one_sentence(client: Any) -> None:
+    from alembic.util import CommandError
+
+    sentence = r"MLflow's store .* fails \(Can't locate revision"
+    with pytest.raises(PentimentoError, match=sentence), tracked_run("paint", None, PARAMS, {}):
+        raise CommandError("Can't locate revision identified by 'cafe'")
 
 
 def test_an_input_has_the_digest_that_dvc_knows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Plans get closer to the target, stay within what tool and canvas allow, and repeat bit by bit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import torch
 
 from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
-from pentimento.contracts.errors import ImageError
+from pentimento.contracts.errors import ConfigError, ImageError
 from pentimento.planning.initialise import error_guided_strokes
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import cluster_palette
@@ -154,6 +155,30 @@ def test_ink_tones_run_from_darkest_to_white() -> None:
     assert tones.max() == pytest.approx(1)
     assert tones.min() == pytest.approx(((0.4 + 0.055) / 1.055) ** 2.4)
     assert (np.diff(tones[0, :, 0]) >= 0).all()
+
+
+def test_a_photograph_of_one_tone_keeps_it() -> None:
+    assert fit_to_ink(np.ones((4, 6, 3)), darkest=0.4).min() == pytest.approx(1)
+    assert fit_to_ink(np.zeros((4, 6, 3)), darkest=0.4).max() == pytest.approx(((0.4 + 0.055) / 1.055) ** 2.4)
+
+
+def test_a_viewing_distance_larger_than_the_picture_is_a_sentence() -> None:
+    with pytest.raises(ConfigError, match=r"41 px is larger than the picture of 40 x 60 px: .*distances_px"):
+        PrintObjective(scene().target, (1, 41))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("rounds", 0), ("iterations_free", -1), ("replan_rate", -1.0), ("palette_size", 0), ("path_points", 1),
+        ("pixels_per_m", 0.0), ("edge_m", -0.1), ("distances_px", ()), ("distances_px", (4, 0)), ("seed", -1),
+    ],
+)  # fmt: skip
+def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> None:
+    with pytest.raises(ValueError, match=rf"^{field} is "):
+        replace(CONFIG, **{field: value})
+    with pytest.raises(ValueError, match=r"^color is -1; "):
+        replace(RATES, color=-1)
 
 
 def test_photographs_by_name_and_a_sentence_for_what_is_none(tmp_path: Path) -> None:

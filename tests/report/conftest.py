@@ -47,6 +47,7 @@ def tool_folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     for name, value in {
         "parameters": asdict(MODEL),
         "polyline": asdict(constant_width(0.001, 0.9)),
+        "polyline_for_iou": asdict(constant_width(0.0012, 0.99)),
         "metrics": {"held_out": scores, "training": scores, "strokes": counts},
         "held_out_actions": HELD_OUT,
         "curve": {"epoch": [0, 1, 2], "weighted_l1": [0.05, 0.03, 0.02]},

@@ -70,3 +70,5 @@ def test_missing_scores_are_named(tool_folders: tuple[Path, Path], weights_copy:
 def test_at_least_one_stroke_is_shown() -> None:
     with pytest.raises(ValueError, match="at least one"):
         StrokePictures(shown=0, path_points=16, pixels_per_m=1000.0, margin_m=0.01)
+    with pytest.raises(ValueError, match=r"path_points is 1; it must be 2 or more"):
+        StrokePictures(shown=3, path_points=1, pixels_per_m=1000.0, margin_m=0.01)

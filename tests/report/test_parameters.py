@@ -31,4 +31,6 @@ def test_no_shift_is_said_plainly() -> None:
 
 
 def test_the_polyline_is_said_by_its_full_width() -> None:
-    assert "3.00 mm wide" in polyline_sentence(constant_width(0.0015, 0.9)).replace("\N{NO-BREAK SPACE}", " ")
+    text = polyline_sentence(constant_width(0.0015, 0.9), constant_width(0.002, 0.99))
+    assert "3.00 mm wide" in text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "would be 4.00 mm" in text

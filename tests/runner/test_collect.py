@@ -69,3 +69,21 @@ def test_a_tool_too_long_for_the_canvas_is_a_sentence() -> None:
     robot = VirtualRobot(Studio(load_world("marker"), 1))
     with pytest.raises(ContractError, match="no room"):
         collect_strokes(robot, tool, CONFIG, lambda *_: None)
+
+
+def test_an_edge_that_leaves_no_canvas_is_a_sentence() -> None:
+    with pytest.raises(ContractError, match="no room"):
+        collect("marker", dataclasses.replace(CONFIG, edge_m=0.5))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("strokes", 0), ("path_points", 1), ("margin_m", 0.0), ("edge_m", -0.1), ("pixels_per_m", 0.0),
+        ("settle_s", -1.0), ("yaw_spread_rad", -1.0), ("seed", -1), ("palette_srgb", ()),
+        ("palette_srgb", ((2.0, 0.0, 0.0),)),
+    ],
+)  # fmt: skip
+def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> None:
+    with pytest.raises(ValueError, match=rf"^{field} "):
+        dataclasses.replace(CONFIG, **{field: value})

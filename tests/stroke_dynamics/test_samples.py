@@ -84,3 +84,18 @@ def test_an_empty_table_is_refused() -> None:
     empty = table([stroke_row(LINE, WHITE, WHITE, 0)]).slice(0, 0)
     with pytest.raises(ContractError, match="no rows"):
         load_samples(empty, 9, 2000.0, 0.005)
+
+
+def test_a_row_that_makes_no_sample_is_named() -> None:
+    deep = np.full((80, 120), 65535, np.uint16)
+    far = stroke_row(LINE + np.array([0, 5, 0, 0, 0]), WHITE, WHITE, 1)
+    for bad, reason in ((stroke_row(LINE, deep, deep, 1), "uint16 pixels"), (far, "does not overlap")):
+        with pytest.raises(ContractError, match=rf"^Row 1 of the strokes table: .*{reason}"):
+            load_samples(table([stroke_row(LINE, WHITE, drawn(STROKE), 0), bad]), 9, 2000.0, 0.008)
+
+
+def test_an_unknown_colour_is_taken_as_black() -> None:
+    row = stroke_row(LINE, WHITE, drawn(STROKE), 0)
+    unknown = load_samples(table([row | {"color_srgb": [float("nan")] * 3}]), 9, 2000.0, 0.008)
+    black = load_samples(table([row | {"color_srgb": [0.0] * 3}]), 9, 2000.0, 0.008)
+    assert all(torch.equal(one, other) for one, other in zip(unknown, black, strict=True))

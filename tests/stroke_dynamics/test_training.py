@@ -5,10 +5,11 @@ import dataclasses
 import pytest
 import torch
 
+from pentimento.contracts.errors import ContractError
 from pentimento.stroke_dynamics.evaluation import mean_squared_error, predict_with, score, score_model
 from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train, weighted_l1
+from pentimento.stroke_dynamics.training import TrainingConfig, first_guess, split_by_action, train, weighted_l1
 from tests.stroke_dynamics.conftest import TRUTH
 
 CONFIG = TrainingConfig(12, 1000.0, 0.05, 40, 8, 0.05, 2.0, 0.25, 0)
@@ -49,6 +50,37 @@ def test_repeats_of_an_action_stay_together(made_by_truth: StrokeSamples) -> Non
     training, held_out = split_by_action(paired, 0.25, seed=3)
     assert len(held_out.path) == 6
     assert not set(training.action.tolist()) & set(held_out.action.tolist())
+
+
+def test_held_out_actions_that_leave_none_to_train_on_are_a_sentence(made_by_truth: StrokeSamples) -> None:
+    one_action = made_by_truth._replace(action=torch.zeros_like(made_by_truth.action))
+    for samples, held_out in ((one_action, 0.25), (made_by_truth, 0.99)):
+        with pytest.raises(ContractError, match=r"none trained on: .*held_out"):
+            split_by_action(samples, held_out, seed=3)
+
+
+def test_a_table_in_millimetres_is_a_sentence(made_by_truth: StrokeSamples) -> None:
+    path = made_by_truth.path * torch.tensor([1.0, 1e3, 1e3, 1.0, 1.0])
+    in_mm = made_by_truth._replace(path=path, pixels_per_m=made_by_truth.pixels_per_m / 1e3)
+    with pytest.raises(ContractError, match="are in metres"):
+        first_guess(in_mm)
+
+
+def test_strokes_that_left_no_ink_are_a_sentence(made_by_truth: StrokeSamples) -> None:
+    with pytest.raises(ContractError, match=r"None of the 18 training strokes left ink"):
+        split_by_action(made_by_truth._replace(ink=torch.zeros_like(made_by_truth.ink)), 0.25, seed=3)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("epochs", 0), ("batch", 0), ("path_points", 1), ("pixels_per_m", 0.0), ("margin_m", 0.0), ("seed", -1),
+        ("learning_rate", 0.0), ("ink_weight", -5.0), ("held_out", 0.0), ("held_out", 1.0),
+    ],
+)  # fmt: skip
+def test_numbers_out_of_their_ranges_are_named(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"^{field} is {value}; "):
+        dataclasses.replace(CONFIG, **{field: value})
 
 
 def test_inked_pixels_weigh_more(made_by_truth: StrokeSamples) -> None:

@@ -1,6 +1,7 @@
 """The seven parameters do what their names say."""
 
 import json
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -42,5 +43,20 @@ def test_parameters_survive_the_model_and_the_file(tmp_path: Path) -> None:
 def test_a_file_that_is_no_model_is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "parameters.json"
     file.write_text(text)
+    with pytest.raises(ContractError, match="is not a stroke model"):
+        read_parameters(file)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("softness", math.nan), ("thickness_per_press", math.inf), ("opacity", "soft"), ("opacity", None),
+        ("softness", -1.0), ("thickness_per_press", -1.0), ("opacity", 2.0), ("scale", [1.0, math.nan]),
+        ("offset_m", [0.0, 0.0, 0.0]),
+    ],
+)  # fmt: skip
+def test_parameters_that_are_no_numbers_or_out_of_range_are_refused(tmp_path: Path, field: str, value: object) -> None:
+    file = tmp_path / "parameters.json"
+    file.write_text(json.dumps(asdict(IDENTITY) | {field: value}))
     with pytest.raises(ContractError, match="is not a stroke model"):
         read_parameters(file)

@@ -67,6 +67,8 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         _exchange(temporary, path, old)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+    if old.is_file():  # a file stood where the folder belongs
+        old.unlink()
     shutil.rmtree(old, ignore_errors=True)
     _sync(path.parent)
 

@@ -140,7 +140,7 @@ def snap_window(window_m: Window, image_window_m: Window, shape: Sequence[int]) 
     )
     if first_column >= end_column or first_row >= end_row:
         raise ContractError(
-            f"Window {list(window_m)} m does not overlap the image's window {list(image_window_m)} m; "
+            f"Window {_listed(window_m)} m does not overlap the image's window {_listed(image_window_m)} m; "
             "check that both are in the canvas frame."
         )
     x_min, y_min, x_max, y_max = check_window(image_window_m)
@@ -175,6 +175,11 @@ def crop(image: npt.NDArray[Any], image_window_m: Window, window_m: Window) -> n
             "pass it through snap_window first."
         )
     return image[top:bottom, left:right]
+
+
+def _listed(window_m: Window) -> list[float]:
+    """The window for a sentence, to a micrometre."""
+    return [round(float(value), 6) for value in window_m]
 
 
 def _edges_px(window_m: Window, image_window_m: Window, shape: Sequence[int]) -> tuple[float, ...]:

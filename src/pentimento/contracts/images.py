@@ -32,7 +32,9 @@ def encode_png(image: npt.NDArray[Any]) -> bytes:
 
 
 def _decoded(data: bytes, flags: int, name: str) -> npt.NDArray[Any]:
-    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if data else None
+    # A PNG without its last chunk was cut off; OpenCV would say so on stderr, beside our sentence.
+    whole = data and (not data.startswith(b"\x89PNG") or b"IEND" in data)
+    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if whole else None
     if pixels is None:
         raise ImageError(f"{name} ({len(data)} bytes) is not a readable image; it may be cut off or corrupt.")
     return np.ascontiguousarray(pixels[..., ::-1]) if pixels.ndim == 3 else pixels

@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
+from pentimento.contracts.errors import ConfigError
 from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
 
@@ -16,7 +17,17 @@ class PrintObjective:
     """
 
     def __init__(self, target: Tensor, distances_px: tuple[int, ...]) -> None:
-        """Hold what there is to see of ``target``, [H, W, 3] in linear light."""
+        """Hold what there is to see of ``target``, [H, W, 3] in linear light.
+
+        Raises:
+            ConfigError: the picture is smaller than a distance's square.
+        """
+        height, width = target.shape[:2]
+        if max(distances_px) > min(height, width):
+            raise ConfigError(
+                f"A viewing distance of {max(distances_px)} px is larger than the picture of {height} x {width} px: "
+                "lower the planner's distances_px or raise its pixels_per_m."
+            )
         self._seen = [(distance, seen_from(target, distance)) for distance in distances_px]
 
     def __call__(self, image: Tensor) -> Tensor:

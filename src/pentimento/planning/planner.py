@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.planning.initialise import error_guided_strokes, random_strokes
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import cluster_palette
@@ -34,6 +35,9 @@ class LearningRates:
     bend_m: float
     press_m: float
     color: float
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,15 @@ class PlannerConfig:
     """Viewing distances of the print objective."""
     learning_rates: LearningRates
     seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "iterations_per_round", "iterations_free", "iterations_palette", "iterations_replan")
+        at_least(self, 0, "replan_rate", "edge_m", "seed")
+        at_least(self, 1, "rounds", "palette_size")
+        at_least(self, 2, "path_points")
+        above_zero(self, "pixels_per_m")
+        if not self.distances_px or min(self.distances_px) < 1:
+            raise ValueError(f"distances_px is {list(self.distances_px)}; give at least one distance, each 1 or more.")
 
 
 @dataclass(frozen=True)

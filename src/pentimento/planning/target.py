@@ -52,11 +52,11 @@ def fit_to_ink(target: FloatArray, darkest: float) -> FloatArray:
     """Grey tones that a pen can reach, linear light [H, W, 3].
 
     A pen cannot fill a dark photograph with a few hundred lines. Lightness (of CIE L*) is stretched over the picture's
-    own 2nd to 98th percentile and laid between ``darkest`` (0 to 1) and white.
+    own 2nd to 98th percentile and laid between ``darkest`` (0 to 1) and white. A picture of one tone keeps it.
     """
     luminance = target @ np.array([0.2126, 0.7152, 0.0722])
     lightness = linear_to_srgb(np.clip(luminance, 0.0, 1.0))
     low, high = np.percentile(lightness, [2, 98])
-    stretched = np.clip((lightness - low) / max(high - low, 1e-3), 0.0, 1.0)
+    stretched = np.clip((lightness - low) / (high - low), 0.0, 1.0) if high - low > 1e-3 else lightness
     tones = srgb_to_linear(darkest + (1 - darkest) * stretched)
     return np.repeat(tones[..., None], 3, axis=-1)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.plan import Plan, read_plan
+from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.stroke_dynamics.evaluation import StrokeScores
@@ -40,6 +41,8 @@ class StrokePictures:
     def __post_init__(self) -> None:
         if self.shown < 1:
             raise ValueError(f"shown is {self.shown}; show at least one stroke.")
+        at_least(self, 2, "path_points")
+        above_zero(self, "pixels_per_m", "margin_m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,9 @@ class ToolInputs:
     held_out: StrokeSamples
     model: Traj2StrokeParameters
     polyline: Traj2StrokeParameters
+    """The constant-width pen of least MSE on the training strokes."""
+    crisp: Traj2StrokeParameters
+    """The one of largest IoU."""
     scores: dict[str, dict[str, StrokeScores]]
     """[`held_out` or `training`][`model`, `polyline` or `blank`]."""
     counts: dict[str, int]
@@ -113,6 +119,7 @@ def read_tool(name: str, strokes: Path, weights: Path, config: StrokePictures) -
             held_out=held_out,
             model=read_parameters(weights / "parameters.json"),
             polyline=read_parameters(weights / "polyline.json"),
+            crisp=read_parameters(weights / "polyline_for_iou.json"),
             scores={
                 part: {model: StrokeScores(**metrics[part][model]) for model in ("model", "polyline", "blank")}
                 for part in ("held_out", "training")

@@ -18,7 +18,7 @@ _NAMES = {"model": "Traj2Stroke", "polyline": "polyline", "blank": "nothing happ
 def tool_section(inputs: ToolInputs, shown: int, album: Album) -> str:
     """HTML of the section; its pictures go into the album."""
     name = escape(tool_name(inputs.name))
-    strokes = choose(inputs.held_out, inputs.model, inputs.polyline, shown)
+    strokes = choose(inputs.held_out, inputs.model, inputs.crisp, shown)
     sheet = album.plot(
         f"strokes_{inputs.name}.png",
         draw_sheet(strokes),
@@ -27,7 +27,8 @@ def tool_section(inputs: ToolInputs, shown: int, album: Album) -> str:
         f"Strokes that the model has not seen, from the best foretold (by IoU) through the median to the worst; "
         f"{'all at' if len(strokes) > 1 else 'at'} one scale, the dark bar is 10&nbsp;mm. <b>Before</b>: the canvas, "
         "with the commanded path in ochre and a dot where it starts. <b>After</b>: the photograph of the stroke. "
-        "<b>Traj2Stroke</b> and <b>polyline</b>: what the two models say the photograph will be. <b>|error|</b>: how "
+        "<b>Traj2Stroke</b> and <b>polyline</b>: what the two models say the photograph will be (the polyline "
+        "fitted for the IoU). <b>|error|</b>: how "
         "far each is off, sRGB in [0, 1], pale where right and dark where wrong.",
     )  # fmt: skip
     curve = album.plot(
@@ -48,7 +49,7 @@ def tool_section(inputs: ToolInputs, shown: int, album: Album) -> str:
 <p>{tool_summary(inputs)}</p>
 {sheet}
 {parameter_table(inputs.model, name)}
-<p>{polyline_sentence(inputs.polyline)}</p>
+<p>{polyline_sentence(inputs.polyline, inputs.crisp)}</p>
 {row([_score_table(inputs), curve])}
 </section>"""
 

@@ -14,6 +14,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import image_shape, snap_window, window_around
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
+from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.robots.driver import Robot
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
@@ -46,6 +47,14 @@ class CollectionConfig:
     yaw_spread_rad: float
     """A flat tool's broad edge is held across the stroke, give or take this."""
     seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "strokes")
+        at_least(self, 2, "path_points")
+        at_least(self, 0, "edge_m", "settle_s", "yaw_spread_rad", "seed")
+        above_zero(self, "margin_m", "pixels_per_m")
+        if not self.palette_srgb or not all(0 <= channel <= 1 for paint in self.palette_srgb for channel in paint):
+            raise ValueError("palette_srgb needs at least one paint [red, green, blue] with channels from 0 to 1.")
 
 
 def collect_strokes(
@@ -115,6 +124,8 @@ def _free_stroke(
 ) -> PlannedStroke | None:
     """A random stroke inside the canvas that keeps clear of the boxes ``taken``; None if none was found."""
     low, high = np.full(2, config.edge_m), np.array(canvas_size_m) - config.edge_m
+    if np.any(low >= high):
+        return None
     for _ in range(_TRIES):
         path = _random_path(rng, low, high, tool, config)
         box = window_around(path, tool.nominal_width_m)

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from pentimento.contracts import frames, images
 from pentimento.contracts.colour import to_float
-from pentimento.contracts.errors import ContractError
+from pentimento.contracts.errors import ContractError, ImageError, PentimentoError
 from pentimento.stroke_dynamics.photometry import srgb_to_linear
 
 Array = NDArray[Any]
@@ -58,12 +58,17 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: fl
     Ink that does not touch the commanded path (neighbours that slipped into the window) is put back to ``before``.
 
     Raises:
-        ContractError: the table has no rows.
+        ContractError: the table has no rows, or a row (it is named) makes no sample.
     """
     rows = table.to_pylist()
     if not rows:
         raise ContractError("The strokes table has no rows: collect strokes first, or check its quarantine report.")
-    loaded = [_load_row(row, points, pixels_per_m, margin_m) for row in rows]
+    loaded = []
+    for number, row in enumerate(rows):
+        try:
+            loaded.append(_load_row(row, points, pixels_per_m, margin_m))
+        except PentimentoError as error:
+            raise ContractError(f"Row {number} of the strokes table: {error}") from error
     height = max(item[1].shape[0] for item in loaded)
     width = max(item[1].shape[1] for item in loaded)
 
@@ -121,6 +126,7 @@ def _load_row(
     window = np.asarray(row["window_m"], dtype=float)
     color = row.get("color_srgb")
     color = np.zeros(3) if color is None else np.asarray(color, dtype=float)
+    color = color if np.isfinite(color).all() else np.zeros(3)  # NaN, like null, is unknown: taken as black
     before, after = (_read_image(row[name], row.get("encoding")) for name in ("before", "after"))
     trimmed = frames.snap_window(frames.window_around(path, margin_m), window, before.shape)
     before, after = frames.crop(before, window, trimmed), frames.crop(after, window, trimmed)
@@ -143,6 +149,8 @@ def _averaged(image: Array, factor: int) -> Array:
 
 def _read_image(stored: object, encoding: object) -> Array:
     image = images.decode_png(stored["bytes"])  # type: ignore[index]
+    if image.dtype != np.uint8:
+        raise ImageError(f"its photograph has {image.dtype} pixels; save it again with 8 bits.")
     if encoding == "ink":
         image = images.ink_encoded_to_srgb(image)
     return to_float(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1))

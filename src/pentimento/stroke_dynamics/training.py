@@ -15,12 +15,16 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, TensorDataset
 
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.stroke_dynamics.autograd import render_strokes
 from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.stroke_dynamics.samples import INK_THRESHOLD, StrokeSamples, inked_share
 from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
 
 Log = Callable[[str, float, int], None]
+
+_STEEPEST = 50.0  # metres of half-width for each metre of press: no tool, a table in millimetres
 
 
 @dataclass(frozen=True)
@@ -43,14 +47,38 @@ class TrainingConfig:
     """Share of the actions kept for the metrics."""
     seed: int
 
+    def __post_init__(self) -> None:
+        at_least(self, 1, "epochs", "batch")
+        at_least(self, 2, "path_points")
+        at_least(self, 0, "seed")
+        above_zero(self, "pixels_per_m", "margin_m", "learning_rate", "ink_weight", "held_out")
+        if self.held_out >= 1:
+            raise ValueError(f"held_out is {self.held_out}; below 1, some actions are left to train on.")
+
 
 def split_by_action(samples: StrokeSamples, held_out: float, seed: int) -> tuple[StrokeSamples, StrokeSamples]:
-    """(training, held-out) samples; repeats of one action stay together."""
+    """(training, held-out) samples; repeats of one action stay together.
+
+    Raises:
+        ContractError: no action is left to train on, or no stroke of a part left ink that can be seen.
+    """
     actions = np.unique(samples.action.numpy())
     order = np.random.default_rng(seed).permutation(len(actions))
     apart = actions[order[: max(1, round(held_out * len(actions)))]]
+    if len(apart) == len(actions):
+        raise ContractError(
+            f"Of {len(actions)} actions in the strokes, {len(apart)} would be held out and none trained on: "
+            "record more strokes or lower train_stroke_dynamics.held_out."
+        )
     is_apart = torch.from_numpy(np.isin(samples.action.numpy(), apart))
-    return samples.pick(~is_apart), samples.pick(is_apart)
+    parts = samples.pick(~is_apart), samples.pick(is_apart)
+    for name, part in zip(("training", "held-out"), parts, strict=True):
+        if not part.ink.any():
+            raise ContractError(
+                f"None of the {len(part.path)} {name} strokes left ink that can be seen on its path: look at the "
+                "table's photographs, windows and color_srgb, or record more strokes."
+            )
+    return parts
 
 
 def predict(mark: Mark, samples: StrokeSamples) -> Tensor:
@@ -78,7 +106,11 @@ def weighted_l1(predicted: Tensor, samples: StrokeSamples, ink_weight: float) ->
 
 
 def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
-    """Start values from the data alone: half-width = inked area / (2 · length), regressed on the mean press depth."""
+    """Start values from the data alone: half-width = inked area / (2 · length), regressed on the mean press depth.
+
+    Raises:
+        ContractError: the strokes widen as no tool's do.
+    """
     area = samples.ink.flatten(1).sum(1) / samples.pixels_per_m**2
     length = samples.path[..., 1:3].diff(dim=1).norm(dim=-1).sum(1)
     press = (-samples.path[..., 3]).clamp(min=0.0).mean(1)
@@ -89,6 +121,11 @@ def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
     spread = float(press.var(unbiased=False)) if len(press) else 0.0
     slope = float(((press - press.mean()) * half).mean()) / spread if spread > 1e-10 else 0.0
     slope = max(slope, 0.05)
+    if slope > _STEEPEST:
+        raise ContractError(
+            f"The strokes' half-width seems to grow by {slope:.3g} m for each metre of press: check that the table's "
+            "paths and windows are in metres."
+        )
     contact = float(half.mean() - slope * press.mean()) if len(press) else 1e-3
     return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), slope, max(contact, 2e-4), 0.3, 0.9)
 
