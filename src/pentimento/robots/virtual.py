@@ -37,7 +37,7 @@ class VirtualRobot:
         if tool.name != self._studio.tool_name:
             raise ContractError(
                 f"This studio holds a {self._studio.tool_name} and the {tool.name} is asked for; "
-                f"name a world whose file says `[tool] name = \"{tool.name}\"`."
+                f'name a world whose file says `[tool] name = "{tool.name}"`.'
             )
 
     def load_palette(self, colors_srgb: FloatArray) -> None:
