@@ -15,7 +15,7 @@ STAMP := .venv/.installed-$(shell cat pyproject.toml constraints.txt | git hash-
 # Two threads each: more than the cores at hand makes a training step several times slower.
 export OMP_NUM_THREADS ?= 2
 export NUMBA_NUM_THREADS ?= 2
-# The install leaves bytecode to the first import, which must therefore be free to write it.
+# Python must be free to write its bytecode, or every stage starts seconds later.
 export PYTHONDONTWRITEBYTECODE :=
 # Nothing leaves the machine.
 export HF_HUB_OFFLINE ?= 1
@@ -47,13 +47,14 @@ clean:
 
 env: $(STAMP)
 
-# Measured on a fresh clone: the pip that comes with Python 3.11 takes twice as long as the pinned one, and compiling
-# what is never imported as long again. A package that was being copied when an install was interrupted has no
+# Measured on a fresh clone: the pip that comes with Python 3.11 takes twice as long as the pinned one, and it compiles
+# bytecode on one core; afterwards, on all, that is a minute, which the first run of every stage gives back. A package that was being copied when an install was interrupted has no
 # RECORD: forgetting it makes pip redo it.
 $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
 	$(PIP_INSTALL) -c constraints.txt -e ".[train,dev]"
+	$(BIN)/python -m compileall -q -j 0 .venv/lib || true # some packages carry templates that are not Python
 	rm -f .venv/.installed-*
 	touch $@
