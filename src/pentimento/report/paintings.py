@@ -36,7 +36,7 @@ def hero(inputs: PaintingInputs, frame_ms: int, album: Album) -> str:
                 f"{name}_painting_with.png", encode_png(inputs.with_replanning),
                 f"The robot’s painting of the photograph ({name}).", f"The painting: {strokes}.",
             ),
-            _time_lapse(inputs, frame_ms, album, "How it came about."),
+            _time_lapse(inputs, frame_ms, album, "How it came about, batch by batch (animation)."),
         ]
     )  # fmt: skip
 
