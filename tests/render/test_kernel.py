@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.render import render
+from pentimento.render import kernel, render, render_backward
 from pentimento.render.kernel import RenderInputError
 from pentimento.stroke_dynamics.autograd import render_strokes
 from pentimento.stroke_dynamics.reference import render_reference
@@ -99,6 +99,112 @@ def test_gradients_agree_with_finite_differences() -> None:
     assert torch.autograd.gradcheck(render_strokes, inputs, eps=1e-7, atol=1e-4, rtol=1e-3)
 
 
+def with_pickup(inputs: list[torch.Tensor], seed: int) -> list[torch.Tensor]:
+    """The same strokes by tools that pick up paint, on a canvas that is wet here and there."""
+    rng = np.random.default_rng(seed)
+    wet = torch.tensor(rng.uniform(0, 1, (*inputs[5].shape[:3], 1)), dtype=inputs[5].dtype)
+    pickup = torch.tensor(rng.uniform(0.2, 0.9, inputs[4].shape[:2]), dtype=inputs[5].dtype)
+    return [*inputs[:5], torch.cat([inputs[5], wet], dim=-1), pickup]
+
+
+@pytest.mark.parametrize("points", [1, 6])
+def test_pickup_agrees_with_the_reference(points: int) -> None:
+    inputs = [x.requires_grad_(True) for x in with_pickup(strokes(5, points, seed=4), seed=4)]
+    weight = torch.randn(1, *SHAPE, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    ours, dense = render_strokes(*inputs), render_reference(*(x[0] for x in inputs))
+    torch.testing.assert_close(ours[0], dense, atol=1e-10, rtol=0)
+    g_ours = torch.autograd.grad((ours * weight).sum(), inputs)
+    g_dense = torch.autograd.grad((dense * weight[0]).sum(), inputs)
+    names = ("points", "radius", "density", "softness", "color", "canvas", "pickup")
+    for name, a, b in zip(names, g_ours, g_dense, strict=True):
+        assert float((a - b).norm() / b.norm()) <= 1e-6, name
+
+
+def test_a_clean_tool_and_a_dry_canvas_pick_nothing_up() -> None:
+    inputs = with_pickup(strokes(4, 5, seed=6), seed=6)
+    plain = render_strokes(*inputs[:5], inputs[5][..., :3].contiguous())
+    clean = render_strokes(*inputs[:6], torch.zeros_like(inputs[6]))
+    torch.testing.assert_close(clean[..., :3], plain)
+    one = [x[:, :1] for x in inputs[:5]]
+    dry = inputs[5].clone()
+    dry[..., 3] = 0
+    on_dry = render_strokes(*one, dry, inputs[6][:, :1])
+    torch.testing.assert_close(on_dry[..., :3], render_strokes(*one, dry[..., :3].contiguous()))
+
+
+def test_a_tool_carries_wet_paint_onwards_only() -> None:
+    """Blue over a wet red patch in the middle: blue before the patch, tinged with red after it."""
+    canvas = np.ones((1, 21, 81, 4))
+    canvas[..., 3] = 0
+    canvas[0, :, 35:45] = (1.0, 0.0, 0.0, 1.0)
+    path = np.stack([np.linspace(8, 72, 33), np.full(33, 10.0)], axis=1)[None, None]
+    ones = np.ones((1, 1, 33))
+    image, _ = render(path, 4 * ones, ones, 0 * ones, np.array([[[0.0, 0.0, 1.0]]]), canvas, np.array([[0.8]]))
+    red = image[0, 10, :, 0]
+    assert red[12] == 0 and red[28] == 0
+    assert 0.02 < red[60] < 0.8
+    assert red[70] < red[50]  # what was picked up thins out
+    assert image[0, 10, 60, 3] == 1  # and what was laid is wet
+
+
+def test_tall_canvases_are_one_picture() -> None:
+    """Bands of rows are an implementation's matter: no seam, and all strokes' gradients are whole."""
+    rng = np.random.default_rng(0)
+    height, width, n = 150, 37, 5
+    start = rng.uniform((0, 0), (width, height), (12, 1, 2))
+    points = start + np.cumsum(rng.normal(0, 18, (12, n, 2)), axis=1)
+    arrays = (
+        points,
+        *(rng.uniform(a, b, (12, n)) for a, b in ((1, 9), (0.3, 1), (0.4, 1.5))),
+        rng.uniform(0, 1, (12, 3)),
+    )
+    inputs = [torch.tensor(a)[None].requires_grad_(True) for a in (*arrays, rng.uniform(0, 1, (height, width, 3)))]
+    weight = torch.tensor(rng.normal(size=(1, height, width, 3)))
+    ours, dense = render_strokes(*inputs), render_reference(*(x[0] for x in inputs))
+    torch.testing.assert_close(ours[0], dense, atol=1e-10, rtol=0)
+    g_ours = torch.autograd.grad((ours * weight).sum(), inputs)
+    g_dense = torch.autograd.grad((dense * weight[0]).sum(), inputs)
+    for a, b in zip(g_ours, g_dense, strict=True):
+        assert float((a - b).norm() / b.norm()) <= 1e-6
+
+
+@pytest.mark.parametrize("carried", [False, True])
+def test_any_number_of_threads_gives_the_same_bits(carried: bool) -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 200, (2, 30, 6, 2)).astype(np.float32)
+    shapes = (points.shape[:3],) * 3 + ((2, 30, 3), (2, 200, 70, 4 if carried else 3))
+    strokes_ = [rng.uniform(0.2, 2, shape).astype(np.float32) for shape in shapes]
+    pickup = rng.uniform(0, 1, (2, 30)).astype(np.float32) if carried else None
+    image, fragments = render(points, *strokes_, pickup)
+    gradients = render_backward(points, *strokes_[:4], fragments, image, pickup)
+    again, fragments = render(points, *strokes_, pickup, threads=3)
+    gradients_again = render_backward(points, *strokes_[:4], fragments, again, pickup, threads=3)
+    np.testing.assert_array_equal(image, again)
+    for one, other in zip(gradients, gradients_again, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_single_precision_gradients_agree_with_the_reference() -> None:
+    rng = np.random.default_rng(2)
+    t = np.linspace(0, 1, 12)[:, None]
+    start, end = rng.uniform(0, 64, (2, 15, 1, 2))
+    arrays = (
+        start + (end - start) * t,
+        rng.uniform(1.5, 5, (15, 1)).repeat(12, axis=1),
+        np.ones((15, 12)),
+        np.full((15, 12), 0.3),
+        rng.uniform(0, 1, (15, 3)),
+        np.ones((64, 64, 3)),
+    )
+    exact = [torch.tensor(a).requires_grad_(True) for a in arrays]
+    single = [torch.tensor(a, dtype=torch.float32)[None].requires_grad_(True) for a in arrays]
+    weight = torch.tensor(rng.normal(size=(64, 64, 3)))
+    dense = torch.autograd.grad((render_reference(*exact) * weight).sum(), exact)
+    ours = torch.autograd.grad((render_strokes(*single)[0] * weight).sum(), single)
+    for name, a, b in zip(("points", "radius", "density", "softness", "color", "canvas"), ours, dense, strict=True):
+        assert float((a[0] - b).norm() / b.norm()) <= 1e-4, name
+
+
 def test_constant_and_varying_profiles_are_one_formula() -> None:
     inputs = strokes(4, 6, seed=8)
     inputs[2] = torch.full_like(inputs[2], 0.8)
@@ -155,3 +261,26 @@ def test_shapes_that_do_not_fit_are_named() -> None:
     inputs[1] = inputs[1][:, :2]
     with pytest.raises(RenderInputError, match="radius must have shape"):
         render(*inputs)
+
+
+def test_absurd_values_are_named() -> None:
+    inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
+    inputs[1][0, 1, 2] = 1e30
+    with pytest.raises(RenderInputError, match=r"radius\[0, 1, 2\] is 1e\+30"):
+        render(*inputs)
+
+
+def test_ink_that_memory_cannot_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel, "_free_bytes", lambda: 1_000_000)
+    monkeypatch.setattr(kernel, "_ASK_ABOUT_BYTES", 0)
+    inputs = [x.numpy() for x in strokes(300, 4, seed=0)]
+    inputs[1][0, 7] *= 10
+    with pytest.raises(RenderInputError, match=r"Most comes from points\[0, 7\]"):
+        render(*inputs)
+    render(*(x[:, :3] for x in inputs[:5]), inputs[5])  # a few fit
+
+
+def test_no_strokes_leave_the_canvas_as_it_is() -> None:
+    inputs = [x.numpy() for x in strokes(2, 4, seed=0)]
+    image, _ = render(*(x[:, :0] for x in inputs[:5]), inputs[5])
+    np.testing.assert_array_equal(image, inputs[5])

@@ -12,37 +12,51 @@ from pentimento.render.kernel import render, render_backward
 
 class _Render(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        points, radius, density, softness, color, canvas = (x.detach().contiguous().numpy() for x in inputs)
-        image, ctx.fragments = render(points, radius, density, softness, color, canvas)
-        ctx.strokes = (points, radius, density, softness, color)
+    def forward(ctx: Any, *inputs: Tensor | None) -> Tensor:
+        points, radius, density, softness, color, canvas, pickup = map(_as_array, inputs)
+        threads = torch.get_num_threads()
+        image, ctx.fragments = render(points, radius, density, softness, color, canvas, pickup, threads)
+        ctx.strokes, ctx.pickup = (points, radius, density, softness, color), pickup
         return torch.from_numpy(image)
 
     @staticmethod
-    def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor, ...]:
+    def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor | None, ...]:
         points, radius, density, softness, color = ctx.strokes
         gradients = render_backward(
-            points, radius, density, softness, color, ctx.fragments, image_gradient[0].contiguous().numpy()
-        )
-        return tuple(torch.from_numpy(g) for g in gradients)
+            points, radius, density, softness, color, ctx.fragments, _as_array(image_gradient[0]), ctx.pickup,
+            torch.get_num_threads(),
+        )  # fmt: skip
+        return tuple(None if g is None else torch.from_numpy(g) for g in gradients)
+
+
+def _as_array(tensor: Tensor | None) -> Any:
+    return None if tensor is None else tensor.detach().contiguous().numpy()
 
 
 def render_strokes(
-    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
+    points: Tensor,
+    radius: Tensor,
+    density: Tensor,
+    softness: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    pickup: Tensor | None = None,
 ) -> Tensor:
-    """Lay strokes on canvases, in order; differentiable in everything.
+    """Lay strokes on canvases, in order; differentiable in everything. As many threads as ``torch.get_num_threads()``.
 
     Args:
         points: [B, S, N, 2], pixel coordinates (column, row).
         radius, density, softness: [B, S, N]; radius in px.
         color: [B, S, 3], linear light.
-        canvas: [B, H, W, 3], linear light.
+        canvas: [B, H, W, 3], linear light; with ``pickup`` [B, H, W, 4], the last channel being wetness, 0 to 1.
+        pickup: [B, S], the share of wet paint that each stroke picks up on its way; None: none.
 
     Returns:
-        [B, H, W, 3], on the CPU.
+        The images, of the canvas's shape, on the CPU.
 
     Raises:
-        RenderInputError: shapes do not fit, or a value is not finite.
+        RenderInputError: shapes do not fit, a value is not finite, or memory would not hold the ink.
     """
-    image: Tensor = _Render.apply(points, radius, density, softness, color, canvas)  # type: ignore[no-untyped-call]
+    inputs = (points, radius, density, softness, color, canvas, pickup)
+    image: Tensor = _Render.apply(*inputs)  # type: ignore[no-untyped-call]
     return image

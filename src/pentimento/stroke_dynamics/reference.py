@@ -14,8 +14,8 @@ from pentimento.render.kernel import Q_MIN, R_MIN
 
 def stroke_coverage(
     points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, shape: tuple[int, int]
-) -> Tensor:
-    """Coverage of one stroke at every pixel (thesis 5.1 to 5.5).
+) -> tuple[Tensor, Tensor]:
+    """Coverage of one stroke at every pixel (thesis 5.1 to 5.5), and which of its segments covers most there.
 
     Args:
         points: [N, 2] pixel coordinates (column, row); one point alone is a disc.
@@ -23,7 +23,7 @@ def stroke_coverage(
         shape: (H, W).
 
     Returns:
-        [H, W], 0 where no ink falls.
+        [H, W], 0 where no ink falls; and int64[H, W].
     """
     if len(points) == 1:
         points, radius, density, softness = (
@@ -49,24 +49,39 @@ def stroke_coverage(
     thickness = along(radius).clamp(min=R_MIN)  # (5.4) is applied by the caller
     q = 1 - distance / thickness
     darkness = along(density) * q.clamp(min=Q_MIN) ** along(softness)  # (5.5)
-    return torch.where(q > 0, darkness, 0.0).amax(dim=0)
+    coverage = torch.where(q > 0, darkness, 0.0)
+    return coverage.amax(dim=0), coverage.argmax(dim=0)
 
 
 def render_reference(
-    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
+    points: Tensor,
+    radius: Tensor,
+    density: Tensor,
+    softness: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    pickup: Tensor | None = None,
 ) -> Tensor:
     """Lay strokes on one canvas, in order.
 
     Args:
-        points: [S, N, 2]; radius, density, softness: [S, N]; color: [S, C], linear light.
-        canvas: [H, W, C], linear light.
+        points: [S, N, 2]; radius, density, softness: [S, N]; color: [S, 3], linear light.
+        canvas: [H, W, 3], linear light; with ``pickup`` [H, W, 4], the last channel being wetness.
+        pickup: [S], see ``pentimento.render.composition``.
 
     Returns:
-        [H, W, C].
+        The image, of the canvas's shape.
     """
-    image = canvas
+    image, shape = canvas, (canvas.shape[0], canvas.shape[1])
     for s in range(len(points)):
-        shape = (canvas.shape[0], canvas.shape[1])
-        alpha = stroke_coverage(points[s], radius[s], density[s], softness[s], shape)[..., None]
-        image = image + alpha * (color[s] - image)
+        alpha, segment = stroke_coverage(points[s], radius[s], density[s], softness[s], shape)
+        if pickup is None:
+            laid = color[s]
+        else:
+            # The sums over what was passed up to each segment, and back to the pixels that it covers: [H, W].
+            passed = [(segment <= k) * alpha for k in range(max(points.shape[1] - 1, 1))]
+            wet = [(p[..., None] * image[..., 3:] * (image[..., :3] - color[s])).sum((0, 1)) for p in passed]
+            carried = torch.stack([w / p.sum().clamp(min=1e-12) for w, p in zip(wet, passed, strict=True)])
+            laid = torch.cat([color[s] + pickup[s] * carried[segment], torch.ones_like(image[..., :1])], dim=-1)
+        image = image + alpha[..., None] * (laid - image)
     return image
