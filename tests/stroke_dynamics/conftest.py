@@ -56,7 +56,7 @@ def made_by_truth() -> StrokeSamples:
         rows.append(stroke_row(path, white, white, action))
     blank = load_samples(table(rows), 12, 1000.0, 0.05)
     with torch.no_grad():
-        after = to_uint8(predict(Traj2Stroke(TRUTH)(blank.path), blank).numpy())
+        after = to_uint8(predict(Traj2Stroke(TRUTH), blank).numpy())
     for row, image in zip(rows, after, strict=True):
         row["after"] = {"bytes": encode_png(image), "path": None}
     return load_samples(table(rows), 12, 1000.0, 0.05)

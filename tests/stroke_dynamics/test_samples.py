@@ -28,7 +28,7 @@ STROKE = ((40, 20), (80, 20))
 
 def test_ink_lies_where_the_path_is_in_pixels() -> None:
     samples = load_samples(table([stroke_row(LINE, WHITE, drawn(STROKE), 0)]), 9, 2000.0, 0.008)
-    pixels = samples.to_pixels(samples.path[..., 1:3])[0].round().long()
+    pixels = samples.view.to_pixels(samples.path[..., 1:3])[0].round().long()
     assert samples.ink[0, pixels[:, 1], pixels[:, 0]].all()
     rows = samples.ink[0].any(1).nonzero().flatten()
     assert abs(float(rows.float().mean()) - float(pixels[0, 1])) <= 1

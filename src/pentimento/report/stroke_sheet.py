@@ -66,7 +66,7 @@ def choose(
 def foretell(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
     """What a model says the photographs after the strokes will be, sRGB [B, H, W, 3]."""
     with torch.no_grad():
-        return predict(Traj2Stroke(parameters)(samples.path), samples)
+        return predict(Traj2Stroke(parameters), samples)
 
 
 def stroke_scores(predicted: Tensor, samples: StrokeSamples) -> tuple[Tensor, Tensor]:
@@ -170,7 +170,7 @@ def _shown(
         after=image(samples.after[index]),
         model=image(foretold[0]),
         polyline=image(foretold[1]),
-        path_px=one.to_pixels(one.path[..., 1:3])[0].double().numpy(),
+        path_px=one.view.to_pixels(one.path[..., 1:3])[0].double().numpy(),
         pixels_per_m=float(samples.pixels_per_m[index]),
         iou=(ious[0], ious[1]),
         l1=(l1s[0], l1s[1]),

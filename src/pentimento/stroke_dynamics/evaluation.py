@@ -53,7 +53,7 @@ def mean_squared_error(predicted: Tensor, samples: StrokeSamples) -> float:
 def predict_with(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
     """The photographs that a model foretells, sRGB [B, H, W, 3]."""
     with torch.no_grad():
-        return predict(Traj2Stroke(parameters)(samples.path), samples)
+        return predict(Traj2Stroke(parameters), samples)
 
 
 def score_model(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> StrokeScores:

@@ -15,6 +15,7 @@ from pentimento.contracts import frames, images
 from pentimento.contracts.colour import to_float
 from pentimento.contracts.errors import ContractError, ImageError, PentimentoError
 from pentimento.stroke_dynamics.photometry import srgb_to_linear
+from pentimento.stroke_dynamics.simulation import View
 
 Array = NDArray[Any]
 
@@ -41,12 +42,10 @@ class StrokeSamples(NamedTuple):
         """The samples with these indices."""
         return StrokeSamples(*(field[index] for field in self))
 
-    def to_pixels(self, points_m: Tensor) -> Tensor:
-        """Canvas points [B, ..., 2] to pixel coordinates (column, row) of each sample's image."""
-        lead = (-1,) + (1,) * (points_m.ndim - 2)
-        x = (points_m[..., 0] - self.top_left_m[:, 0].view(lead)) * self.pixels_per_m.view(lead) - 0.5
-        y = (self.top_left_m[:, 1].view(lead) - points_m[..., 1]) * self.pixels_per_m.view(lead) - 0.5
-        return torch.stack([x, y], dim=-1)
+    @property
+    def view(self) -> View:
+        """Which part of the canvas each image shows."""
+        return View(self.top_left_m, self.pixels_per_m)
 
 
 def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: float) -> StrokeSamples:

@@ -17,9 +17,9 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.stroke_dynamics.autograd import render_strokes
 from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.stroke_dynamics.samples import INK_THRESHOLD, StrokeSamples, inked_share
+from pentimento.stroke_dynamics.simulation import StrokeContext, simulate
 from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
 
 Log = Callable[[str, float, int], None]
@@ -81,17 +81,11 @@ def split_by_action(samples: StrokeSamples, held_out: float, seed: int) -> tuple
     return parts
 
 
-def predict(mark: Mark, samples: StrokeSamples) -> Tensor:
+def predict(model: Callable[[Tensor], Mark], samples: StrokeSamples) -> Tensor:
     """The photograph after each stroke, sRGB [B, H, W, 3]: its mark laid over ``before`` in linear light."""
-    image = render_strokes(
-        samples.to_pixels(mark.points_m)[:, None],
-        (mark.radius_m * samples.pixels_per_m[:, None])[:, None],
-        mark.density[:, None],
-        mark.softness[:, None],
-        srgb_to_linear(samples.color)[:, None],
-        samples.before_linear,
-    )
-    return linear_to_srgb(image)
+    context = StrokeContext(samples.path[:, None], {})
+    color = srgb_to_linear(samples.color)[:, None]
+    return linear_to_srgb(simulate(model, (), context, color, samples.before_linear, samples.view))
 
 
 def predicted_ink(samples: StrokeSamples, predicted: Tensor) -> Tensor:
@@ -161,7 +155,7 @@ class _Fit(lightning.LightningModule):
 
     def training_step(self, batch: list[Tensor], _: int) -> Tensor:
         part = self.samples.pick(batch[0])
-        loss = weighted_l1(predict(self.model(part.path), part), part, self.config.ink_weight)
+        loss = weighted_l1(predict(self.model, part), part, self.config.ink_weight)
         self.losses.append(float(loss.detach()))
         return loss
 
