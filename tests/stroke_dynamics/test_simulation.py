@@ -80,7 +80,7 @@ def test_width_inks_more_and_density_darkens_less() -> None:
 
 def test_pickup_depends_on_a_covariate() -> None:
     wet_red = torch.cat([torch.tensor([1.0, 0.0, 0.0]).expand(2, 40, 60, 3), torch.ones(2, 40, 60, 1)], dim=-1)
-    fresh, old = image([PickUp(0.6)], wet_red, 0.0), image([PickUp(0.6)], wet_red, 200.0)
+    fresh, old = image([PickUp(0.6)], wet_red, 0.0).detach(), image([PickUp(0.6)], wet_red, 200.0).detach()
     torch.testing.assert_close(old, image([], wet_red[..., :3].contiguous()), atol=1e-4, rtol=0)
     assert float((fresh - old)[..., 0].max()) > 0.2
 

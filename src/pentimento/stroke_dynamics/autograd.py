@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from pentimento.render.kernel import render, render_backward
+from pentimento.render.kernel import RenderInputError, render, render_backward
 
 
 class _Render(torch.autograd.Function):
@@ -42,7 +42,9 @@ def render_strokes(
     canvas: Tensor,
     pickup: Tensor | None = None,
 ) -> Tensor:
-    """Lay strokes on canvases, in order; differentiable in everything. As many threads as ``torch.get_num_threads()``.
+    """Lay strokes on canvases, in order; differentiable in everything.
+
+    On the CPU by ``pentimento.render``, with as many threads as ``torch.get_num_threads()``; on a GPU by Triton.
 
     Args:
         points: [B, S, N, 2], pixel coordinates (column, row).
@@ -52,11 +54,38 @@ def render_strokes(
         pickup: [B, S], the share of wet paint that each stroke picks up on its way; None: none.
 
     Returns:
-        The images, of the canvas's shape, on the CPU.
+        The images, of the canvas's shape, where the points are.
 
     Raises:
-        RenderInputError: shapes do not fit, a value is not finite, or memory would not hold the ink.
+        RenderInputError: shapes do not fit, a value is not finite, memory would not hold the ink, or it is asked of a
+            GPU what that cannot do.
     """
+    if points.is_cuda:
+        return _render_on_gpu(points, radius, density, softness, color, canvas, pickup)
     inputs = (points, radius, density, softness, color, canvas, pickup)
     image: Tensor = _Render.apply(*inputs)  # type: ignore[no-untyped-call]
     return image
+
+
+def _render_on_gpu(
+    points: Tensor,
+    radius: Tensor,
+    density: Tensor,
+    softness: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    pickup: Tensor | None,
+) -> Tensor:
+    if pickup is not None:
+        raise RenderInputError(
+            "A tool that picks up paint carries it from tile to tile, which the GPU's renderer does not do: move the "
+            "tensors to the CPU."
+        )
+    try:
+        from pentimento.stroke_dynamics.triton_kernel import render_triton
+    except ImportError as error:
+        raise RenderInputError(
+            f"Strokes on {points.device} need Triton, which cannot be imported ({error}): install pentimento[gpu], or "
+            "move the tensors to the CPU."
+        ) from error
+    return render_triton(points, radius, density, softness, color, canvas)
