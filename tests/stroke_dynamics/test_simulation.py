@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from pentimento.stroke_dynamics.autograd import render_strokes
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, View, simulate
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
+from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
 
 MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 1e-3, 1.0, 0.9)).requires_grad_(False)
 VIEW = View(torch.tensor([[0.0, 0.04]] * 2), torch.tensor([1000.0, 1000.0]))
@@ -29,31 +29,48 @@ def image(mechanisms: list[Mechanism], canvas: Tensor = WHITE, wet_age_s: float 
 
 class OneNumber(Mechanism):
     def __init__(self, value: float) -> None:
-        super().__init__()
-        self.value = nn.Parameter(torch.tensor(value))
+        super().__init__(torch.tensor([value], requires_grad=True), {})
+
+    @property
+    def value(self) -> Tensor:
+        return self.values[0]
+
+
+class Nothing(OneNumber):
+    site = "camera"
 
 
 class Shift(OneNumber):
-    def trajectory(self, points_m: Tensor, context: StrokeContext) -> Tensor:
-        return points_m + self.value * torch.tensor([0.0, 1.0])
+    site = "trajectory"
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        return mark._replace(points_m=mark.points_m + self.value * torch.tensor([0.0, 1.0]))
 
 
 class Widen(OneNumber):
-    def width(self, radius_m: Tensor, context: StrokeContext) -> Tensor:
-        return radius_m * (1 + self.value)
+    site = "width"
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        return mark._replace(radius_m=mark.radius_m * (1 + self.value))
 
 
 class Fade(OneNumber):
-    def density(self, density: Tensor, softness: Tensor, context: StrokeContext) -> tuple[Tensor, Tensor]:
-        return density * (1 - self.value), softness
+    site = "density"
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        return mark._replace(density=mark.density * (1 - self.value))
 
 
 class PickUp(OneNumber):
+    site = "composite"
+
     def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
         return color, self.value * torch.exp(-context.covariates["wet_age_s"] / 10)
 
 
 class Dim(OneNumber):
+    site = "camera"
+
     def camera(self, image: Tensor, view: View) -> Tensor:
         return image * (1 - self.value)
 
@@ -64,7 +81,7 @@ def test_without_mechanisms_it_is_the_model_through_the_renderer() -> None:
         VIEW.to_pixels(mark.points_m), mark.radius_m * 1000, mark.density, mark.softness, torch.zeros(2, 3, 3), WHITE
     )
     torch.testing.assert_close(image([]), plain)
-    torch.testing.assert_close(image([Mechanism()]), plain)
+    torch.testing.assert_close(image([Nothing(0.0)]), plain)
 
 
 def test_a_shifted_trajectory_shifts_the_ink() -> None:
@@ -94,7 +111,7 @@ def test_gradients_reach_the_parameters(kind: type[OneNumber]) -> None:
     weight = torch.randn(2, 40, 60, 3, generator=torch.Generator().manual_seed(0))
     step, at = (2e-5, 1e-4) if kind is Shift else (1e-2, 0.1)
     mechanism = kind(at)
-    (gradient,) = torch.autograd.grad((image([mechanism]) * weight).sum(), [mechanism.value])
+    (gradient,) = torch.autograd.grad((image([mechanism]) * weight).sum(), [mechanism.values])
     with torch.no_grad():
         up, down = ((image([kind(at + s)]).double() * weight).sum() for s in (step, -step))
     assert float(gradient) == pytest.approx(float((up - down) / (2 * step)), rel=0.03)

@@ -3,18 +3,19 @@
     path ─ model ─→ points ─→ radius ─→ density, softness ─→ colour, pickup ─→ composition ─→ image
                  trajectory   width       density             composite                      camera
 
-A mechanism is one named cause of what the model alone gets wrong. It overrides the site at which it acts; at all others
-it is the identity. Everything is differentiable in the mechanisms' parameters, the model's, and the paths.
+A mechanism is one named cause of what the model alone gets wrong. It acts at its site; at all others it is the
+identity. Everything is differentiable in the mechanisms' quantities, the model's parameters, and the paths.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from pentimento.contracts.errors import PentimentoError
 from pentimento.stroke_dynamics.autograd import render_strokes
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -34,6 +35,23 @@ class View(NamedTuple):
         return torch.stack([x, y], dim=-1)
 
 
+Site = Literal["trajectory", "width", "density", "composite", "camera"]
+_ORDER: tuple[Site, ...] = ("trajectory", "width", "density", "composite", "camera")
+
+
+class Quantity(NamedTuple):
+    """One number of a mechanism."""
+
+    name: str
+    unit: str
+    typical: float
+    """The size of a believable effect."""
+
+
+class NotObservable(PentimentoError):
+    """Strokes cannot show a cause: what it depends on was not recorded, or did not vary."""
+
+
 class StrokeContext(NamedTuple):
     """What is known of B x S strokes before they are made."""
 
@@ -43,20 +61,30 @@ class StrokeContext(NamedTuple):
     """[B, S] each: columns of the strokes contract."""
 
 
-class Mechanism(nn.Module):
-    """One cause. With its parameters at zero it changes nothing."""
+class Mechanism:
+    """One cause of what a stroke model alone gets wrong. With all of its quantities at zero it changes nothing."""
 
-    def trajectory(self, points_m: Tensor, context: StrokeContext) -> Tensor:
-        """Where the tool touches, [B, S, N, 2]."""
-        return points_m
+    cause: ClassVar[str]
+    """Its name in the vocabulary."""
+    site: ClassVar[Site]
+    quantities: ClassVar[tuple[Quantity, ...]]
 
-    def width(self, radius_m: Tensor, context: StrokeContext) -> Tensor:
-        """Half the mark's width, [B, S, N]."""
-        return radius_m
+    def __init__(self, values: Tensor, reference: Mapping[str, float]) -> None:
+        """``values`` [P] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted strokes."""
+        self.values, self.reference = values, reference
 
-    def density(self, density: Tensor, softness: Tensor, context: StrokeContext) -> tuple[Tensor, Tensor]:
-        """Coverage on the path and its fall towards the rim, [B, S, N] each."""
-        return density, softness
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        """The constants that the effect is relative to.
+
+        Raises:
+            NotObservable: these strokes cannot show the effect: what it depends on was not recorded or not varied.
+        """
+        return {}
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        """What is drawn, after the effect; for the sites trajectory, width and density."""
+        return mark
 
     def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
         """The paint, linear light [B, S, 3], and the share of wet paint picked up, [B, S] or none."""
@@ -69,14 +97,15 @@ class Mechanism(nn.Module):
 
 def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
     """The base model's mark after the sites trajectory, width and density."""
-    points, radius, density, softness = base(context.path)
-    for mechanism in mechanisms:
-        points = mechanism.trajectory(points, context)
-    for mechanism in mechanisms:
-        radius = mechanism.width(radius, context)
-    for mechanism in mechanisms:
-        density, softness = mechanism.density(density, softness, context)
-    return Mark(points, radius, density, softness)
+    mark = base(context.path)
+    for mechanism in in_order(mechanisms):
+        mark = mechanism.mark(mark, context)
+    return mark
+
+
+def in_order(mechanisms: Sequence[Mechanism]) -> list[Mechanism]:
+    """By site, in the order in which the sites follow one another."""
+    return sorted(mechanisms, key=lambda mechanism: _ORDER.index(mechanism.site))
 
 
 def simulate(
@@ -91,7 +120,7 @@ def simulate(
 
     Args:
         base: the stroke model, paths [..., N, 5] to marks.
-        mechanisms: in the order in which they act at one site.
+        mechanisms: in any order.
         color: [B, S, 3], linear light.
         canvas: [B, H, W, 3], linear light; with a fourth channel, wetness, where a mechanism picks up paint.
 

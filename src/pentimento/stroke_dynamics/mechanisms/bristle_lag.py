@@ -1,0 +1,21 @@
+"""The contact patch trails the tip by a distance along the path."""
+
+from __future__ import annotations
+
+import torch
+
+from pentimento.stroke_dynamics.mechanisms.geometry import trailing
+from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
+
+
+class BristleLag(Mechanism):
+    """See above."""
+
+    cause = "bristle_lag"
+    site = "trajectory"
+    quantities = (Quantity("distance_m", "m", 0.003),)
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        distance = self.values[0] * torch.ones_like(context.path[..., :1, 0])
+        return mark._replace(points_m=trailing(mark.points_m, distance))

@@ -1,0 +1,141 @@
+"""What mechanisms read off a commanded path: length, direction, speed, curvature. Paths are [B, S, N, 5]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from pentimento.stroke_dynamics.simulation import NotObservable, StrokeContext, View
+
+_SHORTEST_M = 1e-9
+_SLOWEST_M_S = 1e-4
+
+
+def steps_m(path: Tensor) -> Tensor:
+    """Length of each segment, [B, S, N - 1]."""
+    return path[..., 1:3].diff(dim=-2).norm(dim=-1)
+
+
+def arc_m(path: Tensor) -> Tensor:
+    """Length drawn from the stroke's start to each point, [B, S, N]."""
+    along = steps_m(path).cumsum(-1)
+    return torch.cat([torch.zeros_like(along[..., :1]), along], dim=-1)
+
+
+def tangent(path: Tensor) -> Tensor:
+    """Unit direction of motion at each point, [B, S, N, 2]; zero where the path does not move."""
+    step = path[..., 1:3].diff(dim=-2)
+    around = torch.cat([step[..., :1, :], step[..., 1:, :] + step[..., :-1, :], step[..., -1:, :]], dim=-2)
+    return around / around.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST_M)
+
+
+def speed_m_s(path: Tensor) -> Tensor:
+    """Mean speed of each stroke, [B, S]; NaN where times are unknown or do not pass."""
+    duration = path[..., -1, 0] - path[..., 0, 0]
+    return torch.where(duration > 0, steps_m(path).sum(-1) / duration, torch.nan)
+
+
+def bending_per_m(path: Tensor) -> Tensor:
+    """Absolute curvature at each point [1/m], [B, S, N]."""
+    step = path[..., 1:3].diff(dim=-2)
+    length = step.norm(dim=-1).clamp(min=_SHORTEST_M)
+    heading = step / length[..., None]
+    cross = heading[..., :-1, 0] * heading[..., 1:, 1] - heading[..., :-1, 1] * heading[..., 1:, 0]
+    inner = torch.asin(cross.clamp(-0.999, 0.999)).abs() / ((length[..., 1:] + length[..., :-1]) / 2)
+    return torch.cat([inner[..., :1], inner, inner[..., -1:]], dim=-1)
+
+
+def trailing(points_m: Tensor, distance_m: Tensor) -> Tensor:
+    """Where something is that follows points [B, S, N, 2] on an elastic leash, [B, S, N, 2].
+
+    It starts with them and falls back by ``distance_m`` (0 or more, [B, S, 1]), cutting corners. Along a straight
+    segment it relaxes exponentially towards the leader less the distance: exact from point to point.
+    """
+    step = points_m.diff(dim=-2)
+    length = step.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST_M)
+    distance = distance_m.clamp(min=_SHORTEST_M)[..., None]
+    behind = distance * step / length
+    forgotten = torch.exp(-length / distance)
+    trail = [points_m[..., 0, :]]
+    for k in range(step.shape[-2]):
+        rest = trail[-1] - points_m[..., k, :] + behind[..., k, :]
+        trail.append(points_m[..., k + 1, :] - behind[..., k, :] + rest * forgotten[..., k, :])
+    return torch.stack(trail, dim=-2)
+
+
+def recorded(context: StrokeContext, *names: str) -> Tensor:
+    """The first of these columns that is there for every stroke and varies, [B, S].
+
+    Raises:
+        NotObservable: none of them.
+    """
+    for name in names:
+        column = context.covariates.get(name)
+        if column is not None and bool(torch.isfinite(column).all()) and varies(column):
+            return column
+    raise NotObservable(f"{' or '.join(names)} was not recorded for every stroke, or does not vary")
+
+
+def column(context: StrokeContext, *names: str) -> Tensor:
+    """The first of these columns that is there, [B, S]; zeros where none is."""
+    for name in names:
+        if name in context.covariates:
+            return context.covariates[name]
+    return torch.zeros_like(context.path[..., 0, 0])
+
+
+def varies(values: Tensor) -> bool:
+    """Whether numbers differ by more than rounding."""
+    return float(values.max() - values.min()) > 1e-3 * float(values.abs().max()) + 1e-12
+
+
+def log_speed(context: StrokeContext, reference_m_s: float) -> Tensor:
+    """log(speed / reference) of each stroke, [B, S, 1]; 0 where the speed is unknown."""
+    logs = torch.log(speed_m_s(context.path).clamp(min=_SLOWEST_M_S) / reference_m_s)
+    return torch.where(torch.isfinite(logs), logs, 0.0)[..., None]
+
+
+def usual_speed(context: StrokeContext) -> dict[str, float]:
+    """``speed_m_s``: the geometric mean over all strokes.
+
+    Raises:
+        NotObservable: times are unknown, or all strokes are equally fast.
+    """
+    logs = torch.log(speed_m_s(context.path).clamp(min=_SLOWEST_M_S))
+    if not bool(torch.isfinite(logs).all()):
+        raise NotObservable("the paths have no times, so that speeds are unknown")
+    if float(logs.max() - logs.min()) < 0.05:
+        raise NotObservable("all strokes are equally fast")
+    return {"speed_m_s": float(logs.mean().exp())}
+
+
+def place(context: StrokeContext) -> dict[str, float]:
+    """``x_m``, ``y_m``: the middle of all strokes; ``half_m``: half the extent over which they lie.
+
+    Raises:
+        NotObservable: all strokes lie at one place.
+    """
+    xy = context.path[..., 1:3].mean(-2).flatten(0, -2)
+    low, high = xy.amin(0), xy.amax(0)
+    half = float((high - low).max()) / 2
+    # Strokes in their own frame all start at the origin: only their shapes differ.
+    starts = context.path[..., 0, 1:3].flatten(0, -2)
+    if float((starts.amax(0) - starts.amin(0)).max()) < 1e-3:
+        raise NotObservable("the strokes' places on the canvas are unknown")
+    return {"x_m": float(low[0] + high[0]) / 2, "y_m": float(low[1] + high[1]) / 2, "half_m": half}
+
+
+def relative_place(xy_m: Tensor, reference: Mapping[str, float]) -> Tensor:
+    """Canvas points [..., 2] about the reference's middle, in its half extents."""
+    return (xy_m - torch.tensor([reference["x_m"], reference["y_m"]], dtype=xy_m.dtype)) / reference["half_m"]
+
+
+def pixel_places(view: View, image: Tensor) -> Tensor:
+    """Canvas coordinates of the pixel centres of images [B, H, W, C]: [B, H, W, 2]."""
+    height, width = image.shape[1:3]
+    k, x_min, y_max = view.pixels_per_m[:, None], view.top_left_m[:, :1], view.top_left_m[:, 1:]
+    x = x_min + (torch.arange(width) + 0.5) / k
+    y = y_max - (torch.arange(height) + 0.5) / k
+    return torch.stack([x[:, None, :].expand(-1, height, -1), y[:, :, None].expand(-1, -1, width)], dim=-1)

@@ -1,0 +1,20 @@
+"""The executed path is shifted against the command (the thesis's b)."""
+
+from __future__ import annotations
+
+from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
+
+
+class PathOffset(Mechanism):
+    """See above."""
+
+    cause = "path_offset"
+    site = "trajectory"
+    quantities = (
+        Quantity("x_m", "m", 0.0005),
+        Quantity("y_m", "m", 0.0005),
+    )
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        return mark._replace(points_m=mark.points_m + self.values)

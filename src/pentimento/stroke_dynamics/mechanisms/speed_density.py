@@ -1,0 +1,26 @@
+"""Darkness changes with the tip's speed."""
+
+from __future__ import annotations
+
+import torch
+
+from pentimento.stroke_dynamics.mechanisms.geometry import log_speed, usual_speed
+from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
+
+
+class SpeedDensity(Mechanism):
+    """See above."""
+
+    cause = "speed_density"
+    site = "density"
+    quantities = (Quantity("density_per_log_speed", "1", 0.2),)
+
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        return usual_speed(context)
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        return mark._replace(
+            density=mark.density * torch.exp(self.values[0] * log_speed(context, self.reference["speed_m_s"]))
+        )

@@ -1,0 +1,220 @@
+"""Every cause: it changes nothing at zero, something elsewhere, and smoothly; and closed forms of some."""
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from pentimento.stroke_dynamics.mechanisms import VOCABULARY
+from pentimento.stroke_dynamics.mechanisms.backlash import Backlash
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, speed_m_s, tangent, trailing
+from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
+from pentimento.stroke_dynamics.mechanisms.latency import Latency
+from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
+from pentimento.stroke_dynamics.mechanisms.orientation_width import OrientationWidth
+from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
+from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext, View, extended_mark, simulate
+from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
+
+COUNT, POINTS = 6, 40
+MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 1e-3, 0.5, 0.9)).requires_grad_(False)
+
+
+def context() -> StrokeContext:
+    """Strokes of all kinds, with everything recorded that a cause may depend on; double precision."""
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 1, POINTS)
+    paths = []
+    for i in range(COUNT):
+        heading, bend = rng.uniform(-np.pi, np.pi), rng.uniform(-0.01, 0.01)
+        along, across = 0.03 * t, 4 * bend * t * (1 - t)
+        start = rng.uniform((0.05, 0.05), (0.2, 0.15))
+        x = start[0] + np.cos(heading) * along - np.sin(heading) * across
+        y = start[1] + np.sin(heading) * along + np.cos(heading) * across
+        paths.append(
+            np.column_stack([t * rng.uniform(0.4, 2), x, y, np.full(POINTS, -0.002), np.full(POINTS, 0.2 * i)])
+        )
+    number = torch.arange(COUNT, dtype=torch.float64)[:, None]
+    columns = {
+        "ink_since_reload_m": 0.05 * (number % 3),
+        "tool_age_m": 0.1 * number,
+        "t_start_s": 10 * number,
+        "wet_age_s": torch.where(number > 2, 5.0 * number, torch.nan),
+        "humidity": 40 + 5 * torch.sin(number),
+    }
+    return StrokeContext(torch.tensor(np.stack(paths))[:, None], columns)
+
+
+def image(mechanism: Mechanism) -> Tensor:
+    strokes = context()
+    corner = strokes.path[:, 0, 0, 1:3] + torch.tensor([-0.04, 0.04])
+    view = View(corner, torch.full((COUNT,), 500.0, dtype=torch.float64))
+    canvas = torch.full((COUNT, 40, 40, 4), 0.8, dtype=torch.float64)
+    color = torch.tensor([0.3, 0.1, 0.1], dtype=torch.float64).expand(COUNT, 1, 3)
+    needs_wet = mechanism.cause == "wet_mixing"
+    return simulate(
+        MODEL.double(), [mechanism], strokes, color, canvas if needs_wet else canvas[..., :3].contiguous(), view
+    )
+
+
+def made(kind: type[Mechanism], *values: float) -> Mechanism:
+    return kind(torch.tensor(values, dtype=torch.float64), kind.reference_of(context()))
+
+
+def test_names_are_those_of_the_vocabulary() -> None:
+    names = [kind.cause for kind in VOCABULARY]
+    assert len(set(names)) == len(names) == 19
+    assert all(kind.__module__.endswith(f".{kind.cause}") for kind in VOCABULARY)
+
+
+@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
+def test_nothing_at_zero_and_something_elsewhere(kind: type[Mechanism]) -> None:
+    plain = image(made(kind, *[0.0] * len(kind.quantities)))
+    nothing = simulate_plain()
+    torch.testing.assert_close(plain, nothing, atol=1e-4, rtol=0)
+    for number, quantity in enumerate(kind.quantities):
+        values = [0.0] * len(kind.quantities)
+        values[number] = quantity.typical
+        assert float((image(made(kind, *values)) - plain).abs().max()) > 0.003, quantity.name
+
+
+def simulate_plain() -> Tensor:
+    return image(made(PathScale, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
+def test_marks_move_smoothly_with_the_quantities(kind: type[Mechanism]) -> None:
+    """Automatic differentiation against finite differences, at half the typical size."""
+    strokes, reference = context(), kind.reference_of(context())
+    typical = torch.tensor([q.typical for q in kind.quantities], dtype=torch.float64)
+    weight = torch.tensor(np.random.default_rng(1).normal(size=(COUNT, 1, POINTS)))
+
+    def total(share: Tensor) -> Tensor:
+        mechanism = kind(share * typical, reference)
+        mark = extended_mark(MODEL.double(), [mechanism], strokes)
+        color, pickup = mechanism.composite(torch.full((COUNT, 1, 3), 0.3, dtype=torch.float64), None, strokes)
+        picture = mechanism.camera(
+            torch.ones(COUNT, 4, 5, 3, dtype=torch.float64),
+            View(strokes.path[:, 0, 0, 1:3], torch.full((COUNT,), 500.0)),
+        )
+        drawn = ((mark.points_m.sum(-1) * 1e3 + mark.radius_m * 1e3 + mark.density + mark.softness) * weight).sum()
+        return (
+            drawn
+            + (color * weight[..., :3]).sum()
+            + (picture.mean() * 10)
+            + (0 if pickup is None else (pickup * weight[..., 0]).sum())
+        )
+
+    at = torch.full((len(typical),), 0.5, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(total, (at,), eps=1e-6, atol=1e-5)
+
+
+def line(length_m: float = 0.04) -> Tensor:
+    x = torch.linspace(0, length_m, 50, dtype=torch.float64)
+    return torch.stack([x, torch.zeros_like(x)], dim=-1)[None, None]
+
+
+def test_a_leash_on_a_straight_line_falls_back_exponentially() -> None:
+    points, distance = line(), 0.006
+    behind = points[..., 0] - trailing(points, torch.full((1, 1, 1), distance, dtype=torch.float64))[..., 0]
+    torch.testing.assert_close(behind, distance * (1 - torch.exp(-points[..., 0] / distance)))
+
+
+def test_a_leash_cuts_corners_and_a_short_one_hardly() -> None:
+    corner = torch.cat([line(0.02), line(0.02).flip(-1) + torch.tensor([0.02, 0.0])], dim=-2)
+    for distance in (0.001, 0.005):
+        trail = trailing(corner, torch.full((1, 1, 1), distance, dtype=torch.float64))
+        cut = (trail - torch.tensor([0.02, 0.0])).norm(dim=-1).amin()
+        assert 0.1 * distance < float(cut) < distance
+
+
+def test_latency_is_a_lag_in_proportion_to_speed() -> None:
+    strokes = context()
+    mark = MODEL.double()(strokes.path)
+    time_s = 0.05
+    late = made(Latency, time_s).mark(mark, strokes).points_m
+    for i, speed in enumerate(speed_m_s(strokes.path)[:, 0]):
+        lag = BristleLag(torch.tensor([time_s * float(speed)], dtype=torch.float64), {})
+        torch.testing.assert_close(late[i], lag.mark(mark, strokes).points_m[i], atol=1e-7, rtol=0)
+
+
+def test_backlash_changes_sides_with_the_motion() -> None:
+    strokes = context()
+    back = strokes._replace(path=torch.cat([strokes.path[..., :1], strokes.path[..., 1:].flip(-2)], dim=-1))
+    play = made(Backlash, 5e-4, 5e-4)
+    there = play.mark(MODEL.double()(strokes.path), strokes).points_m - strokes.path[..., 1:3]
+    again = play.mark(MODEL.double()(back.path), back).points_m.flip(-2) - strokes.path[..., 1:3]
+    torch.testing.assert_close(there, -again)
+
+
+def test_depletion_goes_on_along_the_stroke() -> None:
+    strokes = context()
+    mark = made(InkDepletion, 0.3, 0.0).mark(MODEL.double()(strokes.path), strokes)
+    assert bool((mark.density.diff(dim=-1) < 0).all())
+    fresh, used = mark.density[0, 0, 0], mark.density[1, 0, 0]
+    assert float(fresh) == pytest.approx(0.9) and float(used) < 0.9
+
+
+def test_lens_distortion_leaves_the_middle_and_grows_with_the_cube() -> None:
+    reference = {"x_m": 0.1, "y_m": 0.1, "half_m": 0.1}
+    points = torch.tensor([[[[0.1, 0.1], [0.15, 0.1], [0.2, 0.1]]]], dtype=torch.float64)
+    one = torch.ones(1, 1, 3, dtype=torch.float64)
+    moved = LensDistortion(torch.tensor([8e-4]), reference).mark(Mark(points, one, one, one), context()).points_m
+    torch.testing.assert_close(moved[..., 0] - points[..., 0], torch.tensor([[[0.0, 1e-4, 8e-4]]], dtype=torch.float64))
+
+
+def test_orientation_repeats_at_half_turns() -> None:
+    strokes = context()
+    turned = strokes.path.clone()
+    turned[..., 4] += np.pi
+    wide = made(OrientationWidth, 0.2, 0.1)
+    a, b = (wide.mark(MODEL.double()(p), strokes._replace(path=p)).radius_m for p in (strokes.path, turned))
+    torch.testing.assert_close(a, b)
+
+
+def test_bleeding_keeps_the_line_of_half_darkness() -> None:
+    strokes = context()
+    plain = MODEL.double()(strokes.path)
+    bled = made(SpeedBleed, 0.8).mark(plain, strokes)
+    for mark in (plain, bled):
+        half = mark.radius_m * (1 - 0.5 ** (1 / mark.softness))
+        torch.testing.assert_close(half, plain.radius_m * (1 - 0.5 ** (1 / plain.softness)))
+    assert float((bled.softness / plain.softness).log().abs().max()) > 0.1
+
+
+def test_what_was_not_recorded_is_not_observable() -> None:
+    strokes = context()
+    blind = StrokeContext(torch.cat([strokes.path[..., :1] * torch.nan, strokes.path[..., 1:]], dim=-1), {})
+    for kind in VOCABULARY:
+        if kind.cause in (
+            "ink_depletion",
+            "speed_width",
+            "latency",
+            "tool_wear",
+            "drying_shift",
+            "wet_mixing",
+            "paper_bleed",
+        ):
+            with pytest.raises(NotObservable):
+                kind.reference_of(blind)
+
+
+def test_geometry_of_a_circle() -> None:
+    angle = torch.linspace(0, 3, 200, dtype=torch.float64)
+    radius = 0.02
+    circle = torch.zeros(1, 1, 200, 5, dtype=torch.float64)
+    circle[..., 1], circle[..., 2] = radius * torch.cos(angle), radius * torch.sin(angle)
+    circle[..., 0] = angle / 3 * 2.0
+    torch.testing.assert_close(
+        bending_per_m(circle), torch.full((1, 1, 200), 1 / radius, dtype=torch.float64), rtol=1e-3, atol=0
+    )
+    assert float(arc_m(circle)[0, 0, -1]) == pytest.approx(3 * radius, rel=1e-3)
+    assert float(speed_m_s(circle)) == pytest.approx(3 * radius / 2, rel=1e-3)
+    torch.testing.assert_close(
+        (tangent(circle) * circle[..., 1:3]).sum(-1)[..., 1:-1],
+        torch.zeros(1, 1, 198, dtype=torch.float64),
+        atol=1e-6,
+        rtol=0,
+    )
