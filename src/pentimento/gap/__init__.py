@@ -1,0 +1,1 @@
+"""The gap finder: what a simulation gets wrong, and why."""

@@ -1,0 +1,143 @@
+"""From a table of strokes to a verdict: find, confirm, measure on sealed strokes, and say what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.fit import first_model, fit
+from pentimento.gap.floor import Floor, noise_floor
+from pentimento.gap.foretell import Model, linearise
+from pentimento.gap.measured import Measured
+from pentimento.gap.modes import Unexplained, unexplained
+from pentimento.gap.search import Search, action_losses, paired_p, search
+from pentimento.gap.splits import Splits, split
+from pentimento.stroke_dynamics.simulation import Mechanism
+
+Array = NDArray[Any]
+
+_CONFIRMED_P = 0.1
+_DRAWS = 1999
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause, with what it is worth on sealed strokes."""
+
+    cause: str
+    p_adjusted: float
+    confirmed_p: float
+    gain: float
+    """Share of the base's error above the floor that it removes."""
+    gain_interval: tuple[float, float]
+    values: dict[str, tuple[float, float]]
+    """Each quantity with its standard error."""
+    rivals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that the verdict and the report say."""
+
+    splits: Splits
+    search: Search
+    extended: Model
+    """The base with the established causes, fitted to all but the sealed strokes."""
+    base: Model
+    """The same without them."""
+    established: tuple[Finding, ...]
+    suspected: tuple[Finding, ...]
+    floor: Floor | None
+    base_losses: Array
+    """Of each sealed action, sRGB."""
+    extended_losses: Array
+    unexplained: tuple[Unexplained, ...]
+    mode_strength: Array
+    covariates: tuple[str, ...]
+
+    @property
+    def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
+        """(base - extended) / (base - floor) on sealed strokes, and 95 % of it; None without a floor."""
+        if self.floor is None or self.base_losses.mean() <= self.floor.mse:
+            return None
+        fall = self.base_losses - self.extended_losses
+        gap = self.base_losses - self.floor.mse
+        drawn = np.random.default_rng(11).integers(0, len(gap), (_DRAWS, len(gap)))
+        shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), 1e-12)
+        low, high = np.quantile(shares, [0.025, 0.975])
+        return float(fall.mean() / gap.mean()), (float(low), float(high))
+
+
+def diagnose(
+    measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
+) -> Diagnosis:
+    """Diagnose measured strokes.
+
+    Raises:
+        ContractError: too few actions.
+    """
+    splits = split(measured, seed)
+    discovery, confirmation, test = (measured.pick(rows) for rows in splits)
+    known = measured.pick(np.sort(np.concatenate(splits[:2])))
+    found = search(first_model(discovery), discovery, vocabulary, seed, log)
+    confirmed_p = {
+        m.cause: _confirmation(found.model, m, discovery, confirmation, seed) for m in found.model.mechanisms
+    }
+    kept = tuple(m for m in found.model.mechanisms if confirmed_p[m.cause] <= _CONFIRMED_P)
+    extended = fit(_with(found.model, kept), known)
+    base = fit(found.base, known)
+    floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
+    base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
+    above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
+    chosen = {step.chosen: step for step in found.steps if step.chosen}
+
+    def finding(model: Model, mechanism: Mechanism) -> Finding:
+        rest = fit(_with(model, tuple(m for m in model.mechanisms if m.cause != mechanism.cause)), known)
+        fall = (action_losses(rest, test) - action_losses(model, test)) / above
+        drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
+        low, high = np.quantile(drawn, [0.025, 0.975])
+        step = chosen[mechanism.cause]
+        return Finding(
+            mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
+            float(fall.mean()), (float(low), float(high)), _values(model, mechanism, known), step.rivals,
+        )  # fmt: skip
+
+    established = tuple(finding(extended, m) for m in extended.mechanisms)
+    doubtful = [m for m in found.model.mechanisms if m not in kept]
+    suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
+    left, strength, names = unexplained(extended, known, seed)
+    return Diagnosis(
+        splits, found, extended, base, established, suspected, floor, base_losses, extended_losses, tuple(left),
+        strength, tuple(names),
+    )  # fmt: skip
+
+
+def _confirmation(model: Model, mechanism: Mechanism, discovery: Measured, confirmation: Measured, seed: int) -> float:
+    """p that the cause does not help on strokes that had no part in finding it."""
+    rest = fit(_with(model, tuple(m for m in model.mechanisms if m is not mechanism)), discovery)
+    return paired_p(action_losses(rest, confirmation) - action_losses(model, confirmation), seed)
+
+
+def _with(model: Model, mechanisms: tuple[Mechanism, ...]) -> Model:
+    return Model(model.base, model.color_offset, mechanisms)
+
+
+def _values(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
+    """Each quantity with its cluster-robust standard error (sandwich over actions)."""
+    statistics = linearise(model, measured)
+    curvature = statistics.curvature.sum(0)
+    inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
+    spread = inverse @ (statistics.slope.T @ statistics.slope) @ inverse
+    at = model.nuisances
+    for m in model.mechanisms:
+        if m.cause == mechanism.cause:
+            break
+        at += len(m.quantities)
+    return {
+        q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
+        for i, (q, value) in enumerate(zip(mechanism.quantities, m.values, strict=True))
+    }

@@ -1,0 +1,129 @@
+"""Rows of the strokes contract as the gap finder needs them: images of one size, covariates, actions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts import images
+from pentimento.stroke_dynamics.photometry import srgb_to_linear
+from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
+from pentimento.stroke_dynamics.simulation import StrokeContext
+
+Array = NDArray[Any]
+
+_POINTS = 24
+_LARGEST_SIDE_PX = 112
+_FEWEST_BLOCKS = 12
+_NOT_COVARIATES = ("action_id",)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """B strokes that can be compared with what a model foretells."""
+
+    samples: StrokeSamples
+    covariates: dict[str, Array]
+    """float64[B] each: every numeric scalar column but identities; NaN where unknown."""
+    paint: Array
+    """int64[B]: which of the distinct paints."""
+    block: Array
+    """int64[B]: which session and load of paint."""
+    painted: Array
+    """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
+
+    def __len__(self) -> int:
+        return len(self.block)
+
+    @property
+    def action(self) -> Array:
+        """int64[B]: rows of one value repeat one command."""
+        return self.samples.action.numpy()
+
+    @property
+    def context(self) -> StrokeContext:
+        """The strokes as mechanisms see them, [B, 1, ...]."""
+        columns = {name: torch.tensor(v, dtype=torch.float32)[:, None] for name, v in self.covariates.items()}
+        return StrokeContext(self.samples.path[:, None], columns)
+
+    def pick(self, rows: Array) -> Measured:
+        """The strokes with these indices."""
+        index = torch.as_tensor(np.asarray(rows))
+        kept = {name: values[rows] for name, values in self.covariates.items()}
+        return replace(
+            self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
+            block=self.block[rows], painted=self.painted[rows],
+        )  # fmt: skip
+
+
+def load_measured(table: pa.Table) -> Measured:
+    """Rows of the strokes contract, photographs averaged down to about a hundred pixels a side, `before` denoised.
+
+    Raises:
+        ContractError: the table has no rows, or a row (it is named) makes no sample.
+    """
+    samples = load_samples(table, _POINTS, _resolution(table), 1.0)
+    before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
+    samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
+    _, paint = np.unique(samples.color.numpy().round(3), axis=0, return_inverse=True)
+    load = table["reload_id"].to_pylist() if "reload_id" in table.schema.names else [None] * len(samples.path)
+    names = [f"{session} {reload}" for session, reload in zip(table["session"].to_pylist(), load, strict=True)]
+    _, block = np.unique(names, return_inverse=True)
+    if block.max() + 1 < _FEWEST_BLOCKS:  # a pen that is never dipped: each action by itself
+        _, block = np.unique(samples.action.numpy(), return_inverse=True)
+    return Measured(samples, covariates_of(table), paint.reshape(-1), block, _painted(samples.before_linear.numpy()))
+
+
+def covariates_of(table: pa.Table) -> dict[str, Array]:
+    """Every numeric scalar column but identities, float64[B]; surfaces count as levels in the order of their names."""
+    found: dict[str, Array] = {}
+    for field in table.schema:
+        if field.name in _NOT_COVARIATES or (field.name.endswith("_id") and field.name != "surface_id"):
+            continue
+        if pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
+            column = table[field.name].cast(pa.float64()).to_numpy(zero_copy_only=False)
+            if np.isfinite(column).any():
+                found[field.name] = np.asarray(column, dtype=np.float64)
+    for name in ("surface", "surface_id"):
+        if name in table.schema.names:
+            levels = np.array([str(v) for v in table[name].to_pylist()])
+            known, level = np.unique(levels, return_inverse=True)
+            if 1 < len(known) <= len(levels) // 8:
+                found.setdefault("surface_level", level.astype(np.float64))
+    return found
+
+
+def _resolution(table: pa.Table) -> float:
+    """Pixels a metre at which the first windows have no side longer than ``_LARGEST_SIDE_PX``."""
+    finest = np.inf
+    for row in table.select(["window_m", "before"]).slice(0, 8).to_pylist():
+        shape = images.decode_png(row["before"]["bytes"]).shape
+        window = row["window_m"]
+        scale = shape[1] / max(window[2] - window[0], 1e-9)
+        finest = min(finest, scale / max(np.ceil(max(shape[:2]) / _LARGEST_SIDE_PX), 1.0))
+    return float(finest)
+
+
+def _painted(before_linear: Array) -> Array:
+    """By the difference from each window's paper, [B, H, W]."""
+    paper = np.quantile(before_linear, 0.9, axis=(1, 2), keepdims=True).astype(np.float32)
+    return np.clip(np.abs(before_linear - paper).max(-1) / 0.15, 0.0, 1.0)
+
+
+def _denoised(image: Array) -> Array:
+    """A photograph [H, W, 3] less its pixel noise, edges kept: noise in `before` would pass for an effect of the paint
+    below (GAP.md, rule 5).
+    """
+    grey = image.mean(-1)
+    # Immerkaer's estimate: a mask that no plane and no straight edge excites.
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+    noise = float(np.median(np.abs(cv2.filter2D(grey, -1, mask)))) / 0.6745 / 6
+    if noise < 1e-4:
+        return image
+    return np.asarray(cv2.bilateralFilter(image.astype(np.float32), 5, 4 * noise * 1.7, 1.5), dtype=np.float32)

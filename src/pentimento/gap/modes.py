@@ -1,0 +1,132 @@
+"""What is left when no known cause explains more: modes of the residual against everything that was recorded.
+
+A mode is a way in which a mark can differ as a whole: amplitude, width, shifts along and across its path and along the
+canvas's axes, blur. Each row's residual is projected on each mode, and the projections are tested against covariates
+by permutation of strokes, max-T over all pairs.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pentimento.gap.foretell import Model, linearise_rows
+from pentimento.gap.measured import Measured
+from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
+from pentimento.stroke_dynamics.mechanisms.geometry import tangent
+from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
+
+Array = NDArray[Any]
+
+MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "blur")
+_DRAWS = 1999
+_P = 0.01
+
+
+class _AllModes(Mechanism):
+    cause: ClassVar[str] = "modes"
+    site = "density"
+    quantities = (
+        Quantity("amplitude", "1", 0.2),
+        Quantity("width", "1", 0.2),
+        Quantity("tangential", "m", 0.0005),
+        Quantity("normal", "m", 0.0005),
+        Quantity("canvas_x", "m", 0.0005),
+        Quantity("canvas_y", "m", 0.0005),
+        Quantity("blur", "1", 0.4),
+    )
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        amplitude, width, tangential, normal, x, y, blur = self.values
+        along = tangent(context.path)
+        across = torch.stack([-along[..., 1], along[..., 0]], dim=-1)
+        moved = mark._replace(
+            points_m=mark.points_m + tangential * along + normal * across + torch.stack([x, y]),
+            radius_m=mark.radius_m * torch.exp(width),
+            density=mark.density * torch.exp(amplitude),
+        )
+        return bleed(moved, blur.expand_as(mark.radius_m), torch.zeros_like(mark.radius_m))
+
+
+class Unexplained(NamedTuple):
+    """A mode that still depends on a covariate."""
+
+    mode: str
+    covariate: str
+    p: float
+    generic_gain: float
+    """Share of the error that a quadratic of the covariate in this mode would remove, to second order."""
+
+
+def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array]:
+    """Each row's residual in each mode, in typical sizes, [B, M]; and the modes' own energies [B, M]."""
+    curvature, slope, _ = linearise_rows(model.plus(_AllModes(torch.zeros(len(MODES)), {})), measured)
+    own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
+    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own
+
+
+def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
+    """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
+    scores, energy = mode_scores(model, measured)
+    columns = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
+    columns |= _path_covariates(measured)
+    names = list(columns)
+    if not names:
+        return [], np.zeros((len(MODES), 0)), []
+    scores = scores - np.median(scores, axis=0)
+    spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
+    scores = np.clip(scores / spread, -4, 4)
+    basis = np.stack([_standard(np.stack([c, _standard(c) ** 2], 1)) for c in columns.values()])  # [C, B, 2]
+    order = np.random.default_rng([seed, 9]).permuted(np.tile(np.arange(len(scores)), (_DRAWS, 1)), axis=1)
+
+    def strength(y: Array) -> Array:
+        fitted = np.einsum("cbk,bm->cmk", basis, y) / len(y)
+        return np.square(fitted).max(-1).T * len(y)  # [M, C]
+
+    observed = strength(scores)
+    largest = np.array([strength(scores[o]).max() for o in order])
+    found = []
+    for m, c in zip(*np.where(observed >= np.quantile(largest, 1 - _P)), strict=True):
+        p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
+        found.append(
+            Unexplained(
+                MODES[m], names[c], p, _generic_gain(scores[:, m] * spread[m], energy[:, m], basis[c], model, measured)
+            )
+        )
+    found.sort(key=lambda u: u.p)
+    return found, np.sqrt(observed), names
+
+
+def _generic_gain(amount: Array, energy: Array, basis: Array, model: Model, measured: Measured) -> float:
+    weight = np.sqrt(energy)
+    fitted = basis @ np.linalg.lstsq(basis * weight[:, None], amount * weight, rcond=None)[0]
+    before = linearise_rows(model, measured)[2].mean()
+    return float((energy * (amount**2 - (amount - fitted) ** 2)).mean() / before)
+
+
+def _path_covariates(measured: Measured) -> dict[str, Array]:
+    path = measured.samples.path.double().numpy()
+    steps = np.hypot(*np.diff(path[..., 1:3], axis=1).transpose(2, 0, 1))
+    chord = path[:, -1, 1:3] - path[:, 0, 1:3]
+    found = {
+        "length_m": steps.sum(1),
+        "press_m": np.maximum(-path[..., 3], 0).mean(1),
+        "heading_cos": np.cos(np.arctan2(chord[:, 1], chord[:, 0])),
+        "heading_sin": np.sin(np.arctan2(chord[:, 1], chord[:, 0])),
+        "place_x_m": path[..., 1].mean(1),
+        "place_y_m": path[..., 2].mean(1),
+    }
+    duration = path[:, -1, 0] - path[:, 0, 0]
+    if np.isfinite(duration).all() and (duration > 0).all():
+        found["speed_m_s"] = found["length_m"] / duration
+    return {name: values for name, values in found.items() if np.ptp(values) > 1e-6}
+
+
+def _standard(values: Array) -> Array:
+    centred = values - values.mean(0)
+    result: Array = centred / np.maximum(centred.std(0), 1e-12)
+    return result

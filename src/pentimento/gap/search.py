@@ -1,0 +1,142 @@
+"""Forward selection of causes: test all, refit the few that stand out, take the best, relinearise, look back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.fit import fit
+from pentimento.gap.foretell import Model, identity, linearise, mean_squared_error, residual
+from pentimento.gap.measured import Measured
+from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, score_tests
+from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
+
+Array = NDArray[Any]
+
+_DRAWS = 4999
+_FIRST_P, _LATER_P, _SUSPECTED_P = 0.02, 0.01, 0.05
+_WORSE_P = 0.05
+_SHORTLIST = 0.4
+_LEAST_GAIN = 0.002
+_MOST_CAUSES = 6
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of the search."""
+
+    evidence: dict[str, Evidence]
+    """Of every candidate at the model so far; gains as shares of the error at that point."""
+    chosen: str | None
+    rivals: tuple[str, ...]
+    """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """What came of it."""
+
+    base: Model
+    model: Model
+    steps: tuple[Step, ...]
+    not_observable: dict[str, str]
+    """Causes that these strokes cannot show, and why."""
+
+
+def search(
+    start: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
+) -> Search:
+    """Extend the base, fitted from ``start``, by what the strokes speak for."""
+    base = model = fit(start, measured)
+    observable: dict[str, Mechanism] = {}
+    unseen: dict[str, str] = {}
+    for kind in vocabulary:
+        try:
+            observable[kind.cause] = identity(kind, measured.context)
+        except NotObservable as reason:
+            unseen[kind.cause] = str(reason)
+    steps: list[Step] = []
+    for number in range(_MOST_CAUSES + 1):
+        taken = {m.cause for m in model.mechanisms}
+        candidates = [m for cause, m in observable.items() if cause not in taken]
+        evidence = weigh(model, candidates, measured, seed + number)
+        limit = _LATER_P if number else _FIRST_P
+        standing = {
+            cause: e
+            for cause, e in evidence.items()
+            if e.p_adjusted < limit and e.gain_interval[0] > 0 and e.gain > _LEAST_GAIN
+        }
+        if not standing or number == _MOST_CAUSES:
+            steps.append(Step(evidence, None, ()))
+            break
+        best = max(e.gain for e in standing.values())
+        short = sorted((c for c, e in standing.items() if e.gain > _SHORTLIST * best), key=lambda c: -standing[c].gain)[
+            :4
+        ]
+        refits = {cause: fit(model.plus(observable[cause]), measured) for cause in short}
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
+        chosen = min(losses, key=lambda cause: float(losses[cause].mean()))
+        rivals = tuple(
+            cause for cause in short if cause != chosen and not _is_worse(losses[cause] - losses[chosen], seed)
+        )
+        log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
+        steps.append(Step(evidence, chosen, rivals))
+        model = _without_idle(refits[chosen], measured, seed, log)
+    return Search(base, model, tuple(steps), unseen)
+
+
+def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int) -> dict[str, Evidence]:
+    """Evidence for each candidate at a fitted model."""
+    if not candidates:
+        return {}
+    statistics = linearise(model.plus(*candidates), measured)
+    held = np.arange(len(model.vector))
+    index, at = {}, len(held)
+    for mechanism in candidates:
+        index[mechanism.cause] = np.arange(at, at + len(mechanism.quantities))
+        at += len(mechanism.quantities)
+    tests = score_tests(statistics, held, index, _DRAWS, seed)
+    error = float(statistics.energy.mean())
+    _, first = np.unique(measured.action, return_index=True)
+    blocks = measured.block[first]
+    evidence = {}
+    for cause, columns in index.items():
+        gains = held_out_gains(statistics, held, columns, blocks, seed) / error
+        evidence[cause] = Evidence(*tests[cause], float(gains.mean()), interval_of_mean(gains, 999, seed))
+    return evidence
+
+
+def action_losses(model: Model, measured: Measured) -> Array:
+    """Mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
+    rows = mean_squared_error(residual(model, measured), measured)
+    _, group = np.unique(measured.action, return_inverse=True)
+    return np.bincount(group, rows) / np.bincount(group)
+
+
+def paired_p(differences: Array, seed: int) -> float:
+    """One-sided p that the mean of ``differences`` [n] is not above 0: sign flips of what is left after centring."""
+    n = len(differences)
+    signs = np.random.default_rng([seed, 5]).choice((-1.0, 1.0), (_DRAWS, n))
+    observed = differences.mean() / max(differences.std(), 1e-300)
+    flipped = signs * differences
+    drawn = flipped.mean(1) / np.maximum(flipped.std(1), 1e-300)
+    return float((1 + (drawn >= observed).sum()) / (_DRAWS + 1))
+
+
+def _is_worse(differences: Array, seed: int) -> bool:
+    return paired_p(differences, seed) < _WORSE_P
+
+
+def _without_idle(model: Model, measured: Measured, seed: int, log: Callable[[str], None]) -> Model:
+    """The model less the mechanisms that it no longer needs, now that it has a new one."""
+    for mechanism in model.mechanisms[:-1]:
+        rest = Model(model.base, model.color_offset, tuple(m for m in model.mechanisms if m is not mechanism))
+        refit = fit(rest, measured)
+        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
+            log(f"{mechanism.cause} is no longer needed")
+            return _without_idle(refit, measured, seed, log)
+    return model

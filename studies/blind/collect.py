@@ -1,0 +1,116 @@
+"""The robot executes a blind world's design and records it in the `strokes` contract.
+
+Commands go through the same guard, `execute_stroke`, memory, rectification and `record_stroke` as the pipeline's
+collection; only the camera reads out a part of its frame, which makes a world take seconds.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts.covariates import drawn_length_m, fresh_memory, new_sheet
+from pentimento.contracts.markers import markers_around
+from pentimento.contracts.plan import PlannedStroke
+from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.robots.tools import Tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner.act import Session, execute_stroke
+from pentimento.runner.observe import calibrate_camera, rectify, window_in_camera
+from pentimento.runner.record import record_stroke
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.studio.world import World
+from studies.blind.design import Command, View
+from studies.blind.easel import Disturbance, Easel
+
+SKIPPED_S = 12.0  # time that a stroke takes which is skipped
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What is recorded: rows of the contract in order, and the images again as arrays.
+
+    before, after: lists of uint8 sRGB [H, W, 3].
+    """
+
+    rows: list[dict[str, Any]]
+    before: list[NDArray[np.uint8]]
+    after: list[NDArray[np.uint8]]
+
+
+def record_world(
+    world: World,
+    seed: int,
+    tool: Tool,
+    palette_srgb: NDArray[np.float64],
+    commands: Sequence[Command],
+    view: View,
+    disturbances: Sequence[Disturbance] = (),
+    sheets: Collection[int] | None = None,
+    realisation: int = 0,
+) -> Recording:
+    """Execute commands in a studio of `world` under `seed`.
+
+    Args:
+        disturbances: one for each command, or none at all.
+        sheets: only these are painted; the tool ages and time passes as if the others had been, too.
+        realisation: of everything that differs between repeats (see `Easel`).
+    """
+    easel = Easel(world, seed, realisation)
+    robot = GuardedRobot(VirtualRobot(easel), envelope_for(tool, easel.canvas_size_m))
+    robot.change_tool(tool)
+    robot.load_palette(palette_srgb)
+    calibration = calibrate_camera(robot.photo(), markers_around(easel.canvas_size_m))
+    session = Session("session_0", robot.clock_s)
+    memory = fresh_memory(easel.canvas_size_m, tool.nominal_width_m)
+    recording = Recording([], [], [])
+    sheet = commands[0].sheet
+    for order, command in enumerate(commands):
+        if sheets is not None and command.sheet not in sheets:
+            easel.skip(drawn_length_m(command.path), SKIPPED_S + command.wait_s)
+            continue
+        if command.sheet != sheet:
+            sheet = command.sheet
+            robot.new_sheet()
+            memory = new_sheet(memory)
+        if disturbances:
+            easel.disturb(disturbances[order])
+        window_m = _window_m(command, view, easel.canvas_size_m)
+        easel.read_out(window_in_camera(calibration, window_m))
+        photo_before = robot.photo()
+        planned = PlannedStroke(command.path, np.array(command.color_srgb), command.dip)
+        memory, executed = execute_stroke(robot, tool, planned, palette_srgb, memory, session)
+        robot.wait(command.wait_s)
+        photo_after = robot.photo()
+        before, after = (
+            rectify(photo, calibration, window_m, view.pixels_per_m) for photo in (photo_before, photo_after)
+        )
+        row = record_stroke(
+            session, order, command.action_id, tool, executed, window_m, before, after,
+            photo_before, photo_after, calibration,
+        )  # fmt: skip
+        row |= {"surface_id": f"sheet_{sheet}", "tool_id": f"{tool.name}_0", "camera_id": "camera_0"}
+        recording.rows.append(row)
+        recording.before.append(before)
+        recording.after.append(after)
+    return recording
+
+
+def as_table(recording: Recording, columns: dict[str, NDArray[np.float64]]) -> pa.Table:
+    """Rows as a table of the contract, with further columns float64[rows] beside it."""
+    schema = arrow_schema(CONTRACT, include_optional=set(recording.rows[0]))
+    table = pa.Table.from_pylist(recording.rows, schema=schema)
+    for name, values in columns.items():
+        table = table.append_column(name, pa.array(values.astype(np.float32)))
+    return table
+
+
+def _window_m(command: Command, view: View, canvas_size_m: tuple[float, float]) -> NDArray[np.float64]:
+    column, row, width, height = command.window_px
+    image_rows = round(canvas_size_m[1] * view.pixels_per_m)
+    edges = [column, image_rows - row - height, column + width, image_rows - row]
+    return np.array(edges, dtype=np.float64) / view.pixels_per_m

@@ -1,0 +1,51 @@
+"""Columns that a recording has beside the contract's: what a room and an arm report. They are
+drawn before anything is painted.
+"""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Form = Literal["independent", "wandering", "walk", "trend"]
+
+COLUMNS: dict[str, tuple[float, float]] = {
+    "temperature_c": (22.0, 1.4),
+    "humidity": (0.45, 0.06),
+    "battery_v": (24.1, 0.35),
+    "operator_mood": (3.0, 1.0),
+    "motor_current_a": (1.8, 0.2),
+    "room_lux": (410.0, 45.0),
+}
+"""Name: (mean, standard deviation)."""
+FORMS: tuple[Form, ...] = ("independent", "wandering", "walk", "trend")
+PERSISTENCE = 0.6  # of a wandering column from one stroke to the next
+
+
+def draw_decoys(rows: int, seed: int, lively: str | None = None) -> dict[str, NDArray[np.float64]]:
+    """All `COLUMNS`, each float64[rows], in a form drawn at random; `lively` names one that is not to drift with the
+    session (independent or wandering), as a column must be whose effect is to be told from wear.
+    """
+    columns = {}
+    for index, (name, (mean, deviation)) in enumerate(COLUMNS.items()):
+        rng = np.random.default_rng([seed, 31, index])
+        forms = FORMS[:2] if name == lively else FORMS
+        columns[name] = mean + deviation * _standard(rng, forms[rng.integers(len(forms))], rows)
+    return columns
+
+
+def _standard(rng: np.random.Generator, form: Form, rows: int) -> NDArray[np.float64]:
+    """Mean 0 and standard deviation 1 over the rows."""
+    steps = rng.standard_normal(rows)
+    match form:
+        case "independent":
+            values = steps
+        case "wandering":
+            values = steps.copy()
+            for k in range(1, rows):
+                values[k] += PERSISTENCE * values[k - 1]
+        case "walk":
+            values = np.cumsum(steps)
+        case "trend":
+            values = rng.choice([-1.0, 1.0]) * np.linspace(-1.7, 1.7, rows) + 0.3 * steps
+    return (values - values.mean()) / values.std()

@@ -1,0 +1,83 @@
+"""Score tests and held-out gains on linear worlds whose truth is known."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from pentimento.gap.foretell import Statistics
+from pentimento.gap.score import held_out_gains, interval_of_mean, project, score_tests
+
+ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4
+
+
+def world(seed: int, effect: float = 0.0, shared: float = 1.0) -> Statistics:
+    """Residuals of a fitted linear model: candidate 0 matters by ``effect``; pixels of an action share an error.
+
+    Each candidate's column is one number for an action times a fixed profile, like a covariate's effect on width.
+    """
+    rng = np.random.default_rng(seed)
+    profile = rng.normal(size=PIXELS)
+    nuisance = rng.normal(size=(ACTIONS, PIXELS, NUISANCES))
+    covariates = rng.normal(size=(ACTIONS, 1, CANDIDATES))
+    candidate = covariates * profile[None, :, None]
+    error = rng.normal(size=(ACTIONS, PIXELS)) + shared * rng.normal(size=(ACTIONS, 1)) * profile
+    y = effect * candidate[..., 0] + error
+    flat = nuisance.reshape(-1, NUISANCES)
+    y = y - nuisance @ np.linalg.lstsq(flat, y.ravel(), rcond=None)[0]
+    columns = np.concatenate([nuisance, candidate], axis=2)
+    return Statistics(
+        np.einsum("nxp,nxq->npq", columns, columns), np.einsum("nxp,nx->np", columns, y), np.square(y).sum(1)
+    )
+
+
+HELD = np.arange(NUISANCES)
+INDEX = {f"c{i}": np.array([NUISANCES + i]) for i in range(CANDIDATES)}
+
+
+def test_projection_leaves_nothing_to_the_nuisances() -> None:
+    statistics = world(0)
+    scores = project(statistics, HELD, np.array([3, 4]))
+    refit = np.linalg.solve(statistics.curvature.sum(0)[:3, :3], statistics.curvature.sum(0)[:3, 3:5])
+    np.testing.assert_allclose(scores, statistics.slope[:, 3:5] - statistics.slope[:, :3] @ refit)
+
+
+def test_without_an_effect_p_is_uniform_even_though_pixels_share_errors() -> None:
+    single = [score_tests(world(seed), HELD, INDEX, 199, seed)["c1"][0] for seed in range(150)]
+    assert kstest(single, "uniform").pvalue > 0.01
+    any_name = [
+        min(p for _, p in score_tests(world(seed), HELD, INDEX, 199, seed).values()) <= 0.05 for seed in range(150)
+    ]
+    assert np.mean(any_name) < 0.12
+
+
+def test_pixelwise_likelihood_would_find_effects_everywhere() -> None:
+    """The trap that the action as a unit avoids: the same worlds, each pixel taken for an independent witness."""
+    found = 0
+    for seed in range(40):
+        statistics = world(seed)
+        curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
+        ratio = slope[4] ** 2 / curvature[4, 4] / (statistics.energy.sum() / (ACTIONS * PIXELS))
+        found += ratio > 6.63
+    assert found > 20
+
+
+def test_an_effect_is_found_and_only_it() -> None:
+    found = [score_tests(world(seed, effect=0.8), HELD, INDEX, 499, seed) for seed in range(20)]
+    assert np.mean([tests["c0"][1] < 0.02 for tests in found]) > 0.9
+    assert np.mean([min(tests[f"c{i}"][1] for i in (1, 2, 3)) < 0.02 for tests in found]) < 0.2
+
+
+def test_the_adjusted_p_is_never_below_the_single_one() -> None:
+    for p, adjusted in score_tests(world(3, effect=0.3), HELD, INDEX, 499, 0).values():
+        assert adjusted >= p
+
+
+def test_held_out_gain_is_what_the_effect_costs() -> None:
+    effect = 1.0
+    statistics = world(5, effect=effect)
+    gains = held_out_gains(statistics, HELD, INDEX["c0"], np.arange(ACTIONS), 0)
+    true = effect**2 * statistics.curvature[:, 3, 3].mean()
+    assert gains.mean() == pytest.approx(true, rel=0.5)
+    assert interval_of_mean(gains, 499, 0)[0] > 0
+    idle = held_out_gains(world(5), HELD, INDEX["c1"], np.arange(ACTIONS), 0)
+    assert abs(idle.mean()) < 0.15 * true
