@@ -1,73 +1,78 @@
-"""The stroke renderer, forward and backward with all gradients, beside the dense reference: seconds, one thread.
+"""`make bench`: measure, print the tables, and write them to docs/benchmarks.md and docs/benchmarks.json."""
 
-Strokes are 20 to 60 px long with radii of 1.5 to 5 px. The reference evaluates every segment at every pixel and is
-timed once, up to 20 strokes; more would take minutes and say the same.
-"""
-
-import statistics
+import json
+import math
+import sys
 import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
 
-import numpy as np
-import torch
+from benchmarks import agreement, cases, children, distance, gpu, growth, hooks, machine, peers, plan, planning, tables
+from benchmarks.bars import Results
+from benchmarks.scenes import Case
 
-from pentimento.stroke_dynamics.autograd import render_strokes
-from pentimento.stroke_dynamics.reference import render_reference
-
-CASES = ((20, 32, 256), (100, 32, 256), (400, 32, 256), (400, 4, 256), (4000, 32, 1024))
-DENSE_UP_TO = 20
+_C = TypeVar("_C")
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+LIMIT_CASES = [Case(400, 32, 256), Case(400, 4, 256)]
+AGREEMENT_CASES = [Case(8, 32, 256), Case(20, 4, 256)]
 
 
 def main() -> None:
-    """Print the table."""
-    torch.set_num_threads(1)
-    _seconds(partial(_forward_backward, render_strokes, _scene(2, 4, 32)), 1)  # compile
-    print("| strokes | points | canvas | ours s | dense reference s | ratio |\n|---|---|---|---|---|---|")
-    for strokes, points, size in CASES:
-        scene = _scene(strokes, points, size)
-        ours = _seconds(partial(_forward_backward, render_strokes, scene), 9)
-        dense, ratio = "–", "–"
-        if strokes <= DENSE_UP_TO:
-            seconds = _seconds(partial(_forward_backward, _dense, scene), 1)
-            dense, ratio = f"{seconds:.2f}", f"{seconds / ours:.0f}"
-        print(f"| {strokes} | {points} | {size}² | {ours:.4f} | {dense} | {ratio} |", flush=True)
+    """Measure everything; minutes."""
+    with children.start() as pool:
+        results = measure_all(pool)
+    DOCS.mkdir(exist_ok=True)
+    text = tables.page(results)
+    (DOCS / "benchmarks.json").write_text(json.dumps(rounded(results), indent=1, ensure_ascii=False) + "\n")
+    (DOCS / "benchmarks.md").write_text(text)
+    print(text)
 
 
-def _scene(strokes: int, points: int, size: int) -> list[torch.Tensor]:
-    rng = np.random.default_rng(strokes)
-    length, heading = rng.uniform(20, 60, (strokes, 1)), rng.uniform(-np.pi, np.pi, (strokes, 1))
-    t = np.linspace(0, 1, points)
-    along, across = length * t, length * rng.uniform(-0.3, 0.3, (strokes, 1)) * 4 * t * (1 - t)
-    x = np.cos(heading) * along - np.sin(heading) * across + rng.uniform(0, size, (strokes, 1))
-    y = np.sin(heading) * along + np.cos(heading) * across + rng.uniform(0, size, (strokes, 1))
-    arrays = (
-        np.stack([x, y], axis=-1)[None],
-        np.repeat(rng.uniform(1.5, 5, (1, strokes, 1)), points, axis=2),
-        np.ones((1, strokes, points)),
-        np.full((1, strokes, points), 0.3),
-        rng.uniform(0, 1, (1, strokes, 3)),
-        np.ones((1, size, size, 3)),
-    )
-    return [torch.tensor(array, dtype=torch.float32, requires_grad=True) for array in arrays]
+def measure_all(pool: ProcessPoolExecutor) -> Results:
+    """Every section of the results, each measurement in its own process."""
+    results: Results = {"machine": machine.describe(), "peers": peers.PEERS}
+    results["hooks"] = children.measure(pool, hooks.measure_hooks, Case(400, 32, 256))
+    results["distance"] = _each(pool, "distance to the limit", distance.measure_distance, LIMIT_CASES)
+    results["cases"] = _each(pool, "renderer", cases.measure_ours, [*cases.CASES, *cases.OTHER_CASES])
+    results["growth"] = growth.exponents(results["cases"])
+    results["reference"] = _each(pool, "dense reference", cases.measure_reference, cases.REFERENCE_CASES)
+    results["agreement"] = _each(pool, "agreement", agreement.measure_agreement, AGREEMENT_CASES)
+    results["plan"] = _each(pool, "plan", plan.measure_plan, plan.WAYS)
+    results["planner"] = children.measure(pool, planning.measure_planner, planning.PICTURES)
+    missing = gpu.missing()
+    results["gpu"] = {
+        "missing": missing,
+        "cases": _each(pool, "GPU", gpu.measure_gpu, gpu.CASES if missing is None else []),
+    }
+    return results
 
 
-def _dense(*inputs: torch.Tensor) -> torch.Tensor:
-    return render_reference(*(tensor[0] for tensor in inputs))
+def _each(
+    pool: ProcessPoolExecutor, what: str, function: Callable[[_C], dict[str, Any]], wanted: Iterable[_C]
+) -> list[dict[str, Any]]:
+    rows = []
+    started = time.perf_counter()
+    for case in wanted:
+        rows.append(children.measure(pool, function, case))
+        print(f"{time.perf_counter() - started:5.0f} s  {what}: {case}", file=sys.stderr, flush=True)
+    return rows
 
 
-def _forward_backward(renderer: Callable[..., torch.Tensor], scene: list[torch.Tensor]) -> None:
-    torch.autograd.grad(renderer(*scene).square().sum(), scene)
-
-
-def _seconds(call: Callable[[], None], runs: int) -> float:
-    """Median wall time of a call."""
-    times = []
-    for _ in range(runs):
-        started = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - started)
-    return statistics.median(times)
+def rounded(value: Any) -> Any:
+    """With four significant digits, more than repeat from run to run; null for what never came about."""
+    match value:
+        case float() if not math.isfinite(value):
+            return None
+        case float():
+            return float(f"{value:.4g}")
+        case dict():
+            return {key: rounded(entry) for key, entry in value.items()}
+        case list():
+            return [rounded(entry) for entry in value]
+        case _:
+            return value
 
 
 if __name__ == "__main__":

@@ -16,9 +16,11 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.ranges import at_least
-from pentimento.planning.objective import PrintObjective
+from pentimento.planning.config import PlannerConfig
+from pentimento.planning.objectives.print_objective import PrintObjective
 from pentimento.planning.painter import Image, Painting, as_linear, foretell, observe, paint
-from pentimento.planning.planner import PlannerConfig, Scene, plan
+from pentimento.planning.planner import plan
+from pentimento.planning.scene import Scene
 from pentimento.planning.strokes import to_planned
 from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.driver import Robot

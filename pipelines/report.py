@@ -4,6 +4,7 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
+from pentimento.report.benchmarks import read_benchmarks
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
 from pipelines._config import load_section
@@ -21,10 +22,12 @@ def main(arguments: argparse.Namespace) -> None:
     inputs = {f"strokes.{tool}": path for tool, path in strokes.items()}
     inputs |= {f"model.{tool}": path for tool, path in weights.items()}
     inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
+    inputs["benchmarks"] = arguments.benchmarks
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         files = build_report(
             [read_painting(setting, folder) for setting, folder in paintings.items()],
             [read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
+            read_benchmarks(arguments.benchmarks),
             config,
         )
         for name, data in files.items():
@@ -37,6 +40,7 @@ if __name__ == "__main__":
     parser.add_argument("--strokes", required=True, type=Path, help="folder of a table of strokes for each tool")
     parser.add_argument("--models", required=True, type=Path)
     parser.add_argument("--paintings", required=True, type=Path)
+    parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")
     parser.add_argument("--out", required=True, type=Path)

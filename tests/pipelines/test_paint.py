@@ -17,7 +17,7 @@ from tests.imports import ROOT
         ("strokes: 340", "strokes: 0", r"paint: strokes is 0; it must be 1 or more"),
         ("batch: 20", "batch: -1", r"paint: batch is -1; it must be 1 or more"),
         ("darkest: 0.35", "darkest: 1.0", r"paint\.settings\.marker: darkest is 1\.0; below 1"),
-        ("palette_size: 12", "palette_size: 0", r"paint\.settings\.colour\.planner: palette_size is 0; it must be 1"),
+        ("size: 12", "size: 0", r"paint\.settings\.colour\.planner\.palette: size is 0; it must be 1"),
     ],
 )
 def test_a_number_out_of_its_range_is_one_sentence(tmp_path: Path, old: str, new: str, sentence: str) -> None:

@@ -13,6 +13,7 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
+from pentimento.report.benchmarks import BenchmarkInputs, Timing
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs, read_painting, read_tool
 from pentimento.stroke_dynamics.polyline import constant_width
 from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
@@ -90,6 +91,14 @@ def tool(tool_folders: tuple[Path, Path]) -> ToolInputs:
 @pytest.fixture(scope="session")
 def painting(painting_folder: Path) -> PaintingInputs:
     return read_painting("colour", painting_folder)
+
+
+@pytest.fixture(scope="session")
+def benchmarks() -> BenchmarkInputs:
+    """Made-up times: in proportion to strokes, and to the canvas's width."""
+    ours = {size: [Timing(n, 1e-5 * n * size / 256) for n in (20, 100, 400)] for size in (256, 512)}
+    peers = {"FRIDA, 256²": [Timing(20, 0.25), Timing(400, 6.0)], "Guessed, 256²": [Timing(400, 30.0, True)]}
+    return BenchmarkInputs("a made-up processor", ours, [Timing(20, 2.0)], peers)
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from pentimento.report.benchmarks import BenchmarkInputs
 from pentimento.report.inputs import PaintingInputs, ToolInputs
 from pentimento.report.page import ReportConfig, build_report
 from tests.report.conftest import PICTURES
@@ -12,8 +13,8 @@ VOID = {"meta", "img", "source", "br"}
 
 
 @pytest.fixture(scope="module")
-def files(painting: PaintingInputs, tool: ToolInputs) -> dict[str, bytes]:
-    return build_report([painting], [tool], CONFIG)
+def files(painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs) -> dict[str, bytes]:
+    return build_report([painting], [tool], benchmarks, CONFIG)
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +71,14 @@ def test_the_page_needs_nothing_else(page: str) -> None:
 def test_every_picture_has_a_text_and_stands_beside_the_page(page: str, files: dict[str, bytes]) -> None:
     pictures = [attrs for tag, attrs in read(page).tags if tag == "img"]
     assert len(pictures) >= 15 and all(len(attrs["alt"] or "") > 10 for attrs in pictures)
-    assert {"colour_timelapse.gif", "colour_plan.svg", "colour_sim2real.png", "strokes_round_brush.png"} <= set(files)
+    assert {"colour_timelapse.gif", "colour_plan.svg", "colour_sim2real.png", "renderer_time.png"} <= set(files)
     assert files["colour_plan.svg"] == b"<svg/>"
 
 
-def test_equal_inputs_give_equal_bytes(painting: PaintingInputs, tool: ToolInputs, files: dict[str, bytes]) -> None:
-    assert build_report([painting], [tool], CONFIG) == files
+def test_equal_inputs_give_equal_bytes(
+    painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs, files: dict[str, bytes]
+) -> None:
+    assert build_report([painting], [tool], benchmarks, CONFIG) == files
 
 
 def test_the_page_holds_no_dates_paths_or_run_ids(page: str) -> None:

@@ -20,7 +20,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_CONFIRMED_P = 0.1
+_CONFIRMED_P = 0.01
 _DRAWS = 1999
 
 
@@ -117,9 +117,10 @@ def diagnose(
 
 
 def _confirmation(model: Model, mechanism: Mechanism, discovery: Measured, confirmation: Measured, seed: int) -> float:
-    """p that the cause does not help on strokes that had no part in finding it."""
+    """p that the cause does not help, over discovery and confirmation; 1 if not in the latter by itself."""
     rest = fit(_with(model, tuple(m for m in model.mechanisms if m is not mechanism)), discovery)
-    return paired_p(action_losses(rest, confirmation) - action_losses(model, confirmation), seed)
+    fall, fresh = (action_losses(rest, part) - action_losses(model, part) for part in (discovery, confirmation))
+    return paired_p(np.concatenate([fall, fresh]), seed) if fresh.mean() > 0 else 1.0
 
 
 def _with(model: Model, mechanisms: tuple[Mechanism, ...]) -> Model:

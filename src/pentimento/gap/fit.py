@@ -15,6 +15,9 @@ Array = NDArray[Any]
 _RIDGE = 1e-8
 _HOLD = 0.01
 _LIKELY_OFFSET = 0.03  # linear light
+_ENOUGH = 5e-4
+"""Relative fall of the error below which a fit has ended."""
+_LONGEST = {"log_softness": 0.5, "log_blur_px": 0.4, "beta_mm": 0.5, "amplitude": 0.3}
 _RANGE = {
     "alpha": (-0.5, 10.0),
     "saturation_mm": (-5.0, 5.0),
@@ -24,6 +27,7 @@ _RANGE = {
     "log_blur_px": (np.log(0.25), np.log(4)),
     "start_mm": (-4.0, 4.0),
     "end_mm": (-4.0, 4.0),
+    "side_mm": (-1.0, 1.0),
 }
 
 
@@ -44,7 +48,7 @@ def first_model(measured: Measured) -> Model:
     return Model(np.array([start[name] for name in BASE]), np.zeros((int(measured.paint.max()) + 1, 3)), ())
 
 
-def fit(model: Model, measured: Measured, iterations: int = 8) -> Model:
+def fit(model: Model, measured: Measured, iterations: int = 30) -> Model:
     """The model whose foretold photographs are nearest to the measured, by mean squared error.
 
     A paint's colour and the amplitude can hardly be told apart on blank paper: offsets of colour are held near 0.
@@ -54,11 +58,13 @@ def fit(model: Model, measured: Measured, iterations: int = 8) -> Model:
     loss += hold * np.square(model.color_offset).sum()
     damping = 1e-3
     low, high = _bounds(model)
+    reach = _longest_steps(model)
     for _ in range(iterations):
+        near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
         statistics = linearise(model, measured)
         improved = False
         for _ in range(5):
-            candidate = model.at(_step(model, statistics, damping, hold, low, high))
+            candidate = model.at(_step(model, statistics, damping, hold, *near))
             new = _loss(candidate, measured) + hold * np.square(candidate.color_offset).sum()
             if new < loss:
                 improved = True
@@ -67,7 +73,7 @@ def fit(model: Model, measured: Measured, iterations: int = 8) -> Model:
         if not improved:
             break
         gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
-        if gained < 1e-3:
+        if gained < _ENOUGH:
             break
     return model
 
@@ -104,6 +110,15 @@ def _bounds(model: Model) -> tuple[Array, Array]:
     colors = slice(len(model.base), model.nuisances)
     low[colors], high[colors] = -0.2, 0.2
     return low, high
+
+
+def _longest_steps(model: Model) -> Array:
+    """How far each number may go in one iteration: some act far from linearly."""
+    reach = np.full(len(model.vector), np.inf)
+    for i, name in enumerate(BASE):
+        reach[i] = _LONGEST.get(name, np.inf)
+    reach[model.nuisances :] = 1.0  # of what is typical
+    return reach
 
 
 def _loss(model: Model, measured: Measured) -> float:

@@ -2,7 +2,7 @@
 
 A model is the thesis's base (half-width = alpha * press + beta, softness c) with nuisances that keep a cause from
 explaining a plain miscalibration: an amplitude, a constant blur, an offset of each paint's colour, a width that levels
-off under press, ends that lie a little before or beyond the command's; and any mechanisms of the vocabulary.
+off under press, a mark that begins and ends a little beside its command; and any mechanisms of the vocabulary.
 """
 
 from __future__ import annotations
@@ -25,8 +25,19 @@ from pentimento.stroke_dynamics.traj2stroke import Mark
 
 Array = NDArray[Any]
 
-BASE = ("alpha", "saturation_mm", "beta_mm", "log_softness", "amplitude", "log_blur_px", "start_mm", "end_mm")
-_BASE_STEP = np.array([0.02, 0.05, 0.03, 0.05, 0.02, 0.05, 0.1, 0.1])
+_STEP_OF_BASE = {
+    "alpha": 0.02,
+    "saturation_mm": 0.05,
+    "beta_mm": 0.03,
+    "log_softness": 0.05,
+    "amplitude": 0.02,
+    "log_blur_px": 0.05,
+    "start_mm": 0.1,
+    "end_mm": 0.1,
+    "side_mm": 0.05,
+}
+BASE = tuple(_STEP_OF_BASE)
+_BASE_STEP = np.array(list(_STEP_OF_BASE.values()))
 _COLOR_STEP = 0.01
 _MECHANISM_STEP = 0.2  # of a quantity's typical size
 _THINNEST_M = 1e-4
@@ -118,7 +129,7 @@ def ink(model: Model, measured: Measured) -> Ink:
 def coverage(model: Model, measured: Measured) -> Array:
     """How much of each pixel the stroke covers, blurred, float32[B, H, W]."""
     samples = measured.samples
-    alpha, saturation_mm, beta_mm, log_softness, amplitude, log_blur, start_mm, end_mm = map(float, model.base)
+    alpha, saturation_mm, beta_mm, log_softness, amplitude, log_blur, start_mm, end_mm, side_mm = map(float, model.base)
     height, width = samples.valid.shape[1:]
     deepest = float((-samples.path[..., 3]).max().clamp(min=1e-6))
 
@@ -127,7 +138,8 @@ def coverage(model: Model, measured: Measured) -> Array:
         share = press / deepest
         radius = alpha * press + (beta_mm + 4 * saturation_mm * share * (1 - share)) * 1e-3
         softness = torch.full_like(press, float(np.exp(log_softness)))
-        along, points = tangent(path), path[..., 1:3].clone()
+        along = tangent(path)
+        points = path[..., 1:3] + side_mm * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
         points[..., 0, :] -= start_mm * 1e-3 * along[..., 0, :]
         points[..., -1, :] += end_mm * 1e-3 * along[..., -1, :]
         return Mark(points, radius.clamp(min=_THINNEST_M), torch.full_like(press, amplitude), softness)

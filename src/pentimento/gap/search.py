@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,9 @@ _WORSE_P = 0.05
 _SHORTLIST = 0.4
 _LEAST_GAIN = 0.002
 _MOST_CAUSES = 6
+_BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.35
+"""Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
+not the mechanism's; it is taken up by causes of the same driver first."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +63,20 @@ def search(
         except NotObservable as reason:
             unseen[kind.cause] = str(reason)
     steps: list[Step] = []
+    gained: dict[Mechanism, float] = {}
     for number in range(_MOST_CAUSES + 1):
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken]
         evidence = weigh(model, candidates, measured, seed + number)
         limit = _LATER_P if number else _FIRST_P
+        error = float(action_losses(model, measured).mean())
         standing = {
             cause: e
             for cause, e in evidence.items()
-            if e.p_adjusted < limit and e.gain_interval[0] > 0 and e.gain > _LEAST_GAIN
+            if e.p_adjusted < limit
+            and e.gain_interval[0] > 0
+            and e.gain > _LEAST_GAIN
+            and e.gain * error > _enough(observable[cause], gained)
         }
         if not standing or number == _MOST_CAUSES:
             steps.append(Step(evidence, None, ()))
@@ -85,8 +93,17 @@ def search(
         )
         log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
         steps.append(Step(evidence, chosen, rivals))
+        gained[observable[chosen]] = error - float(losses[chosen].mean())
         model = _without_idle(refits[chosen], measured, seed, log)
     return Search(base, model, tuple(steps), unseen)
+
+
+def _enough(mechanism: Mechanism, gained: Mapping[Mechanism, float]) -> float:
+    """How much error a further cause must remove, sRGB."""
+    return max(
+        (gain * (_BESIDE_SAME_DRIVER if m.driver == mechanism.driver else _BESIDE) for m, gain in gained.items()),
+        default=0.0,
+    )
 
 
 def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int) -> dict[str, Evidence]:

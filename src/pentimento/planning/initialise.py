@@ -1,4 +1,8 @@
-"""Where strokes start: at random (thesis 4.3.5), or where the picture still differs from the target."""
+"""Where strokes start: at random (thesis 4.3.5), or where the picture still differs from the target.
+
+The thesis names what is wrong with the former: where few strokes start, none will come. A guided stroke is the best of
+several candidates at its place, each rendered: gradients move a stroke, they never turn a bad idea into another one.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,20 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
+from pentimento.contracts.colour import srgb_to_linear
+from pentimento.planning.config import PlannerConfig
+from pentimento.planning.saliency import saliency
+from pentimento.planning.scene import ErrorMap, Scene, render_fixed
 from pentimento.planning.strokes import StrokeTensors
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SPREAD = 0.6
+"""Of a candidate's length and press about the round's, as a standard deviation of their logarithm."""
 
 
 def random_strokes(
@@ -26,57 +39,123 @@ def random_strokes(
     )
 
 
-def error_guided_strokes(
+def guided_strokes(
     count: int,
-    tool: Tool,
-    canvas_size_m: tuple[float, float],
-    image: FloatArray,
-    target: FloatArray,
     size: float,
+    canvas: torch.Tensor,
+    scene: Scene,
+    config: PlannerConfig,
+    paints: FloatArray | None,
     rng: np.random.Generator,
-) -> StrokeTensors:
-    """Strokes laid where ``image`` differs most from ``target``, along the target's edges, in its colours.
+) -> tuple[StrokeTensors, FloatArray]:
+    """Strokes laid where the canvas differs most from the target, along the target's edges, in its colours.
 
     Args:
-        image, target: [H, W, 3], linear light, of the whole canvas.
         size: 0 for the tool's shortest, lightest strokes, 1 for its longest and fullest.
+        canvas: [H, W, 3], linear light: what they are laid upon.
+        paints: [K, 3], linear light: the only colours to take, or None for any.
+
+    Returns:
+        The strokes, and by how much each of them lowers the error, summed over its surroundings [pixels].
     """
-    width = target.shape[1]
-    px_per_m = width / canvas_size_m[0]
-    wide_px = max(tool.nominal_width_m * px_per_m, 1.0)
-    tone = np.asarray(cv2.GaussianBlur(target, (0, 0), wide_px / 4), dtype=np.float64)
-    error = np.abs(np.sqrt(cv2.GaussianBlur(image, (0, 0), wide_px / 4)) - np.sqrt(tone)).mean(-1) ** 2
-    along = _edge_heading(np.sqrt(tone), wide_px)
+    tool, target, image = scene.tool, scene.target.double().numpy(), canvas.double().numpy()
+    k = scene.pixels_per_m
+    wide_px = max(tool.nominal_width_m * k, 1.0)
     length: float = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7
-    press = tool.press_range_m[0] + size * (tool.press_range_m[1] - tool.press_range_m[0]) * 0.8
-    rows, columns = _places(error, count, np.sqrt(length * px_per_m * wide_px) / 2, rng)
-    middle = np.stack([(columns + 0.5) / px_per_m, canvas_size_m[1] - (rows + 0.5) / px_per_m], axis=1)
-    return _strokes(
-        middle,
-        along[rows, columns] + rng.normal(0, 0.1, count),
-        length * rng.uniform(0.8, 1.2, size=count),
-        np.full(count, press),
-        tone[rows, columns],
-    )
+    press: float = tool.press_range_m[0] + size * (tool.press_range_m[1] - tool.press_range_m[0]) * 0.8
+    tone = np.asarray(cv2.GaussianBlur(target, (0, 0), max(wide_px / 4, 0.6)), dtype=np.float64)
+    wrong = cv2.GaussianBlur(image, (0, 0), max(wide_px / 4, 0.6))
+    wanted = np.abs(np.sqrt(wrong) - np.sqrt(tone)).mean(-1) ** 2
+    if config.initialisation == "saliency":
+        wanted = wanted * saliency(target)
+    rows, columns = _places(wanted, count, np.sqrt(length * k * wide_px) / 2, rng)
+    middle = np.stack([(columns + 0.5) / k, scene.canvas_size_m[1] - (rows + 0.5) / k], axis=1)
+    along = _edge_heading(np.sqrt(target), wide_px)[rows, columns]
+    errors = ErrorMap(scene.target, config.distances_px)
+    before, cell = errors(canvas.numpy()), _nearest(rows, columns, wanted.shape)
+    candidates, gains = [], []
+    for number in range(config.candidates):
+        candidate = _candidate(number, middle, along, length, press, tool, rng)
+        candidate.keep_within(tool, scene.canvas_size_m, config.edge_m)
+        candidate.color = torch.tensor(_tone_along(candidate, tone, scene, paints), dtype=torch.float32)
+        after = errors(render_fixed(candidate, canvas, scene, config.path_points))
+        candidates.append(candidate)
+        gains.append(np.bincount(cell.ravel(), (before - after).ravel(), minlength=count))
+    best = np.argmax(gains, axis=0)
+    everyone = zip(*(candidate.tensors() for candidate in candidates), strict=True)
+    chosen = (torch.stack(values)[torch.from_numpy(best), torch.arange(count)] for values in everyone)
+    return StrokeTensors(*chosen), np.max(gains, axis=0)
 
 
-def _places(
-    error: FloatArray, count: int, apart_px: float, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _candidate(
+    number: int,
+    middle: FloatArray,
+    along: FloatArray,
+    length: float,
+    press: float,
+    tool: Tool,
+    rng: np.random.Generator,
+) -> StrokeTensors:
+    """One stroke at each place: of three, two along the edge there; of two, one pressed as hard as chance has it.
+
+    The latter reaches what is beside a path's own range, such as the canvas's rim.
+    """
+    count = len(along)
+    heading = rng.uniform(-np.pi, np.pi, count) if number % 3 == 2 else along + rng.normal(0, 0.15, count)
+    lengths = np.clip(length * np.exp(rng.normal(-0.1, _SPREAD, count)), *tool.stroke_length_m)
+    if number % 2 == 1:
+        presses = rng.uniform(*tool.press_range_m, count)
+    else:
+        presses = np.clip(press * np.exp(rng.normal(-0.1, _SPREAD, count)), *tool.press_range_m)
+    beside = rng.normal(0, 0.15 * length if number else 0.0, (count, 2))
+    return _strokes(middle + beside, heading, lengths, presses, np.zeros((count, 3)))
+
+
+def _tone_along(strokes: StrokeTensors, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
+    """[S, 3] mean colour of ``tone`` under each stroke, linear light; the nearest paint, where there are paints."""
+    if scene.tool.color_srgb is not None:
+        return np.zeros((len(strokes), 3)) + _own_ink(scene.tool)
+    path = strokes.paths(7)[:, 1:-1, 1:3].numpy()
+    height, width = tone.shape[:2]
+    k = scene.pixels_per_m
+    columns = np.clip(path[..., 0] * k, 0, width - 1).astype(int)
+    rows = np.clip((scene.canvas_size_m[1] - path[..., 1]) * k, 0, height - 1).astype(int)
+    root = np.sqrt(np.clip(tone[rows, columns], 0.0, 1.0)).mean(1)
+    if paints is None:
+        return np.asarray(root**2)
+    nearest = np.square(root[:, None] - np.sqrt(paints)).sum(-1).argmin(1)
+    return np.asarray(paints[nearest])
+
+
+def _own_ink(tool: Tool) -> FloatArray:
+    return srgb_to_linear(np.array(tool.color_srgb, dtype=np.float64))
+
+
+def _nearest(rows: IntArray, columns: IntArray, shape: tuple[int, ...]) -> IntArray:
+    """[H, W] which of the places is nearest; of places on one pixel, the last."""
+    number = np.zeros(shape, np.int64)
+    number[rows, columns] = np.arange(len(rows))
+    free = np.ones(shape, bool)
+    free[rows, columns] = False
+    near = distance_transform_edt(free, return_distances=False, return_indices=True)
+    return np.asarray(number[near[0], near[1]])
+
+
+def _places(error: FloatArray, count: int, apart_px: float, rng: np.random.Generator) -> tuple[IntArray, IntArray]:
     """Rows and columns drawn in proportion to the error, each place taken lowering the error around it."""
     left = error + 1e-4 * error.mean() + 1e-12
-    height, width = error.shape
-    grid_r, grid_c = np.mgrid[:height, :width]
-    rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
+    width = error.shape[1]
     reach = int(3 * apart_px) + 1
+    offsets = np.arange(-reach, reach + 1)
+    dent = 1 - 0.9 * np.exp(-(offsets[:, None] ** 2 + offsets**2) / (2 * apart_px**2))
+    rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
     for i in range(count):
         total = np.cumsum(left)
         at = min(int(np.searchsorted(total, rng.uniform(0, total[-1]))), left.size - 1)
-        r, c = divmod(at, width)
-        rows[i], columns[i] = r, c
-        near = np.s_[max(r - reach, 0) : r + reach + 1, max(c - reach, 0) : c + reach + 1]
-        distance2 = (grid_r[near] - r) ** 2 + (grid_c[near] - c) ** 2
-        left[near] *= 1 - 0.9 * np.exp(-distance2 / (2 * apart_px**2))
+        r, c = rows[i], columns[i] = divmod(at, width)
+        top, side = max(r - reach, 0), max(c - reach, 0)
+        near = left[top : r + reach + 1, side : c + reach + 1]
+        near *= dent[top - r + reach :, side - c + reach :][: near.shape[0], : near.shape[1]]
     return rows, columns
 
 

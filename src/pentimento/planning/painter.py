@@ -13,7 +13,9 @@ from pentimento.contracts.colour import srgb_to_linear, to_float
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.planning.planner import Log, PlannerConfig, Scene, optimise, render_plan
+from pentimento.planning.config import Log, PlannerConfig
+from pentimento.planning.descent import optimise
+from pentimento.planning.scene import Scene, render_plan
 from pentimento.planning.strokes import StrokeTensors, to_planned
 from pentimento.robots.driver import Robot
 from pentimento.runner.act import Session, execute

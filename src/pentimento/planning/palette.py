@@ -1,19 +1,54 @@
-"""A palette that a person can mix: the plan's colours clustered in Lab (thesis 4.3.5, Figure 4.6)."""
+"""Paints for a plan: gathered from its colours (thesis 4.3.5, Figure 4.6), from a picture, or given by the person."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.cluster import KMeans
 
-from pentimento.contracts.colour import lab_to_srgb, srgb_to_lab
+from pentimento.contracts.colour import lab_to_srgb, srgb_to_lab, to_float
+from pentimento.planning.target import load_photograph
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_PICTURE_PIXELS = 20_000
+"""Of a picture, so many at most are looked at to gather its colours."""
 
 
-def cluster_palette(
-    colors_srgb: FloatArray, weights: FloatArray, size: int, seed: int
-) -> tuple[FloatArray, NDArray[np.int64]]:
+@dataclass(frozen=True)
+class PaletteChoice:
+    """Which paints the person lays out."""
+
+    source: Literal["plan", "picture", "given", "ink"]
+    """``plan``: the strokes' own colours, clustered, then moved with the strokes. ``picture``: a picture's colours,
+    clustered. ``given``: these. ``ink``: none, the tool carries its own."""
+    size: int | None
+    """Paints to gather, for ``plan`` and ``picture``."""
+    picture: str | None
+    """A file, or the name of a photograph that scikit-image ships."""
+    colors_srgb: tuple[tuple[float, float, float], ...] | None
+    """Of the paints ``given``."""
+
+    def __post_init__(self) -> None:
+        wanted = {"plan": {"size"}, "picture": {"size", "picture"}, "given": {"colors_srgb"}, "ink": set[str]()}
+        for name in ("size", "picture", "colors_srgb"):
+            if (getattr(self, name) is not None) != (name in wanted[self.source]):
+                needs = ", ".join(sorted(wanted[self.source])) or "nothing else"
+                raise ValueError(f"{name} is {getattr(self, name)!r}; a palette from {self.source} takes {needs}.")
+        if self.size is not None and self.size < 1:
+            raise ValueError(f"size is {self.size}; it must be 1 or more.")
+        for color in self.colors_srgb or ():
+            if not all(0 <= channel <= 1 for channel in color):
+                raise ValueError(f"colors_srgb has {list(color)}; sRGB runs from 0 to 1.")
+        if self.colors_srgb == ():
+            raise ValueError("colors_srgb is empty; give at least one paint.")
+
+
+def cluster_palette(colors_srgb: FloatArray, weights: FloatArray, size: int, seed: int) -> tuple[FloatArray, IntArray]:
     """K-means in L*a*b*.
 
     Args:
@@ -27,7 +62,27 @@ def cluster_palette(
     lab = srgb_to_lab(np.asarray(colors_srgb, dtype=np.float64))
     size = min(size, len(np.unique(lab.round(6), axis=0)))
     found = KMeans(size, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
-    light_first = np.argsort(-found.cluster_centers_[:, 0], kind="stable")
-    rank = np.argsort(light_first)
-    palette = np.clip(lab_to_srgb(found.cluster_centers_[light_first]), 0.0, 1.0)
-    return palette, rank[found.labels_].astype(np.int64)
+    palette = light_first(np.clip(lab_to_srgb(found.cluster_centers_), 0.0, 1.0))
+    return palette, nearest_paint(colors_srgb, palette)
+
+
+def picture_palette(name_or_path: str, size: int, seed: int) -> FloatArray:
+    """The colours of a picture, sRGB [K, 3], from light to dark.
+
+    Raises:
+        ImageError: there is no such picture.
+    """
+    pixels = to_float(load_photograph(name_or_path)).astype(np.float64).reshape(-1, 3)
+    some = np.random.default_rng([seed, 1]).choice(len(pixels), min(_PICTURE_PIXELS, len(pixels)), replace=False)
+    return cluster_palette(pixels[some], np.ones(len(some)), size, seed)[0]
+
+
+def light_first(palette_srgb: FloatArray) -> FloatArray:
+    """The paints by falling lightness."""
+    return np.asarray(palette_srgb[np.argsort(-srgb_to_lab(palette_srgb)[:, 0], kind="stable")])
+
+
+def nearest_paint(colors_srgb: FloatArray, palette_srgb: FloatArray) -> IntArray:
+    """[S] the paint nearest to each colour, in L*a*b*."""
+    difference = srgb_to_lab(np.asarray(colors_srgb, dtype=np.float64))[:, None] - srgb_to_lab(palette_srgb)
+    return np.asarray(np.square(difference).sum(-1).argmin(1))

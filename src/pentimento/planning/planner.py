@@ -1,211 +1,167 @@
-"""Plans by gradient descent through the stroke renderer (thesis 4.3.5, Figure 4.5)."""
+"""Plans: strokes added coarse to fine, moved by gradients, relocated where they are idle, then painted in few paints.
+
+The thesis's planner (4.3.5, Figure 4.5) is the case of random strokes in one round, no relocation and one sweep.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.planning.initialise import error_guided_strokes, random_strokes
-from pentimento.planning.objective import PrintObjective
-from pentimento.planning.palette import cluster_palette
-from pentimento.planning.strokes import StrokeTensors, with_color
-from pentimento.robots.tools import Tool
-from pentimento.stroke_dynamics.autograd import render_strokes
-from pentimento.stroke_dynamics.photometry import linear_to_srgb
-from pentimento.stroke_dynamics.traj2stroke import Mark
+from pentimento.planning.config import Log, PlannerConfig
+from pentimento.planning.descent import half_cosine, optimise
+from pentimento.planning.initialise import guided_strokes, random_strokes
+from pentimento.planning.paints import Paints, check_palette, choose_paints, in_order, repaint
+from pentimento.planning.relocate import relocate
+from pentimento.planning.scene import Scene, coarser, objective_for, render_plan
+from pentimento.planning.strokes import StrokeTensors, no_strokes, with_color
 
 FloatArray = NDArray[np.float64]
-Log = Callable[[str, float, int], None]
+
+_ROUND_END = 0.3
+"""Share of the learning rates that is left at a round's end: the next round goes on from there."""
+_COARSE = 0.5
+"""Of the iterations with free colours, the first, at half the resolution: strokes are still far from their places."""
+_SETTLE = 0.25
+"""Of the iterations, the last, in which no stroke is relocated and no paint exchanged: they finish what is there."""
+_PAINT_RATE = 0.5
+"""Share of the learning rates with which strokes adapt to paints."""
 
 
 @dataclass(frozen=True)
-class LearningRates:
-    """Adam's step for each kind of number."""
+class Draft:
+    """A plan in the making."""
 
-    middle_m: float
-    theta_rad: float
-    length_m: float
-    bend_m: float
-    press_m: float
-    color: float
-
-    def __post_init__(self) -> None:
-        at_least(self, 0, "middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
-
-
-@dataclass(frozen=True)
-class PlannerConfig:
-    """How a plan is made."""
-
-    initialisation: Literal["random", "error_guided"]
-    rounds: int
-    """Strokes are added in so many rounds, coarse to fine."""
-    iterations_per_round: int
-    iterations_free: int
-    """With free colours, after the last round."""
-    iterations_palette: int
-    """After the colours were clustered and the strokes ordered from light to dark."""
-    iterations_replan: int
-    """After each photograph (thesis 4.3.5)."""
-    replan_rate: float
-    """Share of the learning rates that replanning uses: it starts near the optimum."""
-    palette_size: int
-    path_points: int
-    pixels_per_m: float
-    """Resolution of planning."""
-    edge_m: float
-    """Strokes keep this far from the canvas's edge."""
-    distances_px: tuple[int, ...]
-    """Viewing distances of the print objective."""
-    learning_rates: LearningRates
-    seed: int
-
-    def __post_init__(self) -> None:
-        at_least(self, 0, "iterations_per_round", "iterations_free", "iterations_palette", "iterations_replan")
-        at_least(self, 0, "replan_rate", "edge_m", "seed")
-        at_least(self, 1, "rounds", "palette_size")
-        at_least(self, 2, "path_points")
-        above_zero(self, "pixels_per_m")
-        if not self.distances_px or min(self.distances_px) < 1:
-            raise ValueError(f"distances_px is {list(self.distances_px)}; give at least one distance, each 1 or more.")
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a plan is made for."""
-
-    tool: Tool
-    mark: Callable[[Tensor], Mark]
-    """The stroke model: paths [S, N, 5] to marks."""
-    canvas_size_m: tuple[float, float]
-    target: Tensor
-    """[H, W, 3], linear light, of the whole canvas."""
-
-    @property
-    def pixels_per_m(self) -> float:
-        """Of the target."""
-        return self.target.shape[1] / self.canvas_size_m[0]
-
-
-def render_plan(strokes: StrokeTensors, canvas: Tensor, scene: Scene, path_points: int) -> Tensor:
-    """What the canvas [H, W, 3] (linear light) will look like after the strokes; differentiable."""
-    if len(strokes) == 0:
-        return canvas
-    mark = scene.mark(strokes.paths(path_points))
-    k = scene.pixels_per_m
-    x = mark.points_m[..., 0] * k - 0.5
-    y = (scene.canvas_size_m[1] - mark.points_m[..., 1]) * k - 0.5
-    return render_strokes(
-        torch.stack([x, y], dim=-1)[None],
-        (mark.radius_m * k)[None],
-        mark.density[None],
-        mark.softness[None],
-        strokes.color[None],
-        canvas[None],
-    )[0]
+    strokes: StrokeTensors
+    paints: Paints | None
+    """None while colours are free, and for a tool with its own ink."""
 
 
 def plan(canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[StrokeTensors, FloatArray]:
-    """``count`` strokes in the order of execution, and their palette, sRGB [K, 3].
+    """Up to ``count`` strokes in the order of execution, and their palette, sRGB [K, 3] from light to dark.
 
-    Strokes are added round by round, coarse to fine, and optimised; then their colours are clustered, the strokes
-    ordered from light to dark and optimised again in those colours. A tool with its own ink keeps its colour.
     ``log("print_loss", value, iteration)`` is called at every iteration.
+
+    Raises:
+        ConfigError: the palette does not fit the tool, or the picture is smaller than a viewing distance.
+        ImageError: there is no such picture as the palette's.
     """
+    check_palette(config.palette, scene.tool)
     rng = np.random.default_rng([config.seed, 0])
-    strokes = StrokeTensors(*(torch.zeros(0, *rest) for rest in ((2,), (), (), (), (3,), (3,))))
-    done = 0
-    free_color = scene.tool.color_srgb is None
-    for part in range(config.rounds):
-        share = len(range(part, count, config.rounds))
-        strokes = strokes.joined(_new_strokes(share, part, strokes, canvas, scene, config, rng))
-        optimise(strokes, canvas, scene, config, config.iterations_per_round, free_color, 1.0, log, done)
-        done += config.iterations_per_round
-    optimise(strokes, canvas, scene, config, config.iterations_free, free_color, 1.0, log, done)
-    done += config.iterations_free
+    strokes = free_plan(canvas, scene, count, config, rng, log)
     if scene.tool.color_srgb is not None:
         return strokes, np.array([scene.tool.color_srgb])
-    strokes, palette = light_to_dark(strokes, config.palette_size, config.seed)
-    optimise(strokes, canvas, scene, config, config.iterations_palette, False, 1.0, log, done)
-    return strokes, palette
+    paints = choose_paints(strokes, config.palette, config.seed)
+    draft = Draft(*in_order(paints.dipped(strokes), paints, scene, config))
+    done = config.rounds * config.iterations_per_round + config.iterations_free
+    draft = _in_stretches(draft, config.iterations_palette, _PAINT_RATE, canvas, scene, config, rng, log, done)
+    assert draft.paints is not None
+    strokes, paints = in_order(draft.strokes, draft.paints, scene, config)
+    return strokes, paints.srgb()
 
 
-def optimise(
-    strokes: StrokeTensors,
-    canvas: Tensor,
-    scene: Scene,
-    config: PlannerConfig,
-    iterations: int,
-    free_color: bool,
-    rate: float,
-    log: Log,
-    first_iteration: int,
-) -> None:
-    """Move the strokes, in place, down the print objective, always within what tool and canvas allow.
+def free_plan(
+    canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
+) -> StrokeTensors:
+    """Up to ``count`` strokes, each in a colour of its own, in the order in which they were laid: coarse below fine."""
+    strokes = _in_rounds(canvas, scene, count, config, rng, log)
+    done = config.rounds * config.iterations_per_round
+    draft = Draft(strokes, None)
+    return _in_stretches(draft, config.iterations_free, 1.0, canvas, scene, config, rng, log, done).strokes
 
-    They end where the objective was least on the way, so never worse than they started. ``rate`` is a share of the
-    learning rates.
-    """
-    rates = config.learning_rates
-    steps = (rates.middle_m, rates.theta_rad, rates.length_m, rates.bend_m, rates.press_m, rates.color)
-    objective = PrintObjective(scene.target, config.distances_px)
-    moving = list(zip(strokes.tensors(), steps, strict=True))[: 6 if free_color else 5]
-    for tensor, _ in moving:
-        tensor.requires_grad_(True)
-    optimiser = torch.optim.Adam([{"params": [tensor], "lr": rate * step} for tensor, step in moving])
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, max(iterations, 1), eta_min=0.0)
-    least, best = float("inf"), strokes.pick(slice(None))
-    for iteration in range(iterations + 1):
-        optimiser.zero_grad()
-        loss = objective(render_plan(strokes, canvas, scene, config.path_points))
-        if float(loss.detach()) < least:
-            least, best = float(loss.detach()), strokes.pick(slice(None))
-        if iteration == iterations:
+
+def _in_rounds(
+    canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
+) -> StrokeTensors:
+    """Strokes added round by round, coarse to fine, at half the resolution."""
+    small, small_canvas, small_config = coarser(scene, canvas, config)
+    strokes = no_strokes()
+    objective = objective_for(small, small_config)
+
+    def loss() -> float:
+        with torch.no_grad():
+            return float(objective(render_plan(strokes, small_canvas, small, config.path_points)))
+
+    first, last = config.sizes
+    before = loss()
+    for number, share in enumerate(round_shares(count, config.rounds)):
+        size = last + (first - last) * (1 - number / max(config.rounds - 1, 1)) ** 2
+        strokes = strokes.joined(_new_strokes(share, size, strokes, small_canvas, small, small_config, rng))
+        optimise(
+            strokes, small_canvas, small, small_config, config.iterations_per_round, scene.tool.color_srgb is None,
+            1.0, log, number * config.iterations_per_round, _ROUND_END,
+        )  # fmt: skip
+        after = loss()
+        if before - after < config.least_gain * share:
             break
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        schedule.step()
-        strokes.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
-        log("print_loss", float(loss.detach()), first_iteration + iteration)
-    for (tensor, _), kept in zip(moving, best.tensors(), strict=False):
-        tensor.requires_grad_(False)
-        tensor.copy_(kept)
+        before = after
+    return strokes
 
 
-def light_to_dark(strokes: StrokeTensors, palette_size: int, seed: int) -> tuple[StrokeTensors, FloatArray]:
-    """The strokes in palette colours, ordered from the lightest paint to the darkest, and the palette [K, 3]."""
-    covered = (strokes.length_m * (1e-3 + strokes.press_m.mean(1))).numpy()
-    palette, paint = cluster_palette(linear_to_srgb(strokes.color).numpy(), covered, palette_size, seed)
-    order = torch.from_numpy(np.argsort(paint, kind="stable"))
-    colors = torch.tensor(palette[paint], dtype=torch.float32)
-    return with_color(strokes, colors).pick(order), palette
+def round_shares(count: int, rounds: int) -> list[int]:
+    """``count`` strokes over the rounds, the last of which gets twice as many as the first: the finer, the more."""
+    weights = np.linspace(1, 2, rounds) if rounds > 1 else np.ones(1)
+    ends = np.rint(count * np.cumsum(weights) / weights.sum()).astype(int)
+    return [int(share) for share in np.diff(ends, prepend=0)]
 
 
 def _new_strokes(
     count: int,
-    part: int,
+    size: float,
     present: StrokeTensors,
     canvas: Tensor,
     scene: Scene,
     config: PlannerConfig,
     rng: np.random.Generator,
 ) -> StrokeTensors:
-    match config.initialisation:
-        case "random":
-            new = random_strokes(count, scene.tool, scene.canvas_size_m, rng)
-        case "error_guided":
-            image = render_plan(present, canvas, scene, config.path_points).double().numpy()
-            size = 1 - part / max(config.rounds - 1, 1)
-            target = scene.target.double().numpy()
-            new = error_guided_strokes(count, scene.tool, scene.canvas_size_m, image, target, size, rng)
-    if scene.tool.color_srgb is not None:
-        new = with_color(new, torch.tensor(scene.tool.color_srgb).expand(count, 3))
-    new.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
-    return new
+    if config.initialisation == "random":
+        new = random_strokes(count, scene.tool, scene.canvas_size_m, rng)
+        if scene.tool.color_srgb is not None:
+            new = with_color(new, torch.tensor(scene.tool.color_srgb).expand(count, 3))
+        new.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
+        return new
+    with torch.no_grad():
+        image = render_plan(present, canvas, scene, config.path_points)
+    return guided_strokes(count, size, image, scene, config, None, rng)[0]
+
+
+def _in_stretches(
+    draft: Draft,
+    iterations: int,
+    rate: float,
+    canvas: Tensor,
+    scene: Scene,
+    config: PlannerConfig,
+    rng: np.random.Generator,
+    log: Log,
+    done: int,
+) -> Draft:
+    """Descend by ``iterations`` in stretches of ``config.relocate_every``, mending in between; the rate falls to 0."""
+    free = scene.tool.color_srgb is None and (draft.paints is None or config.palette.source == "plan")
+    small, small_canvas, small_config = coarser(scene, canvas, config)
+    every = config.relocate_every or max(iterations // 4, 1)
+    starts = list(range(0, max(iterations - every // 2, 1), every))
+    for start, end in zip(starts, [*starts[1:], iterations], strict=True):
+        if 0 < start <= (1 - _SETTLE) * iterations and config.relocate_every > 0:
+            draft = _mended(draft, small_canvas, small, small_config, rng)
+        first, last = (half_cosine(at, iterations, rate, 0.0) for at in (start, end))
+        coarse = draft.paints is None and end <= _COARSE * iterations
+        task = (small_canvas, small, small_config) if coarse else (canvas, scene, config)
+        optimise(draft.strokes, *task, end - start, free, first, log, done + start, last, draft.paints)
+    return draft
+
+
+def _mended(draft: Draft, canvas: Tensor, scene: Scene, config: PlannerConfig, rng: np.random.Generator) -> Draft:
+    """Idle strokes relocated and, with paints, some exchanged and the order restored."""
+    paints = draft.paints
+    colors = None if paints is None else paints.linear.double().numpy()
+    strokes = relocate(draft.strokes, canvas, scene, config, colors, rng)[0]
+    if paints is None:
+        return Draft(strokes, None)
+    index = torch.cdist(strokes.color, paints.linear).argmin(1)
+    strokes, paints = repaint(strokes, Paints(paints.linear, index), canvas, scene, config)
+    return Draft(*in_order(strokes, paints, scene, config))

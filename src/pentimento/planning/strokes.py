@@ -43,6 +43,10 @@ class StrokeTensors:
             *(torch.cat([a.detach(), b.detach()]) for a, b in zip(self.tensors(), others.tensors(), strict=True))
         )
 
+    def colored(self, color: Tensor) -> StrokeTensors:
+        """The same strokes in other colours, linear light [S, 3]; the other tensors are shared."""
+        return replace(self, color=color)
+
     def paths(self, points: int) -> Tensor:
         """Commanded paths [S, N, 5], differentiable; times and yaw are 0, no stroke model in use reads them."""
         along_unit, across_unit = (torch.tensor(b, dtype=torch.float32) for b in shape_basis(points))
@@ -67,6 +71,11 @@ class StrokeTensors:
             size = torch.tensor(canvas_size_m)
             self.middle_m += (edge_m - xy.amin(1)).clamp(min=0.0)
             self.middle_m -= (xy.amax(1) - (size - edge_m)).clamp(min=0.0)
+
+
+def no_strokes() -> StrokeTensors:
+    """None at all."""
+    return StrokeTensors(*(torch.zeros(0, *rest) for rest in ((2,), (), (), (), (3,), (3,))))
 
 
 def to_planned(strokes: StrokeTensors, tool: Tool, points: int) -> list[PlannedStroke]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from pentimento.report.benchmarks import BenchmarkInputs, benchmark_section
 from pentimento.report.html import Album, row
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs
 from pentimento.report.painting_words import summary
@@ -31,7 +32,10 @@ class ReportConfig:
 
 
 def build_report(
-    paintings: Sequence[PaintingInputs], tools: Sequence[ToolInputs], config: ReportConfig
+    paintings: Sequence[PaintingInputs],
+    tools: Sequence[ToolInputs],
+    benchmarks: BenchmarkInputs,
+    config: ReportConfig,
 ) -> dict[str, bytes]:
     """The report's files by name: `index.html`, which holds every picture, and the pictures beside it.
 
@@ -52,6 +56,7 @@ def build_report(
 {_text("tools.html")}
 </section>
 {"".join(tool_section(tool, config.strokes.shown, album) for tool in tools)}
+{benchmark_section(benchmarks, album)}
 {_text("closing.html")}
 </main>"""
     page = f"""<!doctype html>
@@ -75,7 +80,7 @@ def build_report(
 def _links(paintings: Sequence[PaintingInputs], tools: Sequence[ToolInputs]) -> str:
     links = [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in paintings]
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in tools]
-    links += [("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
+    links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
     return "".join(f'<li><a href="#{escape(target)}">{escape(text)}</a></li>' for target, text in links)
 
 

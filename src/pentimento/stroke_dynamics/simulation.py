@@ -67,6 +67,8 @@ class Mechanism:
     cause: ClassVar[str]
     """Its name in the vocabulary."""
     site: ClassVar[Site]
+    driver: ClassVar[str]
+    """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
     quantities: ClassVar[tuple[Quantity, ...]]
 
     def __init__(self, values: Tensor, reference: Mapping[str, float]) -> None:

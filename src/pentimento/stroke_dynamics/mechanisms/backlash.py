@@ -17,6 +17,7 @@ class Backlash(Mechanism):
 
     cause = "backlash"
     site = "trajectory"
+    driver = "motion"
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

@@ -14,6 +14,7 @@ class BristleLag(Mechanism):
 
     cause = "bristle_lag"
     site = "trajectory"
+    driver = "motion"
     quantities = (Quantity("distance_m", "m", 0.003),)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:

@@ -12,6 +12,7 @@ class CanvasTilt(Mechanism):
 
     cause = "canvas_tilt"
     site = "width"
+    driver = "place"
     quantities = (
         Quantity("x_m", "m of half-width at the edge", 0.0002),
         Quantity("y_m", "m of half-width at the edge", 0.0002),

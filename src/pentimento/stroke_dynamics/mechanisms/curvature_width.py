@@ -14,6 +14,7 @@ class CurvatureWidth(Mechanism):
 
     cause = "curvature_width"
     site = "width"
+    driver = "bend"
     quantities = (Quantity("width_per_bend", "1", 0.2),)
 
     @classmethod

@@ -50,19 +50,20 @@ def bending_per_m(path: Tensor) -> Tensor:
 def trailing(points_m: Tensor, distance_m: Tensor) -> Tensor:
     """Where something is that follows points [B, S, N, 2] on an elastic leash, [B, S, N, 2].
 
-    It starts with them and falls back by ``distance_m`` (0 or more, [B, S, 1]), cutting corners. Along a straight
-    segment it relaxes exponentially towards the leader less the distance: exact from point to point.
+    It starts with them and falls back by ``distance_m`` [B, S, 1], cutting corners; along a straight segment it relaxes
+    exponentially towards the leader less the distance, exact from point to point. Below 0 it runs ahead by the mirror
+    image of that, so that an estimate may come out on either side of no effect.
     """
     step = points_m.diff(dim=-2)
     length = step.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST_M)
-    distance = distance_m.clamp(min=_SHORTEST_M)[..., None]
+    distance = distance_m.abs().clamp(min=_SHORTEST_M)[..., None]
     behind = distance * step / length
     forgotten = torch.exp(-length / distance)
     trail = [points_m[..., 0, :]]
     for k in range(step.shape[-2]):
         rest = trail[-1] - points_m[..., k, :] + behind[..., k, :]
         trail.append(points_m[..., k + 1, :] - behind[..., k, :] + rest * forgotten[..., k, :])
-    return torch.stack(trail, dim=-2)
+    return points_m + torch.sign(distance_m)[..., None] * (torch.stack(trail, dim=-2) - points_m)
 
 
 def recorded(context: StrokeContext, *names: str) -> Tensor:

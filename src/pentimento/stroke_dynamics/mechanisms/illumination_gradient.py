@@ -14,6 +14,7 @@ class IlluminationGradient(Mechanism):
 
     cause = "illumination_gradient"
     site = "camera"
+    driver = "place"
     quantities = (
         Quantity("paint_x", "1", 0.2),
         Quantity("paint_y", "1", 0.2),

@@ -14,6 +14,7 @@ class InkDepletion(Mechanism):
 
     cause = "ink_depletion"
     site = "density"
+    driver = "load"
     quantities = (
         Quantity("density_loss", "1/reference length", 0.3),
         Quantity("width_loss", "1/reference length", 0.15),

@@ -14,6 +14,7 @@ class Latency(Mechanism):
 
     cause = "latency"
     site = "trajectory"
+    driver = "speed"
     quantities = (Quantity("time_s", "s", 0.05),)
 
     @classmethod

@@ -12,6 +12,7 @@ class LensDistortion(Mechanism):
 
     cause = "lens_distortion"
     site = "camera"
+    driver = "place"
     quantities = (Quantity("at_edge_m", "m", 0.0005),)
 
     @classmethod

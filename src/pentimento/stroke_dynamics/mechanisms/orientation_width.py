@@ -14,6 +14,7 @@ class OrientationWidth(Mechanism):
 
     cause = "orientation_width"
     site = "width"
+    driver = "heading"
     quantities = (
         Quantity("cos", "1", 0.2),
         Quantity("sin", "1", 0.2),

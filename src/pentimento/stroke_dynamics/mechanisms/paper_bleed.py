@@ -15,6 +15,7 @@ class PaperBleed(Mechanism):
 
     cause = "paper_bleed"
     site = "density"
+    driver = "paper"
     quantities = (
         Quantity("softening", "1", 0.4),
         Quantity("spreading", "1", 0.1),

@@ -11,6 +11,7 @@ class PathScale(Mechanism):
 
     cause = "path_scale"
     site = "trajectory"
+    driver = "motion"
     quantities = (
         Quantity("x", "1", 0.05),
         Quantity("y", "1", 0.05),

@@ -15,6 +15,7 @@ class SpeedBleed(Mechanism):
 
     cause = "speed_bleed"
     site = "density"
+    driver = "speed"
     quantities = (Quantity("softening_per_log_speed", "1", 0.4),)
 
     @classmethod

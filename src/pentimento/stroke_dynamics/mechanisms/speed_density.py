@@ -14,6 +14,7 @@ class SpeedDensity(Mechanism):
 
     cause = "speed_density"
     site = "density"
+    driver = "speed"
     quantities = (Quantity("density_per_log_speed", "1", 0.2),)
 
     @classmethod

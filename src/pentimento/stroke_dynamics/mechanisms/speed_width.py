@@ -14,6 +14,7 @@ class SpeedWidth(Mechanism):
 
     cause = "speed_width"
     site = "width"
+    driver = "speed"
     quantities = (Quantity("width_per_log_speed", "1", 0.2),)
 
     @classmethod

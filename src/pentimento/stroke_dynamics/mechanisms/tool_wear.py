@@ -14,6 +14,7 @@ class ToolWear(Mechanism):
 
     cause = "tool_wear"
     site = "width"
+    driver = "session"
     quantities = (Quantity("width_per_half_session", "1", 0.1),)
 
     @classmethod

@@ -14,6 +14,7 @@ class Vignetting(Mechanism):
 
     cause = "vignetting"
     site = "camera"
+    driver = "place"
     quantities = (
         Quantity("paint", "1", 0.2),
         Quantity("picture", "1", 0.05),

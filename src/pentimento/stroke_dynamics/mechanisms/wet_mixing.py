@@ -14,6 +14,7 @@ class WetMixing(Mechanism):
 
     cause = "wet_mixing"
     site = "composite"
+    driver = "paint below"
     quantities = (Quantity("pickup", "1", 0.3),)
 
     @classmethod

@@ -1,0 +1,55 @@
+"""The planner's bars, from a part of what ``benchmarks.planner`` can measure: minutes, not a quarter of an hour."""
+
+from typing import Any
+
+from benchmarks import planner
+from benchmarks.bars import Bar
+from benchmarks.peers import FRIDA_PLAN_S
+
+PICTURES, SEEDS = planner.PICTURES[:6], (1,)
+
+
+def measure_planner(pictures: tuple[str, ...]) -> dict[str, Any]:
+    """Rows of the pictures, and what the bars are about."""
+    rows = planner.measure_all(pictures, SEEDS)
+    return {"rows": rows, "summary": planner.summary(rows)}
+
+
+def bars(measured: dict[str, Any], plans: list[dict[str, Any]]) -> list[Bar]:
+    """Rows of the first table; ``plans`` as by ``measure_plan``."""
+    summary, rows = measured["summary"], [row["paints"] for row in measured["rows"]]
+    better = sum(row["ours"]["executed"] < row["adam"]["executed"] for row in rows)
+    gaps = [sorted(row[who]["gap"] for row in rows)[len(rows) // 2] for who in ("adam", "ours")]
+    names = {"thesis": "the thesis's way", "ours": "ours: error-guided, relocating, in 12 paints"}
+    found = [
+        Bar(
+            f"a plan of 400 strokes × 400 iterations, 256² ({names[plan['way']]})", "≤ 8 s",
+            f"{plan['s']:.1f} s (FRIDA about 40 min: {FRIDA_PLAN_S / plan['s']:.0f} × as long)", plan["s"] <= 8,
+        )
+        for plan in plans
+    ]  # fmt: skip
+    return [
+        *found,
+        Bar(
+            "to the loss of plain Adam from random starts after 400 iterations", "≤ 1/5 of its time",
+            f"{_share(summary['speedup'])} (median of {len(rows)} photographs)", summary["speedup"] >= 5,
+        ),
+        Bar(
+            "loss at equal time", "≥ 20 % lower", f"{100 * summary['lower_by']:.0f} % (median)",
+            summary["lower_by"] >= 0.2,
+        ),
+        Bar(
+            "the better plan is the better painting, executed in the studio", f"{len(rows)} of {len(rows)}",
+            f"{better} of {len(rows)}; error {100 * summary['executed_lower_by']:.0f} % lower (median); "
+            f"gap between painting and plan {gaps[1]:.4f}, Adam's {gaps[0]:.4f}", better == len(rows),
+        ),
+    ]  # fmt: skip
+
+
+def _share(speedup: float) -> str:
+    return f"1/{speedup:.1f}" if speedup > 0 else "never reached"
+
+
+def table(measured: dict[str, Any]) -> str:
+    """One row a picture."""
+    return planner.table(measured["rows"])

@@ -1,0 +1,127 @@
+"""Where strokes start, what each is worth, and how the idle ones move."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.planning.initialise import guided_strokes
+from pentimento.planning.relocate import apart, contributions, relocate
+from pentimento.planning.saliency import saliency
+from pentimento.planning.scene import ErrorMap, Scene, render_fixed, render_plan
+from pentimento.planning.strokes import StrokeTensors
+from pentimento.robots.tools import load_tool
+from tests.planning.test_planning import CONFIG, INK, MODEL, SIZE_M, WHITE, loss, scene
+
+SHARP = replace(CONFIG, distances_px=(1,))
+
+
+def strokes_at(*middles: tuple[float, float]) -> StrokeTensors:
+    count = len(middles)
+    return StrokeTensors(
+        torch.tensor(middles),
+        torch.linspace(0, 2, count),
+        torch.full((count,), 0.02),
+        torch.zeros(count),
+        torch.full((count, 3), 1e-3),
+        torch.tensor([0.05, 0.4, 0.1]).repeat(count, 1),
+    )
+
+
+def summed_error(strokes: StrokeTensors, config_scene: Scene) -> float:
+    image = render_fixed(strokes, WHITE, config_scene, SHARP.path_points)
+    return float(ErrorMap(config_scene.target, SHARP.distances_px)(image).sum())
+
+
+def test_a_contribution_is_what_leaving_the_stroke_out_costs() -> None:
+    strokes = strokes_at((0.03, 0.02), (0.04, 0.025), (0.08, 0.05), (0.09, 0.055), (0.03, 0.06), (0.035, 0.06))
+    worth = contributions(strokes, WHITE, scene(), SHARP)
+    everyone = summed_error(strokes, scene())
+    for s in range(len(strokes)):
+        others = strokes.pick(torch.tensor([i for i in range(len(strokes)) if i != s]))
+        assert worth[s] == pytest.approx(summed_error(others, scene()) - everyone, rel=1e-3, abs=1e-3)
+
+
+def test_a_hidden_stroke_contributes_nothing() -> None:
+    twice = strokes_at((0.05, 0.04), (0.05, 0.04), (0.02, 0.02))
+    twice.theta_rad[1] = twice.theta_rad[0]
+    twice.press_m[0] = 0.3e-3  # thinner than the one over it
+    hard = Scene(load_tool("round_brush"), MODEL, SIZE_M, scene().target)
+    worth = contributions(twice, WHITE, hard, SHARP)
+    assert abs(worth[0]) < 0.1 * worth[2]
+
+
+def test_groups_hold_every_box_once_and_no_two_that_touch() -> None:
+    rng = np.random.default_rng(0)
+    corner = rng.integers(0, 40, (60, 2))
+    size = rng.integers(1, 12, (60, 2))
+    boxes = np.stack([corner[:, 0], corner[:, 0] + size[:, 0], corner[:, 1], corner[:, 1] + size[:, 1]], axis=1)
+    groups = apart(boxes)
+    assert sorted(s for group in groups for s in group) == list(range(60))
+    for group in groups:
+        painted = np.zeros((60, 60), int)
+        for s in group:
+            painted[boxes[s, 0] : boxes[s, 1], boxes[s, 2] : boxes[s, 3]] += 1
+        assert painted.max() == 1
+
+
+def test_relocation_lowers_the_loss_and_moves_only_idle_strokes() -> None:
+    """Ten strokes heaped on one place: most go elsewhere, and the picture is the better for it at once."""
+    heap = strokes_at(*[(0.03, 0.03)] * 10)
+    heap.theta_rad.zero_()
+    config = replace(CONFIG, relocate_share=0.5)
+    moved_plan, moved = relocate(heap, WHITE, scene(), config, None, np.random.default_rng(0))
+    assert moved == 5
+    assert len(moved_plan) == 10
+    assert torch.equal(moved_plan.middle_m[:5], heap.middle_m[:5])
+    assert loss(moved_plan, WHITE) < 0.95 * loss(heap, WHITE)
+
+
+def test_nothing_moves_on_a_perfect_canvas() -> None:
+    strokes = strokes_at((0.03, 0.03), (0.08, 0.05))
+    target = render_plan(strokes, WHITE, scene(), CONFIG.path_points)
+    same, moved = relocate(
+        strokes, WHITE, replace(scene(), target=target), replace(CONFIG, relocate_share=1.0), None,
+        np.random.default_rng(0),
+    )  # fmt: skip
+    assert moved == 0
+    assert torch.equal(same.middle_m, strokes.middle_m)
+
+
+def test_guided_strokes_start_where_the_error_is() -> None:
+    target = torch.ones(40, 60, 3)
+    target[25:, 45:] = 0.1  # dark at the lower right: large x, small y
+    task = Scene(load_tool("marker"), MODEL, SIZE_M, target)
+    new, gains = guided_strokes(20, 0.5, WHITE, task, INK, None, np.random.default_rng(0))
+    near = (new.middle_m[:, 0] > 0.08) & (new.middle_m[:, 1] < 0.035)
+    assert near.float().mean() > 0.9
+    assert gains.sum() > 0
+
+
+def test_more_candidates_make_better_starts() -> None:
+    def start(candidates: int) -> float:
+        config = replace(CONFIG, candidates=candidates)
+        losses = []
+        for seed in range(4):
+            new, _ = guided_strokes(12, 0.4, WHITE, scene(), config, None, np.random.default_rng(seed))
+            losses.append(loss(new, WHITE))
+        return float(np.mean(losses))
+
+    assert start(12) < start(1)
+
+
+def test_with_paints_new_strokes_take_one_of_them() -> None:
+    paints = np.array([[0.6, 0.05, 0.05], [0.05, 0.4, 0.1]])
+    new, _ = guided_strokes(15, 0.3, WHITE, scene(), CONFIG, paints, np.random.default_rng(0))
+    distance = np.abs(new.color.numpy()[:, None] - paints).max(-1)
+    assert distance.min(1).max() < 1e-6
+    assert set(distance.argmin(1)) == {0, 1}
+
+
+def test_what_differs_from_the_rest_is_salient() -> None:
+    picture = scene().target.double().numpy()  # a red disc on green
+    map_ = saliency(picture)
+    assert map_.mean() == pytest.approx(1)
+    assert map_[25, 40] > 2 * map_[5, 5]
+    np.testing.assert_array_equal(saliency(np.full((8, 9, 3), 0.3)), np.ones((8, 9)))
