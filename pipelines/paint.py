@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
 from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
@@ -80,7 +81,13 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: pictures, plans, curves and metrics.json of one setting."""
     config = load_section(Path("params.yaml"), "paint", Paint)
     setting = entry_of(config.settings, arguments.setting, "paint.settings")
-    weights = {"colour": arguments.brush, "marker": arguments.marker}[arguments.setting]
+    models = {"round_brush": arguments.round_brush, "marker": arguments.marker}
+    if setting.tool not in models:
+        raise ConfigError(
+            f"params.yaml: paint.settings.{arguments.setting}.tool is {setting.tool!r}, but dvc.yaml hands the stage "
+            f"models of {', '.join(models)} only: choose one of them, or hand it that model, too."
+        )
+    weights = models[setting.tool]
     single_threaded()
     params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)
     with (
@@ -218,8 +225,8 @@ def _metrics(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="paint", description=__doc__)
-    parser.add_argument("--setting", required=True, choices=["colour", "marker"])
-    parser.add_argument("--brush", required=True, type=Path, help="model of the brush that paints in colour")
-    parser.add_argument("--marker", required=True, type=Path, help="model of the black marker")
+    parser.add_argument("--setting", required=True)
+    parser.add_argument("--round-brush", required=True, type=Path, help="its stroke model")
+    parser.add_argument("--marker", required=True, type=Path, help="its stroke model")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

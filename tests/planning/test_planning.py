@@ -12,9 +12,10 @@ from pentimento.contracts.errors import ConfigError, ImageError
 from pentimento.planning.config import LearningRates, PlannerConfig, Slack
 from pentimento.planning.descent import half_cosine, optimise
 from pentimento.planning.objectives.print_objective import PrintObjective
+from pentimento.planning.objectives.settings import ObjectivesConfig, StyleConfig
 from pentimento.planning.palette import PaletteChoice, cluster_palette
 from pentimento.planning.planner import plan, round_shares
-from pentimento.planning.scene import Scene, render_plan
+from pentimento.planning.scene import Scene, objective_for, render_plan
 from pentimento.planning.strokes import StrokeTensors, to_planned
 from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
@@ -43,6 +44,7 @@ CONFIG = PlannerConfig(
     pixels_per_m=500.0,
     edge_m=5e-3,
     distances_px=(1, 4),
+    objectives=ObjectivesConfig(1.0, None),
     slack=Slack(0.0, 0.0),
     learning_rates=RATES,
     seed=1,
@@ -271,3 +273,18 @@ def test_photographs_by_name_and_a_sentence_for_what_is_none(tmp_path: Path) -> 
     broken.write_bytes(b"not a picture")
     with pytest.raises(ImageError, match=r"broken\.png"):
         load_photograph(str(broken))
+
+
+def test_a_style_changes_what_the_plan_is_made_of() -> None:
+    style = StyleConfig(weight=0.3, picture="retina", features="local", vgg16_weights=None)
+    both = replace(CONFIG, objectives=ObjectivesConfig(1.0, style), iterations_palette=30, relocate_every=0)
+    target = torch.tensor(fit_to_canvas(load_photograph("coffee"), (80, 120)), dtype=torch.float32)
+    large = replace(scene(), target=target)
+    white = torch.ones(80, 120, 3)
+    objective = objective_for(large, both)
+    values = {}
+    for name, config in {"print": replace(both, objectives=ObjectivesConfig(1.0, None)), "both": both}.items():
+        strokes, _ = plan(white, large, 30, config, lambda *_: None)
+        values[name] = {k: float(v) for k, v in objective.values(render_plan(strokes, white, large, 10)).items()}
+    assert values["both"]["style"] < 0.9 * values["print"]["style"]
+    assert values["both"]["print"] < 0.5 * float(objective.values(white)["print"])

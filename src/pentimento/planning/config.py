@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.planning.objectives.settings import ObjectivesConfig
 from pentimento.planning.palette import PaletteChoice
 
 Log = Callable[[str, float, int], None]
@@ -86,6 +87,7 @@ class PlannerConfig:
     """Strokes keep this far from the canvas's edge."""
     distances_px: tuple[int, ...]
     """Viewing distances of the print objective."""
+    objectives: ObjectivesConfig
     slack: Slack
     learning_rates: LearningRates
     seed: int

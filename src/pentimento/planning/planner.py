@@ -17,7 +17,7 @@ from pentimento.planning.descent import half_cosine, optimise
 from pentimento.planning.initialise import guided_strokes, random_strokes
 from pentimento.planning.paints import Paints, check_palette, choose_paints, in_order, repaint
 from pentimento.planning.relocate import relocate
-from pentimento.planning.scene import Scene, coarser, objective_for, render_plan
+from pentimento.planning.scene import Scene, coarser, first_pass, objective_for, render_plan
 from pentimento.planning.strokes import StrokeTensors, no_strokes, with_color
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +68,8 @@ def free_plan(
     canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
 ) -> StrokeTensors:
     """Up to ``count`` strokes, each in a colour of its own, in the order in which they were laid: coarse below fine."""
-    strokes = _in_rounds(canvas, scene, count, config, rng, log)
+    first_scene, first_config = first_pass(scene, config)
+    strokes = _in_rounds(canvas, first_scene, count, first_config, rng, log)
     done = config.rounds * config.iterations_per_round
     draft = Draft(strokes, None)
     return _in_stretches(draft, config.iterations_free, 1.0, canvas, scene, config, rng, log, done).strokes
@@ -143,10 +144,11 @@ def _in_stretches(
     """Descend by ``iterations`` in stretches of ``config.relocate_every``, mending in between; the rate falls to 0."""
     free = scene.tool.color_srgb is None and (draft.paints is None or config.palette.source == "plan")
     small, small_canvas, small_config = coarser(scene, canvas, config)
+    likeness = config.objectives.print_weight > 0  # else nothing says where strokes should go
     every = config.relocate_every or max(iterations // 4, 1)
     starts = list(range(0, max(iterations - every // 2, 1), every))
     for start, end in zip(starts, [*starts[1:], iterations], strict=True):
-        if 0 < start <= (1 - _SETTLE) * iterations and config.relocate_every > 0:
+        if 0 < start <= (1 - _SETTLE) * iterations and config.relocate_every > 0 and likeness:
             draft = _mended(draft, small_canvas, small, small_config, rng)
         first, last = (half_cosine(at, iterations, rate, 0.0) for at in (start, end))
         coarse = draft.paints is None and end <= _COARSE * iterations

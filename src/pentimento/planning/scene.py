@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.planning.config import PlannerConfig, Slack
-from pentimento.planning.objectives.print_objective import PrintObjective
+from pentimento.planning.objectives.settings import (
+    ObjectivesConfig,
+    build_objective,
+    first_pass_target,
+    load_style_picture,
+)
+from pentimento.planning.objectives.weighted import Objective
 from pentimento.planning.strokes import StrokeTensors
 from pentimento.robots.tools import Tool
 from pentimento.stroke_dynamics.autograd import render_strokes
@@ -123,9 +129,23 @@ def coverages(strokes: StrokeTensors, scene: Scene, path_points: int, width_px: 
     return alone[..., 0].flatten(1).double().numpy()
 
 
-def objective_for(scene: Scene, config: PlannerConfig) -> Callable[[Tensor], Tensor]:
+def objective_for(scene: Scene, config: PlannerConfig) -> Objective:
     """What the planner lowers: an image [H, W, 3] in linear light to a scalar."""
-    return PrintObjective(scene.target, config.distances_px)
+    return build_objective(config.objectives, scene.target, _style(scene, config), config.distances_px, config.seed)
+
+
+def first_pass(scene: Scene, config: PlannerConfig) -> tuple[Scene, PlannerConfig]:
+    """The task before the whole sum of objectives takes over: a likeness, by print objective alone (thesis 4.5.3)."""
+    target = first_pass_target(config.objectives, scene.target, _style(scene, config))
+    return replace(scene, target=target), replace(config, objectives=ObjectivesConfig(1.0, None))
+
+
+def _style(scene: Scene, config: PlannerConfig) -> Tensor | None:
+    style = config.objectives.style
+    if style is None:
+        return None
+    height, width = scene.target.shape[:2]
+    return load_style_picture(style, (height, width))
 
 
 class ErrorMap:
