@@ -27,6 +27,7 @@ import torch
 
 from pentimento.contracts.colour import srgb_to_linear
 from pentimento.planning.config import LearningRates, PlannerConfig, Slack
+from pentimento.planning.descent import half_cosine
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.objectives.settings import ObjectivesConfig
 from pentimento.planning.painter import as_linear, paint
@@ -120,28 +121,43 @@ def scene_of(picture: str) -> tuple[Scene, torch.Tensor]:
 
 
 def plain_adam(
-    strokes: StrokeTensors, canvas: torch.Tensor, scene: Scene, multiple: float, free_color: bool, clock: _Clock
+    strokes: StrokeTensors,
+    canvas: torch.Tensor,
+    scene: Scene,
+    multiple: float,
+    free_color: bool,
+    clock: _Clock,
+    last_rate: float = 0.0,
 ) -> None:
-    """Move the strokes in place for ``ITERATIONS``."""
+    """Move the strokes in place for ``ITERATIONS``, along a cosine from the rates to ``last_rate`` times them."""
     rates = asdict(PLAIN_RATES)
     groups = [(t, multiple * rate) for t, rate in zip(strokes.tensors(), rates.values(), strict=True)]
     groups = groups if free_color else groups[:-1]
     for tensor, _ in groups:
         tensor.requires_grad_(True)
     adam = torch.optim.Adam([{"params": [tensor], "lr": rate} for tensor, rate in groups])
-    cosine = torch.optim.lr_scheduler.CosineAnnealingLR(adam, ITERATIONS)
+    schedule = torch.optim.lr_scheduler.LambdaLR(adam, lambda i: half_cosine(i, ITERATIONS, 1.0, last_rate))
     objective = objective_for(scene, OURS)
     for iteration in range(ITERATIONS + 1):
         adam.zero_grad()
         loss = objective(render_plan(strokes, canvas, scene, OURS.path_points))
-        clock("print_loss", float(loss.detach()), iteration)
+        clock("objective", float(loss.detach()), iteration)
         if iteration < ITERATIONS:
             loss.backward()  # type: ignore[no-untyped-call]
             adam.step()
-            cosine.step()
+            schedule.step()
             strokes.keep_within(scene.tool, scene.canvas_size_m, OURS.edge_m)
     for tensor, _ in groups:
         tensor.requires_grad_(False)
+
+
+def constant_adam(canvas: torch.Tensor, scene: Scene, seed: int) -> Curve:
+    """The curve of Adam as it comes: our first learning rates, and they stay."""
+    strokes = random_strokes(STROKES, scene.tool, SIZE_M, np.random.default_rng(seed))
+    strokes.keep_within(scene.tool, SIZE_M, OURS.edge_m)
+    clock = _Clock(0)
+    plain_adam(strokes, canvas, scene, 1.0, True, clock, 1.0)
+    return clock.curve
 
 
 def best_adam(canvas: torch.Tensor, scene: Scene, seed: int) -> tuple[StrokeTensors, Curve, float]:
@@ -162,6 +178,8 @@ def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
     theirs, adam, multiple = best_adam(canvas, scene, seed)
     row: dict[str, Any] = {"picture": Path(picture).stem, "seed": seed, "strokes": STROKES}
     row["adam"] = {"multiple": multiple, "seconds": adam.seconds[-1], "loss": adam.loss[-1], "least": min(adam.loss)}
+    constant = constant_adam(canvas, scene, seed)
+    row["constant"] = {"seconds": constant.seconds[-1], "loss": constant.loss[-1]}
     for name, iterations, every in (("short", OURS.iterations_free, 10), ("long", LONG, 17)):
         config = replace(OURS, iterations_free=iterations, relocate_every=every, seed=seed)
         clock = _Clock(config.rounds * config.iterations_per_round + iterations // 2)
@@ -169,14 +187,19 @@ def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
         free_plan(canvas, scene, STROKES, config, rng, clock)
         row[name] = {
             "reaches_seconds": clock.curve.reaches(adam.loss[-1]),
+            "reaches_constant_seconds": clock.curve.reaches(constant.loss[-1]),
             "seconds": clock.curve.seconds[-1],
             "loss": min(clock.curve.loss),
             "loss_at_equal_time": clock.curve.after(adam.seconds[-1]),
+            "loss_at_constant_time": clock.curve.after(constant.seconds[-1]),
         }
     reached = row["short"]["reaches_seconds"] or row["long"]["reaches_seconds"]
     row["reaches_seconds"] = reached
     row["speedup"] = adam.seconds[-1] / reached if reached else 0.0
     row["lower_by"] = 1 - row["long"]["loss_at_equal_time"] / adam.loss[-1]
+    reached = row["short"]["reaches_constant_seconds"] or row["long"]["reaches_constant_seconds"]
+    row["constant_speedup"] = constant.seconds[-1] / reached if reached else 0.0
+    row["constant_lower_by"] = 1 - row["long"]["loss_at_constant_time"] / constant.loss[-1]
     row["paints"] = _in_paints(theirs, canvas, scene, multiple, seed, execute)
     return row
 
@@ -220,6 +243,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, float]:
         "pictures": float(len({row["picture"] for row in rows})),
         "speedup": median(row["speedup"] for row in rows),
         "lower_by": median(row["lower_by"] for row in rows),
+        "constant_speedup": median(row["constant_speedup"] for row in rows),
+        "constant_lower_by": median(row["constant_lower_by"] for row in rows),
         "in_paints_lower_by": median(1 - r["paints"]["ours"]["loss"] / r["paints"]["adam"]["loss"] for r in rows),
         "executed_lower_by": median(1 - p["ours"]["executed"] / p["adam"]["executed"] for p in painted),
         "better_paintings": sum(p["ours"]["executed"] < p["adam"]["executed"] for p in painted) / len(painted),

@@ -143,7 +143,7 @@ def main(arguments: argparse.Namespace) -> None:
             out / "deviation.json",
             {"strokes": made, "with": paintings["with"].deviation, "without": paintings["without"].deviation},
         )
-        write_json(out / "curve.json", {"iteration": list(range(len(losses))), "print_loss": losses})
+        write_json(out / "curve.json", {"iteration": list(range(len(losses))), "objective": losses})
         write_json(out / "palette.json", palette)
         metrics = _metrics(scene, blank, polyline, paintings, setting.planner)
         write_json(out / "metrics.json", metrics)

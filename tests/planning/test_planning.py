@@ -119,11 +119,12 @@ def test_a_plan_with_slack_stands_thin_strokes_better() -> None:
     thin = replace(scene(), mark=Traj2Stroke(narrow).requires_grad_(False))
 
     def thinly_painted(slack: Slack) -> float:
+        objective = PrintObjective(scene().target, CONFIG.distances_px)
         config = replace(CONFIG, slack=slack, iterations_free=40)
-        strokes, _ = plan(WHITE, scene(), 40, config, unheard)
-        return float(PrintObjective(scene().target, CONFIG.distances_px)(render_plan(strokes, WHITE, thin, 10)))
+        plans = [plan(WHITE, scene(), 40, replace(config, seed=s), unheard)[0] for s in range(5)]
+        return float(np.mean([float(objective(render_plan(strokes, WHITE, thin, 10))) for strokes in plans]))
 
-    assert thinly_painted(Slack(0.5, 0.0)) < thinly_painted(Slack(0.0, 0.0))
+    assert thinly_painted(Slack(0.3, 0.0)) < thinly_painted(Slack(0.0, 0.0))
 
 
 def test_the_rate_falls_along_half_a_cosine() -> None:
@@ -168,7 +169,7 @@ def test_guided_and_relocated_strokes_end_lower_than_the_thesis_way() -> None:
 
     def ends(config: PlannerConfig) -> float:
         return float(
-            np.mean([loss(plan(WHITE, scene(), 30, replace(config, seed=s), unheard)[0], WHITE) for s in (1, 2)])
+            np.mean([loss(plan(WHITE, scene(), 30, replace(config, seed=s), unheard)[0], WHITE) for s in range(6)])
         )
 
     assert ends(ours) < 0.8 * ends(thesis)

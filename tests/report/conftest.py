@@ -76,7 +76,7 @@ def painting_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, value in {
         "metrics": METRICS,
         "deviation": {"strokes": [0, 2, 3], "with": [0.0, 0.02, 0.03], "without": [0.0, 0.01, 0.02]},
-        "curve": {"iteration": [0, 1], "print_loss": [0.2, 0.01]},
+        "curve": {"iteration": [0, 1], "objective": [0.2, 0.01]},
         "palette": palette.tolist(),
     }.items():
         (folder / f"{name}.json").write_text(json.dumps(value))

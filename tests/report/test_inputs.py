@@ -42,7 +42,7 @@ def test_a_missing_picture_is_named(painting_copy: Path) -> None:
 
 def test_a_missing_entry_and_broken_json_are_sentences(painting_copy: Path) -> None:
     (painting_copy / "curve.json").write_text(json.dumps({"iteration": []}))
-    with pytest.raises(ContractError, match=r"'print_loss'.* run the stage paint again"):
+    with pytest.raises(ContractError, match=r"'objective'.* run the stage paint again"):
         read_painting("colour", painting_copy)
     (painting_copy / "curve.json").write_text("{")
     with pytest.raises(ContractError, match=r"curve\.json is not JSON"):

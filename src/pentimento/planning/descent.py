@@ -33,7 +33,7 @@ def optimise(
     They end where the objective was least on the way, so never worse than they started. Where the plan leaves room for
     mishaps, each iteration sees others, and start and end are compared under the expected ones. ``rate`` is a share of
     the learning rates; it falls to ``last_rate`` along half a cosine. With ``paints``, it is they whose colours are
-    free: strokes of one paint share one colour. ``log("print_loss", value, iteration)`` is called at every iteration.
+    free: strokes of one paint share one colour. ``log("objective", value, iteration)`` is called at every iteration.
     """
     rates = config.learning_rates
     groups = [
@@ -74,7 +74,7 @@ def optimise(
             strokes.color = strokes.color.detach()
             paints.linear.data.clamp_(0.0, 1.0)
         strokes.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
-        log("print_loss", value, first_iteration + iteration)
+        log("objective", value, first_iteration + iteration)
     for tensor, _ in groups:
         tensor.requires_grad_(False)
     if paints is not None and kept_paints is not None:

@@ -44,7 +44,7 @@ class Draft:
 def plan(canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[StrokeTensors, FloatArray]:
     """Up to ``count`` strokes in the order of execution, and their palette, sRGB [K, 3] from light to dark.
 
-    ``log("print_loss", value, iteration)`` is called at every iteration.
+    ``log("objective", value, iteration)`` is called at every iteration.
 
     Raises:
         ConfigError: the palette does not fit the tool, or the picture is smaller than a viewing distance.

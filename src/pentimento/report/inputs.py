@@ -83,7 +83,7 @@ class PaintingInputs:
     deviation_with: list[float]
     deviation_without: list[float]
     iterations: list[float]
-    print_loss: list[float]
+    objective: list[float]
     palette_srgb: FloatArray
     executed: Plan
     plan_svg: bytes
@@ -157,7 +157,7 @@ def read_painting(setting: str, folder: Path) -> PaintingInputs:
             deviation_with=deviation["with"],
             deviation_without=deviation["without"],
             iterations=curve["iteration"],
-            print_loss=curve["print_loss"],
+            objective=curve["objective"],
             palette_srgb=np.asarray(_json(folder / "palette.json"), dtype=np.float64).reshape(-1, 3),
             executed=read_plan(folder / "executed_with.jsonl"),
             plan_svg=_bytes(folder / "plan.svg"),

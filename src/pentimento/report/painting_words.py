@@ -64,11 +64,12 @@ def sim2real(inputs: PaintingInputs) -> str:
 
 def planning(inputs: PaintingInputs) -> str:
     """What the curve of the planning loss shows."""
-    first, last = inputs.print_loss[0], inputs.print_loss[-1]
+    first, last = inputs.objective[0], inputs.objective[-1]
     return (
-        "Planning: the print objective (thesis 4.3) while the first plan was optimised. It jumps where strokes are "
-        "added, where colours are gathered into a palette and where strokes are put in order. "
-        f"It went from {decimal(first)} to {decimal(last)} in {count(len(inputs.print_loss), 'iteration')}."
+        "Planning: the objective (print, thesis 4.3, and style where that has a weight) while the first plan was "
+        "optimised. It jumps where strokes are added or relocated, where it is taken at half or full resolution, and "
+        "where colours become paints; where the plan leaves room for mishaps, every iteration sees others. "
+        f"It went from {decimal(first)} to {decimal(last)} in {count(len(inputs.objective), 'iteration')}."
     )  # fmt: skip
 
 

@@ -201,14 +201,14 @@ def _lines(inputs: PaintingInputs, album: Album) -> str:
 
 
 def _planning(inputs: PaintingInputs, album: Album) -> str:
-    if not inputs.print_loss:  # planned without any optimisation
+    if not inputs.objective:  # planned without any optimisation
         return ""
-    first, last = inputs.print_loss[0], inputs.print_loss[-1]
+    first, last = inputs.objective[0], inputs.objective[-1]
     return album.plot(
         f"{inputs.setting}_planning.png",
         line_chart(
-            [Series("print loss", inputs.iterations, inputs.print_loss, BLUE)], "iteration", "print loss", (11, 3)
+            [Series("objective", inputs.iterations, inputs.objective, BLUE)], "iteration", "objective", (11, 3)
         ),
-        f"Curve of the planning loss, from {decimal(first)} to {decimal(last)}.",
+        f"Curve of the planning objective, from {decimal(first)} to {decimal(last)}.",
         words.planning(inputs),
     )  # fmt: skip

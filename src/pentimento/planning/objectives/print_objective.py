@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.stroke_dynamics.photometry import linear_to_srgb
+from pentimento.render.likeness import seen, squared_error, srgb_of
 
 
 class PrintObjective:
@@ -28,18 +31,28 @@ class PrintObjective:
                 f"A viewing distance of {max(distances_px)} px is larger than the picture of {height} x {width} px: "
                 "lower the planner's distances_px or raise its pixels_per_m."
             )
-        self._seen = [(distance, seen_from(target, distance)) for distance in distances_px]
+        light = target.detach().contiguous().numpy()
+        self._seen = [(distance, srgb_of(seen(light, distance))) for distance in distances_px]
 
     def __call__(self, image: Tensor) -> Tensor:
-        """The objective for an image [H, W, 3] in linear light; a scalar, differentiable."""
-        losses = [(seen_from(image, distance) - target).square().mean() for distance, target in self._seen]
-        return sum(losses[1:], losses[0]) / len(losses)
+        """The objective for an image [H, W, 3] in linear light; a scalar, differentiable once."""
+        value: Tensor = _Likeness.apply(image, self._seen)  # type: ignore[no-untyped-call]
+        return value
 
 
-def seen_from(image: Tensor, distance_px: int) -> Tensor:
-    """SRGB [3, h, w] of light averaged over squares of ``distance_px``; an edge that fills none is left out."""
-    planes = image.movedim(-1, 0).contiguous()
-    if distance_px > 1:
-        # Squares overlap by half, so that no grid of theirs shows in the plan.
-        planes = avg_pool2d(planes, distance_px, max(distance_px // 2, 1))
-    return linear_to_srgb(planes)
+class _Likeness(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, image: Tensor, targets: list[tuple[int, Any]]) -> Tensor:
+        light = image.detach().contiguous().numpy()
+        gradient = np.zeros_like(light)
+        share = 1 / len(targets)
+        value = sum(
+            share * squared_error(light, target.astype(light.dtype, copy=False), distance, gradient, share)
+            for distance, target in targets
+        )
+        ctx.gradient = torch.from_numpy(gradient)
+        return torch.tensor(value, dtype=image.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, *of_value: Tensor) -> tuple[Tensor, None]:
+        return of_value[0] * ctx.gradient, None
