@@ -34,7 +34,7 @@ def exponents(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
             for value in sorted({case[fixed] for case in plain}):
                 rows = sorted(picked(plain, **{fixed: value}), key=lambda row: row[free])
                 sizes = [row[free] ** power for row in rows]
-                seconds = [row["forward_backward"]["median_s"] for row in rows]
+                seconds = [row["forward_backward"]["minimum_s"] for row in rows]
                 found.append(
                     {
                         "in": name, "points": points, fixed: value,

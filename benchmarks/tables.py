@@ -13,7 +13,8 @@ _INTRODUCTION = """\
 Written by `make bench`; do not edit. Random strokes of 20 to 60 px with radii of 1.5 to 5 px on square canvases,
 float32. Times are wall times of `render_strokes` as a user calls it through PyTorch's autograd, medians of several
 runs after compiling; backward means the gradients of everything, the canvas's too. One thread unless another number is
-given. Every case runs in a process of its own."""
+given. Every case runs in a process of its own. The bars are judged by the fastest run, which is what the work takes
+when the machine does nothing else; its speed changes by half from minute to minute, as the medians below show."""
 _REFERENCE = """\
 The dense reference in PyTorch evaluates every segment at every pixel, stroke after stroke: its time and memory are
 linear in strokes. What stands in italics is the straight line through 5, 10 and 20 strokes, not measured. Ours: the

@@ -28,7 +28,9 @@ PLANNER: dict[str, Any] = {
             "paints": {"adam": _PAINTED | {"executed": 0.03, "gap": 0.02}, "ours": _PAINTED},
         }
     ],
-    "summary": {"speedup": 6.0, "lower_by": 0.1, "executed_lower_by": 1 / 3},
+    "summary": {
+        "speedup": 6.0, "lower_by": 0.1, "constant_speedup": 4.0, "constant_lower_by": 0.5, "executed_lower_by": 1 / 3,
+    },
 }  # fmt: skip
 
 
@@ -95,9 +97,9 @@ def test_bars_tell_what_is_met_from_what_is_not_and_from_what_is_unknown() -> No
 
 
 def test_the_planner_s_bars_are_judged_one_by_one() -> None:
-    plan, sooner, lower, painted = planning.bars(PLANNER, [{"way": "ours", "s": 9.0}])
-    assert (plan.met, sooner.met, lower.met, painted.met) == (False, True, False, True)
-    never = PLANNER | {"summary": PLANNER["summary"] | {"speedup": 0.0}}
+    plan, *against, painted = planning.bars(PLANNER, [{"way": "ours", "s": 9.0}])
+    assert [bar.met for bar in (plan, *against, painted)] == [False, False, True, True, False, True]
+    never = PLANNER | {"summary": PLANNER["summary"] | {"constant_speedup": 0.0}}
     assert planning.bars(never, [])[0].measured.startswith("never reached")
     assert "267 × as long" in plan.measured and painted.measured.startswith("1 of 1")
 
