@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import torch
@@ -49,14 +50,17 @@ class StrokeTensors:
 
     def paths(self, points: int) -> Tensor:
         """Commanded paths [S, N, 5], differentiable; times and yaw are 0, no stroke model in use reads them."""
-        along_unit, across_unit = (torch.tensor(b, dtype=torch.float32) for b in shape_basis(points))
-        along, across = self.length_m[:, None] * along_unit, self.bend_m[:, None] * across_unit
-        cos, sin = torch.cos(self.theta_rad)[:, None], torch.sin(self.theta_rad)[:, None]
-        x = self.middle_m[:, :1] + cos * along - sin * across
-        y = self.middle_m[:, 1:] + sin * along + cos * across
-        z = -self.press_m @ torch.tensor(press_basis(points), dtype=torch.float32).T
+        x, y = self._places(points)
+        z = -self.press_m @ _bases(points)[2].T
         zero = torch.zeros_like(x)
         return torch.stack([zero, x, y, z, zero], dim=-1)
+
+    def _places(self, points: int) -> tuple[Tensor, Tensor]:
+        """Canvas coordinates along the paths, [S, N] each."""
+        along_unit, across_unit, _ = _bases(points)
+        along, across = self.length_m[:, None] * along_unit, self.bend_m[:, None] * across_unit
+        cos, sin = torch.cos(self.theta_rad)[:, None], torch.sin(self.theta_rad)[:, None]
+        return self.middle_m[:, :1] + cos * along - sin * across, self.middle_m[:, 1:] + sin * along + cos * across
 
     def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float) -> None:
         """Move each stroke, in place, to the nearest one that the tool can make inside the canvas."""
@@ -67,15 +71,21 @@ class StrokeTensors:
             self.press_m.clamp_(*tool.press_range_m)
             self.color.clamp_(0.0, 1.0)
             # The path's box must lie on the canvas, with a little to spare for the robot's own tolerance.
-            xy = self.paths(32)[..., 1:3]
-            size = torch.tensor(canvas_size_m)
-            self.middle_m += (edge_m - xy.amin(1)).clamp(min=0.0)
-            self.middle_m -= (xy.amax(1) - (size - edge_m)).clamp(min=0.0)
+            for axis, (place, size) in enumerate(zip(self._places(32), canvas_size_m, strict=True)):
+                self.middle_m[:, axis] += (edge_m - place.amin(1)).clamp(min=0.0)
+                self.middle_m[:, axis] -= (place.amax(1) - (size - edge_m)).clamp(min=0.0)
 
 
 def no_strokes() -> StrokeTensors:
     """None at all."""
     return StrokeTensors(*(torch.zeros(0, *rest) for rest in ((2,), (), (), (), (3,), (3,))))
+
+
+@cache
+def _bases(points: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Shape along and across [N], and press [N, 3], of the strokes' geometry."""
+    along, across = (torch.tensor(b, dtype=torch.float32) for b in shape_basis(points))
+    return along, across, torch.tensor(press_basis(points), dtype=torch.float32)
 
 
 def to_planned(strokes: StrokeTensors, tool: Tool, points: int) -> list[PlannedStroke]:
