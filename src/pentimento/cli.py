@@ -18,7 +18,7 @@ def main(arguments: list[str] | None = None) -> int:
         "diagnose", help="what a simulation gets wrong about measured strokes, and why (needs pentimento[train])"
     )
     diagnose.add_argument("rows", type=Path, help="a table in the strokes contract: a file, or a folder of shards")
-    diagnose.add_argument("--out", required=True, type=Path, help="folder for verdict.json and the extended model")
+    diagnose.add_argument("--out", required=True, type=Path, help="folder for verdict.json")
     diagnose.add_argument("--seed", type=int, default=0, help="of splits and bootstraps")
     diagnose.set_defaults(run=_diagnose)
     chosen = parser.parse_args(arguments)

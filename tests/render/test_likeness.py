@@ -5,6 +5,7 @@ import pytest
 import torch
 from torch.nn.functional import avg_pool2d
 
+from pentimento.render.errors import RenderInputError
 from pentimento.render.likeness import seen, squared_error, srgb_of
 from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
@@ -44,6 +45,13 @@ def test_gradients_add_up_with_their_weights() -> None:
     for weight in (0.25, 0.5):
         squared_error(image, srgb_of(seen(target, 4)), 4, both, weight)
     np.testing.assert_allclose(both, 0.75 * once)
+
+
+@pytest.mark.parametrize("distance", [1, 4])
+def test_pictures_of_other_sizes_are_refused(distance: int) -> None:
+    image, target = pictures(np.float32)
+    with pytest.raises(RenderInputError, match="give both the same size"):
+        squared_error(image, srgb_of(seen(target[:-9], distance)), distance, np.zeros_like(image), 1.0)
 
 
 def test_an_image_is_like_itself() -> None:

@@ -88,8 +88,8 @@ def diagnose(
         m.cause: _confirmation(found.model, m, discovery, confirmation, seed) for m in found.model.mechanisms
     }
     kept = tuple(m for m in found.model.mechanisms if confirmed_p[m.cause] <= _CONFIRMED_P)
-    extended = fit(_with(found.model, kept), known)
     base = fit(found.base, known)
+    extended = fit(_with(found.model, kept), known) if kept else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
@@ -133,12 +133,10 @@ def _values(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str,
     curvature = statistics.curvature.sum(0)
     inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
     spread = inverse @ (statistics.slope.T @ statistics.slope) @ inverse
-    at = model.nuisances
-    for m in model.mechanisms:
-        if m.cause == mechanism.cause:
-            break
-        at += len(m.quantities)
+    number = [m.cause for m in model.mechanisms].index(mechanism.cause)
+    fitted = model.mechanisms[number]
+    at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
     return {
         q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
-        for i, (q, value) in enumerate(zip(mechanism.quantities, m.values, strict=True))
+        for i, (q, value) in enumerate(zip(fitted.quantities, fitted.values, strict=True))
     }

@@ -18,7 +18,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
 Array = NDArray[Any]
 
 _DRAWS = 4999
-_FIRST_P, _LATER_P, _SUSPECTED_P = 0.02, 0.01, 0.05
+_FIRST_P, _LATER_P = 0.02, 0.01
 _WORSE_P = 0.05
 _SHORTLIST = 0.4
 _LEAST_GAIN = 0.002

@@ -28,30 +28,26 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import PentimentoError
-from pentimento.render.backward import backward_band
+from pentimento.render.backward import POINT_FIELDS, backward_band
 from pentimento.render.coverage import Q_MIN, R_MIN
+from pentimento.render.errors import RenderInputError
 from pentimento.render.forward import Fragments, expected_fragments, lay_band, reach_of_strokes
 
 __all__ = ["Q_MIN", "R_MIN", "Fragments", "RenderInputError", "StrokeGradients", "render", "render_backward"]
 
 _BAND_ROWS = 64
-_POINT_FIELDS = 5
 _LARGEST = 1e9
 _ASK_ABOUT_BYTES = 1 << 28
 
 Array = NDArray[Any]
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-
-
-class RenderInputError(PentimentoError):
-    """An input of the renderer has a wrong shape, a value that is not finite or absurdly large, or needs too much."""
 
 
 class StrokeGradients(NamedTuple):
@@ -144,7 +140,7 @@ def render_backward(
         return touched, g_points, g_color, g_pickup
 
     parts = [(b, band) for b, bands in enumerate(fragments) for band in bands]
-    g_all = np.zeros((*radius.shape, _POINT_FIELDS), points.dtype)
+    g_all = np.zeros((*radius.shape, POINT_FIELDS), points.dtype)
     g_color = np.zeros_like(color)
     g_pickup = None if pickup is None else np.zeros_like(pickup)
     for (b, _), (touched, g_points, g_band, g_carried) in zip(parts, _map(pull, parts, threads), strict=True):
@@ -236,4 +232,10 @@ def _check_memory(reach: list[Array], canvas: Array) -> None:
 
 
 def _free_bytes() -> int:
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    """Memory that can be had, with what the system only keeps as a cache of files where it says so (Linux)."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except FileNotFoundError:
+        lines = []
+    available = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
+    return available[0] if available else os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.render.coverage import compiled
+from pentimento.render.errors import RenderInputError
 from pentimento.render.fastmath import exp2, log2
 
 Array = NDArray[Any]
@@ -34,8 +35,16 @@ def squared_error(image: Array, target_srgb: Array, distance: int, gradient: Arr
     """Mean squared difference in sRGB between what is seen of ``image`` and ``target_srgb`` [h, w, 3].
 
     ``weight`` times its gradient is added to ``gradient`` [H, W, 3].
+
+    Raises:
+        RenderInputError: the image is not of the target's size; compiled code would read beyond its end.
     """
     light = seen(image, distance)
+    if light.shape != target_srgb.shape or gradient.shape != image.shape:
+        raise RenderInputError(
+            f"An image of {image.shape} shows {light.shape} from {distance} px, but the target shows "
+            f"{target_srgb.shape}: give both the same size."
+        )
     total, slope = _compare(np.ascontiguousarray(light).reshape(-1), target_srgb.reshape(-1))
     slope = (slope * image.dtype.type(weight / slope.size)).reshape(light.shape)
     if distance == 1:

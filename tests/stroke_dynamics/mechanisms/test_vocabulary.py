@@ -218,3 +218,23 @@ def test_geometry_of_a_circle() -> None:
         atol=1e-6,
         rtol=0,
     )
+
+
+@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
+def test_a_column_with_gaps_is_passed_over(kind: type[Mechanism]) -> None:
+    """What a cause reads is the column that its reference was taken from, not the first that bears a fitting name."""
+    whole = context()
+    gaps = {n: v.clone() for n, v in whole.covariates.items()} | {"order": torch.arange(COUNT).double()[:, None]}
+    gaps["since_reload"] = (torch.arange(COUNT) % 3).double()[:, None]
+    for name in ("tool_age_m", "t_start_s", "ink_since_reload_m", "humidity"):
+        gaps[name][1] = torch.nan
+    strokes = StrokeContext(whole.path, gaps)
+    try:
+        reference = kind.reference_of(strokes)
+    except NotObservable:
+        assert kind.cause == "paper_bleed"
+        return
+    mechanism = kind(torch.tensor([q.typical for q in kind.quantities], dtype=torch.float64), reference)
+    mark = mechanism.mark(MODEL.double()(strokes.path), strokes)
+    color, _ = mechanism.composite(torch.ones(COUNT, 1, 3, dtype=torch.float64), None, strokes)
+    assert all(bool(torch.isfinite(field).all()) for field in (*mark, color))

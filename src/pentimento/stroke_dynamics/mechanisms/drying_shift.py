@@ -9,6 +9,8 @@ from pentimento.stroke_dynamics.mechanisms.geometry import column, recorded
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
+_COLUMNS = ("t_start_s", "order")
+
 
 class DryingShift(Mechanism):
     """See above."""
@@ -23,8 +25,12 @@ class DryingShift(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        time = recorded(context, "t_start_s", "order")
-        return {"middle": float(time.max() + time.min()) / 2, "half": float(time.max() - time.min()) / 2}
+        number, time = recorded(context, *_COLUMNS)
+        return {
+            "column": float(number),
+            "middle": float(time.max() + time.min()) / 2,
+            "half": float(time.max() - time.min()) / 2,
+        }
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         return mark._replace(density=mark.density * torch.exp(self.values[0] * self._time(context)[..., None]))
@@ -33,4 +39,6 @@ class DryingShift(Mechanism):
         return color * torch.exp(self.values[1] * self._time(context)[..., None]), pickup
 
     def _time(self, context: StrokeContext) -> Tensor:
-        return (column(context, "t_start_s", "order") - self.reference["middle"]) / self.reference["half"]
+        return (column(context, _COLUMNS[int(self.reference["column"])]) - self.reference["middle"]) / self.reference[
+            "half"
+        ]

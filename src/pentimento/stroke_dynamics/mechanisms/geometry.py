@@ -66,25 +66,28 @@ def trailing(points_m: Tensor, distance_m: Tensor) -> Tensor:
     return points_m + torch.sign(distance_m)[..., None] * (torch.stack(trail, dim=-2) - points_m)
 
 
-def recorded(context: StrokeContext, *names: str) -> Tensor:
-    """The first of these columns that is there for every stroke and varies, [B, S].
+def recorded(context: StrokeContext, *names: str) -> tuple[int, Tensor]:
+    """The number of the first of these columns that is there for every stroke and varies, and the column, [B, S].
 
     Raises:
         NotObservable: none of them.
     """
-    for name in names:
-        column = context.covariates.get(name)
-        if column is not None and bool(torch.isfinite(column).all()) and varies(column):
-            return column
+    for number, name in enumerate(names):
+        values = context.covariates.get(name)
+        if values is not None and bool(torch.isfinite(values).all()) and varies(values):
+            return number, values
     raise NotObservable(f"{' or '.join(names)} was not recorded for every stroke, or does not vary")
 
 
-def column(context: StrokeContext, *names: str) -> Tensor:
-    """The first of these columns that is there, [B, S]; zeros where none is."""
-    for name in names:
-        if name in context.covariates:
-            return context.covariates[name]
-    return torch.zeros_like(context.path[..., 0, 0])
+def column(context: StrokeContext, name: str) -> Tensor:
+    """A column that an effect depends on, [B, S].
+
+    Raises:
+        NotObservable: it is not there.
+    """
+    if name not in context.covariates:
+        raise NotObservable(f"{name} is not known of these strokes, and the mechanism depends on it")
+    return context.covariates[name]
 
 
 def varies(values: Tensor) -> bool:

@@ -8,6 +8,8 @@ from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, column, record
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
+_COLUMNS = ("ink_since_reload_m", "since_reload")
+
 
 class InkDepletion(Mechanism):
     """See above."""
@@ -22,14 +24,14 @@ class InkDepletion(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        since = recorded(context, "ink_since_reload_m", "since_reload")
-        own = 0.0 if since is context.covariates.get("since_reload") else 1.0  # strokes are counted whole
-        return {"since": float(since.mean()), "own": own}
+        number, since = recorded(context, *_COLUMNS)
+        return {"column": float(number), "since": float(since.mean())}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        since = column(context, "ink_since_reload_m" if self.reference["own"] else "since_reload")[
-            ..., None
-        ] + self.reference["own"] * arc_m(context.path)
+        number = int(self.reference["column"])
+        since = column(context, _COLUMNS[number])[..., None]
+        if _COLUMNS[number] == "ink_since_reload_m":  # the other counts whole strokes
+            since = since + arc_m(context.path)
         drawn = since / self.reference["since"]
         return mark._replace(
             density=mark.density * torch.exp(-self.values[0] * drawn),

@@ -23,9 +23,10 @@ class PaperBleed(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        drinks = recorded(context, *_COLUMNS)
-        return {"middle": float(drinks.mean()), "spread": float(drinks.std())}
+        number, drinks = recorded(context, *_COLUMNS)
+        return {"column": float(number), "middle": float(drinks.mean()), "spread": float(drinks.std())}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        drinks = ((column(context, *_COLUMNS) - self.reference["middle"]) / self.reference["spread"])[..., None]
+        drinks = column(context, _COLUMNS[int(self.reference["column"])])[..., None]
+        drinks = (drinks - self.reference["middle"]) / self.reference["spread"]
         return bleed(mark, self.values[0] * drinks, self.values[1] * drinks)
