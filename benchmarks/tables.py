@@ -33,7 +33,9 @@ is the loop over data that does not fit the cache ({bytes} bytes a pair)."""
 
 _PLANNER = """\
 400 strokes for each photograph on 315 × 210 px, beside plain Adam from random starts with the best of three
-learning rates, seconds of one thread. `python -m benchmarks.planner` measures more pictures and a second seed."""
+learning rates, and beside the same with constant rates; seconds of one thread. *Told* is the former with what execution
+may take from a stroke drawn at each iteration, as ours has it. `python -m benchmarks.planner` measures more pictures
+and a second seed."""
 
 
 def page(results: Results) -> str:

@@ -61,6 +61,20 @@ class Run:
         """Keep a copy of a picture with the run."""
         self._client.log_artifact(self.id, str(path), "pictures")
 
+    def log_child(self, name: str, curves: Mapping[str, Mapping[int, float]], tags: Mapping[str, str]) -> None:
+        """Add a finished run below this one, with curves {name: {step: value}}."""
+        from mlflow.entities import Metric
+
+        parent = self._client.get_run(self.id)
+        own = {"mlflow.parentRunId": self.id, "stage": parent.data.tags["stage"], "item": parent.data.tags["item"]}
+        child = self._client.create_run(parent.info.experiment_id, run_name=name, tags=own | dict(tags))
+        now = int(time.time() * 1000)
+        points = [
+            Metric(metric, float(value), now, step) for metric, curve in curves.items() for step, value in curve.items()
+        ]
+        self._client.log_batch(child.info.run_id, metrics=points)
+        self._client.set_terminated(child.info.run_id, "FINISHED")
+
     def mlflow_logger(self) -> "MLFlowLogger":
         """Return the logger by which Lightning's trainer writes its curves into this run."""
         from lightning.pytorch.loggers import MLFlowLogger

@@ -12,7 +12,8 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.collect import CollectionConfig, collect_strokes
+from pentimento.runner.collect import collect_strokes
+from pentimento.runner.design import CollectionConfig
 from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world

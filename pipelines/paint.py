@@ -1,6 +1,8 @@
 """Paint a photograph: plan, execute in the studio with and without replanning, and measure what came of it."""
 
 import argparse
+import sys
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -18,11 +20,12 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.ranges import at_least
 from pentimento.planning.config import PlannerConfig
+from pentimento.planning.memory import beyond_fit, foreseen
 from pentimento.planning.objectives.print_objective import PrintObjective
 from pentimento.planning.painter import Image, Painting, as_linear, foretell, observe, paint
 from pentimento.planning.planner import plan
-from pentimento.planning.scene import Scene
-from pentimento.planning.strokes import to_planned
+from pentimento.planning.scene import Scene, scene_with
+from pentimento.planning.strokes import StrokeTensors, to_planned
 from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.driver import Robot
 from pentimento.robots.svg import SvgPlotter
@@ -31,7 +34,8 @@ from pentimento.robots.virtual import VirtualRobot
 from pentimento.runner.act import Session, execute
 from pentimento.runner.observe import calibrate_camera
 from pentimento.runner.safety import GuardedRobot, envelope_for
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, read_parameters
+from pentimento.stroke_dynamics.extended import StrokeModel, base_model, read_stroke_model
+from pentimento.stroke_dynamics.traj2stroke import read_parameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import entry_of, load_section
@@ -81,17 +85,16 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: pictures, plans, curves and metrics.json of one setting."""
     config = load_section(Path("params.yaml"), "paint", Paint)
     setting = entry_of(config.settings, arguments.setting, "paint.settings")
-    models = {"round_brush": arguments.round_brush, "marker": arguments.marker}
-    if setting.tool not in models:
+    if setting.tool not in arguments.tools:
         raise ConfigError(
             f"params.yaml: paint.settings.{arguments.setting}.tool is {setting.tool!r}, but dvc.yaml hands the stage "
-            f"models of {', '.join(models)} only: choose one of them, or hand it that model, too."
+            f"models of {', '.join(arguments.tools)} only: choose one of them, or hand it that model, too."
         )
-    weights = models[setting.tool]
+    weights, base_weights = (arguments.models / f"stroke_{setting.tool}{kind}" / "weights" for kind in ("", "_base"))
     single_threaded()
     params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)
     with (
-        tracked_run("paint", arguments.setting, params, {"stroke_model": weights}) as run,
+        tracked_run("paint", arguments.setting, params, {"stroke_model": weights, "stroke_base": base_weights}) as run,
         output_folder(arguments.out) as out,
     ):
         tool = load_tool(setting.tool)
@@ -100,8 +103,16 @@ def main(arguments: argparse.Namespace) -> None:
         blank = observe(robot, calibration, setting.planner.pixels_per_m)
         photograph = fit_to_canvas(load_photograph(setting.photograph), blank.shape[:2])
         target = photograph if tool.color_srgb is None else fit_to_ink(photograph, setting.darkest)
-        scene = _scene(tool, weights / "parameters.json", robot.canvas_size_m, target)
-        trivial = _scene(tool, weights / "polyline.json", robot.canvas_size_m, target)
+        models = {
+            "extended": read_stroke_model(weights),
+            "base": base_model(read_parameters(base_weights / "parameters.json")),
+            "polyline": base_model(read_parameters(base_weights / "polyline.json")),
+        }
+        scenes = {
+            name: scene_with(model, tool, robot.canvas_size_m, torch.tensor(target, dtype=torch.float32))
+            for name, model in models.items()
+        }
+        scene = scenes["extended"]
 
         losses: list[float] = []
 
@@ -110,6 +121,8 @@ def main(arguments: argparse.Namespace) -> None:
             losses.append(value)
 
         strokes, palette = plan(as_linear(blank), scene, config.strokes, setting.planner, log)
+        for sentence in _warnings(strokes, scene, setting.planner):
+            print(f"paint: {sentence}", file=sys.stderr)
         paintings: dict[str, Painting] = {}
         for kind in ("without", "with"):
             paintings[kind] = paint(
@@ -126,8 +139,11 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
         write_png(out / "plan.png", paintings["without"].foretold)
-        polyline = foretell(strokes, blank, trivial, setting.planner).clamp(0, 1).numpy()
-        write_png(out / "polyline.png", to_uint8(polyline))
+        simpler = {
+            name: foretell(strokes, blank, scenes[name], setting.planner).clamp(0, 1).numpy()
+            for name in ("base", "polyline")
+        }
+        write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
         (out / "frames").mkdir()
         for number, photo in enumerate(paintings["with"].photos):
             write_png(out / "frames" / f"{number:03d}.png", photo)
@@ -145,7 +161,10 @@ def main(arguments: argparse.Namespace) -> None:
         )
         write_json(out / "curve.json", {"iteration": list(range(len(losses))), "objective": losses})
         write_json(out / "palette.json", palette)
-        metrics = _metrics(scene, blank, polyline, paintings, setting.planner)
+        metrics = _metrics(scene, blank, simpler, paintings, setting.planner)
+        metrics |= _execution_errors(
+            metrics, scenes, models["extended"], lambda: _robot(tool, setting, config.seed), blank, config, setting
+        )
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
         for name in ("plan.png", "painting_with.png", "painting_without.png"):
@@ -162,9 +181,13 @@ def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
     return GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
 
 
-def _scene(tool: Tool, parameters: Path, canvas_size_m: tuple[float, float], target: FloatArray) -> Scene:
-    model = Traj2Stroke(read_parameters(parameters)).requires_grad_(False)
-    return Scene(tool, model, canvas_size_m, torch.tensor(target, dtype=torch.float32))
+def _warnings(strokes: StrokeTensors, scene: Scene, config: PlannerConfig) -> list[str]:
+    """Where a plan leaves what the model was fitted to."""
+    if scene.extension is None:
+        return []
+    model = scene.extension.model
+    known = foreseen(strokes, scene.tool, scene.extension, config.path_points, model.fitted)
+    return beyond_fit(known, model)
 
 
 def _plot(
@@ -184,7 +207,7 @@ def _plot(
 
 
 def _metrics(
-    scene: Scene, blank: Image, polyline: FloatArray, paintings: dict[str, Painting], config: PlannerConfig
+    scene: Scene, blank: Image, simpler: dict[str, FloatArray], paintings: dict[str, Painting], config: PlannerConfig
 ) -> dict[str, Any]:
     """Errors against the target and against the plan; mean squared differences in sRGB in [0, 1]."""
     target = linear_to_srgb(scene.target.double().numpy())
@@ -200,7 +223,8 @@ def _metrics(
     real = to_float(final["without"])
     sim2real = {
         "model": mse(to_float(paintings["without"].foretold), real),
-        "polyline": mse(polyline, real),
+        "base": mse(simpler["base"], real),
+        "polyline": mse(simpler["polyline"], real),
         "blank": mse(to_float(blank), real),
     }
     errors = {
@@ -223,10 +247,44 @@ def _metrics(
     }
 
 
+def _execution_errors(
+    metrics: dict[str, Any],
+    scenes: dict[str, Scene],
+    extended: StrokeModel,
+    new_robot: Callable[[], Robot],
+    blank: Image,
+    config: Paint,
+    setting: Setting,
+) -> dict[str, Any]:
+    """How far an executed plan is from what was foretold, without replanning: planned with the base and extended model.
+
+    Mean squared difference, sRGB in [0, 1]. Where nothing extends the base, its plan is the very same.
+    """
+    error = {"extended": metrics["sim2real_mse"]["model"]}
+    if extended.mechanisms:
+        strokes, palette = plan(as_linear(blank), scenes["base"], config.strokes, setting.planner, _unheard)
+        painting = paint(
+            new_robot(), scenes["base"], strokes, palette, config.batch, False, setting.planner, _unheard
+        )  # fmt: skip
+        difference = to_float(painting.foretold) - to_float(painting.photos[-1])
+        error["base"] = float(np.square(difference).mean())
+    else:
+        error["base"] = error["extended"]
+    return {
+        "plan_execution_error_base": error["base"],
+        "plan_execution_error_extended": error["extended"],
+        "plan_execution_factor": error["base"] / error["extended"],
+    }
+
+
+def _unheard(_name: str, _value: float, _step: int) -> None:
+    """The curves of the plan that is only compared with are not kept."""
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="paint", description=__doc__)
     parser.add_argument("--setting", required=True)
-    parser.add_argument("--round-brush", required=True, type=Path, help="its stroke model")
-    parser.add_argument("--marker", required=True, type=Path, help="its stroke model")
+    parser.add_argument("--models", required=True, type=Path, help="folder of stroke_<tool> and stroke_<tool>_base")
+    parser.add_argument("--tools", required=True, nargs="+", help="whose models are there")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pentimento.report.benchmarks import read_benchmarks
+from pentimento.report.diagnoses import read_diagnosis
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
 from pipelines._config import load_section
@@ -21,6 +22,7 @@ def main(arguments: argparse.Namespace) -> None:
     paintings = {setting: arguments.paintings / setting for setting in arguments.settings}
     inputs = {f"strokes.{tool}": path for tool, path in strokes.items()}
     inputs |= {f"model.{tool}": path for tool, path in weights.items()}
+    inputs |= {f"gap.{tool}": arguments.gap / tool for tool in arguments.tools}
     inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
     inputs["benchmarks"] = arguments.benchmarks
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
@@ -29,6 +31,7 @@ def main(arguments: argparse.Namespace) -> None:
             [read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
             read_benchmarks(arguments.benchmarks),
             config,
+            [read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
         )
         for name, data in files.items():
             (out / name).write_bytes(data)
@@ -39,6 +42,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="report", description=__doc__)
     parser.add_argument("--strokes", required=True, type=Path, help="folder of a table of strokes for each tool")
     parser.add_argument("--models", required=True, type=Path)
+    parser.add_argument("--gap", required=True, type=Path, help="folder of a diagnosis for each tool")
     parser.add_argument("--paintings", required=True, type=Path)
     parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")

@@ -50,6 +50,7 @@ PALETTE_SRGB = (
 WEAKEST = 1e-9
 """Least orientation of a flat tool that has it among its causes. At 0 the studio turns the bundle with the stroke and
 not with the arm; what is irregular in the bundle would make that a jump."""
+_GROOMED, _LEVEL = 0.25, 3.0
 STROKES_PER_DIP = 14  # at most; the design dips more often
 
 
@@ -134,8 +135,7 @@ def sketch_world(
     else:
         told = replace(told, strokes_per_dip=STROKES_PER_DIP)
     world = _nuisances(_without_effects(load_world(name)), rng)
-    if misshaped:
-        world = _misshapen(world, rng)
+    world = _misshapen(world, rng) if misshaped else _even(world)
     return Sketch(
         stratum, seed, told, world, palette, causes, outside, wanted if q is None else (q,) * hidden, misshaped
     )
@@ -213,6 +213,13 @@ def _nuisances(world: World, rng: np.random.Generator) -> World:
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
+
+
+def _even(world: World) -> World:
+    """A well-groomed bundle and paint that levels: an imprint near to what a simple profile describes."""
+    tool = replace(world.tool, raggedness_m=_GROOMED * world.tool.raggedness_m)
+    paint = replace(world.paint, levelling_m=_LEVEL * world.paint.levelling_m)
+    return replace(world, tool=tool, paint=paint)
 
 
 def _misshapen(world: World, rng: np.random.Generator) -> World:

@@ -25,11 +25,16 @@ PLANNER: dict[str, Any] = {
         {
             "picture": "one", "seed": 1, "adam": {"loss": 0.02, "seconds": 9.0}, "speedup": 6.0, "lower_by": 0.1,
             "reaches_seconds": 1.5, "long": {"loss_at_equal_time": 0.018},
-            "paints": {"adam": _PAINTED | {"executed": 0.03, "gap": 0.02}, "ours": _PAINTED},
+            "constant": {"loss": 0.03, "seconds": 8.0}, "reaches_constant_seconds": 2.0, "constant_speedup": 4.0,
+            "paints": {
+                "adam": _PAINTED | {"executed": 0.03, "gap": 0.02}, "adam_told": _PAINTED | {"executed": 0.019},
+                "ours": _PAINTED,
+            },
         }
     ],
     "summary": {
         "speedup": 6.0, "lower_by": 0.1, "constant_speedup": 4.0, "constant_lower_by": 0.5, "executed_lower_by": 1 / 3,
+        "executed_lower_than_told_by": -0.05,
     },
 }  # fmt: skip
 
@@ -97,11 +102,12 @@ def test_bars_tell_what_is_met_from_what_is_not_and_from_what_is_unknown() -> No
 
 
 def test_the_planner_s_bars_are_judged_one_by_one() -> None:
-    plan, *against, painted = planning.bars(PLANNER, [{"way": "ours", "s": 9.0}])
-    assert [bar.met for bar in (plan, *against, painted)] == [False, False, True, True, False, True]
+    plan, *against, painted, told = planning.bars(PLANNER, [{"way": "ours", "s": 9.0}])
+    assert [bar.met for bar in (plan, *against, painted, told)] == [False, False, True, True, False, True, False]
     never = PLANNER | {"summary": PLANNER["summary"] | {"constant_speedup": 0.0}}
     assert planning.bars(never, [])[0].measured.startswith("never reached")
     assert "267 × as long" in plan.measured and painted.measured.startswith("1 of 1")
+    assert told.measured.startswith("0 of 1; error -5 % lower")
 
 
 def test_the_page_names_machine_and_every_case_and_its_tables_are_even() -> None:

@@ -13,10 +13,12 @@ from pentimento.contracts.covariates import (
     StrokeEvent,
     advance,
     covariates,
+    covariates_and_advance,
     drawn_length_m,
     fresh_memory,
     new_sheet,
     wet_age_s,
+    without_canvas,
 )
 from pentimento.contracts.errors import ContractError
 
@@ -43,6 +45,26 @@ def copied(memory: Memory) -> dict[str, object]:
 def test_names_are_columns_of_the_strokes_contract() -> None:
     values = covariates(fresh_memory(SIZE), event(line(0.1, 0.1, 0.15, 0.1)))
     assert all(strokes.CONTRACT.column(name) is not None for name in values)
+
+
+def test_both_at_once_is_one_after_the_other() -> None:
+    memory = fresh_memory(SIZE)
+    for index in range(3):
+        stroke = event(line(0.05, 0.05 + 0.001 * index, 0.10, 0.05), t_start_s=10.0 * index, dip=index == 1)
+        seen, after = covariates_and_advance(memory, stroke)
+        assert repr(seen) == repr(covariates(memory, stroke))  # NaN is not equal to itself
+        assert repr(copied(after)) == repr(copied(advance(memory, stroke)))
+        memory = after
+
+
+def test_without_a_canvas_all_but_wet_ages_is_told() -> None:
+    memory, blind = fresh_memory(SIZE), without_canvas(fresh_memory(SIZE))
+    for index in range(3):
+        stroke = event(line(0.05, 0.05, 0.10, 0.05), t_start_s=10.0 * index)
+        seen, guess = covariates(memory, stroke), covariates(blind, stroke)
+        assert math.isnan(guess.pop("wet_age_s"))
+        assert repr(guess) == repr({name: v for name, v in seen.items() if name != "wet_age_s"})
+        memory, blind = advance(memory, stroke), advance(blind, stroke)
 
 
 def test_counting_strokes_dips_and_length() -> None:

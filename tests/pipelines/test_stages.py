@@ -13,7 +13,7 @@ from tests.imports import ROOT, has_code, import_closure
 
 STAGES: dict[str, dict[str, Any]] = read_yaml(ROOT / "dvc.yaml")["stages"]
 CODE = ("src/", "pipelines/")
-DATA_PACKAGES = ("studio", "robots")  # their TOML files are read when any of their code is reached
+DATA = {"studio": "*.toml", "robots": "*.toml", "report": "*.css"}  # read when any code of the package is reached
 
 
 def module(stage: str) -> Path:
@@ -27,10 +27,10 @@ def code_dependencies(stage: str) -> list[Path]:
 def needed_files(stage: str) -> set[Path]:
     """Return the project files that the stage executes or reads as package data."""
     files = {file for file in import_closure(module(stage)) if has_code(file)}
-    for name in DATA_PACKAGES:
+    for name, pattern in DATA.items():
         folder = ROOT / "src/pentimento" / name
         if any(file.is_relative_to(folder) for file in files):
-            files |= set(folder.rglob("*.toml"))
+            files |= set(folder.rglob(pattern))
     return files
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pentimento.planning.initialise import guided_strokes
-from pentimento.planning.relocate import apart, contributions, relocate
+from pentimento.planning.relocate import contributions, relocate
 from pentimento.planning.saliency import saliency
 from pentimento.planning.scene import ErrorMap, Scene, render_fixed, render_plan
 from pentimento.planning.strokes import StrokeTensors
@@ -50,20 +50,6 @@ def test_a_hidden_stroke_contributes_nothing() -> None:
     hard = Scene(load_tool("round_brush"), MODEL, SIZE_M, scene().target)
     worth = contributions(twice, WHITE, hard, SHARP)
     assert abs(worth[0]) < 0.1 * worth[2]
-
-
-def test_groups_hold_every_box_once_and_no_two_that_touch() -> None:
-    rng = np.random.default_rng(0)
-    corner = rng.integers(0, 40, (60, 2))
-    size = rng.integers(1, 12, (60, 2))
-    boxes = np.stack([corner[:, 0], corner[:, 0] + size[:, 0], corner[:, 1], corner[:, 1] + size[:, 1]], axis=1)
-    groups = apart(boxes)
-    assert sorted(s for group in groups for s in group) == list(range(60))
-    for group in groups:
-        painted = np.zeros((60, 60), int)
-        for s in group:
-            painted[boxes[s, 0] : boxes[s, 1], boxes[s, 2] : boxes[s, 3]] += 1
-        assert painted.max() == 1
 
 
 def test_relocation_lowers_the_loss_and_moves_only_idle_strokes() -> None:

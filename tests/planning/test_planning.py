@@ -175,9 +175,14 @@ def test_guided_and_relocated_strokes_end_lower_than_the_thesis_way() -> None:
     assert ends(ours) < 0.8 * ends(thesis)
 
 
-def test_the_same_seed_gives_the_same_plan() -> None:
-    first, second = (plan(WHITE, scene(), 10, CONFIG, unheard)[0].tensors() for _ in range(2))
-    assert all(torch.equal(a, b) for a, b in zip(first, second, strict=True))
+def test_the_same_seed_gives_the_same_plan_and_the_same_log() -> None:
+    logs: tuple[list[float], list[float]] = ([], [])
+    (first, paints), (second, other) = (
+        plan(WHITE, scene(), 10, CONFIG, lambda _name, value, _step, log=log: log.append(value)) for log in logs
+    )
+    assert all(torch.equal(a, b) for a, b in zip(first.tensors(), second.tensors(), strict=True))
+    np.testing.assert_array_equal(paints, other)
+    assert logs[0] == logs[1] and len(logs[0]) > CONFIG.iterations_palette
 
 
 def test_a_marker_keeps_its_colour() -> None:

@@ -59,3 +59,17 @@ def test_an_image_is_like_itself() -> None:
     gradient = np.zeros_like(image)
     assert squared_error(image, srgb_of(seen(image, 4)), 4, gradient, 1.0) < 1e-12
     assert np.abs(gradient).max() < 1e-8
+
+
+def test_what_lies_beside_the_pictures_in_memory_does_not_matter() -> None:
+    """A loop that is compiled twice, for arrays side by side and for others, rounds in two ways; plans then differ."""
+    rng = np.random.default_rng(1)
+    image, target = (rng.uniform(0, 1, (90, 120, 3)).astype(np.float32) for _ in range(2))
+    wanted, found = srgb_of(target), set()
+    held: list[np.ndarray] = []
+    for _ in range(150):
+        held = held[len(held) // 3 :] + [np.empty(int(10 ** rng.uniform(1.5, 5.5)), np.uint8) for _ in range(4)]
+        gradient = np.zeros_like(image)
+        value = squared_error(image.copy(), wanted.copy(), 1, gradient, 1.0)
+        found.add((value, gradient.tobytes()))
+    assert len(found) == 1

@@ -14,12 +14,14 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.collect import CollectionConfig, collect_strokes
+from pentimento.runner.collect import collect_strokes
+from pentimento.runner.design import CollectionConfig
 from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 
-CONFIG = CollectionConfig(6, 16, 0.01, 0.008, 1000.0, 1.0, ((0.1, 0.1, 0.1), (0.1, 0.1, 0.5)), 0.5, 3)
+PAINTS = ((0.1, 0.1, 0.1), (0.1, 0.1, 0.5))
+CONFIG = CollectionConfig(6, 1, 2, 0.0, 16, 0.01, 0.008, 1000.0, (1.0, 1.0), PAINTS, 0.5, 3)
 
 
 def collect(tool_name: str, config: CollectionConfig = CONFIG) -> list[dict]:
@@ -55,13 +57,25 @@ def test_every_stroke_leaves_its_mark_on_its_path(rows: list[dict]) -> None:
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(rows: list[dict]) -> None:
     assert repr(collect("flat_brush")) == repr(rows)  # NaN is not equal to itself
-    other = collect("flat_brush", dataclasses.replace(CONFIG, seed=4, strokes=1))
+    other = collect("flat_brush", dataclasses.replace(CONFIG, seed=4, strokes=1, repeated=0))
     assert other[0]["path"] != rows[0]["path"]
 
 
-def test_brushes_dip_by_the_tool_file_and_keep_a_colour_for_each_dip(rows: list[dict]) -> None:
-    assert [row["since_reload"] for row in rows] == [0, 1, 2, 3, 0, 1]
-    assert len({tuple(row["color_srgb"]) for row in rows[:4]}) == 1
+def test_repeats_of_an_action_look_alike_and_others_do_not(rows: list[dict]) -> None:
+    one, other = (row for row in rows if row["action_id"] == 4)
+    assert one["path"] == other["path"] and one["window_m"] == other["window_m"]
+    assert one["surface_id"] != other["surface_id"]
+    assert [row["since_reload"] for row in (one, other)] == [0, 0]
+    after = [decode_png(row["after"]["bytes"]).astype(int) for row in (one, other)]
+    assert np.abs(after[0] - after[1]).mean() < 6
+    assert all(decode_png(row["before"]["bytes"]).min() > 200 for row in (one, other))
+
+
+def test_rows_say_which_load_of_which_paint(rows: list[dict]) -> None:
+    for load in {row["reload_id"] for row in rows}:
+        of_load = [row for row in rows if row["reload_id"] == load]
+        assert [row["since_reload"] for row in of_load] == list(range(len(of_load)))
+        assert len({tuple(row["color_srgb"]) for row in of_load}) == 1
 
 
 def test_a_tool_too_long_for_the_canvas_is_a_sentence() -> None:
@@ -74,16 +88,3 @@ def test_a_tool_too_long_for_the_canvas_is_a_sentence() -> None:
 def test_an_edge_that_leaves_no_canvas_is_a_sentence() -> None:
     with pytest.raises(ContractError, match="no room"):
         collect("marker", dataclasses.replace(CONFIG, edge_m=0.5))
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("strokes", 0), ("path_points", 1), ("margin_m", 0.0), ("edge_m", -0.1), ("pixels_per_m", 0.0),
-        ("settle_s", -1.0), ("yaw_spread_rad", -1.0), ("seed", -1), ("palette_srgb", ()),
-        ("palette_srgb", ((2.0, 0.0, 0.0),)),
-    ],
-)  # fmt: skip
-def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> None:
-    with pytest.raises(ValueError, match=rf"^{field} "):
-        dataclasses.replace(CONFIG, **{field: value})

@@ -20,6 +20,9 @@ from pentimento.contracts.frames import canvas_to_pixel
 
 FloatArray = npt.NDArray[np.float64]
 
+Footprint = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray, FloatArray]
+"""Cells that a stroke touches, with repeats: rows, columns, covered share, time of passing; each [M]."""
+
 CELL_M: Final = 0.002
 DEFAULT_MARK_WIDTH_M: Final = 0.004
 """Width of a mark where the tool's nominal width is not known."""
@@ -84,17 +87,15 @@ def new_sheet(memory: Memory) -> Memory:
     return replace(memory, painted_at_s=blank, ink=np.zeros_like(memory.ink))
 
 
+def without_canvas(memory: Memory) -> Memory:
+    """The same tool and no look at the canvas: wet ages are NaN, and all else is told much faster."""
+    nothing = np.zeros((0, 0))
+    return replace(memory, painted_at_s=nothing, ink=nothing)
+
+
 def covariates(memory: Memory, stroke: StrokeEvent) -> dict[str, int | float | list[float]]:
     """The strokes contract's columns with memory, for a stroke that is about to be made."""
-    loaded = _dipped(memory) if stroke.dip else memory
-    return {
-        "since_reload": loaded.since_reload,
-        "reload_id": loaded.reload_id,
-        "ink_since_reload_m": loaded.ink_since_reload_m,
-        "tool_age_m": loaded.tool_age_m,
-        "wet_age_s": wet_age_s(memory, stroke.path, stroke.t_start_s),
-        "previous_color_srgb": [float(v) for v in memory.last_color_srgb],
-    }
+    return _covariates(memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
 
 
 def advance(memory: Memory, stroke: StrokeEvent) -> Memory:
@@ -103,11 +104,25 @@ def advance(memory: Memory, stroke: StrokeEvent) -> Memory:
     Raises:
         ContractError: a path that is not [N, 5] or has NaN positions, or a start time that is not finite.
     """
+    return _after(memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
+
+
+def covariates_and_advance(memory: Memory, stroke: StrokeEvent) -> tuple[dict[str, int | float | list[float]], Memory]:
+    """``covariates`` before a stroke and the memory after it, at little more than the cost of one.
+
+    Raises:
+        ContractError: as ``advance``.
+    """
+    footprint = _footprint(memory, stroke.path, stroke.t_start_s)
+    return _covariates(memory, stroke, footprint), _after(memory, stroke, footprint)
+
+
+def _after(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> Memory:
     if not math.isfinite(stroke.t_start_s):
         raise ContractError(f"The stroke's start time is {stroke.t_start_s}; give seconds since the session's start.")
     loaded = _dipped(memory) if stroke.dip else memory
     length_m = drawn_length_m(stroke.path)
-    rows, columns, covered, when_s = _footprint(memory, stroke.path, stroke.t_start_s)
+    rows, columns, covered, when_s = footprint
     painted_at_s, ink = memory.painted_at_s.copy(), memory.ink.copy()
     np.fmax.at(painted_at_s, (rows, columns), when_s)
     np.maximum.at(ink, (rows, columns), covered)
@@ -120,6 +135,18 @@ def advance(memory: Memory, stroke: StrokeEvent) -> Memory:
         painted_at_s=painted_at_s,
         ink=ink,
     )
+
+
+def _covariates(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> dict[str, int | float | list[float]]:
+    loaded = _dipped(memory) if stroke.dip else memory
+    return {
+        "since_reload": loaded.since_reload,
+        "reload_id": loaded.reload_id,
+        "ink_since_reload_m": loaded.ink_since_reload_m,
+        "tool_age_m": loaded.tool_age_m,
+        "wet_age_s": _wet_age_s(memory, footprint, stroke.t_start_s),
+        "previous_color_srgb": [float(v) for v in memory.last_color_srgb],
+    }
 
 
 def drawn_length_m(path: FloatArray) -> float:
@@ -137,7 +164,11 @@ def wet_age_s(memory: Memory, path: FloatArray, t_s: float) -> float:
 
     NaN where the place is blank.
     """
-    rows, columns, covered, _ = _footprint(memory, path, t_s)
+    return _wet_age_s(memory, _footprint(memory, path, t_s), t_s)
+
+
+def _wet_age_s(memory: Memory, footprint: Footprint, t_s: float) -> float:
+    rows, columns, covered, _ = footprint
     place = np.zeros_like(memory.ink)
     np.maximum.at(place, (rows, columns), covered)
     weight = place * memory.ink
@@ -161,11 +192,10 @@ def _checked(path: FloatArray) -> FloatArray:
     return points
 
 
-def _footprint(
-    memory: Memory, path: FloatArray, t_start_s: float
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray, FloatArray]:
-    """Cells that a stroke touches, with repeats: rows, columns, covered share, time of passing; each [M]."""
+def _footprint(memory: Memory, path: FloatArray, t_start_s: float) -> Footprint:
     points = _checked(path)
+    if memory.ink.size == 0:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0), np.zeros(0)
     samples = _resampled(points, CELL_M / 2)
     samples = samples[samples[:, 3] <= 0]
     width_m, height_m = memory.canvas_size_m

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.fit import first_model, fit
+from pentimento.gap.ends import UnevenEnds
+from pentimento.gap.fit import fit, fit_base, weighted
 from pentimento.gap.floor import Floor, noise_floor
-from pentimento.gap.foretell import Model, linearise
+from pentimento.gap.foretell import Model, linearise, mean_squared_error, residual
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.search import Search, action_losses, paired_p, search
@@ -81,15 +82,21 @@ def diagnose(
         ContractError: too few actions.
     """
     splits = split(measured, seed)
-    discovery, confirmation, test = (measured.pick(rows) for rows in splits)
-    known = measured.pick(np.sort(np.concatenate(splits[:2])))
-    found = search(first_model(discovery), discovery, vocabulary, seed, log)
-    confirmed_p = {
-        m.cause: _confirmation(found.model, m, discovery, confirmation, seed) for m in found.model.mechanisms
-    }
-    kept = tuple(m for m in found.model.mechanisms if confirmed_p[m.cause] <= _CONFIRMED_P)
-    base = fit(found.base, known)
-    extended = fit(_with(found.model, kept), known) if kept else base
+    plain = measured.pick(splits.discovery)
+    first = fit_base(plain)
+    weighed = weighted(measured, first, plain)
+    discovery, confirmation = (weighed.pick(rows) for rows in splits[:2])
+    test = measured.pick(splits.test)
+    known = weighed.pick(np.sort(np.concatenate(splits[:2])))
+    noise = noise_floor(first, measured, seed)
+    error = float(mean_squared_error(residual(first, plain), plain).mean())
+    found = search(first, discovery, min(noise.mse / error, 1.0) if noise else 0.0, vocabulary, seed, log)
+    ends = tuple(m for m in found.model.mechanisms if isinstance(m, UnevenEnds))
+    named = [m for m in found.model.mechanisms if m not in ends]
+    confirmed_p = {m.cause: _confirmation(found.model, m, discovery, confirmation, seed) for m in named}
+    kept = tuple(m for m in named if confirmed_p[m.cause] <= _CONFIRMED_P)
+    base = fit(_with(found.model, ends), known)
+    extended = fit(_with(found.model, ends + kept), known) if kept else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
@@ -106,8 +113,8 @@ def diagnose(
             float(fall.mean()), (float(low), float(high)), _values(model, mechanism, known), step.rivals,
         )  # fmt: skip
 
-    established = tuple(finding(extended, m) for m in extended.mechanisms)
-    doubtful = [m for m in found.model.mechanisms if m not in kept]
+    established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
+    doubtful = [m for m in named if m not in kept]
     suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
     left, strength, names = unexplained(extended, known, seed)
     return Diagnosis(
@@ -124,7 +131,7 @@ def _confirmation(model: Model, mechanism: Mechanism, discovery: Measured, confi
 
 
 def _with(model: Model, mechanisms: tuple[Mechanism, ...]) -> Model:
-    return Model(model.base, model.color_offset, mechanisms)
+    return replace(model, mechanisms=mechanisms)
 
 
 def _values(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:

@@ -2,60 +2,135 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
-from pentimento.gap.foretell import BASE, Model, Statistics, linearise, mean_squared_error, residual
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.gap.foretell import (
+    BASE,
+    SLABS,
+    WIDTHS,
+    Model,
+    Statistics,
+    foretold_linear,
+    ink,
+    linearise,
+    press_shares,
+    residual,
+    slope_by_coverage,
+    weighted_error,
+)
 from pentimento.gap.measured import Measured
+from pentimento.gap.unevenness import estimate_unevenness, unevenness_of
 
 Array = NDArray[Any]
 
 _RIDGE = 1e-8
 _HOLD = 0.01
-_LIKELY_OFFSET = 0.03  # linear light
+"""Of the error: what a number costs that lies as far from its start as is likely."""
+_LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
+    "density_by_press": 0.5,
+    "edge_by_press": 0.5,
+    "ends_mm": 1.0,
+    "side_mm": 0.5,
+    "ends_widening": 0.5,
+}
+_LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
+_LIKELY_COLOR = 0.03  # linear light
 _ENOUGH = 5e-4
 """Relative fall of the error below which a fit has ended."""
-_LONGEST = {"log_softness": 0.5, "log_blur_px": 0.4, "beta_mm": 0.5, "amplitude": 0.3}
-_RANGE = {
-    "alpha": (-0.5, 10.0),
-    "saturation_mm": (-5.0, 5.0),
-    "beta_mm": (0.05, 50.0),
-    "log_softness": (np.log(0.03), np.log(4)),
-    "amplitude": (0.05, 1.0),
-    "log_blur_px": (np.log(0.25), np.log(4)),
-    "start_mm": (-4.0, 4.0),
-    "end_mm": (-4.0, 4.0),
-    "side_mm": (-1.0, 1.0),
-}
+_LONGEST = dict.fromkeys(SLABS, 0.3) | {"log_edge_px": 0.3, "ends_widening": 0.3}
+_LONGEST_WIDTH_MM = 0.7
+_RANGE = (
+    dict.fromkeys(WIDTHS, (0.02, 50.0))
+    | dict.fromkeys(SLABS, (-1.0, 1.5))
+    | {
+        "density_by_press": (-2.0, 2.0),
+        "edge_by_press": (-2.0, 2.0),
+        "log_edge_px": (np.log(0.3), np.log(6)),
+        "ends_mm": (-4.0, 4.0),
+        "side_mm": (-1.0, 1.0),
+        "ends_widening": (-1.0, 1.0),
+    }
+)
+_ROUNDS_OF_UNEVENNESS = 2
+_FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
+_QUIETEST = 0.05  # of the mean variance
+_FLATTEST = 1e-6  # m of press: below it all presses count as one
 
 
 def first_model(measured: Measured) -> Model:
-    """The base before any fit: half-width from the inked area, no dependence on press."""
+    """The base before any fit: half-width from the inked area, no dependence on press, a hard edge."""
     samples = measured.samples
     area = samples.ink.flatten(1).sum(1).double() / samples.pixels_per_m.double() ** 2
     length = samples.path[..., 1:3].diff(dim=1).norm(dim=-1).sum(1).double()
     # A round end adds its disc: area = 2 w L + pi w^2.
     half = ((length**2 + np.pi * area).sqrt() - length) / np.pi
-    half_mm = max(float(half.median()) * 1e3, 0.2)
-    start = {name: 0.0 for name in BASE} | {
-        "beta_mm": half_mm,
-        "log_softness": np.log(0.3),
-        "amplitude": 0.9,
-        "log_blur_px": np.log(0.7),
-    }
-    return Model(np.array([start[name] for name in BASE]), np.zeros((int(measured.paint.max()) + 1, 3)), ())
+    half_mm = max(float(half.median()) * 1e3, 0.1)
+    start = dict.fromkeys(BASE, 0.0) | dict.fromkeys(WIDTHS, half_mm) | {SLABS[0]: 0.9, "log_edge_px": np.log(0.8)}
+    press = (-samples.path[..., 3]).double().numpy()
+    low, high = float(press.min()), float(press.max())
+    if high - low < _FLATTEST:
+        low, high = low - _FLATTEST, high + _FLATTEST
+    return Model((low, high), np.array([start[name] for name in BASE]), np.zeros((measured.paints, 3)), ())
 
 
-def fit(model: Model, measured: Measured, iterations: int = 30) -> Model:
-    """The model whose foretold photographs are nearest to the measured, by mean squared error.
+def fit_base(measured: Measured) -> Model:
+    """The base alone, with its unevenness."""
+    model = fit(first_model(measured), measured)
+    for _ in range(_ROUNDS_OF_UNEVENNESS):
+        laid = ink(model, measured)
+        towards = slope_by_coverage(laid, measured)
+        depth = np.square(towards).sum(-1)
+        missing = (residual(model, measured) * towards).sum(-1) / np.maximum(depth, _FAINTEST)
+        if model.unevenness is not None:
+            missing += unevenness_of(laid.imprint, press_shares(model, measured), model.unevenness)
+        found = estimate_unevenness(laid.imprint, press_shares(model, measured), missing, depth * (depth > _FAINTEST))
+        model = fit(replace(model, unevenness=found), measured)
+    return model
 
-    A paint's colour and the amplitude can hardly be told apart on blank paper: offsets of colour are held near 0.
+
+def weighted(measured: Measured, model: Model, fitted: Measured) -> Measured:
+    """The strokes with weights: the inverse of the variance that pixels of the same steepness and depth of ink have
+    about the model, among the strokes that it was ``fitted`` to.
+
+    A rim that jitters is no better known for the quiet of the paper around it: unweighted, it would drown what happens
+    in the middle of a stroke.
+    """
+    features, squares, valid = _sources_of_error(model, fitted)
+    inside = features[:, valid].astype(np.float64)
+    amounts = nnls(inside @ inside.T, inside @ squares[valid].astype(np.float64))[0]
+    features, _, valid = _sources_of_error(model, measured)
+    variance = np.tensordot(amounts, features, 1)
+    variance = np.maximum(variance, _QUIETEST * float(variance[valid].mean()))
+    weight = valid / variance
+    return replace(measured, weight=(weight / weight[valid].mean()).astype(np.float32))
+
+
+def _sources_of_error(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
+    """Where noise, jitter and texture would show [3, B, H, W]; squared error and which pixels count [B, H, W]."""
+    laid = ink(model, measured)
+    foretold = linear_to_srgb(foretold_linear(laid, measured))
+    squares = np.square(measured.samples.after.numpy() - foretold).mean(-1)
+    down, right = np.gradient(foretold, axis=(1, 2))
+    contrast = np.square(laid.paint - measured.samples.before_linear.numpy()).mean(-1)
+    jitter = np.square(down).mean(-1) + np.square(right).mean(-1)
+    texture = np.square(laid.imprint.coverage) * contrast
+    return np.stack([np.ones_like(jitter), jitter, texture]), squares, measured.samples.valid.numpy() > 0
+
+
+def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
+    """The model whose foretold photographs are nearest to the measured, by weighted mean squared error.
+
+    What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
     """
     loss = _loss(model, measured)
-    hold = _HOLD * loss / _LIKELY_OFFSET**2
-    loss += hold * np.square(model.color_offset).sum()
+    hold = _hold(model, loss)
+    loss += _cost(model.vector, hold)
     damping = 1e-3
     low, high = _bounds(model)
     reach = _longest_steps(model)
@@ -63,9 +138,9 @@ def fit(model: Model, measured: Measured, iterations: int = 30) -> Model:
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
         statistics = linearise(model, measured)
         improved = False
-        for _ in range(5):
+        for _ in range(6):
             candidate = model.at(_step(model, statistics, damping, hold, *near))
-            new = _loss(candidate, measured) + hold * np.square(candidate.color_offset).sum()
+            new = _loss(candidate, measured) + _cost(candidate.vector, hold)
             if new < loss:
                 improved = True
                 break
@@ -78,13 +153,28 @@ def fit(model: Model, measured: Measured, iterations: int = 30) -> Model:
     return model
 
 
-def _step(model: Model, statistics: Statistics, damping: float, hold: float, low: Array, high: Array) -> Array:
+def _hold(model: Model, loss: float) -> Array:
+    """Curvature [P, P] of what holds the base where strokes leave it open."""
+    size = len(model.vector)
+    rows = [np.eye(size)[BASE.index(name)] / likely for name, likely in _LIKELY.items()]
+    half_mm = float(model.base[: len(WIDTHS)].mean())
+    for k in range(1, len(WIDTHS) - 1):
+        bend = np.zeros(size)
+        bend[k - 1 : k + 2] = 1, -2, 1
+        rows.append(bend / (_LIKELY_BEND * half_mm))
+    rows += [np.eye(size)[p] / _LIKELY_COLOR for p in range(len(BASE), model.nuisances)]
+    held = np.stack(rows)
+    return _HOLD * loss * held.T @ held
+
+
+def _cost(away: Array, hold: Array) -> float:
+    return float(away @ hold @ away)
+
+
+def _step(model: Model, statistics: Statistics, damping: float, hold: Array, low: Array, high: Array) -> Array:
     """All numbers after a damped Gauss-Newton step; those that would leave their range stay at its end."""
-    curvature, slope = statistics.curvature.mean(0), statistics.slope.mean(0)
-    held = np.zeros(len(slope))
-    held[len(model.base) : model.nuisances] = hold
-    slope = slope - held * model.vector
-    curvature = curvature + np.diag(held)
+    curvature = statistics.curvature.mean(0) + hold
+    slope = statistics.slope.mean(0) - hold @ model.vector
     diagonal = np.diag(curvature)
     damped = curvature + np.diag(damping * diagonal + _RIDGE * diagonal.max() + 1e-15)
     now, new = model.vector, model.vector
@@ -116,10 +206,10 @@ def _longest_steps(model: Model) -> Array:
     """How far each number may go in one iteration: some act far from linearly."""
     reach = np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
-        reach[i] = _LONGEST.get(name, np.inf)
+        reach[i] = _LONGEST_WIDTH_MM if name in WIDTHS else _LONGEST.get(name, np.inf)
     reach[model.nuisances :] = 1.0  # of what is typical
     return reach
 
 
 def _loss(model: Model, measured: Measured) -> float:
-    return float(mean_squared_error(residual(model, measured), measured).mean())
+    return float(weighted_error(residual(model, measured), measured).mean())

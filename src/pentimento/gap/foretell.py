@@ -1,46 +1,43 @@
 """What a model foretells of measured strokes, and how that changes with each of its numbers.
 
-A model is the thesis's base (half-width = alpha * press + beta, softness c) with nuisances that keep a cause from
-explaining a plain miscalibration: an amplitude, a constant blur, an offset of each paint's colour, a width that levels
-off under press, a mark that begins and ends a little beside its command; and any mechanisms of the vocabulary.
+A model is a base and any mechanisms of the vocabulary. The base is the thesis's (half-width by press, a profile, an
+amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration (GAP.md, rule 2):
+the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of each paint's colour, both
+ends a little beyond their command and wider, and tables of what is left of the mark's own shape (``unevenness``).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
+from pentimento.gap.imprint import LEVELS, Imprint, change_of_coverage, imprint
 from pentimento.gap.measured import Measured
-from pentimento.render import render
-from pentimento.stroke_dynamics.mechanisms.geometry import tangent
+from pentimento.gap.unevenness import Unevenness, unevenness_of
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 Array = NDArray[Any]
 
-_STEP_OF_BASE = {
-    "alpha": 0.02,
-    "saturation_mm": 0.05,
-    "beta_mm": 0.03,
-    "log_softness": 0.05,
-    "amplitude": 0.02,
-    "log_blur_px": 0.05,
-    "start_mm": 0.1,
-    "end_mm": 0.1,
-    "side_mm": 0.05,
-}
-BASE = tuple(_STEP_OF_BASE)
-_BASE_STEP = np.array(list(_STEP_OF_BASE.values()))
+WIDTHS = tuple(f"half_width_{k}_mm" for k in range(6))
+"""Half-width at equal steps from the lightest to the deepest press."""
+SLABS = tuple(f"slab_{level:g}" for level in LEVELS)
+BASE = (
+    *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "ends_widening",
+)  # fmt: skip
 _COLOR_STEP = 0.01
-_MECHANISM_STEP = 0.2  # of a quantity's typical size
-_THINNEST_M = 1e-4
+_MARK_STEP = 1e-4
+_THINNEST_M = 1e-5
+_UNIT_EDGE = 0.05
+"""Softness that stands for the base's edge: so hard that mechanisms that soften it leave the width alone."""
 _ROWS_AT_ONCE = 48
 
 
@@ -48,13 +45,17 @@ _ROWS_AT_ONCE = 48
 class Model:
     """All numbers of a model, in the order in which Jacobians list them: base, colours, mechanisms."""
 
+    press_m: tuple[float, float]
+    """Lightest and deepest press that the base's widths are for."""
     base: Array
     """[len(BASE)]"""
     color_offset: Array
     """[K, 3] linear light, added to each distinct paint."""
     mechanisms: tuple[Mechanism, ...]
+    unevenness: Unevenness | None = None
+    """What the base's profile leaves of the mark's own shape."""
 
-    @property
+    @cached_property
     def vector(self) -> Array:
         """All numbers; a mechanism's in units of what is typical."""
         parts = [self.base, self.color_offset.ravel()]
@@ -72,24 +73,59 @@ class Model:
         mechanisms, at = [], n + k
         for m in self.mechanisms:
             values = vector[at : at + len(m.quantities)] * _typical(m)
-            mechanisms.append(type(m)(torch.tensor(values, dtype=torch.float32), m.reference))
+            mechanisms.append(type(m)(torch.tensor(values, dtype=torch.float64), m.reference))
             at += len(m.quantities)
-        return Model(vector[:n], vector[n : n + k].reshape(-1, 3), tuple(mechanisms))
+        return replace(
+            self, base=vector[:n], color_offset=vector[n : n + k].reshape(-1, 3), mechanisms=tuple(mechanisms)
+        )
 
     def plus(self, *mechanisms: Mechanism) -> Model:
         """With more mechanisms."""
         return replace(self, mechanisms=(*self.mechanisms, *mechanisms))
 
-    def acts_on(self) -> list[set[str]]:
-        """What each number changes: the mark, the paint, the picture."""
-        acts = [{"mark"}] * len(self.base) + [{"paint"}] * self.color_offset.size
-        return acts + [_acts_on(m) for m in self.mechanisms for _ in m.quantities]
+    def without(self, *causes: str) -> Model:
+        """With fewer."""
+        return replace(self, mechanisms=tuple(m for m in self.mechanisms if m.cause not in causes))
 
-    def steps(self) -> Array:
-        """Of numerical derivatives."""
-        quantities = sum(len(m.quantities) for m in self.mechanisms)
-        colors = np.full(self.color_offset.size, _COLOR_STEP)
-        return np.concatenate([_BASE_STEP, colors, np.full(quantities, _MECHANISM_STEP)])
+    def columns_of(self, cause: str) -> Array:
+        """Where a mechanism's quantities stand among all numbers."""
+        at = self.nuisances
+        for m in self.mechanisms:
+            if m.cause == cause:
+                return np.arange(at, at + len(m.quantities))
+            at += len(m.quantities)
+        raise KeyError(cause)
+
+    def mark(self, context: StrokeContext) -> Mark:
+        """What the strokes leave, [B, S, N]; ``softness`` counts the base's edges, in ``_UNIT_EDGE``."""
+        number = dict(zip(BASE, map(float, self.base), strict=True))
+        low, high = self.press_m
+
+        def base(path: Tensor) -> Mark:
+            press = (-path[..., 3] - low) / (high - low)
+            widths = torch.tensor([number[name] for name in WIDTHS], dtype=path.dtype) * 1e-3
+            radius = interpolate(widths, press)
+            along, arc = tangent(path), arc_m(path)
+            points = path[..., 1:3] + number["side_mm"] * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
+            points[..., 0, :] -= number["ends_mm"] * 1e-3 * along[..., 0, :]
+            points[..., -1, :] += number["ends_mm"] * 1e-3 * along[..., -1, :]
+            middle = widths.mean()
+            from_end = torch.minimum(arc, arc[..., -1:] - arc)
+            widened = number["ends_widening"] * torch.exp(-from_end / middle)
+            density = torch.exp(number["density_by_press"] * (press - 0.5))
+            radius = (radius * torch.exp(widened)).clamp(min=_THINNEST_M)
+            edge = _UNIT_EDGE * torch.exp(number["edge_by_press"] * (press - 0.5))
+            return Mark(points, radius, density, edge)
+
+        return extended_mark(base, self.mechanisms, context)
+
+
+def interpolate(values: Tensor, share: Tensor) -> Tensor:
+    """The curve through equally spaced values at shares 0 to 1 of the range; level beyond it."""
+    place = share.clamp(0.0, 1.0) * (len(values) - 1)
+    left = place.floor().clamp(max=len(values) - 2).long()
+    t = place - left
+    return values[left] * (1 - t) + values[left + 1] * t
 
 
 def _acts_on(mechanism: Mechanism) -> set[str]:
@@ -109,78 +145,92 @@ def identity(kind: type[Mechanism], context: StrokeContext) -> Mechanism:
     Raises:
         NotObservable: these strokes cannot show it.
     """
-    return kind(torch.zeros(len(kind.quantities)), kind.reference_of(context))
+    return kind(torch.zeros(len(kind.quantities), dtype=torch.float64), kind.reference_of(context))
 
 
 class Ink(NamedTuple):
     """What a model lays on each window."""
 
-    coverage: Array  # float32[B, H, W]
-    paint: Array  # float32[B, 3] linear light
+    imprint: Imprint
+    paint: Array  # float32[B, 1, 1, 3], or [B, H, W, 3] where paint below is carried along; linear light
     gain: Array  # float32[B, H, W], of the camera on the whole picture
 
 
 def ink(model: Model, measured: Measured) -> Ink:
-    """Coverage after blur, paint and picture after what the mechanisms do to them."""
-    drawn = coverage(model, measured)
-    return Ink(drawn, *paint_and_gain(model, measured, drawn))
+    """Coverage, and paint and picture after what the mechanisms do to them."""
+    number = dict(zip(BASE, map(float, model.base), strict=True))
+    weights = np.array([number[name] for name in SLABS])
+    height, width = measured.samples.valid.shape[1:]
+    made = imprint(mark_px(model, measured), weights, (height, width))
+    if model.unevenness is not None:
+        made = made._replace(
+            coverage=made.coverage + unevenness_of(made, press_shares(model, measured), model.unevenness)
+        )
+    return Ink(made, *paint_and_gain(model, measured, made))
 
 
-def coverage(model: Model, measured: Measured) -> Array:
-    """How much of each pixel the stroke covers, blurred, float32[B, H, W]."""
-    samples = measured.samples
-    alpha, saturation_mm, beta_mm, log_softness, amplitude, log_blur, start_mm, end_mm, side_mm = map(float, model.base)
-    height, width = samples.valid.shape[1:]
-    deepest = float((-samples.path[..., 3]).max().clamp(min=1e-6))
-
-    def base(path: Tensor) -> Mark:
-        press = (-path[..., 3]).clamp(min=0.0)
-        share = press / deepest
-        radius = alpha * press + (beta_mm + 4 * saturation_mm * share * (1 - share)) * 1e-3
-        softness = torch.full_like(press, float(np.exp(log_softness)))
-        along = tangent(path)
-        points = path[..., 1:3] + side_mm * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
-        points[..., 0, :] -= start_mm * 1e-3 * along[..., 0, :]
-        points[..., -1, :] += end_mm * 1e-3 * along[..., -1, :]
-        return Mark(points, radius.clamp(min=_THINNEST_M), torch.full_like(press, amplitude), softness)
-
-    mark = extended_mark(base, model.mechanisms, measured.context)
-    drawn, _ = render(
-        samples.view.to_pixels(mark.points_m).numpy(),
-        (mark.radius_m * samples.pixels_per_m[:, None, None]).numpy(),
-        mark.density.numpy(),
-        mark.softness.numpy(),
-        np.ones((len(measured), 1, 3), np.float32),
-        np.zeros((len(measured), height, width, 3), np.float32),
-    )
-    sigma = float(np.exp(log_blur))
-    return np.stack([cv2.GaussianBlur(np.ascontiguousarray(image[..., 0]), (0, 0), sigma) for image in drawn])
+def press_shares(model: Model, measured: Measured) -> Array:
+    """Press at each point of the paths, 0 the lightest and 1 the deepest that the base is for, float64[B, N]."""
+    low, high = model.press_m
+    return (-measured.samples.path[..., 3].double().numpy() - low) / (high - low)
 
 
-def paint_and_gain(model: Model, measured: Measured, drawn: Array) -> tuple[Array, Array]:
-    """The paint that each stroke lays, float32[B, 3], and the camera's gain on the picture, float32[B, H, W]."""
+def mark_px(model: Model, measured: Measured) -> Array:
+    """float64[B, N, 5]: column, row, half-width, density, edge."""
+    mark, samples = model.mark(measured.context), measured.samples
+    scale = samples.pixels_per_m.double()[:, None, None]
+    points = samples.view.to_pixels(mark.points_m)[:, 0]
+    edge = np.exp(model.base[BASE.index("log_edge_px")]) / _UNIT_EDGE * mark.softness
+    return torch.cat(
+        [points, *(v.transpose(1, 2) for v in (mark.radius_m * scale, mark.density, edge))], dim=-1
+    ).numpy()
+
+
+def paint_and_gain(model: Model, measured: Measured, made: Imprint) -> tuple[Array, Array]:
+    """The paint that each stroke lays, as ``Ink.paint``, and the camera's gain on the picture, float32[B, H, W]."""
     samples, context = measured.samples, measured.context
     color = srgb_to_linear(samples.color.double().numpy()) + model.color_offset[measured.paint]
-    paint, pickup = torch.tensor(color, dtype=torch.float32)[:, None], None
-    picture = torch.ones(*drawn.shape, 1)
+    paint, pickup = torch.tensor(color, dtype=torch.float64)[:, None], None
+    picture = torch.ones(*made.coverage.shape, 1)
     for mechanism in model.mechanisms:
         paint, pickup = mechanism.composite(paint, pickup, context)
         if "picture" in _acts_on(mechanism):
             picture = mechanism.camera(picture, samples.view)
-    laid = paint[:, 0].numpy()
+    laid = paint[:, 0].numpy().astype(np.float32)[:, None, None]
     if pickup is not None:
         below = samples.before_linear.numpy()
-        wet = drawn * measured.painted
-        carried = np.einsum("bhw,bhwc->bc", wet, below) - wet.sum((1, 2))[:, None] * laid
-        laid = laid + pickup.numpy() * carried / np.maximum(drawn.sum((1, 2)), 1e-6)[:, None]
-    return laid, picture[..., 0].numpy()
+        laid = laid + pickup.numpy().astype(np.float32)[..., None, None] * taken_up(made, laid, below, measured.painted)
+    return laid, picture[..., 0].numpy().astype(np.float32)
+
+
+def taken_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
+    """By how much the paint of a tool that takes up all that it crosses differs from its own, float32[B, H, W, 3].
+
+    What is crossed is stirred in on the spot and carried along from there, by the renderer's law (``composition``).
+    """
+    change = np.zeros_like(below)
+    for b in np.flatnonzero((painted * made.coverage).sum((1, 2)) > 0):
+        inked = made.segment[b] >= 0
+        segment, coverage = made.segment[b][inked], np.maximum(made.coverage[b][inked], 0.0)
+        stirred = painted[b][inked][:, None] * (below[b][inked] - paint[b, 0])
+        passed = np.cumsum(np.bincount(segment, coverage))
+        sums = np.stack([np.cumsum(np.bincount(segment, coverage * stirred[:, c])) for c in range(3)], -1)
+        change[b][inked] = stirred + (sums / np.maximum(passed, 1e-6)[:, None])[segment]
+    return change
 
 
 def foretold_linear(laid: Ink, measured: Measured) -> Array:
     """The windows after the strokes, linear light float32[B, H, W, 3]."""
     below = measured.samples.before_linear.numpy()
-    mixed = below + laid.coverage[..., None] * (laid.paint[:, None, None] - below)
+    mixed = below + laid.imprint.coverage[..., None] * (laid.paint - below)
     return np.maximum(mixed * laid.gain[..., None], 0.0)
+
+
+def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
+    """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
+    below = measured.samples.before_linear.numpy()
+    steep = _srgb_slope(foretold_linear(laid, measured))
+    return np.asarray(steep * (laid.paint - below) * laid.gain[..., None])
 
 
 def residual(model: Model, measured: Measured) -> Array:
@@ -195,10 +245,16 @@ def mean_squared_error(residuals: Array, measured: Measured) -> Array:
     return np.square(residuals).sum((1, 2, 3)) / pixels
 
 
+def weighted_error(residuals: Array, measured: Measured) -> Array:
+    """The same with each pixel's weight, [B]: what fits make small."""
+    pixels = measured.samples.valid.numpy().sum((1, 2)) * 3
+    return (np.square(residuals).sum(3) * measured.weight).sum((1, 2)) / pixels
+
+
 class Statistics(NamedTuple):
     """All that tests, held-out gains, bootstraps and designs need of n actions (GAP.md, rule 3).
 
-    Per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
+    Weighted, per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
     """
 
     curvature: Array  # [n, P, P] J^T J
@@ -207,11 +263,7 @@ class Statistics(NamedTuple):
 
 
 def linearise(model: Model, measured: Measured) -> Statistics:
-    """Jacobian of the foretold photographs in all numbers of the model, summed up by action.
-
-    Derivatives are central differences of the renderer at steps of a tenth of a pixel or so: a stroke's rim is a jump,
-    whose motion a pointwise derivative would miss.
-    """
+    """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""
     return Statistics(*(_by_action(values, measured.action) for values in linearise_rows(model, measured)))
 
 
@@ -226,38 +278,87 @@ def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Arra
 
 
 def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels."""
-    centre = ink(model, measured)
-    below = measured.samples.before_linear.numpy()
-    foretold = foretold_linear(centre, measured)
-    valid = measured.samples.valid.numpy()[..., None]
-    steepness = _srgb_slope(foretold) * valid
-    by_coverage = steepness * (centre.paint[:, None, None] - below) * centre.gain[..., None]
-    by_paint = steepness * (centre.coverage * centre.gain)[..., None]
-    by_gain = steepness * foretold / centre.gain[..., None]
-    rest = (measured.samples.after.numpy() - linear_to_srgb(foretold)) * valid
+    """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
 
-    vector, steps = model.vector, model.steps()
-    jacobian = np.empty((len(vector), *rest.shape), np.float32)
-    for p, (step, acts) in enumerate(zip(steps, model.acts_on(), strict=True)):
-        up, down = (model.at(vector + sign * step * (np.arange(len(vector)) == p)) for sign in (1, -1))
-        change = np.zeros_like(rest)
-        if "mark" in acts:
-            change += by_coverage * (coverage(up, measured) - coverage(down, measured))[..., None]
-        if "paint" in acts or "picture" in acts:
-            (paint_up, gain_up), (paint_down, gain_down) = (
-                paint_and_gain(m, measured, centre.coverage) for m in (up, down)
-            )
-            change += by_paint * (paint_up - paint_down)[:, None, None]
-            if "picture" in acts:
-                change += by_gain * (gain_up - gain_down)[..., None]
-        jacobian[p] = change / (2 * step)
-    pixels = valid.sum((1, 2, 3)) * 3
-    flat = jacobian.reshape(len(vector), len(measured), -1).transpose(1, 0, 2)
-    rest = rest.reshape(len(measured), -1)
-    curvature = np.stack([j @ j.T for j in flat]).astype(np.float64) / pixels[:, None, None]
-    slope = np.stack([j @ r for j, r in zip(flat, rest, strict=True)]).astype(np.float64) / pixels[:, None]
-    return curvature, slope, np.square(rest).sum(1).astype(np.float64) / pixels
+    What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
+    coverage; only what changes the paint or the picture needs all three.
+    """
+    laid = ink(model, measured)
+    foretold = foretold_linear(laid, measured)
+    valid = measured.samples.valid.numpy()
+    weight = np.sqrt(measured.weight) * valid
+    steepness = _srgb_slope(foretold) * weight[..., None]
+    by_coverage = slope_by_coverage(laid, measured) * weight[..., None]
+    by_paint = steepness * (laid.imprint.coverage * laid.gain)[..., None]
+    by_gain = steepness * foretold / laid.gain[..., None]
+    rest = (measured.samples.after.numpy() - linear_to_srgb(foretold)) * weight[..., None]
+
+    number, changes = _changes_of_mark(model, measured)
+    drawn = change_of_coverage(laid.imprint, changes)
+    of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
+    of_paint = _changes_of_paint(model, measured, laid.imprint)
+
+    curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
+    slope = np.zeros((len(measured), len(model.vector)))
+    for b in range(len(measured)):
+        inked = laid.imprint.segment[b] >= 0
+        maps = np.concatenate([laid.imprint.by_level[b][inked].T, drawn[:, b][:, inked]])
+        depth = by_coverage[b][inked]
+        curvature[b][np.ix_(of_mark, of_mark)] = (maps * np.square(depth).sum(1)) @ maps.T
+        slope[b][of_mark] = maps @ (depth * rest[b][inked]).sum(1)
+        pictures = {
+            p: by_paint[b] * paint[b] + (0 if gain is None else by_gain[b] * gain[b][..., None])
+            for p, paint, gain in of_paint
+            if gain is not None or paint[b].any()
+        }
+        if not pictures:
+            continue
+        index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
+        cross = maps @ (whole[:, inked] * depth).sum(-1).T
+        flat = whole.reshape(len(index), -1)
+        # A mechanism may act on the mark and on the paint: its two parts add up.
+        curvature[b][np.ix_(of_mark, index)] += cross
+        curvature[b][np.ix_(index, of_mark)] += cross.T
+        curvature[b][np.ix_(index, index)] += flat @ flat.T
+        slope[b][index] += flat @ rest[b].ravel()
+    pixels = valid.sum((1, 2)) * 3
+    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
+    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
+
+
+def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
+    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5]: central differences."""
+    acts = np.array(
+        [name not in SLABS for name in BASE]
+        + [False] * model.color_offset.size
+        + ["mark" in _acts_on(m) for m in model.mechanisms for _ in m.quantities]
+    )
+    number = np.flatnonzero(acts)
+    steps = _MARK_STEP * np.eye(len(acts))
+
+    def moved(step: Array) -> Array:
+        up, down = (mark_px(model.at(model.vector + sign * step), measured) for sign in (1, -1))
+        return np.asarray((up - down) / (2 * _MARK_STEP))
+
+    return number, np.stack([moved(steps[p]) for p in number])
+
+
+def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
+    """Number, and the derivatives by it of the paint (as ``Ink.paint``) and, if it is the camera's, of the gain."""
+    changes: list[tuple[int, Array, Array | None]] = []
+    for p in range(model.color_offset.size):
+        one_hot = np.eye(3, dtype=np.float32)[p % 3] * (measured.paint == p // 3)[:, None]
+        changes.append((len(model.base) + p, one_hot[:, None, None], None))
+    at = model.nuisances
+    for mechanism in model.mechanisms:
+        for _ in mechanism.quantities:
+            if _acts_on(mechanism) & {"paint", "picture"}:
+                step = _COLOR_STEP * (np.arange(len(model.vector)) == at)
+                up, down = (paint_and_gain(model.at(model.vector + sign * step), measured, made) for sign in (1, -1))
+                gain = (up[1] - down[1]) / (2 * _COLOR_STEP) if "picture" in _acts_on(mechanism) else None
+                changes.append((at, (up[0] - down[0]) / (2 * _COLOR_STEP), gain))
+            at += 1
+    return changes
 
 
 def _by_action(values: Array, action: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -33,10 +34,14 @@ class Measured:
     """float64[B] each: every numeric scalar column but identities; NaN where unknown."""
     paint: Array
     """int64[B]: which of the distinct paints."""
+    paints: int
+    """How many distinct paints the whole table has."""
     block: Array
     """int64[B]: which session and load of paint."""
     painted: Array
     """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
+    weight: Array
+    """float32[B, H, W]: of each pixel's error in fits, 1 on average over the windows; 0 in the padding."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -46,11 +51,11 @@ class Measured:
         """int64[B]: rows of one value repeat one command."""
         return self.samples.action.numpy()
 
-    @property
+    @cached_property
     def context(self) -> StrokeContext:
         """The strokes as mechanisms see them, [B, 1, ...]."""
-        columns = {name: torch.tensor(v, dtype=torch.float32)[:, None] for name, v in self.covariates.items()}
-        return StrokeContext(self.samples.path[:, None], columns)
+        columns = {name: torch.tensor(v, dtype=torch.float64)[:, None] for name, v in self.covariates.items()}
+        return StrokeContext(self.samples.path[:, None].double(), columns)
 
     def pick(self, rows: Array) -> Measured:
         """The strokes with these indices."""
@@ -58,7 +63,7 @@ class Measured:
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
             self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
-            block=self.block[rows], painted=self.painted[rows],
+            block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
         )  # fmt: skip
 
 
@@ -77,7 +82,10 @@ def load_measured(table: pa.Table) -> Measured:
     _, block = np.unique(names, return_inverse=True)
     if block.max() + 1 < _FEWEST_BLOCKS:  # a pen that is never dipped: each action by itself
         _, block = np.unique(samples.action.numpy(), return_inverse=True)
-    return Measured(samples, covariates_of(table), paint.reshape(-1), block, _painted(samples.before_linear.numpy()))
+    painted = _painted(samples.before_linear.numpy())
+    weight = samples.valid.numpy().astype(np.float32)
+    paint = paint.reshape(-1)
+    return Measured(samples, covariates_of(table), paint, int(paint.max()) + 1, block, painted, weight)
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pentimento.gap.foretell import Model, linearise_rows
 from pentimento.gap.measured import Measured
+from pentimento.gap.path_covariates import path_covariates
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
@@ -73,7 +74,7 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
     """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
     scores, energy = mode_scores(model, measured)
     columns = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
-    columns |= _path_covariates(measured)
+    columns |= path_covariates(measured)
     names = list(columns)
     if not names:
         return [], np.zeros((len(MODES), 0)), []
@@ -90,14 +91,14 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
     observed = strength(scores)
     largest = np.array([strength(scores[o]).max() for o in order])
     found = []
-    for m, c in zip(*np.where(observed >= np.quantile(largest, 1 - _P)), strict=True):
+    strongest_first = np.argsort(-observed, axis=None)[: int((observed >= np.quantile(largest, 1 - _P)).sum())]
+    for m, c in zip(*np.unravel_index(strongest_first, observed.shape), strict=True):
         p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
         found.append(
             Unexplained(
                 MODES[m], names[c], p, _generic_gain(scores[:, m] * spread[m], energy[:, m], basis[c], model, measured)
             )
         )
-    found.sort(key=lambda u: u.p)
     return found, np.sqrt(observed), names
 
 
@@ -106,24 +107,6 @@ def _generic_gain(amount: Array, energy: Array, basis: Array, model: Model, meas
     fitted = basis @ np.linalg.lstsq(basis * weight[:, None], amount * weight, rcond=None)[0]
     before = linearise_rows(model, measured)[2].mean()
     return float((energy * (amount**2 - (amount - fitted) ** 2)).mean() / before)
-
-
-def _path_covariates(measured: Measured) -> dict[str, Array]:
-    path = measured.samples.path.double().numpy()
-    steps = np.hypot(*np.diff(path[..., 1:3], axis=1).transpose(2, 0, 1))
-    chord = path[:, -1, 1:3] - path[:, 0, 1:3]
-    found = {
-        "length_m": steps.sum(1),
-        "press_m": np.maximum(-path[..., 3], 0).mean(1),
-        "heading_cos": np.cos(np.arctan2(chord[:, 1], chord[:, 0])),
-        "heading_sin": np.sin(np.arctan2(chord[:, 1], chord[:, 0])),
-        "place_x_m": path[..., 1].mean(1),
-        "place_y_m": path[..., 2].mean(1),
-    }
-    duration = path[:, -1, 0] - path[:, 0, 0]
-    if np.isfinite(duration).all() and (duration > 0).all():
-        found["speed_m_s"] = found["length_m"] / duration
-    return {name: values for name, values in found.items() if np.ptp(values) > 1e-6}
 
 
 def _standard(values: Array) -> Array:

@@ -45,15 +45,16 @@ def project(statistics: Statistics, nuisances: Array, candidate: Array) -> Array
     return projected
 
 
-def score_statistic(scores: Array, signs: Array) -> Array:
-    """Cluster-robust chi-squared statistics of signed sums of scores [n, Q] for signs [R, n]: [R]."""
+def score_statistic(scores: Array, signs: Array) -> tuple[Array, int]:
+    """Cluster-robust chi-squared statistics of signed sums of scores [n, Q] for signs [R, n]: [R], and their degrees of
+    freedom.
+    """
     spread = scores.T @ scores
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
     kept = values > 1e-6
     whitened = (signs @ (scores / scale)) @ (vectors[:, kept] / np.sqrt(values[kept]))
-    statistic: Array = np.square(whitened).sum(1)
-    return statistic
+    return np.square(whitened).sum(1), int(kept.sum())
 
 
 def score_tests(
@@ -66,9 +67,9 @@ def score_tests(
     observed = np.empty(len(candidates))
     for c, index in enumerate(candidates.values()):
         scores = project(statistics, nuisances, index)
-        degrees = len(index)
-        observed[c] = -chi2.logsf(score_statistic(scores, np.ones((1, n)))[0], degrees)
-        surprise[c] = -chi2.logsf(score_statistic(scores, signs), degrees)
+        statistic, degrees = score_statistic(scores, np.concatenate([np.ones((1, n)), signs]))
+        surprises = -chi2.logsf(statistic, max(degrees, 1))
+        observed[c], surprise[c] = surprises[0], surprises[1:]
     largest = surprise.max(0)
     return {
         name: (

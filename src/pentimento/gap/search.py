@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model, identity, linearise, mean_squared_error, residual
+from pentimento.gap.foretell import Model, identity, linearise, residual, weighted_error
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, score_tests
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
@@ -21,9 +22,12 @@ _DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
 _WORSE_P = 0.05
 _SHORTLIST = 0.4
-_LEAST_GAIN = 0.002
-_MOST_CAUSES = 6
-_BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.35
+_LEAST_GAIN = 0.003
+"""Of the error."""
+_LEAST_OF_MISFIT = 0.012
+"""Of the error above the floor: in a base that is wrong in many ways, something always looks a little like a cause."""
+_MOST_CAUSES, _MOST_STEPS = 6, 9
+_BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.35
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
 
@@ -51,49 +55,68 @@ class Search:
 
 
 def search(
-    start: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
+    start: Model,
+    measured: Measured,
+    noise_share: float,
+    vocabulary: Sequence[type[Mechanism]],
+    seed: int,
+    log: Callable[[str], None],
 ) -> Search:
-    """Extend the base, fitted from ``start``, by what the strokes speak for."""
+    """Extend the base, fitted from ``start``, by what the strokes speak for.
+
+    ``noise_share`` of the base's error is the noise floor; 0 if that is unknown.
+    """
     base = model = fit(start, measured)
+    least_gain = max(_LEAST_GAIN, _LEAST_OF_MISFIT * (1 - noise_share))
     observable: dict[str, Mechanism] = {}
     unseen: dict[str, str] = {}
-    for kind in vocabulary:
+    kinds: list[type[Mechanism]] = [*vocabulary, UnevenEnds]
+    for kind in kinds:
         try:
             observable[kind.cause] = identity(kind, measured.context)
         except NotObservable as reason:
             unseen[kind.cause] = str(reason)
     steps: list[Step] = []
     gained: dict[Mechanism, float] = {}
-    for number in range(_MOST_CAUSES + 1):
+    dismissed: set[str] = set()
+    """Causes that would have to act with the wrong sign."""
+    while True:
+        number = len(model.mechanisms)
         taken = {m.cause for m in model.mechanisms}
-        candidates = [m for cause, m in observable.items() if cause not in taken]
-        evidence = weigh(model, candidates, measured, seed + number)
+        candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
+        evidence = weigh(model, candidates, measured, seed + len(steps))
         limit = _LATER_P if number else _FIRST_P
         error = float(action_losses(model, measured).mean())
         standing = {
             cause: e
             for cause, e in evidence.items()
-            if e.p_adjusted < limit
-            and e.gain_interval[0] > 0
-            and e.gain > _LEAST_GAIN
-            and e.gain * error > _enough(observable[cause], gained)
+            if e.p_adjusted < limit and e.gain > least_gain and e.gain * error > _enough(observable[cause], gained)
         }
-        if not standing or number == _MOST_CAUSES:
+        if not standing or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
         best = max(e.gain for e in standing.values())
         short = sorted((c for c, e in standing.items() if e.gain > _SHORTLIST * best), key=lambda c: -standing[c].gain)[
             :4
         ]
+        ends = {UnevenEnds.cause} & set(evidence)
+        short += [cause for cause in ends if cause not in short]
         refits = {cause: fit(model.plus(observable[cause]), measured) for cause in short}
+        refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
+        dismissed |= set(short) - set(refits)
+        if not refits:
+            continue
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         chosen = min(losses, key=lambda cause: float(losses[cause].mean()))
+        if ends and not _is_worse(losses[UnevenEnds.cause] - losses[chosen], seed):
+            chosen = UnevenEnds.cause
         rivals = tuple(
-            cause for cause in short if cause != chosen and not _is_worse(losses[cause] - losses[chosen], seed)
+            cause for cause in refits if cause != chosen and not _is_worse(losses[cause] - losses[chosen], seed)
         )
         log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
         steps.append(Step(evidence, chosen, rivals))
-        gained[observable[chosen]] = error - float(losses[chosen].mean())
+        if chosen not in ends:
+            gained[observable[chosen]] = error - float(losses[chosen].mean())
         model = _without_idle(refits[chosen], measured, seed, log)
     return Search(base, model, tuple(steps), unseen)
 
@@ -127,9 +150,14 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
     return evidence
 
 
+def is_physical(mechanism: Mechanism) -> bool:
+    """Whether all of its quantities have signs that they can have."""
+    return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
+
+
 def action_losses(model: Model, measured: Measured) -> Array:
-    """Mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
-    rows = mean_squared_error(residual(model, measured), measured)
+    """Weighted mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
+    rows = weighted_error(residual(model, measured), measured)
     _, group = np.unique(measured.action, return_inverse=True)
     return np.bincount(group, rows) / np.bincount(group)
 
@@ -151,8 +179,7 @@ def _is_worse(differences: Array, seed: int) -> bool:
 def _without_idle(model: Model, measured: Measured, seed: int, log: Callable[[str], None]) -> Model:
     """The model less the mechanisms that it no longer needs, now that it has a new one."""
     for mechanism in model.mechanisms[:-1]:
-        rest = Model(model.base, model.color_offset, tuple(m for m in model.mechanisms if m is not mechanism))
-        refit = fit(rest, measured)
+        refit = fit(model.without(mechanism.cause), measured)
         if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
             log(f"{mechanism.cause} is no longer needed")
             return _without_idle(refit, measured, seed, log)

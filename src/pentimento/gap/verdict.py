@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 from pentimento.gap.diagnose import Diagnosis, Finding
 
 SCHEMA = 1
+NEXT_ACTIONS = "next_actions.parquet"
 _SHOWN = 12
 
 
-def verdict(diagnosis: Diagnosis, rows: int, actions: int) -> dict[str, Any]:
-    """What ``verdict.json`` holds. Errors are of sealed strokes: sRGB in [0, 1] squared, over the whole window."""
+def verdict(
+    diagnosis: Diagnosis, rows: int, actions: int, shifted: float | None = None, notes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """What ``verdict.json`` holds. Errors are of sealed strokes: sRGB in [0, 1] squared, over the whole window.
+
+    What is not known (a floor without repeats, a gap without a floor) is None.
+
+    Args:
+        diagnosis: what was found.
+        rows: how many could be used.
+        actions: how many different ones they are.
+        shifted: share of the gap closed on an outside table.
+        notes: sentences to go with the verdict's own: what was left out of the table.
+    """
     floor, closed = diagnosis.floor, diagnosis.gap_closed
     extended = float(diagnosis.extended_losses.mean())
-    return {
+    made = {
         "schema": SCHEMA,
         "kind": "strokes",
         "rows": rows,
@@ -27,12 +42,14 @@ def verdict(diagnosis: Diagnosis, rows: int, actions: int) -> dict[str, Any]:
         },
         "established": [_entry(finding) for finding in diagnosis.established],
         "suspected": [_entry(finding) for finding in diagnosis.suspected],
-        "gap_closed": {"test": closed and closed[0], "ci": closed and list(closed[1]), "shifted": None},
+        "gap_closed": {"test": closed and closed[0], "ci": closed and list(closed[1]), "shifted": shifted},
         "unexplained": [left._asdict() for left in diagnosis.unexplained[:_SHOWN]],
-        "not_observable": diagnosis.search.not_observable,
         "floor_reached": None if floor is None else floor.interval[0] <= extended <= floor.interval[1],
-        "sentence": sentence(diagnosis),
+        "next_actions": NEXT_ACTIONS,
+        "sentence": " ".join([sentence(diagnosis), *_on_an_outside_table(shifted), *notes]),
     }
+    known: dict[str, Any] = _without_nan(made)
+    return known
 
 
 def _entry(finding: Finding) -> dict[str, Any]:
@@ -51,7 +68,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     base, extended = diagnosis.base_losses.mean(), diagnosis.extended_losses.mean()
     said = [f"On sealed strokes the base model misses by {base:.3g} (mean squared, sRGB)."]
     if diagnosis.established:
-        named = "; ".join(_named(finding) for finding in diagnosis.established)
+        named = "; ".join(_named(finding, diagnosis.floor is not None) for finding in diagnosis.established)
         said.append(f"Established: {named}. With that the error is {extended:.3g}.")
     else:
         said.append("No known cause is established.")
@@ -62,17 +79,44 @@ def sentence(diagnosis: Diagnosis) -> str:
         said.append("No action is repeated often enough, so the noise floor is unknown.")
     else:
         said.append(f"The noise floor, from repeated actions, is {diagnosis.floor.mse:.3g}.")
-        if diagnosis.gap_closed is not None:
+        if diagnosis.gap_closed is not None and diagnosis.established:
             said.append(f"{diagnosis.gap_closed[0]:.0%} of the gap above it is closed.")
     if diagnosis.unexplained:
         mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
         said.append(f"Structured residual: {mode} depends on {covariate}; no known cause explains it.")
     elif diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
-        said.append("What remains above the floor depends on nothing that was recorded.")
+        said.append("Gap above the floor, cause not observable in what was recorded.")
+    said += _not_observable(diagnosis.search.not_observable)
+    rivals = [(finding.cause, rival) for finding in diagnosis.established for rival in finding.rivals]
+    if rivals:
+        pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
+        said.append(f"To tell {pairs}, make the strokes of {NEXT_ACTIONS}.")
     return " ".join(said)
 
 
-def _named(finding: Finding) -> str:
+def _named(finding: Finding, floor_known: bool) -> str:
     numbers = ", ".join(f"{name} {value:.3g} ± {error:.1g}" for name, (value, error) in finding.values.items())
     rivals = f"; rivals {', '.join(finding.rivals)}" if finding.rivals else ""
-    return f"{finding.cause} ({numbers}; removes {finding.gain:.0%} of the gap{rivals})"
+    whole = "gap" if floor_known else "error"
+    return f"{finding.cause} ({numbers}; removes {finding.gain:.0%} of the {whole}{rivals})"
+
+
+def _not_observable(reasons: dict[str, str]) -> list[str]:
+    """A sentence for each reason why causes could not be looked for."""
+    by_reason: dict[str, list[str]] = {}
+    for cause, reason in reasons.items():
+        by_reason.setdefault(reason.rstrip("."), []).append(cause)
+    return [f"Not decided, because {reason}: {', '.join(causes)}." for reason, causes in by_reason.items()]
+
+
+def _on_an_outside_table(shifted: float | None) -> list[str]:
+    return [] if shifted is None else [f"On the outside table {shifted:.0%} of the gap is closed."]
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON knows no NaN and no infinity: unknown."""
+    if isinstance(value, dict):
+        return {name: _without_nan(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

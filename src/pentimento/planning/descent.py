@@ -8,11 +8,12 @@ from torch import Tensor
 
 from pentimento.planning.config import Log, PlannerConfig, Slack
 from pentimento.planning.paints import Paints
-from pentimento.planning.scene import Mishap, Scene, expected_mishap, mishaps, objective_for, render_plan
+from pentimento.planning.scene import Mishap, Scene, expected_mishap, inherit, mishaps, objective_for, render_plan
 from pentimento.planning.strokes import StrokeTensors
 
-_BETAS = (0.9, 0.99)
-"""Adam's memory: runs are tens of iterations long; with the usual .999 the start of each run rules all of it."""
+_BETAS = (0.85, 0.97)
+"""Adam's memory: runs are a few to tens of iterations long; with the usual .999 the start of each run rules all of
+it."""
 
 
 def optimise(
@@ -46,6 +47,7 @@ def optimise(
     if free_color:
         groups.append((strokes.color if paints is None else paints.linear, rates.color))
     objective = objective_for(scene, config)
+    strokes.inherited = inherit(strokes, scene, config.path_points)
     for tensor, _ in groups:
         tensor.requires_grad_(True)
     optimiser = torch.optim.Adam(

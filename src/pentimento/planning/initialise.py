@@ -6,17 +6,19 @@ several candidates at its place, each rendered: gradients move a stroke, they ne
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from pentimento.contracts.colour import srgb_to_linear
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.saliency import saliency
-from pentimento.planning.scene import ErrorMap, Scene, render_fixed
+from pentimento.planning.scene import Scene, inherit, marks_px
 from pentimento.planning.strokes import StrokeTensors
+from pentimento.render.strokewise import fall_with
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
@@ -56,7 +58,7 @@ def guided_strokes(
         paints: [K, 3], linear light: the only colours to take, or None for any.
 
     Returns:
-        The strokes, and by how much each of them lowers the error, summed over its surroundings [pixels].
+        The strokes, and by how much each of them alone lowers the error, summed over pixels.
     """
     tool, target, image = scene.tool, scene.target.double().numpy(), canvas.double().numpy()
     k = scene.pixels_per_m
@@ -71,24 +73,30 @@ def guided_strokes(
     rows, columns = _places(wanted, count, np.sqrt(length * k * wide_px) / 2, rng)
     middle = np.stack([(columns + 0.5) / k, scene.canvas_size_m[1] - (rows + 0.5) / k], axis=1)
     along = _edge_heading(np.sqrt(target), wide_px)[rows, columns]
-    errors = ErrorMap(scene.target, config.distances_px)
-    before, cell = errors(canvas.numpy()), _nearest(rows, columns, wanted.shape)
-    candidates, gains = [], []
-    for number in range(config.candidates):
-        candidate = _candidate(number, middle, along, length, press, tool, rng)
-        candidate.keep_within(tool, scene.canvas_size_m, config.edge_m)
-        candidate.color = torch.tensor(_tone_along(candidate, tone, scene, paints), dtype=torch.float32)
-        after = errors(render_fixed(candidate, canvas, scene, config.path_points))
-        candidates.append(candidate)
-        gains.append(np.bincount(cell.ravel(), (before - after).ravel(), minlength=count))
+    candidates = _candidates(config.candidates, middle, along, length, press, tool, rng)
+    candidates.keep_within(tool, scene.canvas_size_m, config.edge_m)
+    candidates.color = torch.tensor(_tone_along(candidates, tone, scene, paints), dtype=torch.float32)
+    # All candidates for one place would stand at the same place of the plan.
+    inherits = inherit(candidates.pick(slice(0, count)), scene, config.path_points)
+    if inherits is not None:
+        candidates.inherited = {name: values.repeat(config.candidates) for name, values in inherits.items()}
+    gains = fall_with(*stroke_arrays(candidates, canvas, scene, config)).reshape(config.candidates, count)
     best = np.argmax(gains, axis=0)
-    everyone = zip(*(candidate.tensors() for candidate in candidates), strict=True)
-    chosen = (torch.stack(values)[torch.from_numpy(best), torch.arange(count)] for values in everyone)
-    return StrokeTensors(*chosen), np.max(gains, axis=0)
+    chosen = candidates.pick(torch.from_numpy(best * count + np.arange(count)))
+    chosen.inherited = None  # they stand elsewhere when they are added
+    return chosen, np.max(gains, axis=0)
 
 
-def _candidate(
-    number: int,
+def stroke_arrays(strokes: StrokeTensors, canvas: torch.Tensor, scene: Scene, config: PlannerConfig) -> tuple[Any, ...]:
+    """The arguments of ``render.strokewise``'s functions: marks, colours, canvas, target and viewing distances."""
+    with torch.no_grad():
+        points, radius, mark = marks_px(strokes, scene, config.path_points)
+    tensors = (points, radius, mark.density, mark.softness, strokes.color, canvas, scene.target)
+    return *(tensor.detach().contiguous().numpy() for tensor in tensors), config.distances_px
+
+
+def _candidates(
+    tries: int,
     middle: FloatArray,
     along: FloatArray,
     length: float,
@@ -96,19 +104,20 @@ def _candidate(
     tool: Tool,
     rng: np.random.Generator,
 ) -> StrokeTensors:
-    """One stroke at each place: of three, two along the edge there; of two, one pressed as hard as chance has it.
+    """``tries`` times one stroke at each place: of three, two along the edge there; of two, one pressed as hard as
+    chance has it.
 
     The latter reaches what is beside a path's own range, such as the canvas's rim.
     """
-    count = len(along)
-    heading = rng.uniform(-np.pi, np.pi, count) if number % 3 == 2 else along + rng.normal(0, 0.15, count)
-    lengths = np.clip(length * np.exp(rng.normal(-0.1, _SPREAD, count)), *tool.stroke_length_m)
-    if number % 2 == 1:
-        presses = rng.uniform(*tool.press_range_m, count)
-    else:
-        presses = np.clip(press * np.exp(rng.normal(-0.1, _SPREAD, count)), *tool.press_range_m)
-    beside = rng.normal(0, 0.15 * length if number else 0.0, (count, 2))
-    return _strokes(middle + beside, heading, lengths, presses, np.zeros((count, 3)))
+    shape = (tries, len(along))
+    number = np.arange(tries)[:, None]
+    heading = np.where(number % 3 == 2, rng.uniform(-np.pi, np.pi, shape), along + rng.normal(0, 0.15, shape))
+    lengths = np.clip(length * np.exp(rng.normal(-0.1, _SPREAD, shape)), *tool.stroke_length_m)
+    fitting = np.clip(press * np.exp(rng.normal(-0.1, _SPREAD, shape)), *tool.press_range_m)
+    presses = np.where(number % 2 == 1, rng.uniform(*tool.press_range_m, shape), fitting)
+    beside = 0.15 * length * (number > 0)[..., None] * rng.normal(0, 1, (*shape, 2))
+    flat = (heading.ravel(), lengths.ravel(), presses.ravel())
+    return _strokes((middle + beside).reshape(-1, 2), *flat, np.zeros((heading.size, 3)))
 
 
 def _tone_along(strokes: StrokeTensors, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
@@ -131,32 +140,29 @@ def _own_ink(tool: Tool) -> FloatArray:
     return srgb_to_linear(np.array(tool.color_srgb, dtype=np.float64))
 
 
-def _nearest(rows: IntArray, columns: IntArray, shape: tuple[int, ...]) -> IntArray:
-    """[H, W] which of the places is nearest; of places on one pixel, the last."""
-    number = np.zeros(shape, np.int64)
-    number[rows, columns] = np.arange(len(rows))
-    free = np.ones(shape, bool)
-    free[rows, columns] = False
-    near = distance_transform_edt(free, return_distances=False, return_indices=True)
-    return np.asarray(number[near[0], near[1]])
-
-
 def _places(error: FloatArray, count: int, apart_px: float, rng: np.random.Generator) -> tuple[IntArray, IntArray]:
     """Rows and columns drawn in proportion to the error, each place taken lowering the error around it."""
     left = error + 1e-4 * error.mean() + 1e-12
-    width = error.shape[1]
     reach = int(3 * apart_px) + 1
     offsets = np.arange(-reach, reach + 1)
     dent = 1 - 0.9 * np.exp(-(offsets[:, None] ** 2 + offsets**2) / (2 * apart_px**2))
     rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
+    of_rows = left.sum(1)
     for i in range(count):
-        total = np.cumsum(left)
-        at = min(int(np.searchsorted(total, rng.uniform(0, total[-1]))), left.size - 1)
-        r, c = rows[i], columns[i] = divmod(at, width)
+        r = _drawn(of_rows, rng)
+        c = _drawn(left[r], rng)
+        rows[i], columns[i] = r, c
         top, side = max(r - reach, 0), max(c - reach, 0)
         near = left[top : r + reach + 1, side : c + reach + 1]
         near *= dent[top - r + reach :, side - c + reach :][: near.shape[0], : near.shape[1]]
+        of_rows[top : r + reach + 1] = left[top : r + reach + 1].sum(1)
     return rows, columns
+
+
+def _drawn(weights: FloatArray, rng: np.random.Generator) -> int:
+    """An index, drawn in proportion to the weights."""
+    total = np.cumsum(weights)
+    return min(int(np.searchsorted(total, rng.uniform(0, total[-1]))), len(weights) - 1)
 
 
 def _edge_heading(tone: FloatArray, scale_px: float) -> FloatArray:

@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from pentimento.render.coverage import compiled
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -41,13 +44,17 @@ def sweep_order(covers: FloatArray, colors_srgb: FloatArray, paint: IntArray, sw
 def overlaps(covers: FloatArray, colors_srgb: FloatArray) -> FloatArray:
     """[S, S] how much it would show if stroke i lay over the later stroke j: seen overlap times colour difference²."""
     difference = np.square(colors_srgb[:, None] - colors_srgb).sum(-1)
-    return np.triu(covers @ visible(covers).T * difference, k=1)
+    seen_over = csr_array(covers) @ csr_array(visible(covers)).T  # few strokes cover a pixel
+    return np.triu(seen_over.toarray() * difference, k=1)
 
 
 def visible(covers: FloatArray) -> FloatArray:
     """[S, P] the share of each pixel's light that is each stroke's, under those that lie over it."""
     shown = covers.copy()
-    shown[:-1] *= np.cumprod((1 - covers)[::-1], axis=0)[::-1][1:]
+    left = np.ones_like(covers[0])
+    for s in range(len(covers) - 1, -1, -1):
+        shown[s] *= left
+        left *= 1 - covers[s]
     return shown
 
 
@@ -56,11 +63,12 @@ def paint_changes(paint: IntArray) -> int:
     return int(np.count_nonzero(np.diff(paint)))
 
 
+@compiled
 def _sweeps(shows: FloatArray, paint: IntArray, given_up: float) -> IntArray:
     """[S] the sweep of each stroke, where overlaps up to ``given_up`` do not count."""
     sweep = np.zeros(len(paint), np.int64)
-    for j in range(1, len(paint)):
-        below = np.flatnonzero(shows[:j, j] > given_up)
-        if len(below) > 0:
-            sweep[j] = (sweep[below] + (paint[below] > paint[j])).max()
+    for i in range(len(paint)):
+        for j in range(i + 1, len(paint)):
+            if shows[i, j] > given_up:
+                sweep[j] = max(sweep[j], sweep[i] + (1 if paint[i] > paint[j] else 0))
     return sweep

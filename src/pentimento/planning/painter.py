@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.colour import srgb_to_linear, to_float
-from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.covariates import Memory, fresh_memory
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.config import Log, PlannerConfig
@@ -52,7 +52,8 @@ def paint(
 ) -> Painting:
     """Execute a plan in batches of ``batch`` strokes with a photograph after each.
 
-    With ``replan``, the remaining strokes are optimised on each photograph; without, the plan stays as it is.
+    With ``replan``, the remaining strokes are optimised on each photograph; without, the plan stays as it is. A scene
+    whose model is extended by causes with memory goes on from what tool and canvas have been through.
     ``log("deviation", value, strokes made)`` is called after each batch.
     """
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
@@ -60,6 +61,7 @@ def paint(
     memory = fresh_memory(robot.canvas_size_m, scene.tool.nominal_width_m)
     photos = [observe(robot, calibration, config.pixels_per_m)]
     left = strokes.pick(slice(None))
+    left.inherited = None
     first = foretell(left, photos[0], scene, config)
     executed: list[PlannedStroke] = []
     deviation = [0.0]
@@ -67,17 +69,27 @@ def paint(
         now = to_planned(left.pick(slice(0, batch)), scene.tool, config.path_points)
         memory, _ = execute(robot, scene.tool, now, palette_srgb, memory, session)
         executed += now
+        scene = _going_on(scene, memory, robot.clock_s - session.started_s, len(executed))
         left = left.pick(slice(batch, None))
+        left.inherited = None  # what was foreseen has happened, or something else
         photos.append(observe(robot, calibration, config.pixels_per_m))
         if replan and len(left) > 0:
             optimise(
                 left, as_linear(photos[-1]), scene, config, config.iterations_replan, False, config.replan_rate,
                 _unheard, 0,
             )  # fmt: skip
+            left.inherited = None
         foretold = foretell(left, photos[-1], scene, config)
         deviation.append(float((foretold - first).square().mean()))
         log("deviation", deviation[-1], len(executed))
     return Painting(executed, photos, deviation, _as_image(first))
+
+
+def _going_on(scene: Scene, memory: Memory, clock_s: float, made: int) -> Scene:
+    """The scene for the strokes that are left."""
+    if scene.extension is None:
+        return scene
+    return replace(scene, extension=replace(scene.extension, memory=memory, clock_s=clock_s, made=made))
 
 
 def observe(robot: Robot, calibration: CameraCalibration, pixels_per_m: float) -> Image:

@@ -82,7 +82,9 @@ def in_order(
     covers = coverages(strokes, scene, config.path_points, _COVER_PX)
     order = torch.from_numpy(sweep_order(covers, light[index], index, config.sweeps))
     light_linear = srgb_to_linear(torch.tensor(light, dtype=torch.float32))
-    return strokes.pick(order), Paints(light_linear, torch.from_numpy(index)[order])
+    ordered = strokes.pick(order)
+    ordered.inherited = None  # it was another order in which they inherited it
+    return ordered, Paints(light_linear, torch.from_numpy(index)[order])
 
 
 def repaint(

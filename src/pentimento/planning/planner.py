@@ -26,7 +26,7 @@ _ROUND_END = 0.3
 """Share of the learning rates that is left at a round's end: the next round goes on from there."""
 _COARSE = 0.5
 """Of the iterations with free colours, the first, at half the resolution: strokes are still far from their places."""
-_SETTLE = 0.25
+_SETTLE = 0.15
 """Of the iterations, the last, in which no stroke is relocated and no paint exchanged: they finish what is there."""
 _PAINT_RATE = 0.5
 """Share of the learning rates with which strokes adapt to paints."""

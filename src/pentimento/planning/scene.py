@@ -12,7 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.contracts.covariates import fresh_memory
 from pentimento.planning.config import PlannerConfig, Slack
+from pentimento.planning.memory import Extension, context_of, inherited
 from pentimento.planning.objectives.settings import (
     ObjectivesConfig,
     build_objective,
@@ -23,6 +25,8 @@ from pentimento.planning.objectives.weighted import Objective
 from pentimento.planning.strokes import StrokeTensors
 from pentimento.robots.tools import Tool
 from pentimento.stroke_dynamics.autograd import render_strokes
+from pentimento.stroke_dynamics.extended import StrokeModel, picks_up
+from pentimento.stroke_dynamics.simulation import Mechanism, View, extended_mark, full_at_most, simulate
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 FloatArray = NDArray[np.float64]
@@ -39,11 +43,30 @@ class Scene:
     canvas_size_m: tuple[float, float]
     target: Tensor
     """[H, W, 3], linear light, of the whole canvas."""
+    extension: Extension | None = None
+    """What the stroke model alone gets wrong, and the state of tool and canvas when the plan begins."""
 
     @property
     def pixels_per_m(self) -> float:
         """Of the target."""
         return self.target.shape[1] / self.canvas_size_m[0]
+
+    @property
+    def view(self) -> View:
+        """The whole canvas."""
+        return View(torch.tensor([[0.0, self.canvas_size_m[1]]]), torch.tensor([self.pixels_per_m]))
+
+    @property
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        """What extends the stroke model."""
+        return () if self.extension is None else self.extension.model.mechanisms
+
+
+def scene_with(model: StrokeModel, tool: Tool, canvas_size_m: tuple[float, float], target: Tensor) -> Scene:
+    """A blank canvas at a session's start, seen through a stroke model with what extends it."""
+    memory = fresh_memory(canvas_size_m, tool.nominal_width_m)
+    extension = Extension(model, memory, clock_s=0.0, made=0) if model.mechanisms else None
+    return Scene(tool, model.mark(), canvas_size_m, target, extension)
 
 
 def coarser(
@@ -65,11 +88,16 @@ def coarser(
 
 def marks_px(strokes: StrokeTensors, scene: Scene, path_points: int) -> tuple[Tensor, Tensor, Mark]:
     """Points [S, N, 2] (column, row) and radii [S, N] in the target's pixels, and the marks as the model gives them."""
-    mark = scene.mark(strokes.paths(path_points))
-    k = scene.pixels_per_m
-    x = mark.points_m[..., 0] * k - 0.5
-    y = (scene.canvas_size_m[1] - mark.points_m[..., 1]) * k - 0.5
-    return torch.stack([x, y], dim=-1), mark.radius_m * k, mark
+    context = context_of(strokes, scene.tool, scene.extension, path_points)
+    mark = Mark(*(values[0] for values in full_at_most(extended_mark(scene.mark, scene.mechanisms, context))))
+    return scene.view.to_pixels(mark.points_m[None])[0], mark.radius_m * scene.pixels_per_m, mark
+
+
+def inherit(strokes: StrokeTensors, scene: Scene, path_points: int) -> dict[str, Tensor] | None:
+    """What the strokes, in their order, inherit where the scene begins, to be kept while they move a little."""
+    if scene.extension is None:
+        return None
+    return inherited(strokes, scene.tool, scene.extension, path_points, scene.extension.model.fitted)
 
 
 class Mishap(NamedTuple):
@@ -100,13 +128,26 @@ def render_plan(
     """What the canvas [H, W, 3] (linear light) will look like after the strokes; differentiable."""
     if len(strokes) == 0:
         return canvas
-    points, radius, mark = marks_px(strokes, scene, path_points)
-    if mishap is not None:
-        points = points + mishap.shift_m * torch.tensor([1.0, -1.0]) * scene.pixels_per_m
-        radius = radius * mishap.narrowing
-    return render_strokes(
-        points[None], radius[None], mark.density[None], mark.softness[None], strokes.color[None], canvas[None]
-    )[0]
+    context, color = context_of(strokes, scene.tool, scene.extension, path_points), strokes.color[None]
+
+    def mark(path: Tensor) -> Mark:
+        meant = scene.mark(path)
+        if mishap is None:
+            return meant
+        return meant._replace(points_m=meant.points_m + mishap.shift_m, radius_m=meant.radius_m * mishap.narrowing)
+
+    if picks_up(scene.mechanisms, color.detach(), context):
+        canvas = torch.cat([canvas, _wetness(scene)[..., None]], dim=-1)
+    return simulate(mark, scene.mechanisms, context, color, canvas[None], scene.view)[0]
+
+
+def _wetness(scene: Scene) -> Tensor:
+    """[H, W], 0 to 1: where there is paint when the plan begins, from the canvas as it is remembered."""
+    height, width = scene.target.shape[:2]
+    if scene.extension is None:
+        return torch.zeros(height, width)
+    ink = scene.extension.memory.ink.astype(np.float32)
+    return torch.from_numpy(cv2.resize(ink, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
 def render_fixed(strokes: StrokeTensors, canvas: Tensor, scene: Scene, path_points: int) -> FloatImage:

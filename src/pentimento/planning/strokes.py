@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -26,6 +27,8 @@ class StrokeTensors:
     bend_m: Tensor  # [S]
     press_m: Tensor  # [S, 3] at start, middle, end
     color: Tensor  # [S, 3] linear light
+    inherited: Mapping[str, Tensor] | None = field(default=None, kw_only=True)
+    """[S] each: what the strokes inherit where they stand in a plan (``planning.memory``); None: to be worked out."""
 
     def __len__(self) -> int:
         return len(self.theta_rad)
@@ -35,8 +38,9 @@ class StrokeTensors:
         return (self.middle_m, self.theta_rad, self.length_m, self.bend_m, self.press_m, self.color)
 
     def pick(self, index: Tensor | slice) -> StrokeTensors:
-        """A copy of some strokes, in the order of ``index``, detached from any graph."""
-        return StrokeTensors(*(t.detach()[index].clone() for t in self.tensors()))
+        """A copy of some strokes, in the order of ``index``, detached from any graph. They keep what they inherit."""
+        kept = None if self.inherited is None else {name: values[index] for name, values in self.inherited.items()}
+        return StrokeTensors(*(t.detach()[index].clone() for t in self.tensors()), inherited=kept)
 
     def joined(self, others: StrokeTensors) -> StrokeTensors:
         """These strokes, then the others; detached copies."""
@@ -49,7 +53,7 @@ class StrokeTensors:
         return replace(self, color=color)
 
     def paths(self, points: int) -> Tensor:
-        """Commanded paths [S, N, 5], differentiable; times and yaw are 0, no stroke model in use reads them."""
+        """Commanded paths [S, N, 5], differentiable; times and yaw are 0: see ``planning.memory.commanded``."""
         x, y = self._places(points)
         z = -self.press_m @ _bases(points)[2].T
         zero = torch.zeros_like(x)

@@ -82,6 +82,12 @@ def backward_band(
         describe_segments(points[s], radius[s], density[s], softness[s], segments)
         sums[:] = 0
         for block in range(first, end, LANES):
+            if block + LANES <= end and _of_one_segment(segment, block):
+                fields, of_segment = segments[np.uintp(segment[block])], sums[np.uintp(segment[block])]
+                _repeat(fields, top, column, row, coverage, g_coverage, block, block - first, scratch)
+                _pull(scratch)
+                _add_all(scratch, of_segment)
+                continue
             _gather(segments, top, column, row, segment, coverage, g_coverage, block, block - first, scratch)
             _pull(scratch)
             _add(segment, block, min(block + LANES, end), scratch, sums)
@@ -111,6 +117,51 @@ def _gather(
             scratch[m * LANES + i] = fields[m]
         scratch[SEGMENT_FIELDS * LANES + i] = coverage[f]
         scratch[(SEGMENT_FIELDS + 1) * LANES + i] = g_coverage[np.uintp(at + i)]
+
+
+@inlined
+def _of_one_segment(segment: Array, first: int) -> bool:
+    """Whether LANES fragments are, as they mostly are where paths have few points: then all goes by whole vectors."""
+    same = True
+    for i in range(1, LANES):
+        same &= segment[np.uintp(first + i)] == segment[np.uintp(first)]
+    return same
+
+
+@inlined
+def _repeat(
+    fields: Array,
+    top: int,
+    column: Array,
+    row: Array,
+    coverage: Array,
+    g_coverage: Array,
+    first: int,
+    at: int,
+    scratch: Array,
+) -> None:
+    """``_gather`` for fragments of one segment."""
+    x, y = fields[0], fields[1] - scratch.dtype.type(top)
+    for i in range(LANES):
+        f = np.uintp(first + i)
+        scratch[i] = scratch.dtype.type(column[f]) - x
+        scratch[LANES + i] = scratch.dtype.type(row[f]) - y
+        scratch[SEGMENT_FIELDS * LANES + i] = coverage[f]
+        scratch[(SEGMENT_FIELDS + 1) * LANES + i] = g_coverage[np.uintp(at + i)]
+    for m in range(2, SEGMENT_FIELDS):
+        field = fields[m]
+        for i in range(LANES):
+            scratch[m * LANES + i] = field
+
+
+@inlined
+def _add_all(scratch: Array, of_segment: Array) -> None:
+    """``_add`` for LANES fragments of one segment."""
+    for m in range(_PULLS):
+        total = scratch.dtype.type(0.0)
+        for i in range(LANES):
+            total += scratch[np.uintp((_READ + m) * LANES + i)]
+        of_segment[m] += total
 
 
 @inlined

@@ -4,12 +4,14 @@ Without pickup, each fragment covers what is below it, in linear light:
 
     image ← below + a (colour − below)
 
-With pickup κ the tool carries along what it has passed over so far, as far as that was wet. After the path's segment k
+With pickup κ the tool stirs wet paint in where it crosses it, and carries it along from there. At a fragment g of the
+path's segment k
 
-    colour_k = colour + κ Σ_f a_f w_f (below_f − colour) / Σ_f a_f      over the fragments f of segments 0 … k
+    colour_g = colour + κ w_g (below_g − colour) + κ Σ_f a_f w_f (below_f − colour) / Σ_f a_f,
 
-where a_f is a fragment's coverage and w_f how wet the canvas was there, 0 to 1. Wetness is the canvas's fourth channel:
-strokes cover it like a colour whose value is 1, so what has just been painted is wet for the next stroke.
+the sums over the fragments f of segments 0 … k, a_f a fragment's coverage and w_f how wet the canvas was there, 0 to 1.
+Wetness is the canvas's fourth channel: strokes cover it like a colour whose value is 1, so what has just been painted
+is wet for the next stroke.
 """
 
 from __future__ import annotations
@@ -109,9 +111,9 @@ def compose_carrying(
     carried_colors(color, segment, coverage, below, first, end, carried)
     for f in range(first, end):
         pixel, under, a, sums = image[row[f], column[f]], below[f], coverage[f], carried[segment[f]]
-        share = pickup / max(sums[3], least)
+        share, stirred = pickup / max(sums[3], least), pickup * under[3]
         for i in range(3):
-            pixel[i] = under[i] + a * (color[i] + share * sums[i] - under[i])
+            pixel[i] = under[i] + a * ((one - stirred) * (color[i] - under[i]) + share * sums[i])
         pixel[3] = under[3] + a * (one - under[3])
 
 
@@ -139,17 +141,20 @@ def compose_carrying_backward(
     zero, one, least = coverage.dtype.type(0.0), coverage.dtype.type(1.0), coverage.dtype.type(_LEAST_COVERAGE)
     carried_colors(color, segment, coverage, below, first, end, carried)
     g_carried[:] = 0  # first ∂loss/∂colour_k in 0:3, then ∂loss/∂sums
+    g_pickup = zero
     for f in range(first, end):
         pixel, under, a, k = g_image[row[f], column[f]], below[f], coverage[f], segment[f]
-        share = pickup / max(carried[k, 3], least)
-        g_a = pixel[3] * (one - under[3])
+        share, stirred = pickup / max(carried[k, 3], least), pickup * under[3]
+        g_a, stirring = pixel[3] * (one - under[3]), zero
         for i in range(3):
-            g_a += pixel[i] * (color[i] + share * carried[k, i] - under[i])
+            g_a += pixel[i] * ((one - stirred) * (color[i] - under[i]) + share * carried[k, i])
+            stirring += a * pixel[i] * (under[i] - color[i])
             g_carried[k, i] += pixel[i] * a
-        for i in range(4):
-            pixel[i] *= one - a
+            g_color[i] -= a * stirred * pixel[i]  # of what follows below
+            pixel[i] *= one - a * (one - stirred)
+        g_pickup += stirring * under[3]
+        pixel[3] = pixel[3] * (one - a) + stirring * pickup
         g_coverage[f - first] = g_a
-    g_pickup = zero
     for k in range(carried.shape[0] - 1, -1, -1):
         inverse = one / max(carried[k, 3], least)
         for i in range(3):

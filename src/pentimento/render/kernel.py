@@ -217,7 +217,7 @@ def _check_inputs(
 def _check_memory(reach: list[Array], canvas: Array) -> None:
     """Refuse what would make the system kill the process."""
     height, width, channels = canvas.shape[1:]
-    per_fragment = 3 * 4 + (1 + channels) * canvas.itemsize
+    per_fragment = 3 * 2 + (1 + channels) * canvas.itemsize
     needed = sum(expected_fragments(painting, 0, height, width) for painting in reach) * per_fragment
     if needed < _ASK_ABOUT_BYTES or needed < (free := _free_bytes()):
         return

@@ -45,7 +45,8 @@ def squared_error(image: Array, target_srgb: Array, distance: int, gradient: Arr
             f"An image of {image.shape} shows {light.shape} from {distance} px, but the target shows "
             f"{target_srgb.shape}: give both the same size."
         )
-    total, slope = _compare(np.ascontiguousarray(light).reshape(-1), target_srgb.reshape(-1))
+    slope = np.empty(light.size, light.dtype)
+    total = _compare(np.ascontiguousarray(light).reshape(-1), target_srgb.reshape(-1), slope)
     slope = (slope * image.dtype.type(weight / slope.size)).reshape(light.shape)
     if distance == 1:
         gradient += slope
@@ -67,23 +68,33 @@ def _srgb(light: Array) -> Array:
 
 
 @compiled
-def _compare(light: Array, target: Array) -> tuple[float, Array]:
-    """Sum of squared differences in sRGB, and its derivative in the light, both over flat arrays."""
+def _compare(light: Array, target: Array, slope: Array) -> float:
+    """Sum of squared differences in sRGB; its derivative in the light goes to ``slope``; all are flat arrays.
+
+    The loop runs over ``scratch``, light, target and slope of one chunk side by side: over the arrays themselves it
+    would be compiled twice, with sums in another order for arrays that seem to overlap, as neighbours in memory do.
+    """
     knee, low, high = light.dtype.type(_KNEE), light.dtype.type(12.92), light.dtype.type(1.055)
     offset, power, two = light.dtype.type(0.055), light.dtype.type(1 / 2.4), light.dtype.type(2.0)
-    slope = np.empty_like(light)
+    scratch = np.zeros(3 * _CHUNK, light.dtype)
     total = 0.0
     for start in range(0, light.size, _CHUNK):
+        size = min(_CHUNK, light.size - start)
+        scratch[:size] = light[start : start + size]
+        scratch[_CHUNK : _CHUNK + size] = target[start : start + size]
+        scratch[size:_CHUNK] = 0  # black that should be black: no difference
+        scratch[_CHUNK + size : 2 * _CHUNK] = 0
         part = light.dtype.type(0.0)  # single precision within a chunk, double over all
-        for i in range(start, min(start + _CHUNK, light.size)):
-            v = light[i]
+        for i in range(_CHUNK):
+            v = scratch[i]
             bounded = max(v, knee)
             lifted = high * exp2(power * log2(bounded))
-            difference = (lifted - offset if v > knee else low * v) - target[i]
+            difference = (lifted - offset if v > knee else low * v) - scratch[_CHUNK + i]
             part += difference * difference
-            slope[i] = two * difference * (lifted * power / bounded if v > knee else low)
+            scratch[2 * _CHUNK + i] = two * difference * (lifted * power / bounded if v > knee else low)
         total += part
-    return total, slope
+        slope[start : start + size] = scratch[2 * _CHUNK : 2 * _CHUNK + size]
+    return total
 
 
 @compiled

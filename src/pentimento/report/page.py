@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 
 from pentimento.report.benchmarks import BenchmarkInputs, benchmark_section
+from pentimento.report.diagnoses import DiagnosisInputs, diagnoses_section
 from pentimento.report.html import Album, row
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs
 from pentimento.report.painting_words import summary
@@ -36,10 +37,11 @@ def build_report(
     tools: Sequence[ToolInputs],
     benchmarks: BenchmarkInputs,
     config: ReportConfig,
+    diagnoses: Sequence[DiagnosisInputs] = (),
 ) -> dict[str, bytes]:
     """The report's files by name: `index.html`, which holds every picture, and the pictures beside it.
 
-    The first painting opens the page. Equal inputs give equal bytes.
+    The first painting opens the page. Equal inputs give equal bytes. Without diagnoses their section is left out.
     """
     album = Album()
     body = f"""<header>
@@ -48,7 +50,7 @@ def build_report(
 {hero(paintings[0], config.frame_ms, album)}
 {row([summary(painting) for painting in paintings])}
 </header>
-<nav aria-label="Sections"><ul>{_links(paintings, tools)}</ul></nav>
+<nav aria-label="Sections"><ul>{_links(paintings, tools, diagnoses)}</ul></nav>
 <main>
 {"".join(painting_section(painting, config.frame_ms, album) for painting in paintings)}
 <section id="tools">
@@ -56,6 +58,7 @@ def build_report(
 {_text("tools.html")}
 </section>
 {"".join(tool_section(tool, config.strokes.shown, album) for tool in tools)}
+{diagnoses_section(diagnoses, album) if diagnoses else ""}
 {benchmark_section(benchmarks, album)}
 {_text("closing.html")}
 </main>"""
@@ -77,9 +80,12 @@ def build_report(
     return album.files | {"index.html": page.encode("utf-8")}
 
 
-def _links(paintings: Sequence[PaintingInputs], tools: Sequence[ToolInputs]) -> str:
+def _links(
+    paintings: Sequence[PaintingInputs], tools: Sequence[ToolInputs], diagnoses: Sequence[DiagnosisInputs]
+) -> str:
     links = [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in paintings]
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in tools]
+    links += [("gap", "What was wrong")] if diagnoses else []
     links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
     return "".join(f'<li><a href="#{escape(target)}">{escape(text)}</a></li>' for target, text in links)
 

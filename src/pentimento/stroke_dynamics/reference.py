@@ -82,6 +82,8 @@ def render_reference(
             passed = [(segment <= k) * alpha for k in range(max(points.shape[1] - 1, 1))]
             wet = [(p[..., None] * image[..., 3:] * (image[..., :3] - color[s])).sum((0, 1)) for p in passed]
             carried = torch.stack([w / p.sum().clamp(min=1e-12) for w, p in zip(wet, passed, strict=True)])
-            laid = torch.cat([color[s] + pickup[s] * carried[segment], torch.ones_like(image[..., :1])], dim=-1)
+            stirred = image[..., 3:] * (image[..., :3] - color[s])
+            mixed = color[s] + pickup[s] * (stirred + carried[segment])
+            laid = torch.cat([mixed, torch.ones_like(image[..., :1])], dim=-1)
         image = image + alpha[..., None] * (laid - image)
     return image

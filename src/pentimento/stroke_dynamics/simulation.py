@@ -46,6 +46,8 @@ class Quantity(NamedTuple):
     unit: str
     typical: float
     """The size of a believable effect."""
+    signed: bool = True
+    """Whether it may be below 0. A tip cannot run ahead of its command, nor ink grow as it is used."""
 
 
 class NotObservable(PentimentoError):
@@ -105,6 +107,11 @@ def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism
     return mark
 
 
+def full_at_most(mark: Mark) -> Mark:
+    """The mark where no effect covers more than all of the ground."""
+    return mark._replace(density=mark.density.clamp(max=1.0))
+
+
 def in_order(mechanisms: Sequence[Mechanism]) -> list[Mechanism]:
     """By site, in the order in which the sites follow one another."""
     return sorted(mechanisms, key=lambda mechanism: _ORDER.index(mechanism.site))
@@ -129,7 +136,7 @@ def simulate(
     Returns:
         [B, H, W, 3].
     """
-    mark = extended_mark(base, mechanisms, context)
+    mark = full_at_most(extended_mark(base, mechanisms, context))
     pickup = None
     for mechanism in mechanisms:
         color, pickup = mechanism.composite(color, pickup, context)
@@ -144,4 +151,4 @@ def simulate(
     )[..., :3]
     for mechanism in mechanisms:
         image = mechanism.camera(image, view)
-    return image
+    return image.clamp(min=0.0) if mechanisms else image  # strong pickup can take more than there is

@@ -128,6 +128,23 @@ def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stro
     """Fit the model; ``log("weighted_l1", value, epoch)`` is called after every epoch."""
     torch.manual_seed(config.seed)
     model = Traj2Stroke(first_guess(samples))
+    descend(model, lambda index: predict(model, samples.pick(index)), samples, config, log)
+    return model.eval()
+
+
+def descend(
+    model: torch.nn.Module,
+    foretell: Callable[[Tensor], Tensor],
+    samples: StrokeSamples,
+    config: TrainingConfig,
+    log: Log,
+    after_epoch: Callable[[int], None] = lambda _: None,
+) -> None:
+    """Lower the weighted L1 over a model's parameters, by Adam with a rate that falls along half a cosine.
+
+    ``foretell`` gives the photographs [K, H, W, 3] that the model, as it is then, foretells of the samples with the
+    indices [K]. ``after_epoch(epoch)`` is called once an epoch's steps are made.
+    """
     loader = DataLoader(
         TensorDataset(torch.arange(len(samples.path))),
         batch_size=config.batch,
@@ -143,25 +160,33 @@ def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stro
             enable_progress_bar=False,
             enable_model_summary=False,
         )
-        trainer.fit(_Fit(model, samples, config, log), loader)
-    return model.eval()
+        trainer.fit(_Fit(model, foretell, samples, config, log, after_epoch), loader)
 
 
 class _Fit(lightning.LightningModule):
-    def __init__(self, model: Traj2Stroke, samples: StrokeSamples, config: TrainingConfig, log: Log) -> None:
+    def __init__(
+        self,
+        model: torch.nn.Module,
+        foretell: Callable[[Tensor], Tensor],
+        samples: StrokeSamples,
+        config: TrainingConfig,
+        log: Log,
+        after_epoch: Callable[[int], None],
+    ) -> None:
         super().__init__()
-        self.model, self.samples, self.config, self.report = model, samples, config, log
+        self.model, self.foretell, self.samples, self.config = model, foretell, samples, config
+        self.report, self.after_epoch = log, after_epoch
         self.losses: list[float] = []
 
     def training_step(self, batch: list[Tensor], _: int) -> Tensor:
-        part = self.samples.pick(batch[0])
-        loss = weighted_l1(predict(self.model, part), part, self.config.ink_weight)
+        loss = weighted_l1(self.foretell(batch[0]), self.samples.pick(batch[0]), self.config.ink_weight)
         self.losses.append(float(loss.detach()))
         return loss
 
     def on_train_epoch_end(self) -> None:
         self.report("weighted_l1", float(np.mean(self.losses)), self.current_epoch)
         self.losses.clear()
+        self.after_epoch(self.current_epoch)
 
     def configure_optimizers(self) -> Any:
         optimizer = torch.optim.Adam(self.model.parameters(), lr=self.config.learning_rate)

@@ -41,6 +41,7 @@ def context() -> StrokeContext:
         "ink_since_reload_m": 0.05 * (number % 3),
         "tool_age_m": 0.1 * number,
         "t_start_s": 10 * number,
+        "t_after_s": 10 * number + 2 + 3 * (number % 4),
         "wet_age_s": torch.where(number > 2, 5.0 * number, torch.nan),
         "humidity": 40 + 5 * torch.sin(number),
     }

@@ -15,7 +15,7 @@ class BristleLag(Mechanism):
     cause = "bristle_lag"
     site = "trajectory"
     driver = "motion"
-    quantities = (Quantity("distance_m", "m", 0.003),)
+    quantities = (Quantity("distance_m", "m", 0.003, signed=False),)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         distance = self.values[0] * torch.ones_like(context.path[..., :1, 0])

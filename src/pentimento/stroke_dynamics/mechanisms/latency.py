@@ -15,7 +15,7 @@ class Latency(Mechanism):
     cause = "latency"
     site = "trajectory"
     driver = "speed"
-    quantities = (Quantity("time_s", "s", 0.05),)
+    quantities = (Quantity("time_s", "s", 0.05, signed=False),)
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:

@@ -1,4 +1,8 @@
-"""Paint that is still wet below is picked up and carried along."""
+"""Paint that is still wet below is stirred in and carried along.
+
+Of paint of the age t, the share (p + q t / t0) / (1 + t / t0) mixes: p of the freshest, q of what has long been there,
+t0 the usual age of paint that strokes cross.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +19,17 @@ class WetMixing(Mechanism):
     cause = "wet_mixing"
     site = "composite"
     driver = "paint below"
-    quantities = (Quantity("pickup", "1", 0.3),)
+    quantities = (Quantity("pickup_of_fresh", "1", 0.3), Quantity("pickup_of_old", "1", 0.3))
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         age = context.covariates.get("wet_age_s")
         if age is None or not bool(torch.isfinite(age).any()):
             raise NotObservable("no stroke is known to cross paint (wet_age_s)")
-        return {"drying_s": max(float(age[torch.isfinite(age)].median()), 1.0)}
+        return {"usual_age_s": max(float(age[torch.isfinite(age)].median()), 1.0)}
 
     def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
-        age = column(context, "wet_age_s")
-        wet = torch.where(torch.isfinite(age), torch.exp(-age / self.reference["drying_s"]), 0.0)
-        return color, self.values[0] * wet
+        age = column(context, "wet_age_s") / self.reference["usual_age_s"]
+        known = torch.nan_to_num(age, nan=0.0)
+        share = (self.values[0] + self.values[1] * known) / (1 + known)
+        return color, torch.where(torch.isfinite(age), share, 0.0)

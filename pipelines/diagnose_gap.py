@@ -1,0 +1,176 @@
+"""Find what the base stroke model gets wrong about one tool, name the causes, and extend the model by them."""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import at_least
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.gap.diagnose import Diagnosis
+from pentimento.gap.measured import covariates_of
+from pentimento.gap.write import write_diagnosis
+from pentimento.stroke_dynamics.evaluation import score, score_model
+from pentimento.stroke_dynamics.extended import (
+    MeasuredStrokes,
+    StrokeModel,
+    model_files,
+    pace_of,
+    predict_extended,
+)
+from pentimento.stroke_dynamics.joint import JointFit, fit_jointly
+from pentimento.stroke_dynamics.samples import load_samples
+from pentimento.stroke_dynamics.simulation import Mechanism
+from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action
+from pentimento.stroke_dynamics.traj2stroke import read_parameters
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import Run, tracked_run
+
+
+@dataclass(frozen=True)
+class DiagnoseGap:
+    """Section `diagnose_gap` of params.yaml."""
+
+    seed: int
+    """Of splits and bootstraps."""
+    joint_fit: TrainingConfig
+    """Of the base with the established causes; `held_out` is the share that decides when to stop."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "seed")
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--gap`: the verdict and what belongs to it; and `--out`: the extended model and metrics.json."""
+    config = load_section(Path("params.yaml"), "diagnose_gap", DiagnoseGap)
+    single_threaded()
+    inputs = {"strokes": arguments.strokes, "base": arguments.base}
+    with (
+        tracked_run("diagnose_gap", arguments.tool, asdict(config), inputs) as run,
+        output_folder(arguments.gap) as gap,
+        output_folder(arguments.out) as out,
+    ):
+        table, fit = read_table(arguments.strokes, CONTRACT).table, config.joint_fit
+        base = read_parameters(arguments.base / "parameters.json")
+        columns = {name: torch.tensor(v, dtype=torch.float32) for name, v in covariates_of(table).items()}
+        strokes = MeasuredStrokes(load_samples(table, fit.path_points, fit.pixels_per_m, fit.margin_m), columns)
+        training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
+        found = write_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
+        causes = _established(found)
+        joint = fit_jointly(base, causes, training, validation, pace_of(columns), fit, run.log)
+        metrics = _verdict_metrics(gap / "verdict.json") | {
+            "held_out": {
+                "base": asdict(score_model(base, held_out.samples)),
+                "extended": asdict(score(_foretold(joint.model, held_out), held_out.samples)),
+            },
+            "joint_fit": {
+                "kept": joint.kept,
+                "validation_l1": {"base": joint.validation_l1[0], "extended": joint.validation_l1[1]},
+            },
+        }
+        for name, content in model_files(joint.model).items():
+            write_json(out / name, content)
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+        _say(found, joint)
+        _log_candidates(run, found)
+
+
+def _parts(
+    strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingConfig
+) -> tuple[MeasuredStrokes, MeasuredStrokes, MeasuredStrokes]:
+    """(training, validation, held-out): the base has not seen the last, and learned from both others."""
+    held_out = torch.tensor(json.loads(held_out_actions.read_text()))
+    action = strokes.samples.action
+    known = torch.nonzero(~torch.isin(action, held_out)).flatten()
+    if len(known) == len(action):
+        raise ContractError(f"None of the actions in {held_out_actions} is among the strokes: train the base on them.")
+    _, validating = split_by_action(strokes.samples.pick(known), config.held_out, config.seed)
+    validates = torch.isin(action, validating.action)
+    unseen = torch.isin(action, held_out)
+    parts = (~unseen & ~validates, validates, unseen)
+    training, validation, sealed = (strokes.pick(torch.nonzero(part).flatten()) for part in parts)
+    return training, validation, sealed
+
+
+def _established(found: Diagnosis) -> list[Mechanism]:
+    """At the values of the diagnosis; what its model has beside them are nuisances of its own base."""
+    names = {finding.cause for finding in found.established}
+    return [mechanism for mechanism in found.extended.mechanisms if mechanism.cause in names]
+
+
+def _foretold(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
+    with torch.no_grad():
+        return predict_extended(model.mark(), model.mechanisms, strokes)
+
+
+def _verdict_metrics(path: Path) -> dict[str, Any]:
+    """The numbers of a verdict; what is unknown (a floor without repeats) is left out."""
+    verdict = json.loads(path.read_text())
+    mse = {name: verdict["mse"][name] for name in ("base", "extended", "floor")}
+    metrics: dict[str, Any] = {
+        "mse": {name: value for name, value in mse.items() if value is not None},
+        "established": len(verdict["established"]),
+        "suspected": len(verdict["suspected"]),
+        "unexplained": len(verdict["unexplained"]),
+    }
+    if verdict["gap_closed"]["test"] is not None:
+        metrics["gap_closed"] = verdict["gap_closed"]["test"]
+    return metrics
+
+
+def _say(found: Diagnosis, joint: JointFit) -> None:
+    causes = ", ".join(mechanism.cause for mechanism in _established(found))
+    base, extended = joint.validation_l1
+    said = f"Established causes: {causes}. " if causes else "No cause is established. "
+    if not causes:
+        said += "The base stays as it is."
+    elif joint.kept:
+        said += f"Fitted jointly, the weighted L1 of validation strokes falls from {base:.4g} to {extended:.4g}."
+    elif extended == base:
+        said += "The base has them already, and stays as it is."
+    else:
+        said += f"Fitted jointly, validation strokes fare worse ({base:.4g}, then {extended:.4g}): the base stays."
+    print(said, file=sys.stderr)
+
+
+def _log_candidates(run: Run, found: Diagnosis) -> None:
+    """A run for each candidate cause below the diagnosis's own: its evidence at each step of the search."""
+    status = {finding.cause: "suspected" for finding in found.suspected}
+    status |= {finding.cause: "established" for finding in found.established}
+    chosen = {step.chosen for step in found.search.steps}
+    causes = dict.fromkeys(cause for step in found.search.steps for cause in step.evidence)
+    for cause in causes:
+        curves: dict[str, dict[int, float]] = {}
+        for number, step in enumerate(found.search.steps):
+            if cause not in step.evidence:
+                continue
+            evidence = step.evidence[cause]
+            low, high = evidence.gain_interval
+            values = {
+                "p": evidence.p, "p_adjusted": evidence.p_adjusted, "gain": evidence.gain, "gain_low": low,
+                "gain_high": high,
+            }  # fmt: skip
+            for name, value in values.items():
+                curves.setdefault(name, {})[number] = value
+        tags = {"cause": cause, "verdict": status.get(cause, "not established"), "chosen": str(cause in chosen).lower()}
+        run.log_child(cause, curves, tags)
+    for cause, reason in found.search.not_observable.items():
+        run.log_child(cause, {}, {"cause": cause, "verdict": "not observable", "reason": reason})
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="diagnose_gap", description=__doc__)
+    parser.add_argument("--tool", required=True)
+    parser.add_argument("--strokes", required=True, type=Path)
+    parser.add_argument("--base", required=True, type=Path, help="the stroke model of train_stroke_dynamics")
+    parser.add_argument("--gap", required=True, type=Path, help="folder for the verdict")
+    parser.add_argument("--out", required=True, type=Path, help="folder for the extended model")
+    stage_main(main, parser)

@@ -1,0 +1,228 @@
+"""What to draw to learn a tool: a design in which no cause of an error can hide behind another.
+
+Place, heading, length, bend, press, speed, yaw, paint, dips, pauses and order are drawn jointly at random: in raster
+order with a dip for each row, causes imitate each other almost perfectly (GAP.md, rule 8). Some actions are repeated on
+other sheets, at the same place, on blank paper and freshly dipped, so that their repeats differ by noise and by slow
+drifts alone (rule 6). A share of the others is laid over paint of their sheet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.frames import window_around
+from pentimento.contracts.plan import PlannedStroke
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.robots.motion import timed_path
+from pentimento.robots.strokes import stroke_points
+from pentimento.robots.tools import Tool
+
+FloatArray = NDArray[np.float64]
+
+_TRIES = 300
+_STROKES_A_SHEET = 27
+_RECENT = 6
+"""Strokes back to which one aims that is to cross another: paint of all ages up to minutes."""
+_BESIDE_M = 0.002
+_DIP_EARLY = 0.12
+"""Of the single strokes: dipped for although the load would do, so that loads of all lengths occur."""
+_DIPPED, _ORDERED = 1, 2  # kinds of random choice, beside those of a stroke's own
+
+
+@dataclass(frozen=True)
+class CollectionConfig:
+    """What the robot draws to learn a tool."""
+
+    strokes: int
+    """Rows, repeats included."""
+    repeated: int
+    """So many actions are made ``times`` times; the noise floor is read off them."""
+    times: int
+    crossing: float
+    """Share of the other strokes that are laid over paint."""
+    path_points: int
+    margin_m: float
+    """Paper around each stroke's path that its photographs show."""
+    edge_m: float
+    """Strokes keep this far from the canvas's edge."""
+    pixels_per_m: float
+    """Resolution of the photographs."""
+    settle_s: tuple[float, float]
+    """Shortest and longest pause between a stroke and its photograph; in between, each decade is as likely."""
+    palette_srgb: tuple[tuple[float, float, float], ...]
+    """Paints for a tool that dips; one is drawn for each dip."""
+    yaw_spread_rad: float
+    """A flat tool's broad edge is held across the stroke, give or take this."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "strokes", "times")
+        at_least(self, 2, "path_points")
+        at_least(self, 0, "repeated", "crossing", "edge_m", "yaw_spread_rad", "seed")
+        above_zero(self, "margin_m", "pixels_per_m")
+        if self.repeated * self.times > self.strokes:
+            raise ValueError(f"repeated is {self.repeated}; {self.times} times as many rows are more than strokes.")
+        if self.crossing > 1:
+            raise ValueError(f"crossing is {self.crossing}; it is a share of the strokes, at most 1.")
+        if not 0 < self.settle_s[0] <= self.settle_s[1]:
+            raise ValueError(f"settle_s is {list(self.settle_s)}; give the shortest pause, above 0, and the longest.")
+        if not self.palette_srgb or not all(0 <= channel <= 1 for paint in self.palette_srgb for channel in paint):
+            raise ValueError("palette_srgb needs at least one paint [red, green, blue] with channels from 0 to 1.")
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """One stroke to be made."""
+
+    action_id: int
+    """Commands of one value repeat the same path and paint."""
+    sheet: int
+    stroke: PlannedStroke
+    wait_s: float
+    """Before it is photographed."""
+
+
+def design_collection(
+    tool: Tool, canvas_size_m: tuple[float, float], palette_srgb: FloatArray, config: CollectionConfig
+) -> list[Command]:
+    """``config.strokes`` commands in their order, sheet by sheet; each action is drawn from (seed, action) alone.
+
+    Raises:
+        ContractError: no stroke of the tool fits on the canvas.
+    """
+    singles = config.strokes - config.repeated * config.times
+    sheets = max(math.ceil(config.strokes / _STROKES_A_SHEET), config.times if config.repeated else 1)
+    again = _repeated_actions(range(singles, singles + config.repeated), tool, canvas_size_m, palette_srgb, config)
+    chooser = np.random.default_rng([config.seed, 0, _ORDERED])
+    sheets_of = [chooser.permutation(sheets)[: config.times] for _ in again]
+    shares = np.array_split(np.arange(singles), sheets)
+    commands: list[Command] = []
+    load = _Load(tool, palette_srgb, config.seed)
+    for sheet, share in enumerate(shares):
+        here = [stroke for stroke, of in zip(again, sheets_of, strict=True) if sheet in of]
+        slots: list[PlannedStroke | int] = [*here, *map(int, share)]
+        order = np.random.default_rng([config.seed, sheet, _ORDERED]).permutation(len(slots))
+        made: list[FloatArray] = []
+        to_come = [stroke.path for stroke in here]
+        for slot in (slots[i] for i in order):
+            if isinstance(slot, int):
+                action, rng = slot, np.random.default_rng([config.seed, slot])
+                color, dip = load.for_single(rng)
+                target = made[-1 - int(rng.integers(min(_RECENT, len(made))))] if made else None
+                if target is not None and rng.random() < config.crossing:
+                    path = _clear_path(rng, canvas_size_m, tool, config, to_come, target)
+                else:
+                    path = _clear_path(rng, canvas_size_m, tool, config, to_come + made, None)
+                stroke = PlannedStroke(path, color, dip)
+            else:
+                stroke, action = slot, singles + [s is slot for s in again].index(True)
+                rng = np.random.default_rng([config.seed, action, sheet])
+                to_come = [path for path in to_come if path is not slot.path]
+                load.refilled(slot.color_srgb)
+            made.append(stroke.path)
+            low, high = np.log(config.settle_s)
+            commands.append(Command(action, sheet, stroke, float(np.exp(rng.uniform(low, high)))))
+    return commands
+
+
+class _Load:
+    """What is on the tool: its paint, and how many strokes it has made since it was dipped."""
+
+    def __init__(self, tool: Tool, palette_srgb: FloatArray, seed: int) -> None:
+        self._tool, self._palette, self._seed = tool, palette_srgb, seed
+        self._made, self._dips = tool.strokes_per_dip, 0
+        self._color: FloatArray = palette_srgb[0]
+
+    def for_single(self, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+        """The colour of the next single stroke, and whether the tool is dipped for it."""
+        if not self._tool.dips:
+            return self._color, False
+        dip = bool(rng.random() < _DIP_EARLY) or self._made >= self._tool.strokes_per_dip
+        if dip:
+            chosen = np.random.default_rng([self._seed, self._dips, _DIPPED]).integers(len(self._palette))
+            self.refilled(self._palette[chosen])
+        else:
+            self._made += 1
+        return self._color, dip
+
+    def refilled(self, color_srgb: FloatArray) -> None:
+        """After a dip and the stroke for which it was."""
+        self._made, self._color = 1, color_srgb
+        self._dips += 1
+
+
+def _repeated_actions(
+    actions: range,
+    tool: Tool,
+    canvas_size_m: tuple[float, float],
+    palette_srgb: FloatArray,
+    config: CollectionConfig,
+) -> list[PlannedStroke]:
+    """Strokes that keep clear of each other, so that each finds blank paper wherever it comes in a sheet's order."""
+    strokes: list[PlannedStroke] = []
+    for action in actions:
+        rng = np.random.default_rng([config.seed, action])
+        path = _clear_path(rng, canvas_size_m, tool, config, [stroke.path for stroke in strokes], None)
+        color = palette_srgb[rng.integers(len(palette_srgb))]
+        strokes.append(PlannedStroke(path, color, dip=tool.dips))
+    return strokes
+
+
+def _clear_path(
+    rng: np.random.Generator,
+    canvas_size_m: tuple[float, float],
+    tool: Tool,
+    config: CollectionConfig,
+    taken: Sequence[FloatArray],
+    about: FloatArray | None,
+) -> FloatArray:
+    """A random path inside the canvas that meets the boxes of the fewest of ``taken``: of none, if one is found soon.
+
+    Its middle lies on the path ``about``, or anywhere.
+    """
+    low, high = np.full(2, config.edge_m), np.array(canvas_size_m) - config.edge_m
+    boxes = np.array([window_around(path, tool.nominal_width_m / 2) for path in taken]).reshape(-1, 4)
+    best, fewest = None, np.inf
+    for _ in range(_TRIES if np.all(low < high) else 0):
+        if about is None:
+            middle = rng.uniform(low, high)
+        else:
+            middle = about[rng.integers(len(about)), 1:3] + _BESIDE_M * rng.standard_normal(2)
+        path = _random_path(rng, middle, tool, config)
+        if np.any(path[:, 1:3] < low) or np.any(path[:, 1:3] > high):
+            continue
+        box = window_around(path, tool.nominal_width_m / 2)
+        met = int(np.all((box[:2] < boxes[:, 2:]) & (boxes[:, :2] < box[2:]), axis=1).sum())
+        if met < fewest:
+            best, fewest = path, met
+        if fewest == 0:
+            break
+    if best is None:
+        raise ContractError(
+            f"The {tool.name} finds no room for a stroke on {canvas_size_m} m of canvas: "
+            "shorten stroke_length in its tool file or lower collect_strokes.edge_m."
+        )
+    return best
+
+
+def _random_path(rng: np.random.Generator, middle_m: FloatArray, tool: Tool, config: CollectionConfig) -> FloatArray:
+    theta = rng.uniform(-np.pi, np.pi)
+    length = rng.uniform(*tool.stroke_length_m)
+    # Across the stroke, as a painter holds a flat brush; brushes look the same turned by half a turn.
+    yaw = theta + np.pi / 2 + rng.uniform(-1, 1) * config.yaw_spread_rad if tool.kind == "flat" else 0.0
+    points = stroke_points(
+        middle_m,
+        theta,
+        length,
+        length * rng.uniform(*tool.bend_range),
+        rng.uniform(*tool.press_range_m, size=3),
+        (yaw + np.pi / 2) % np.pi - np.pi / 2,
+        config.path_points,
+    )
+    return timed_path(points, float(np.exp(rng.uniform(*np.log(tool.speed_range_m_s)))))

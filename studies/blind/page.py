@@ -1,0 +1,154 @@
+"""The page of the blind table, Markdown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from studies.blind.binomial import falls_short, interval
+from studies.blind.score_card import (
+    Row,
+    exact,
+    hidden,
+    in_rival_set,
+    judged_lines,
+    named,
+    outside_found,
+    rows,
+    unique_and_right,
+    wrong_unique,
+)
+from studies.blind.series import SERIES
+
+Line = dict[str, Any]
+
+_INTRODUCTION = """\
+Written by `make studies`; do not edit. A world is drawn by seed in the virtual studio, whose physics shares no
+functional form with the vocabulary of causes; half of the tools have another imprint than the base can draw, and all
+tables have decoy columns. What it hides is sealed by its hash; a process of its own gets the table alone; the truth is
+opened after the verdict. q is the energy of the effect that the base cannot absorb over the noise floor.
+
+*95 %* is the exact interval (Clopper–Pearson). A row *falls short* where an exact one-sided binomial test rejects its
+bar at 5 %; a bar on a quantile is tested by how many worlds reach it. *Constant* is what is reached by always giving
+the most frequent truth of the row's worlds as the answer; *pixels* by naming causes with the same base and candidates
+by the likelihood of pixels (BIC, forward). False names are counted over all worlds of a randomised design. A world
+that led to no verdict counts as missed."""
+_SECOND = """\
+Strokes in raster order are judged twice: as they are, and gone on with by the 16 actions that the first verdict
+proposes. The shifted context is another session of the same world: 56 strokes, pressed in the deeper half of
+the tool's range and in the faster half of its speeds."""
+
+
+def page(lines: Sequence[Line], commit: str) -> str:
+    """The whole file, from the lines of one commit's worlds."""
+    sections = [
+        "# Blind tests of the gap finder",
+        _INTRODUCTION,
+        _SECOND,
+        _origin(lines, commit),
+        _table(rows(lines)),
+        "## Worlds",
+        _worlds(lines),
+        "## By cause",
+        _by_cause(lines),
+        "## Missed",
+        _missed(lines),
+    ]
+    return "\n\n".join(sections) + "\n"
+
+
+def _origin(lines: Sequence[Line], commit: str) -> str:
+    versions = sorted({line["code"] for line in lines})
+    said = f"Seeds: sha256 of the commit `{commit}`, the series and a number."
+    if len(versions) > 1:
+        said += f" **The worlds were judged by {len(versions)} versions of the code ({', '.join(versions)}).**"
+    return said
+
+
+def _table(found: Sequence[Row]) -> str:
+    head = ["| | count | share | 95 % | bar | | constant | pixels | |", "|---|---|---|---|---|---|---|---|---|"]
+    return "\n".join([*head, *(_row(row) for row in found)])
+
+
+def _row(row: Row) -> str:
+    low, high = interval(row.hits, row.of)
+    bar = "" if row.bar is None else str(row.bar)
+    said = "" if row.bar is None else ("**falls short**" if falls_short(row.hits, row.of, row.bar) else "holds")
+    cells = [
+        row.what, f"{row.hits}/{row.of}", _percent(row.hits / row.of), f"{_percent(low)} – {_percent(high)}", bar,
+        said, _percent(row.constant), _percent(row.pixelwise), row.note,
+    ]  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.3g} %"
+
+
+def _worlds(lines: Sequence[Line]) -> str:
+    by = judged_lines(lines)
+    redrawn = Counter(line["series"] for line in lines if "redrawn" in line)
+    table = ["| series | of the table | judged | drawn again, as the effect cannot be so strong |", "|---|---|---|---|"]
+    table += [f"| {s.name} | {s.worlds} | {len(by.get(s.name, []))} | {redrawn[s.name]} |" for s in SERIES]
+    return "\n".join(table)
+
+
+def _by_cause(lines: Sequence[Line]) -> str:
+    single = [line for name in ("one cause", "one faint cause") for line in judged_lines(lines).get(name, [])]
+    table = ["| one cause is hidden | exact set | named instead or beside |", "|---|---|---|"]
+    for cause in sorted({hidden(line)[0] for line in single}):
+        own = [line for line in single if hidden(line) == (cause,)]
+        beside = Counter(name for line in own for name in named(line.get("verdict")) if name != cause)
+        others = ", ".join(f"{name} {count}" for name, count in beside.most_common())
+        table.append(f"| {cause} | {sum(map(exact, own))}/{len(own)} | {others} |")
+    return "\n".join(table)
+
+
+def _missed(lines: Sequence[Line]) -> str:
+    table = ["| series | seed | tool | hidden (q) | verdict |", "|---|---|---|---|---|"]
+    for line in lines:
+        if "redrawn" in line or not (why := _miss(line)):
+            continue
+        truth = line["truth"]
+        strengths = ", ".join(f"{s['q']:.2f}" for s in truth["strengths"])
+        outside = truth["outside"]
+        told = " + ".join(truth["causes"]) or (f"{outside['mode']} by {outside['column']}" if outside else "nothing")
+        cells = [line["series"], str(line["seed"]), truth["tool"], told + (f" ({strengths})" if strengths else ""), why]
+        table.append(f"| {' | '.join(cells)} |")
+    return "\n".join(table) if len(table) > 2 else "None."
+
+
+def _miss(line: Line) -> str:
+    """What a world's verdicts say where one is not right; else nothing."""
+    if "failed" in line:
+        return "no verdict: " + " ".join(line["failed"].split())[-200:].replace("|", "/")
+    said = line["verdict"]
+    match line["series"]:
+        case "outside":
+            right = outside_found(line) and not named(said)
+        case "raster":
+            if not in_rival_set(line) or wrong_unique(line):
+                return _told(said)
+            return "" if unique_and_right(line["second"], line) else "with more actions: " + _told(line["second"])
+        case "deleted":
+            return "without the candidate: " + _told(line["second"]) if named(line["second"]) else ""
+        case "shuffled":
+            gone = not set(hidden(line)) & set(named(line["second"]))
+            return "" if gone else "shuffled: " + _told(line["second"])
+        case _:
+            right = exact(line)
+    return "" if right else _told(said)
+
+
+def _told(verdict: dict[str, Any]) -> str:
+    entries = [
+        entry["cause"] + (f" (or {', '.join(entry['rivals'])})" if entry["rivals"] else "")
+        for entry in verdict["established"]
+    ]
+    said = " + ".join(entries) or "nothing named"
+    if verdict["suspected"]:
+        said += "; suspected " + ", ".join(entry["cause"] for entry in verdict["suspected"])
+    if verdict["unexplained"]:
+        said += f"; {verdict['unexplained'][0]['mode']} by {verdict['unexplained'][0]['covariate']} unexplained"
+    return said

@@ -1,0 +1,76 @@
+"""The verdict on one table, and nothing else: `python -m studies.blind.verdict_of table.parquet verdict.json`.
+
+Runs in a process of its own, which is given the table alone. It does what `pentimento diagnose` does, without the
+report; beside the verdict stands what the likelihood of pixels would have named.
+"""
+
+import argparse
+import io
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.gap.diagnose import Diagnosis, diagnose
+from pentimento.gap.elsewhere import gap_closed_on, paints_of
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.gap.next_actions import as_table, proposal_for
+from pentimento.gap.quarantine import sound_rows
+from pentimento.gap.survey import survey
+from pentimento.gap.verdict import verdict
+from pentimento.stroke_dynamics.mechanisms import VOCABULARY
+from studies.blind.pixelwise import named_by_pixels
+
+
+def verdict_on(
+    table: pa.Table, seed: int, outside: pa.Table | None = None, without: str | None = None
+) -> tuple[dict[str, Any], Diagnosis, Measured]:
+    """The verdict on rows of the strokes contract.
+
+    Args:
+        outside: another table, for the share of the gap that is closed there.
+        without: a cause that is taken out of the vocabulary.
+    """
+    measured = load_measured(sound_rows(table).table)
+    vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
+    found = diagnose(measured, vocabulary, seed, lambda line: None)
+    shifted = None
+    if outside is not None:
+        shifted = gap_closed_on(load_measured(sound_rows(outside).table), found, paints_of(measured), seed)
+    return verdict(found, len(measured), len(set(measured.action.tolist())), shifted), found, measured
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m studies.blind.verdict_of", description=__doc__)
+    parser.add_argument("table", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--test", type=Path, help="an outside table")
+    parser.add_argument("--without", help="a cause that is taken out of the vocabulary")
+    parser.add_argument("--next-actions", type=Path, help="where the proposed actions are to be written")
+    given = parser.parse_args()
+    table = read_table(given.table, CONTRACT).table
+    outside = None if given.test is None else read_table(given.test, CONTRACT).table
+    started = time.process_time()  # of one thread: others may be at work on the machine
+    said, found, measured = verdict_on(table, given.seed, outside, given.without)
+    seconds = time.process_time() - started
+    if given.next_actions is not None:
+        buffer = io.BytesIO()
+        pq.write_table(as_table(proposal_for(found, survey(found, measured), given.seed), measured), buffer)
+        atomic_write(given.next_actions, buffer.getvalue())
+    seen = measured.pick(np.sort(np.concatenate(found.splits[:2])))
+    pixelwise = named_by_pixels(found.base, seen, VOCABULARY)
+    result = {"verdict": said, "pixelwise": pixelwise, "seconds": round(seconds, 2)}
+    atomic_write(given.out, (json.dumps(result) + "\n").encode())
+
+
+if __name__ == "__main__":
+    main()

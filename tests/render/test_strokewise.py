@@ -1,0 +1,87 @@
+"""What one stroke does to the error, against rendering once for each stroke."""
+
+import cv2
+import numpy as np
+import pytest
+
+from pentimento.render import render
+from pentimento.render.strokewise import fall_with, rise_without
+
+HEIGHT, WIDTH = 70, 90  # more than one band of rows
+Inputs = tuple[np.ndarray, ...]
+
+
+def strokes(count: int, seed: int) -> Inputs:
+    """Points, radius, density, softness and colour of bent strokes, some of which leave the canvas."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-5, 95, (count, 1, 2))
+    points = start + np.cumsum(rng.normal(0, 6, (count, 5, 2)), axis=1)
+    shape = (count, 5)
+    return (
+        points,
+        rng.uniform(1, 6, shape),
+        rng.uniform(0.4, 1, shape),
+        rng.uniform(0, 1, shape),
+        rng.random((count, 3)),
+    )
+
+
+def pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    canvas, target = (cv2.GaussianBlur(rng.random((HEIGHT, WIDTH, 3)), (0, 0), 2) for _ in range(2))
+    return canvas, target
+
+
+def laid(inputs: Inputs, canvas: np.ndarray) -> np.ndarray:
+    return render(*(array[None] for array in inputs), canvas[None])[0][0]
+
+
+def error(image: np.ndarray, target: np.ndarray, distances: tuple[int, ...]) -> float:
+    def lightness(light: np.ndarray, distance: int) -> np.ndarray:
+        return np.sqrt(np.maximum(cv2.blur(light, (distance, distance), borderType=cv2.BORDER_CONSTANT), 0))
+
+    return float(np.mean([np.square(lightness(image, d) - lightness(target, d)).sum() / 3 for d in distances]))
+
+
+def some(inputs: Inputs, index: np.ndarray | list[int]) -> Inputs:
+    return tuple(array[index] for array in inputs)
+
+
+@pytest.mark.parametrize("distances", [(1,), (2,), (5,), (1, 4)])
+def test_leaving_out_and_laying_alone_are_what_rendering_says(distances: tuple[int, ...]) -> None:
+    inputs, (canvas, target) = strokes(12, 3), pictures(4)
+    without, alone = rise_without(*inputs, canvas, target, distances), fall_with(*inputs, canvas, target, distances)
+    everyone, nobody = (error(image, target, distances) for image in (laid(inputs, canvas), canvas))
+    for s in range(12):
+        others = laid(some(inputs, [i for i in range(12) if i != s]), canvas)
+        assert without[s] == pytest.approx(error(others, target, distances) - everyone, rel=1e-9, abs=1e-9)
+        single = laid(some(inputs, [s]), canvas)
+        assert alone[s] == pytest.approx(nobody - error(single, target, distances), rel=1e-9, abs=1e-9)
+
+
+def test_the_only_stroke_is_worth_as_much_alone_as_it_costs_to_leave_out() -> None:
+    inputs, (canvas, target) = strokes(1, 5), pictures(6)
+    np.testing.assert_allclose(
+        rise_without(*inputs, canvas, target, (1, 3)), fall_with(*inputs, canvas, target, (1, 3)), rtol=1e-9
+    )
+
+
+def test_what_is_hidden_off_the_canvas_or_of_its_colour_changes_nothing() -> None:
+    disc = np.array([[[40.0, 30.0]], [[40.0, 30.0]], [[-50.0, 30.0]]])  # the second covers the first
+    radius, one = np.array([[5.0], [9.0], [4.0]]), np.ones((3, 1))
+    color = np.array([[0.9, 0.1, 0.1], [0.2, 0.2, 0.2], [0.0, 0.0, 0.0]])
+    canvas, target = np.full((HEIGHT, WIDTH, 3), 0.2), pictures(7)[1]
+    hard = (disc, radius, one, 0 * one, color)
+    without, alone = rise_without(*hard, canvas, target, (1, 2)), fall_with(*hard, canvas, target, (1, 2))
+    assert without[0] == 0 and without[2] == 0 and alone[1] == 0 and alone[2] == 0
+    assert abs(alone[0]) > 1
+    assert without[1] == pytest.approx(-fall_with(*some(hard, [0]), canvas, target, (1, 2))[0])  # bares the first
+
+
+def test_no_strokes_no_worth_and_the_canvas_stays() -> None:
+    canvas, target = pictures(8)
+    before = canvas.copy()
+    assert rise_without(*strokes(0, 1), canvas, target, (1,)).shape == (0,)
+    rise_without(*strokes(4, 1), canvas, target, (1,))
+    fall_with(*strokes(4, 1), canvas, target, (1,))
+    np.testing.assert_array_equal(canvas, before)
