@@ -3,10 +3,12 @@
 #   make test                    the whole test suite
 #   make check                   format, lint, types
 #   make bench                   the benchmarks, side by side with the slow references
+#   make studies [WORLDS=0.1]    the blind tests of the gap finder (hours), or a share of them; goes on where it was interrupted
 #   make clean                   remove outputs and caches; environment, DVC's cache and MLflow's history stay
 #   make env                     the environment alone
 PYTHON ?= python3
 PROFILE ?=
+WORLDS ?= 1
 
 BIN := .venv/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
@@ -23,7 +25,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro test check bench clean env
+.PHONY: repro test check bench studies clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -40,6 +42,9 @@ check: env
 
 bench: env
 	$(BIN)/python -m benchmarks
+
+studies: env
+	$(BIN)/python -m studies.blind.table --worlds $(WORLDS)
 
 clean:
 	rm -rf data models/*/weights models/bundle .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis

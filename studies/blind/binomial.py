@@ -29,6 +29,15 @@ def interval(hits: int, of: int) -> tuple[float, float]:
     return float(found.low), float(found.high)
 
 
+def standing(hits: int, of: int, bar: Bar) -> str:
+    """In a word or two, how a counted share stands to its bar."""
+    if falls_short(hits, of, bar):
+        return "falls short"
+    share = hits / of if of else bar.share
+    met = share >= bar.share if bar.way == "at least" else share <= bar.share
+    return "meets" if met else "undecided"
+
+
 def falls_short(hits: int, of: int, bar: Bar) -> bool:
     """Whether an exact one-sided test rejects at 5 % that the share meets its bar."""
     if of == 0:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from studies.blind.binomial import falls_short, interval
+from studies.blind.binomial import interval, standing
 from studies.blind.score_card import (
     Row,
     exact,
@@ -30,7 +30,8 @@ tables have decoy columns. What it hides is sealed by its hash; a process of its
 opened after the verdict. q is the energy of the effect that the base cannot absorb over the noise floor.
 
 *95 %* is the exact interval (Clopper–Pearson). A row *falls short* where an exact one-sided binomial test rejects its
-bar at 5 %; a bar on a quantile is tested by how many worlds reach it. *Constant* is what is reached by always giving
+bar at 5 %, and is *undecided* where it misses its bar by less; a bar on a quantile is tested by how many worlds reach
+it. *Constant* is what is reached by always giving
 the most frequent truth of the row's worlds as the answer; *pixels* by naming causes with the same base and candidates
 by the likelihood of pixels (BIC, forward). False names are counted over all worlds of a randomised design. A world
 that led to no verdict counts as missed."""
@@ -74,7 +75,7 @@ def _table(found: Sequence[Row]) -> str:
 def _row(row: Row) -> str:
     low, high = interval(row.hits, row.of)
     bar = "" if row.bar is None else str(row.bar)
-    said = "" if row.bar is None else ("**falls short**" if falls_short(row.hits, row.of, row.bar) else "holds")
+    said = "" if row.bar is None else standing(row.hits, row.of, row.bar).replace("falls short", "**falls short**")
     cells = [
         row.what, f"{row.hits}/{row.of}", _percent(row.hits / row.of), f"{_percent(low)} – {_percent(high)}", bar,
         said, _percent(row.constant), _percent(row.pixelwise), row.note,
@@ -106,7 +107,7 @@ def _by_cause(lines: Sequence[Line]) -> str:
 
 
 def _missed(lines: Sequence[Line]) -> str:
-    table = ["| series | seed | tool | hidden (q) | verdict |", "|---|---|---|---|---|"]
+    table = ["| series | index | seed | tool | hidden (q) | verdict |", "|---|---|---|---|---|---|"]
     for line in lines:
         if "redrawn" in line or not (why := _miss(line)):
             continue
@@ -114,7 +115,8 @@ def _missed(lines: Sequence[Line]) -> str:
         strengths = ", ".join(f"{s['q']:.2f}" for s in truth["strengths"])
         outside = truth["outside"]
         told = " + ".join(truth["causes"]) or (f"{outside['mode']} by {outside['column']}" if outside else "nothing")
-        cells = [line["series"], str(line["seed"]), truth["tool"], told + (f" ({strengths})" if strengths else ""), why]
+        told += f" ({strengths})" if strengths else ""
+        cells = [line["series"], str(line["index"]), str(line["seed"]), truth["tool"], told, why]
         table.append(f"| {' | '.join(cells)} |")
     return "\n".join(table) if len(table) > 2 else "None."
 

@@ -78,8 +78,10 @@ def in_rival_set(line: Line) -> bool:
 
 
 def wrong_unique(line: Line) -> bool:
-    """Whether a cause that is not hidden is named without rivals."""
-    entries = line["verdict"]["established"] if "verdict" in line else []
+    """Whether a cause that is not hidden is named without rivals; no verdict is as bad."""
+    if "verdict" not in line:
+        return True
+    entries = line["verdict"]["established"]
     return any(entry["cause"] not in hidden(line) and not entry["rivals"] for entry in entries)
 
 
@@ -197,25 +199,23 @@ def _gap_closed(lines: Sequence[Line]) -> list[Row]:
 
 
 def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Sequence[Line]) -> list[Row]:
-    """Of worlds whose cause is named as they are, where that is what a change must undo."""
-    right = [line for line in shuffled if set(hidden(line)) <= set(named(line.get("verdict"))) and "second" in line]
-    twice = [line for line in doubled if "second" in line]
-    without = [line for line in deleted if "second" in line]
+    """A name can only go in worlds whose cause is named as they are."""
+    right = [line for line in shuffled if set(hidden(line)) <= set(named(line.get("verdict")))]
+
+    def gone(line: Line) -> bool:
+        return "second" in line and not set(hidden(line)) & set(named(line["second"]))
+
+    def risen(line: Line) -> bool:
+        return "second" in line and gain_of_truth(line["second"], line) > gain_of_truth(line["verdict"], line)
+
+    def unnamed(line: Line) -> bool:
+        return "second" in line and not named(line["second"])
+
     return [
-        Row(
-            "true covariate shuffled: its name goes",
-            _count(right, lambda line: not set(hidden(line)) & set(named(line["second"]))), len(right),
-        ),
-        Row(
-            "effect doubled: its gain rises",
-            _count(twice, lambda line: gain_of_truth(line["second"], line) > gain_of_truth(line["verdict"], line)),
-            len(twice),
-        ),
-        Row(
-            "true candidate deleted: a neighbour is named",
-            _count(without, lambda line: bool(named(line["second"]))), len(without),
-        ),
-    ]  # fmt: skip
+        Row("true covariate shuffled: its name goes", _count(right, gone), len(right)),
+        Row("effect doubled: its gain rises", _count(doubled, risen), len(doubled)),
+        Row("true candidate deleted: no neighbour is named", _count(deleted, unnamed), len(deleted)),
+    ]
 
 
 def _times(lines: Sequence[Line]) -> Row:
@@ -227,7 +227,8 @@ def _times(lines: Sequence[Line]) -> Row:
 
 
 def _any_name(line: Line) -> bool:
-    return bool(named(line.get("verdict")))
+    """No verdict is as bad."""
+    return "verdict" not in line or bool(named(line["verdict"]))
 
 
 def _count(lines: Sequence[Line], judge: Judge) -> int:

@@ -6,8 +6,9 @@ everything that differs between repeats. With `a` the coverage of a row's stroke
 
     D_r = (after' − after) − (1 − a) (before' − before)          of realisation r, sRGB in [0, 1], whole windows
 
-is what the effect changes in a prediction from `before`. One amplitude, one width, one width in proportion to the press
-and one blur for the whole world, fitted to D by least squares, are what a base refit would absorb; R_r is the rest.
+is what the effect changes in a prediction from `before`. One amplitude, one width, one width in proportion to the
+press, one blur and one extent of either end for the whole world, fitted to D by least squares, are what a base refit
+would absorb; R_r is the rest.
 An effect also moves strokes over other grain, which looks like a difference and is only other noise. It is
 independent between the two realisations, so that
 
@@ -18,11 +19,13 @@ counts the systematic part alone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.images import decode_png
 from pentimento.studio.world import World
 from studies.blind.collect import Recording, record_world
 from studies.blind.design import Command, View
@@ -75,6 +78,7 @@ USUAL: dict[str | None, float] = {
 }
 """Where the search for a strength begins: what usually gives START_Q. None: an outside effect."""
 START_Q = 0.2
+_MODES = 6
 LARGEST_CHANGE = 0.8  # of a width, an amplitude or a blur
 
 FloatArray = NDArray[np.float64]
@@ -191,14 +195,16 @@ def _record(
 def _energy_over_floor(quiet: tuple[Recording, Recording], loud: tuple[Recording, Recording]) -> tuple[float, float]:
     """(q, its standard error)."""
     rows = len(quiet[0].rows)
-    gram, moment = np.zeros((4, 4)), np.zeros(4)
+    gram, moment = np.zeros((_MODES, _MODES)), np.zeros(_MODES)
     changes, modes, floor = [], [], np.empty(rows)
     press = np.array([-np.mean([p[3] for p in row["path"]]) for row in quiet[0].rows])
     press = (press - press.mean()) / max(press.std(), 1e-9)
     for k in range(rows):
         (before1, after1), (before2, after2) = ((_unit(r.before[k]), _unit(r.after[k])) for r in quiet)
         colour = np.asarray(quiet[0].rows[k]["color_srgb"])
-        clear, basis = _base_modes((before1 + before2) / 2, (after1 + after2) / 2, colour, float(press[k]))
+        clear, basis = _base_modes(
+            (before1 + before2) / 2, (after1 + after2) / 2, colour, float(press[k]), _path_px(quiet[0].rows[k])
+        )
         noise = (after1 - after2) - clear * (before1 - before2)
         floor[k] = 0.5 * np.mean(noise**2)
         change = np.stack(
@@ -218,18 +224,31 @@ def _energy_over_floor(quiet: tuple[Recording, Recording], loud: tuple[Recording
 
 
 def _base_modes(
-    before: FloatArray, after: FloatArray, colour_srgb: FloatArray, press: float
+    before: FloatArray, after: FloatArray, colour_srgb: FloatArray, press: float, path_px: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Share of `before` that shows through [H, W, 1], and the base's modes [4, H W 3]: amplitude, width, width in
-    proportion to the press, blur."""
+    """Share of `before` that shows through [H, W, 1], and the base's modes [6, H W 3]: amplitude, width, width in
+    proportion to the press, blur, extent of the start and of the end."""
     towards = colour_srgb - before  # [H, W, 3]
     length2 = (towards**2).sum(axis=2)
     cover = np.clip(((after - before) * towards).sum(axis=2) / np.maximum(length2, 0.01), 0.0, 1.0)
     down, right = np.gradient(cover)
     edge = np.hypot(down, right)
     bend = np.gradient(down, axis=0) + np.gradient(right, axis=1)
-    shapes = np.stack([cover, edge, press * edge, bend])
-    return 1 - cover[..., None], (shapes[..., None] * towards).reshape(4, -1)
+    ends = []
+    for here, next_to in ((path_px[0], path_px[1]), (path_px[-1], path_px[-2])):
+        outward = (here - next_to) / max(float(np.hypot(*(here - next_to))), 1e-9)
+        column, row = np.meshgrid(np.arange(cover.shape[1]), np.arange(cover.shape[0]))
+        beyond = (column - here[0]) * outward[0] + (row - here[1]) * outward[1]
+        ends.append(-(right * outward[0] + down * outward[1]) * (beyond > 0))
+    shapes = np.stack([cover, edge, press * edge, bend, *ends])
+    return 1 - cover[..., None], (shapes[..., None] * towards).reshape(_MODES, -1)
+
+
+def _path_px(row: dict[str, Any]) -> FloatArray:
+    """The commanded path in the window's pixels (column, row), [N, 2]."""
+    path, (left, _, right, top) = np.asarray(row["path"], dtype=np.float64), row["window_m"]
+    scale = decode_png(row["after"]["bytes"]).shape[1] / (right - left)
+    return np.column_stack([(path[:, 1] - left) * scale - 0.5, (top - path[:, 2]) * scale - 0.5])
 
 
 def _unit(image: NDArray[np.uint8]) -> FloatArray:

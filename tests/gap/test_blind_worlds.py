@@ -1,4 +1,4 @@
-"""Twelve small blind worlds: what is hidden is named, and little else. `make studies` has the large table.
+"""Ten small blind worlds: what is hidden is named, and little else. `make studies` has the large table.
 
 The strengths give q = .4 in the whole design (`studies.blind.strength.find_strength`); that search takes most of
 the time that a world costs, so its results stand here.
@@ -16,7 +16,7 @@ from studies.blind.strength import disturbances
 from studies.blind.verdict_of import verdict_on
 from studies.blind.worlds import Stratum, ToolName, sketch_world
 
-SHEETS = 4  # of six: 112 strokes
+SHEETS = 3  # of six: 84 strokes of 72 actions
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,11 @@ WORLDS = (
     Hidden(3, "one", "marker", (0.182,), "path_scale"),
     Hidden(4, "one", "flat_brush", (0.166,), "speed_width"),
     Hidden(5, "one", "marker", (0.350,), "backlash"),
-    Hidden(6, "one", "round_brush", (0.583,), "tool_wear"),
     Hidden(7, "one", "flat_brush", (0.0339,), "orientation_width"),
     Hidden(8, "two", "marker", (0.414, 0.0442), "speed_density"),
     Hidden(9, "outside", "round_brush", (0.622,)),
     Hidden(10, "none", "marker"),
     Hidden(11, "none", "round_brush"),
-    Hidden(12, "none", "flat_brush"),
 )
 
 
@@ -63,8 +61,8 @@ def hidden_and_named(world: Hidden) -> tuple[set[str], set[str]]:
 
 
 @pytest.mark.timeout(600)
-def test_most_of_twelve_worlds_are_named_exactly_and_hardly_one_falsely() -> None:
+def test_most_of_ten_worlds_are_named_exactly_and_hardly_one_falsely() -> None:
     found = [hidden_and_named(world) for world in WORLDS]
     exact = sum(hidden == named for hidden, named in found)
     false = sum(len(named - hidden) for hidden, named in found)
-    assert exact >= 9 and false <= 1, found
+    assert exact >= 8 and false <= 1, found

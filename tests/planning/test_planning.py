@@ -124,7 +124,7 @@ def test_a_plan_with_slack_stands_thin_strokes_better() -> None:
         plans = [plan(WHITE, scene(), 40, replace(config, seed=s), unheard)[0] for s in range(5)]
         return float(np.mean([float(objective(render_plan(strokes, WHITE, thin, 10))) for strokes in plans]))
 
-    assert thinly_painted(Slack(0.3, 0.0)) < thinly_painted(Slack(0.0, 0.0))
+    assert thinly_painted(Slack(0.15, 0.0)) < thinly_painted(Slack(0.0, 0.0))
 
 
 def test_the_rate_falls_along_half_a_cosine() -> None:

@@ -270,6 +270,29 @@ def test_absurd_values_are_named() -> None:
         render(*inputs)
 
 
+@pytest.mark.parametrize("shape", [(1, 65_536, 1, 3), (1, 1, 65_536, 3)])
+def test_canvases_with_longer_sides_than_fragments_can_tell_are_refused(shape: tuple[int, ...]) -> None:
+    inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
+    with pytest.raises(RenderInputError, match=f"{shape[1]} x {shape[2]} pixels; it takes sides up to 65535: render"):
+        render(*inputs[:5], np.zeros(shape))
+    render(*inputs[:5], np.zeros((1, min(shape[1], 65_535), min(shape[2], 65_535), 3)))
+
+
+def test_paths_of_more_segments_than_fragments_can_tell_are_refused() -> None:
+    """Of 65 535 segments the last, which alone lays ink, is told from all others."""
+    n = 65_536
+    points = np.zeros((1, 1, n, 2))
+    points[..., :-1, :], points[..., -1, :] = -50.0, (15.0, 11.0)
+    shape, canvas = points.shape[:-1], np.zeros((1, *SHAPE, 3))
+    inputs = [points, np.ones(shape), np.ones(shape), np.ones(shape), np.ones((1, 1, 3))]
+    image, fragments = render(*inputs, canvas)
+    gradients = render_backward(*inputs, fragments, np.ones_like(image))
+    assert set(np.flatnonzero(gradients.radius)) == {n - 2, n - 1}
+    longer = [np.repeat(array, [1] * (n - 1) + [2], axis=2) for array in inputs[:4]]
+    with pytest.raises(RenderInputError, match="paths have 65536 segments; it takes up to 65535 in a path: give fewer"):
+        render(*longer, inputs[4], canvas)
+
+
 def test_ink_that_memory_cannot_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel, "_free_bytes", lambda: 1_000_000)
     monkeypatch.setattr(kernel, "_ASK_ABOUT_BYTES", 0)

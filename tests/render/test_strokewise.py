@@ -1,10 +1,13 @@
 """What one stroke does to the error, against rendering once for each stroke."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
 
 from pentimento.render import render
+from pentimento.render.kernel import RenderInputError
 from pentimento.render.strokewise import fall_with, rise_without
 
 HEIGHT, WIDTH = 70, 90  # more than one band of rows
@@ -85,3 +88,14 @@ def test_no_strokes_no_worth_and_the_canvas_stays() -> None:
     rise_without(*strokes(4, 1), canvas, target, (1,))
     fall_with(*strokes(4, 1), canvas, target, (1,))
     np.testing.assert_array_equal(canvas, before)
+
+
+@pytest.mark.parametrize("worth", [rise_without, fall_with])
+def test_what_compiled_code_would_read_beyond_its_end_is_refused(worth: Callable[..., np.ndarray]) -> None:
+    inputs, (canvas, target) = strokes(3, 1), pictures(2)
+    with pytest.raises(RenderInputError, match=r"target of \(60, 90, 3\), float64: give both"):
+        worth(*inputs, canvas, target[:60], (1,))
+    with pytest.raises(RenderInputError, match="radius must have shape"):
+        worth(inputs[0], inputs[1][:2], *inputs[2:], canvas, target, (1,))
+    with pytest.raises(RenderInputError, match="takes sides up to 65535"):
+        worth(*inputs, np.zeros((1, 65_536, 3)), np.zeros((1, 65_536, 3)), (1,))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from studies.blind.binomial import Bar, falls_short, interval
+from studies.blind.binomial import Bar, falls_short, interval, standing
 
 
 @pytest.mark.parametrize("of", [1, 10, 150])
@@ -34,3 +34,9 @@ def test_the_test_keeps_its_level() -> None:
 
 def test_nothing_counted_falls_short_of_nothing() -> None:
     assert not falls_short(0, 0, Bar("at least", 0.95))
+
+
+def test_a_share_beyond_its_bar_is_undecided_until_it_is_certain() -> None:
+    shares = [standing(hits, 100, Bar("at least", 0.95)) for hits in (96, 95, 94, 80)]
+    assert shares == ["meets", "meets", "undecided", "falls short"]
+    assert [standing(hits, 100, Bar("at most", 0.03)) for hits in (3, 4, 12)] == ["meets", "undecided", "falls short"]

@@ -120,6 +120,14 @@ def test_a_world_without_verdict_counts_and_one_drawn_again_does_not() -> None:
     assert (row.hits, row.of) == (0, 1)
 
 
+def test_no_verdict_does_not_pass_for_silence() -> None:
+    lost = [line(series, causes, None) for series, causes in (("none", []), ("raster", ["tool_wear"]))]
+    for what in ("any name at all", "wrong unique"):
+        assert (row_of(lost, what).hits, row_of(lost, what).of) == (1, 1)
+    mutated = [line("deleted", ["tool_wear"], None), line("doubled", ["tool_wear"], None)]
+    assert row_of(mutated, "deleted").hits == 0 == row_of(mutated, "doubled").hits
+
+
 def test_gap_closed_is_of_worlds_that_are_named_and_strong() -> None:
     lines = [line("one cause", ["latency"], verdict(("latency", []), closed=c), k) for k, c in enumerate((0.6, 0.9, 1))]
     lines.append(line("one cause", ["latency"], verdict(closed=0.0), 3))  # not named

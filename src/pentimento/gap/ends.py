@@ -1,7 +1,7 @@
 """A mark whose two ends differ: what a tool leaves where it comes down and where it lifts off. Part of the base.
 
-It looks like a lag where strokes are straight. So it is not given to the base from the beginning, nor is it a cause: it
-stands against the causes in the search, and where none of them does better it is taken, and no cause is named for it.
+Where strokes are straight it looks like a lag. A cause that moves the path must explain more than that; once it does,
+the search looks back and drops these ends if nothing speaks for them any more.
 """
 
 from __future__ import annotations

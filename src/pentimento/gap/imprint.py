@@ -139,7 +139,7 @@ def _imprint_one(
             by_mark[row, column, 4] = density * by_sigma
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def _chain(by_mark: Array, segment: Array, along: Array, change: Array, changes: Array) -> None:
     """Fill ``changes`` [P, H, W] by ``change`` [P, N, 5] of the mark."""
     height, width = segment.shape

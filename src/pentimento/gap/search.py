@@ -66,12 +66,11 @@ def search(
 
     ``noise_share`` of the base's error is the noise floor; 0 if that is unknown.
     """
-    base = model = fit(start, measured)
-    least_gain = max(_LEAST_GAIN, _LEAST_OF_MISFIT * (1 - noise_share))
+    base = model = fit(start.plus(identity(UnevenEnds, measured.context)), measured)
+    floor = noise_share * float(action_losses(base, measured).mean())
     observable: dict[str, Mechanism] = {}
     unseen: dict[str, str] = {}
-    kinds: list[type[Mechanism]] = [*vocabulary, UnevenEnds]
-    for kind in kinds:
+    for kind in vocabulary:
         try:
             observable[kind.cause] = identity(kind, measured.context)
         except NotObservable as reason:
@@ -81,16 +80,19 @@ def search(
     dismissed: set[str] = set()
     """Causes that would have to act with the wrong sign."""
     while True:
-        number = len(model.mechanisms)
+        number = sum(m.cause in observable for m in model.mechanisms)
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
         evidence = weigh(model, candidates, measured, seed + len(steps))
         limit = _LATER_P if number else _FIRST_P
         error = float(action_losses(model, measured).mean())
+        least = max(_LEAST_GAIN * error, _LEAST_OF_MISFIT * (error - floor))
         standing = {
             cause: e
             for cause, e in evidence.items()
-            if e.p_adjusted < limit and e.gain > least_gain and e.gain * error > _enough(observable[cause], gained)
+            if e.p_adjusted < limit
+            and e.gain_interval[0] > 0
+            and e.gain * error > max(least, _enough(observable[cause], gained))
         }
         if not standing or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
@@ -99,8 +101,6 @@ def search(
         short = sorted((c for c, e in standing.items() if e.gain > _SHORTLIST * best), key=lambda c: -standing[c].gain)[
             :4
         ]
-        ends = {UnevenEnds.cause} & set(evidence)
-        short += [cause for cause in ends if cause not in short]
         refits = {cause: fit(model.plus(observable[cause]), measured) for cause in short}
         refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
         dismissed |= set(short) - set(refits)
@@ -108,15 +108,12 @@ def search(
             continue
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         chosen = min(losses, key=lambda cause: float(losses[cause].mean()))
-        if ends and not _is_worse(losses[UnevenEnds.cause] - losses[chosen], seed):
-            chosen = UnevenEnds.cause
         rivals = tuple(
             cause for cause in refits if cause != chosen and not _is_worse(losses[cause] - losses[chosen], seed)
         )
         log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
         steps.append(Step(evidence, chosen, rivals))
-        if chosen not in ends:
-            gained[observable[chosen]] = error - float(losses[chosen].mean())
+        gained[observable[chosen]] = error - float(losses[chosen].mean())
         model = _without_idle(refits[chosen], measured, seed, log)
     return Search(base, model, tuple(steps), unseen)
 

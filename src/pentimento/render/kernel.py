@@ -43,6 +43,8 @@ __all__ = ["Q_MIN", "R_MIN", "Fragments", "RenderInputError", "StrokeGradients",
 
 _BAND_ROWS = 64
 _LARGEST = 1e9
+_MOST = np.iinfo(np.uint16).max
+"""Of a canvas's rows, its columns and a path's segments: what a fragment's place is kept in."""
 _ASK_ABOUT_BYTES = 1 << 28
 
 Array = NDArray[Any]
@@ -90,9 +92,10 @@ def render(
         The images, of the canvas's shape, and for each painting the fragments that ``render_backward`` needs.
 
     Raises:
-        RenderInputError: a shape does not fit or a value is not finite; the sentence names the first offender.
+        RenderInputError: a shape does not fit, a value is not finite, a canvas's side or a path's segments are over
+            65,535, or memory would not hold the ink; the sentence names the first offender.
     """
-    _check_inputs(points, radius, density, softness, color, canvas, pickup, threads)
+    check_inputs(points, radius, density, softness, color, canvas, pickup, threads)
     reach = [reach_of_strokes(*painting) for painting in zip(points, radius, strict=True)]
     _check_memory(reach, canvas)
     image = np.array(canvas, copy=True, order="C")
@@ -174,7 +177,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process has no threads but its own
 
 
-def _check_inputs(
+def check_inputs(
     points: Array,
     radius: Array,
     density: Array,
@@ -184,9 +187,21 @@ def _check_inputs(
     pickup: Array | None,
     threads: int,
 ) -> None:
+    """Refuse what compiled code would read beyond its end, or what would make no picture; see ``render``."""
     if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.size == 0:
         raise RenderInputError(
             f"The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got {points.shape} and {canvas.shape}."
+        )
+    height, width = canvas.shape[1:3]
+    if max(height, width) > _MOST:
+        raise RenderInputError(
+            f"The renderer's canvas has {height} x {width} pixels; it takes sides up to {_MOST}: render it in "
+            "parts, or at a lower resolution."
+        )
+    if points.shape[2] - 1 > _MOST:
+        raise RenderInputError(
+            f"The renderer's paths have {points.shape[2] - 1} segments; it takes up to {_MOST} in a path: give fewer "
+            "points, or divide the strokes."
         )
     if threads < 1:
         raise RenderInputError(f"The renderer was asked for {threads} threads; it needs at least one.")

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.render.coverage import compiled
+from pentimento.render.errors import RenderInputError
 from pentimento.render.forward import lay_band, reach_of_strokes
+from pentimento.render.kernel import check_inputs
 
 Array = NDArray[Any]
 
@@ -41,7 +43,11 @@ def rise_without(
         canvas: float[H, W, 3], linear light, before the first stroke; left as it is.
         target: float[H, W, 3], linear light.
         distances: viewing distances [px], each 1 or more.
+
+    Raises:
+        RenderInputError: ``render`` would not take the strokes and the canvas, or the target is not like the canvas.
     """
+    _check(points, radius, density, softness, color, canvas, target)
     image = canvas.copy()
     start, column, row, _, coverage, below = _lay(points, radius, density, softness, color, image)
     change = _left_out(start, column, row, coverage, below, color, *canvas.shape[:2])
@@ -59,9 +65,23 @@ def fall_with(
     distances: tuple[int, ...],
 ) -> Array:
     """[S] by how much the error of the canvas falls when a stroke alone is laid on it; see ``rise_without``."""
+    _check(points, radius, density, softness, color, canvas, target)
     start, column, row, _, coverage, _ = _lay(points, radius, density, softness, color, canvas.copy())
     change = _laid_alone(start, column, row, coverage, color, canvas)
     return -_mean_rise(start, column, row, change, canvas, target, distances)
+
+
+def _check(
+    points: Array, radius: Array, density: Array, softness: Array, color: Array, canvas: Array, target: Array
+) -> None:
+    check_inputs(
+        points[None], radius[None], density[None], softness[None], color[None], canvas[None], pickup=None, threads=1
+    )
+    if target.shape != canvas.shape or target.dtype != canvas.dtype:
+        raise RenderInputError(
+            f"A canvas of {canvas.shape}, {canvas.dtype}, is compared with a target of {target.shape}, {target.dtype}: "
+            "give both the same size and precision."
+        )
 
 
 def _lay(

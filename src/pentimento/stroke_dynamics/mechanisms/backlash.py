@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -22,6 +22,10 @@ class Backlash(Mechanism):
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),
     )
+
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        return canvas_directions(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         side = torch.tanh(tangent(context.path) / _TURNING)

@@ -11,6 +11,7 @@ from pentimento.stroke_dynamics.simulation import NotObservable, StrokeContext, 
 
 _SHORTEST_M = 1e-9
 _SLOWEST_M_S = 1e-4
+_ONE_POINT_M = 1e-3
 
 
 def steps_m(path: Tensor) -> Tensor:
@@ -124,11 +125,28 @@ def place(context: StrokeContext) -> dict[str, float]:
     xy = context.path[..., 1:3].mean(-2).flatten(0, -2)
     low, high = xy.amin(0), xy.amax(0)
     half = float((high - low).max()) / 2
-    # Strokes in their own frame all start at the origin: only their shapes differ.
-    starts = context.path[..., 0, 1:3].flatten(0, -2)
-    if float((starts.amax(0) - starts.amin(0)).max()) < 1e-3:
+    if in_own_frames(context):
         raise NotObservable("the strokes' places on the canvas are unknown")
     return {"x_m": float(low[0] + high[0]) / 2, "y_m": float(low[1] + high[1]) / 2, "half_m": half}
+
+
+def in_own_frames(context: StrokeContext) -> bool:
+    """Whether strokes are told from their own start, as if all began at one point: where they lie on the canvas, and
+    how they are turned, is not known then.
+    """
+    starts = context.path[..., 0, 1:3].flatten(0, -2)
+    return len(starts) > 1 and float((starts.amax(0) - starts.amin(0)).max()) < _ONE_POINT_M
+
+
+def canvas_directions(context: StrokeContext) -> dict[str, float]:
+    """No reference, for effects along the canvas's axes.
+
+    Raises:
+        NotObservable: it is not known how the strokes are turned on the canvas.
+    """
+    if in_own_frames(context):
+        raise NotObservable("it is unknown how the strokes are turned on the canvas")
+    return {}
 
 
 def relative_place(xy_m: Tensor, reference: Mapping[str, float]) -> Tensor:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, column, recorded
-from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, column, recorded, varies
+from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 _COLUMNS = ("ink_since_reload_m", "since_reload")
@@ -25,6 +25,9 @@ class InkDepletion(Mechanism):
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         number, since = recorded(context, *_COLUMNS)
+        age = context.covariates.get("tool_age_m")
+        if age is not None and not varies(age - since) and varies(age):
+            raise NotObservable("the tool is never reloaded, so that its ink is as old as itself (tool_wear)")
         return {"column": float(number), "since": float(since.mean())}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -19,6 +19,10 @@ class OrientationWidth(Mechanism):
         Quantity("cos", "1", 0.2),
         Quantity("sin", "1", 0.2),
     )
+
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        return canvas_directions(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         along = tangent(context.path)

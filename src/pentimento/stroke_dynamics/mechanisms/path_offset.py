@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -16,6 +17,10 @@ class PathOffset(Mechanism):
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),
     )
+
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        return canvas_directions(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         return mark._replace(points_m=mark.points_m + self.values)

@@ -1,7 +1,11 @@
-"""The executed path is scaled about its start against the command (the thesis's m)."""
+"""The executed path is scaled about its start against the command (the thesis's m).
+
+Of strokes of which it is not known how they are turned on the canvas, one factor for both axes can be told: ``x``.
+"""
 
 from __future__ import annotations
 
+from pentimento.stroke_dynamics.mechanisms.geometry import in_own_frames
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -17,6 +21,11 @@ class PathScale(Mechanism):
         Quantity("y", "1", 0.05),
     )
 
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        return {"own_frames": float(in_own_frames(context))}
+
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        factor = self.values[:1] if self.reference.get("own_frames") else self.values
         start = context.path[..., :1, 1:3]
-        return mark._replace(points_m=mark.points_m + self.values * (mark.points_m - start))
+        return mark._replace(points_m=mark.points_m + factor * (mark.points_m - start))
