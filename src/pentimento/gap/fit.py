@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from pentimento.contracts.colour import linear_to_srgb
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.foretell import (
     BASE,
     SLABS,
@@ -52,7 +53,7 @@ _RANGE = (
         "density_by_press": (-2.0, 2.0),
         "edge_by_press": (-2.0, 2.0),
         "log_edge_px": (np.log(0.3), np.log(6)),
-        "ends_mm": (-4.0, 4.0),
+        "ends_mm": (-50.0, 50.0),
         "side_mm": (-1.0, 1.0),
         "ends_widening": (-1.0, 1.0),
     }
@@ -60,6 +61,9 @@ _RANGE = (
 _ROUNDS_OF_UNEVENNESS = 2
 _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _QUIETEST = 0.05  # of the mean variance
+_FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.1
+"""Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
+_MOST_WIDENED = 3.0  # times what is typical
 _FLATTEST = 1e-6  # m of press: below it all presses count as one
 
 
@@ -199,6 +203,14 @@ def _bounds(model: Model) -> tuple[Array, Array]:
         low[i], high[i] = _RANGE[name]
     colors = slice(len(model.base), model.nuisances)
     low[colors], high[colors] = -0.2, 0.2
+    half_mm = float(model.base[: len(WIDTHS)].mean())
+    ends = BASE.index("ends_mm")
+    low[ends], high[ends] = -_FARTHEST_ENDS * half_mm, _FARTHEST_ENDS * half_mm
+    if any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        uneven = model.columns_of(UnevenEnds.cause)
+        shift = _MOST_UNEVEN * half_mm * 1e-3 / UnevenEnds.quantities[0].typical
+        high[uneven] = shift, shift, _MOST_WIDENED, _MOST_WIDENED
+        low[uneven] = -high[uneven]
     return low, high
 
 

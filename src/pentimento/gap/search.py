@@ -21,7 +21,9 @@ Array = NDArray[Any]
 _DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
 _WORSE_P = 0.05
-_SHORTLIST = 0.4
+_SHORTLIST = 0.4  # of the best gain
+_MOST_REFITS, _MOST_KIN = 4, 2
+_KIN_P = 0.05
 _LEAST_GAIN = 0.003
 """Of the error."""
 _LEAST_OF_MISFIT = 0.012
@@ -97,11 +99,8 @@ def search(
         if not standing or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        best = max(e.gain for e in standing.values())
-        short = sorted((c for c, e in standing.items() if e.gain > _SHORTLIST * best), key=lambda c: -standing[c].gain)[
-            :4
-        ]
-        refits = {cause: fit(model.plus(observable[cause]), measured) for cause in short}
+        short = _shortlist(evidence, standing, observable)
+        refits = {cause: _refit(model, observable[cause], measured) for cause in short}
         refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
         dismissed |= set(short) - set(refits)
         if not refits:
@@ -145,6 +144,36 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
         gains = held_out_gains(statistics, held, columns, blocks, seed) / error
         evidence[cause] = Evidence(*tests[cause], float(gains.mean()), interval_of_mean(gains, 999, seed))
     return evidence
+
+
+def _shortlist(
+    evidence: Mapping[str, Evidence], standing: Mapping[str, Evidence], observable: Mapping[str, Mechanism]
+) -> list[str]:
+    """Who is worth a refit: the best, those near to it, and those suspected that share its driver.
+
+    The last because a large effect is far from linear: a lag of centimetres looks like little from no lag at all.
+    """
+    by_gain = sorted(standing, key=lambda cause: -standing[cause].gain)
+    best = by_gain[0]
+    near = [cause for cause in by_gain if standing[cause].gain > _SHORTLIST * standing[best].gain][:_MOST_REFITS]
+    kin = [
+        cause
+        for cause, e in evidence.items()
+        if observable[cause].driver == observable[best].driver and e.p_adjusted < _KIN_P and cause not in near
+    ]
+    return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
+
+
+def _refit(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
+    """The model with one more mechanism.
+
+    Ends that have been fitted in the place of a cause that moves the path hide it from small steps: such a cause is
+    tried without them, too.
+    """
+    refits = [fit(model.plus(mechanism), measured)]
+    if mechanism.site == "trajectory" and any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        refits.append(fit(model.without(UnevenEnds.cause).plus(mechanism), measured))
+    return min(refits, key=lambda refit: float(action_losses(refit, measured).mean()))
 
 
 def is_physical(mechanism: Mechanism) -> bool:
