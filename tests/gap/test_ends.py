@@ -1,0 +1,41 @@
+"""Ends of a mark that differ."""
+
+import torch
+
+from pentimento.gap.ends import UnevenEnds
+from pentimento.stroke_dynamics.simulation import StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
+
+
+def straight() -> tuple[StrokeContext, Mark]:
+    path = torch.zeros(1, 1, 20, 5, dtype=torch.float64)
+    path[..., 1] = torch.linspace(0.1, 0.14, 20)
+    ones = torch.ones(1, 1, 20, dtype=torch.float64)
+    return StrokeContext(path, {}), Mark(path[..., 1:3].clone(), 0.002 * ones, ones, ones)
+
+
+def ends(*values: float) -> UnevenEnds:
+    return UnevenEnds(torch.tensor(values, dtype=torch.float64), {})
+
+
+def test_each_end_moves_along_the_path_by_its_own_amount_and_nothing_else_does() -> None:
+    context, mark = straight()
+    moved = ends(0.001, -0.002, 0, 0).mark(mark, context)
+    shift = moved.points_m - mark.points_m
+    torch.testing.assert_close(shift[0, 0, 0], torch.tensor([-0.001, 0.0], dtype=torch.float64))
+    torch.testing.assert_close(shift[0, 0, -1], torch.tensor([-0.002, 0.0], dtype=torch.float64))
+    assert not shift[0, 0, 1:-1].any()
+
+
+def test_a_widening_fades_away_from_its_end() -> None:
+    context, mark = straight()
+    ratio = (ends(0, 0, 0.3, 0).mark(mark, context).radius_m / mark.radius_m).log()[0, 0]
+    assert abs(float(ratio[0]) - 0.3) < 1e-9
+    assert bool((ratio.diff() < 0).all())
+    assert float(ratio[-1]) < 1e-6
+
+
+def test_at_zero_nothing_changes() -> None:
+    context, mark = straight()
+    for before, after in zip(mark, ends(0, 0, 0, 0).mark(mark, context), strict=True):
+        torch.testing.assert_close(before, after)

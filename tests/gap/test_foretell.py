@@ -1,0 +1,122 @@
+"""Derivatives of what a model foretells, and fits that must find again what made the photographs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.ends import UnevenEnds
+from pentimento.gap.fit import first_model, fit, fit_base, weighted
+from pentimento.gap.foretell import (
+    BASE,
+    Model,
+    foretold_linear,
+    identity,
+    ink,
+    linearise,
+    linearise_rows,
+    mean_squared_error,
+    residual,
+)
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.stroke_dynamics.mechanisms import VOCABULARY
+from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
+from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
+
+
+@pytest.fixture(scope="module")
+def measured() -> Measured:
+    return load_measured(example_table(48))
+
+
+def photographed(model: Model, measured: Measured) -> Measured:
+    """The same strokes with photographs that the model foretells exactly."""
+    after = linear_to_srgb(foretold_linear(ink(model, measured), measured))
+    return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
+
+
+def with_all_causes(measured: Measured) -> Model:
+    found: list[Mechanism] = [identity(UnevenEnds, measured.context)]
+    for kind in VOCABULARY:
+        try:
+            found.append(identity(kind, measured.context))
+        except NotObservable:
+            continue
+    return first_model(measured).plus(*found)
+
+
+def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:
+    few = measured.pick(np.arange(4))
+    model = with_all_causes(measured)
+    rng = np.random.default_rng(0)
+    model = model.at(model.vector + 0.03 * rng.normal(size=len(model.vector)))
+    curvature, slope, energy = linearise_rows(model, few)
+    step, size = 1e-3, len(model.vector)
+    numeric = np.stack(
+        [
+            (residual(model.at(model.vector - e), few) - residual(model.at(model.vector + e), few)) / (2 * step)
+            for e in step * np.eye(size)
+        ]
+    ).reshape(size, 4, -1)
+    pixels = few.samples.valid.numpy().sum((1, 2)) * 3
+    norms = np.sqrt(np.square(numeric).sum(-1).T / pixels[:, None])
+    seen = norms > 0.02 * norms.max()
+    exact = np.sqrt(np.einsum("bpp->bp", curvature))
+    np.testing.assert_allclose(exact[seen], norms[seen], rtol=0.15)
+    rest = residual(model, few).reshape(4, -1)
+    np.testing.assert_allclose(energy, np.square(rest).sum(1) / pixels, rtol=1e-4)
+    expected = np.einsum("pbx,bx->bp", numeric, rest) / pixels[:, None]
+    assert np.corrcoef(slope[seen], expected[seen])[0, 1] > 0.99
+
+
+def test_statistics_of_actions_are_means_over_their_rows(measured: Measured) -> None:
+    model = first_model(measured)
+    twice = measured.pick(np.repeat(np.arange(6), 2))
+    one, two = linearise(model, measured.pick(np.arange(6))), linearise(model, twice)
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-12)
+
+
+def test_a_fit_finds_what_made_the_photographs(measured: Measured) -> None:
+    base = fit(first_model(measured), measured)
+    true = base.plus(
+        InkDepletion(torch.tensor([0.4, 0.1], dtype=torch.float64), InkDepletion.reference_of(measured.context)),
+        PathOffset(torch.tensor([4e-4, -3e-4], dtype=torch.float64), {}),
+    )
+    made = photographed(true, measured)
+    start = first_model(made).plus(*(identity(type(m), made.context) for m in true.mechanisms))
+    found, plain = fit(start, made), fit(first_model(made), made)
+    error, without = (mean_squared_error(residual(m, made), made).mean() for m in (found, plain))
+    assert error < 0.02 * without
+    np.testing.assert_allclose(found.mechanisms[0].values, true.mechanisms[0].values, atol=0.03)
+    np.testing.assert_allclose(found.mechanisms[1].values, true.mechanisms[1].values, atol=2e-5)
+
+
+def test_a_fit_never_ends_worse_than_it_began(measured: Measured) -> None:
+    start = first_model(measured)
+    losses = [float(mean_squared_error(residual(m, measured), measured).mean()) for m in (start, fit(start, measured))]
+    assert losses[1] < losses[0]
+
+
+def test_weights_are_one_on_average_and_less_where_the_model_errs(measured: Measured) -> None:
+    model = fit_base(measured)
+    weighed = weighted(measured, model, measured)
+    valid = measured.samples.valid.numpy() > 0
+    assert weighed.weight[valid].mean() == pytest.approx(1.0, rel=1e-4)
+    assert not weighed.weight[~valid].any()
+    squares = np.square(residual(model, measured)).sum(-1)
+    worst = squares > np.quantile(squares[valid], 0.99)
+    assert weighed.weight[worst & valid].mean() < weighed.weight[valid].mean()
+
+
+def test_numbers_and_vector_are_one(measured: Measured) -> None:
+    model = with_all_causes(measured)
+    vector = model.vector + np.arange(len(model.vector))
+    np.testing.assert_allclose(model.at(vector).vector, vector)
+    columns = np.concatenate([model.columns_of(m.cause) for m in model.mechanisms])
+    np.testing.assert_array_equal(columns, np.arange(len(BASE) + model.color_offset.size, len(vector)))
+    assert model.without("uneven_ends").vector.size == len(vector) - 4
