@@ -23,6 +23,8 @@ Array = NDArray[Any]
 
 _CONFIRMED_P = 0.01
 _DRAWS = 1999
+_SMALLEST_GAP = 0.1
+"""Of the gap: below it a resampled gap is no measure for anything."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Diagnosis:
         fall = self.base_losses - self.extended_losses
         gap = self.base_losses - self.floor.mse
         drawn = np.random.default_rng(11).integers(0, len(gap), (_DRAWS, len(gap)))
-        shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), 1e-12)
+        shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), _SMALLEST_GAP * gap.mean())
         low, high = np.quantile(shares, [0.025, 0.975])
         return float(fall.mean() / gap.mean()), (float(low), float(high))
 
@@ -114,7 +116,12 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
-    doubtful = [m for m in named if m not in kept]
+    idle = [f.cause for f in established if f.gain <= 0]
+    if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
+        extended = fit(extended.without(*idle), known)
+        extended_losses = action_losses(extended, test)
+        established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
+    doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
     suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
     left, strength, names = unexplained(extended, known, seed)
     return Diagnosis(

@@ -192,7 +192,7 @@ def _worth(totals: Array, columns: Columns, asked: Sequence[Question]) -> Array:
 
 def _log_det(totals: Array, index: Array) -> Array:
     """Of parts of [M, P, P], [M]; a hundred-millionth more on the diagonal, for what nothing depends on."""
-    own = np.maximum(np.einsum("mpp->mp", totals)[:, index], 1e-300)
+    own = np.maximum(np.einsum("mpp->mp", totals)[:, index], 1e-150)  # whose square is still a number
     scaled = totals[:, index][:, :, index] / np.sqrt(own[:, :, None] * own[:, None, :])
     log_det: Array = np.linalg.slogdet(scaled + 1e-8 * np.eye(len(index)))[1] + np.log(own).sum(1)
     return log_det
