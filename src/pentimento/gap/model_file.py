@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.foretell import BASE, Model
 from pentimento.gap.unevenness import Unevenness
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
@@ -77,7 +78,8 @@ def read_model(path: Path) -> tuple[Model, Array]:
 
 
 def _mechanism(entry: dict[str, Any]) -> Mechanism:
-    kinds = {kind.cause: kind for kind in VOCABULARY}
+    known: tuple[type[Mechanism], ...] = (*VOCABULARY, UnevenEnds)
+    kinds = {kind.cause: kind for kind in known}
     if entry["cause"] not in kinds:
         raise ValueError(f"cause {entry['cause']} is not in the vocabulary")
     kind = kinds[entry["cause"]]

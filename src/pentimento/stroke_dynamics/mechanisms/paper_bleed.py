@@ -50,4 +50,6 @@ class PaperBleed(Mechanism):
             first = (drinks - self.reference["middle"]) / self.reference["spread"]
             return torch.cat([first, torch.zeros_like(first).expand(*drinks.shape[:-1], _CONTRASTS - 1)], dim=-1)
         shares = torch.tensor([self.reference[f"share_{k + 1}"] for k in range(_CONTRASTS)], dtype=drinks.dtype)
-        return (drinks == torch.arange(1, _CONTRASTS + 1)).to(drinks.dtype) - shares
+        told_apart = (drinks == torch.arange(1, _CONTRASTS + 1)).to(drinks.dtype) - shares
+        # A plan's sheet is none of those that were measured: it is as they are on average.
+        return torch.where(drinks == drinks.round(), told_apart, 0.0)
