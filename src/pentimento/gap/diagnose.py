@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -93,19 +93,18 @@ def diagnose(
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     found = search(first, discovery, min(noise.mse / error, 1.0) if noise else 0.0, vocabulary, seed, log)
-    ends = tuple(m for m in found.model.mechanisms if isinstance(m, UnevenEnds))
-    named = [m for m in found.model.mechanisms if m not in ends]
-    confirmed_p = {m.cause: _confirmation(found.model, m, discovery, confirmation, seed) for m in named}
-    kept = tuple(m for m in named if confirmed_p[m.cause] <= _CONFIRMED_P)
-    base = fit(_with(found.model, ends), known)
-    extended = fit(_with(found.model, ends + kept), known) if kept else base
+    named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
+    confirmed_p = {m.cause: _confirmation(found, m, discovery, confirmation, seed) for m in named}
+    lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
+    base = fit(found.base, known)
+    extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: Model, mechanism: Mechanism) -> Finding:
-        rest = fit(_with(model, tuple(m for m in model.mechanisms if m.cause != mechanism.cause)), known)
+        rest = fit(_without(model, [mechanism.cause], base), known)
         fall = (action_losses(rest, test) - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
@@ -118,7 +117,7 @@ def diagnose(
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
     idle = [f.cause for f in established if f.gain <= 0]
     if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
-        extended = fit(extended.without(*idle), known)
+        extended = fit(_without(extended, idle, base), known)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
     doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
@@ -130,15 +129,21 @@ def diagnose(
     )  # fmt: skip
 
 
-def _confirmation(model: Model, mechanism: Mechanism, discovery: Measured, confirmation: Measured, seed: int) -> float:
+def _confirmation(found: Search, mechanism: Mechanism, discovery: Measured, confirmation: Measured, seed: int) -> float:
     """p that the cause does not help, over discovery and confirmation; 1 if not in the latter by itself."""
-    rest = fit(_with(model, tuple(m for m in model.mechanisms if m is not mechanism)), discovery)
-    fall, fresh = (action_losses(rest, part) - action_losses(model, part) for part in (discovery, confirmation))
+    rest = fit(_without(found.model, [mechanism.cause], found.base), discovery)
+    fall, fresh = (action_losses(rest, part) - action_losses(found.model, part) for part in (discovery, confirmation))
     return paired_p(np.concatenate([fall, fresh]), seed) if fresh.mean() > 0 else 1.0
 
 
-def _with(model: Model, mechanisms: tuple[Mechanism, ...]) -> Model:
-    return replace(model, mechanisms=mechanisms)
+def _without(model: Model, causes: Sequence[str], base: Model) -> Model:
+    """The model less some causes, and with the base's ends where it had lost them to one of these: a cause must not
+    be credited with what the base does without it.
+    """
+    rest = model.without(*causes)
+    if not causes or any(isinstance(m, UnevenEnds) for m in rest.mechanisms):
+        return rest
+    return rest.plus(*(m for m in base.mechanisms if isinstance(m, UnevenEnds)))
 
 
 def _values(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
