@@ -1,24 +1,32 @@
 """Collect strokes of one tool: the robot makes its own in the studio, or a table measured elsewhere is taken in."""
 
 import argparse
+import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
-from pentimento.robots.tools import load_tool
+from pentimento.gap.fit import first_model
+from pentimento.gap.imitation import Imitation, imitation_of, in_short
+from pentimento.gap.measured import load_measured
+from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.runner.collect import collect_strokes
-from pentimento.runner.design import CollectionConfig
+from pentimento.runner.design import CollectionConfig, design_collection
+from pentimento.runner.rehearse import rehearse
 from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import entry_of, load_section
-from pipelines._io import output_folder, stage_main, write_json
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
 
 
@@ -36,6 +44,7 @@ class CollectStrokes:
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out` as shards of the strokes contract, with `metrics.json`."""
     config = load_section(Path("params.yaml"), "collect_strokes", CollectStrokes)
+    single_threaded()
     source = entry_of(config.source, arguments.tool, "collect_strokes.source")
     world = entry_of(config.world, arguments.tool, "collect_strokes.world")
     inputs = {} if source is None else {"source": Path(source)}
@@ -43,27 +52,39 @@ def main(arguments: argparse.Namespace) -> None:
         tracked_run("collect_strokes", arguments.tool, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
+        metrics: dict[str, Any] = {"quarantined": 0}
         if source is None:
-            table, quarantined = _collect(arguments.tool, world, config.collection, run), 0
+            table, metrics["largest_imitation"] = _collect(arguments.tool, world, config.collection, run)
             origin = f"Made by the robot in the studio, world `{world}`."
         else:
             checked = read_table(Path(source), CONTRACT)
-            table, quarantined = checked.table, len(checked.quarantined)
+            table, metrics["quarantined"] = checked.table, len(checked.quarantined)
             if table.num_rows == 0:
                 raise ContractError(f"{source} holds no strokes; name another table in collect_strokes.source.")
-            origin = f"Measured elsewhere: `{Path(source).name}`, {quarantined} rows quarantined."
+            origin = f"Measured elsewhere: `{Path(source).name}`, {metrics['quarantined']} rows quarantined."
+        metrics["rows"] = table.num_rows
         write_shards(out, table, CONTRACT)
         (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")
-        metrics = {"rows": table.num_rows, "quarantined": quarantined}
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
 
 
-def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> pa.Table:
+def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> tuple[pa.Table, float]:
+    """The strokes, and the largest imitation among causes that their design allows (GAP.md, rule 8)."""
     tool = load_tool(tool_name)
     robot = VirtualRobot(Studio(load_world(world), config.seed))
+    found = _imitation(tool, robot.canvas_size_m, config)
+    print(f"What this design cannot tell apart: {in_short(found)}.", file=sys.stderr)
     rows = collect_strokes(GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config, run.log)
-    return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
+    return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0]))), found.largest
+
+
+def _imitation(tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig) -> Imitation:
+    """Of the commands alone: nothing has been drawn or photographed yet."""
+    palette = np.array(config.palette_srgb if tool.color_srgb is None else [tool.color_srgb])
+    commands = design_collection(tool, canvas_size_m, palette, config)
+    strokes = load_measured(rehearse(commands, tool, canvas_size_m, config))
+    return imitation_of(first_model(strokes), strokes, VOCABULARY)
 
 
 if __name__ == "__main__":

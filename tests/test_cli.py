@@ -1,6 +1,8 @@
 """The command line: what it prints, what it writes, and how it says no."""
 
 import json
+import shutil
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,20 @@ import pyarrow.parquet as pq
 import pytest
 
 from pentimento.cli import main
-from pentimento.contracts.strokes import example_table
+from pentimento.contracts.plan import PlannedStroke
+from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.strokes import CONTRACT, example_table
+from pentimento.contracts.tables import read_table
+from pentimento.robots.motion import timed_path
+from pentimento.robots.strokes import stroke_points
+from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner import collect
+from pentimento.runner.design import CollectionConfig, Command
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import WORLDS, load_world
 
 
 def rows_with(table: pa.Table, **values: Any) -> pa.Table:
@@ -26,13 +41,19 @@ def run(table: pa.Table, folder: Path, *more: str) -> int:
 def test_diagnose_finds_the_depletion_of_the_example_strokes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """They grow paler with the length drawn since the last dip, there as in an outside table."""
-    pq.write_table(example_table(40, seed=9), tmp_path / "outside.parquet")
-    assert run(example_table(72), tmp_path, "--kind", "strokes", "--test", str(tmp_path / "outside.parquet")) == 0
+    """They grow paler with the length drawn since the last dip, there as in an outside table; a model that lays no
+    paint at all is named for comparison.
+    """
+    outside, base = tmp_path / "outside.parquet", tmp_path / "parameters.json"
+    pq.write_table(example_table(40, seed=9), outside)
+    base.write_text(json.dumps(asdict(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 0.001, 0.3, 0.001))))
+    options = ("--kind", "strokes", "--test", str(outside), "--base", str(base))
+    assert run(example_table(72), tmp_path, *options) == 0
     verdict = json.loads((tmp_path / "out/verdict.json").read_text())
     assert verdict["schema"] == 1 and verdict["rows"] == 72
     assert [entry["cause"] for entry in verdict["established"]] == ["ink_depletion"]
-    assert verdict["mse"]["extended"] < verdict["mse"]["base"]
+    assert verdict["mse"]["extended"] < verdict["mse"]["base"] < verdict["mse"]["given"]
+    assert (tmp_path / "out/figures/given_strokes.png").is_file()
     assert verdict["established"][0]["parameters"]["density_loss"]["value"] > 0
     assert verdict["gap_closed"]["shifted"] > 0.3
     printed = capsys.readouterr()
@@ -92,9 +113,78 @@ def test_copies_of_one_row_are_one_action(tmp_path: Path, capsys: pytest.Capture
     assert "1 different actions" in capsys.readouterr().err
 
 
+def test_a_base_that_is_no_stroke_model_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "parameters.json").write_text('{"scale": [1, 1]}')
+    assert run(example_table(20), tmp_path, "--base", str(tmp_path / "parameters.json")) == 1
+    assert "is not a stroke model" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_table_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(tmp_path / "nowhere.parquet"), "--out", str(tmp_path / "out")]) == 1
     assert "nowhere.parquet" in capsys.readouterr().err
+
+
+INK = (0.1, 0.1, 0.1)
+
+
+def raster(*_: object) -> list[Command]:
+    """Three sheets of rows from left to right with a dip for each row: ink runs out towards the right."""
+    rng, commands = np.random.default_rng(5), []
+    for number in range(54):
+        row, column = divmod(number % 18, 3)
+        shape = rng.uniform(0.02, 0.05), rng.uniform(-0.008, 0.008), rng.uniform(5e-4, 3e-3, 3)
+        points = stroke_points(np.array([0.06 + 0.09 * column, 0.03 + 0.028 * row]), 0.0, *shape, 0.0, 16)
+        stroke = PlannedStroke(timed_path(points, 0.06), np.array(INK), dip=column == 0)
+        commands.append(Command(number, number // 18, stroke, 1.0))
+    return commands
+
+
+def test_rivals_that_a_raster_cannot_tell_apart_are_told_apart_by_strokes_that_the_robot_makes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a world whose only effect is that the ink runs out, a raster takes it for a tilted canvas as well."""
+    for world in ("plain.toml", "table.toml"):
+        shutil.copy(WORLDS / world, tmp_path)
+    (tmp_path / "fade.toml").write_text('base = "plain.toml"\n[effects]\nink_depletion = 1.5\n')
+    monkeypatch.setattr(collect, "design_collection", raster)
+    tool, robot = load_tool("round_brush"), VirtualRobot(Studio(load_world(tmp_path / "fade.toml"), 0))
+    config = CollectionConfig(54, 0, 1, 0.0, 16, 0.008, 0.008, 700.0, (1.0, 1.0), (INK,), 0.0, 0)
+    guarded = GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
+    rows = collect.collect_strokes(guarded, tool, config, lambda *_: None)
+    table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
+    assert run(table, tmp_path, "--collect", "2", "--world", str(tmp_path / "fade.toml")) == 0
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert "; rivals " in first
+    assert rest[0].startswith("Round 1: 16 strokes to tell ")
+    verdict = json.loads((tmp_path / "out/verdict.json").read_text())
+    assert [(entry["cause"], entry["rivals"]) for entry in verdict["established"]] == [("ink_depletion", [])]
+    assert verdict["rows"] == 70 and "16 of the strokes were made as proposed, in 1 round." in verdict["sentence"]
+    assert read_table(tmp_path / "out/strokes", CONTRACT).table.num_rows == 70
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "says"),
+    [
+        ({}, ("--collect", "1", "--world", "marker"), "holds a marker"),
+        ({}, ("--collect", "1", "--world", "nowhere"), "no world file"),
+        ({"frame": "stroke"}, ("--collect", "1"), "on the canvas is unknown"),
+        ({"tool": "quill"}, ("--collect", "1"), "no tool named 'quill'"),
+    ],
+    ids=["another tool's world", "no world", "no place", "no such tool"],
+)
+def test_a_robot_that_cannot_go_on_says_so_before_anything_is_diagnosed(
+    rows: dict[str, Any], more: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(rows_with(example_table(20), **rows), tmp_path, *more) == 1
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("more", [("--collect", "-1"), ("--world", "marker")], ids=["fewer than none", "idle world"])
+def test_rounds_that_make_no_sense_are_refused(more: tuple[str, ...], tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        run(example_table(20), tmp_path, *more)
 
 
 def test_a_kind_that_there_is_not_is_refused(tmp_path: Path) -> None:

@@ -5,9 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pentimento.contracts.errors import PentimentoError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from pentimento.gap.diagnose import Diagnosis
 
 _KINDS = ("strokes",)
 
@@ -23,11 +30,25 @@ def main(arguments: list[str] | None = None) -> int:
     diagnose.add_argument("--out", required=True, type=Path, help="folder for verdict.json, report.html and more")
     diagnose.add_argument("--kind", choices=_KINDS, default="strokes", help="what the rows are")
     diagnose.add_argument(
+        "--base", type=Path, metavar="FILE",
+        help="parameters.json of a stroke model, whose error is told beside that of the finder's own base",
+    )  # fmt: skip
+    diagnose.add_argument(
         "--test", type=Path, help="an outside table, on which the share of the gap that is closed is measured, too"
     )
-    diagnose.add_argument("--seed", type=int, default=0, help="of splits and bootstraps")
+    diagnose.add_argument(
+        "--collect", type=int, default=0, metavar="ROUNDS",
+        help="while an established cause has rivals, let the studio's robot make the strokes that tell them apart and "
+        "diagnose again: at most so many times",
+    )  # fmt: skip
+    diagnose.add_argument(
+        "--world", help="the studio's world for --collect: a name or a TOML file; by default named like the tool"
+    )
+    diagnose.add_argument("--seed", type=int, default=0, help="of splits, bootstraps and the studio")
     diagnose.set_defaults(run=_diagnose)
     chosen = parser.parse_args(arguments)
+    if chosen.collect < 0 or (chosen.world is not None and chosen.collect == 0):
+        parser.error("--collect takes a number of rounds, 1 or more, and --world needs it.")
     try:
         chosen.run(chosen)
     except (PentimentoError, OSError) as error:
@@ -39,7 +60,9 @@ def main(arguments: list[str] | None = None) -> int:
 def _diagnose(arguments: argparse.Namespace) -> None:
     from pentimento.contracts.strokes import CONTRACT
     from pentimento.contracts.tables import CheckedTable, read_table
+    from pentimento.gap.rounds import diagnose_in_rounds
     from pentimento.gap.write import write_diagnosis
+    from pentimento.stroke_dynamics.traj2stroke import read_parameters
 
     def left_out(checked: CheckedTable) -> str | None:
         """What the contract's check left out, as a sentence."""
@@ -49,10 +72,51 @@ def _diagnose(arguments: argparse.Namespace) -> None:
         return f"{len(checked.quarantined)} rows break the contract and are left out ({reasons})."
 
     checked = read_table(arguments.rows, CONTRACT)
+    given = None if arguments.base is None else read_parameters(arguments.base)
     outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
-    write_diagnosis(checked.table, arguments.out, arguments.seed, _progress, outside, left_out(checked))
-    print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
+
+    def diagnosed(table: pa.Table, added: str | None) -> Diagnosis:
+        notes = [line for line in (left_out(checked), added) if line]
+        found = write_diagnosis(
+            table, arguments.out, arguments.seed, _progress, outside, " ".join(notes) or None, given
+        )
+        print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
+        return found
+
+    if arguments.collect:
+        made = _robot_in(arguments.world, checked.table, arguments.seed)
+        diagnose_in_rounds(checked.table, arguments.out, arguments.collect, diagnosed, made, print)
+    else:
+        diagnosed(checked.table, None)
     print(f"The report is {arguments.out / 'report.html'}.")
+
+
+def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Table, pa.Table, int], pa.Table]:
+    """A robot in the studio with the tool that made a table's strokes, as what makes proposed actions."""
+    import numpy as np
+
+    from pentimento.contracts.covariates import drawn_length_m
+    from pentimento.robots.tools import load_tool
+    from pentimento.robots.virtual import VirtualRobot
+    from pentimento.runner.follow import follow, tool_of
+    from pentimento.runner.safety import GuardedRobot, envelope_for
+    from pentimento.studio.studio import Studio
+    from pentimento.studio.world import load_world
+
+    tool = load_tool(tool_of(table))
+    robot = VirtualRobot(Studio(load_world(world or tool.name), seed))
+    guarded = GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
+    guarded.change_tool(tool)
+
+    drawn_m = 0.0
+
+    def made(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
+        nonlocal drawn_m
+        rows = follow(guarded, tool, actions, recorded, f"{tool.name}-{seed}-round-{number}", drawn_m)
+        drawn_m += sum(drawn_length_m(np.array(path)) for path in rows["path"].to_pylist())
+        return rows
+
+    return made
 
 
 def _progress(line: str) -> None:

@@ -13,6 +13,7 @@ from pentimento.gap.imitation import (
     design,
     imitation,
     imitation_of,
+    in_short,
     information,
     pairs_alike,
     sentences,
@@ -75,6 +76,16 @@ def test_twins_are_named(jacobian: np.ndarray) -> None:
     found = imitation(statistics_of(jacobian), COLUMNS)
     assert found.of("a", "b") > 0.999
     assert sentences(found)[0].startswith("a and b imitate each other (1.00)")
+
+
+def test_in_short_the_closest_come_first_and_the_largest_is_theirs() -> None:
+    cosine = np.array([[1, 0.91, 0.2, np.nan], [0.91, 1, 0.97, np.nan], [0.2, 0.97, 1, np.nan], [np.nan] * 4])
+    found = Imitation(("a", "b", "c", "d"), cosine)
+    assert in_short(found) == "b ~ c .97, a ~ b .91, no trace of d"
+    assert in_short(found, 0.99) == "no two causes above .99 (b ~ c .97), no trace of d"
+    assert found.largest == 0.97
+    alone = Imitation(("a",), np.eye(1))
+    assert alone.largest == 0.0 and in_short(alone) == "no two causes above .90"
 
 
 def test_information_is_lost_to_nuisances_only(jacobian: np.ndarray) -> None:

@@ -1,17 +1,19 @@
-"""Score tests and held-out gains on linear worlds whose truth is known."""
+"""Score tests and held-out gains on linear worlds whose truth is known, and beside a published implementation."""
 
 import numpy as np
 import pytest
 from scipy.stats import kstest
+from wildboottest.wildboottest import WildboottestCL
 
 from pentimento.gap.foretell import Statistics
-from pentimento.gap.score import held_out_gains, interval_of_mean, project, score_tests
+from pentimento.gap.score import held_out_gains, interval_of_mean, project, score_statistic, score_tests
 
 ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4
 
 
-def world(seed: int, effect: float = 0.0, shared: float = 1.0) -> Statistics:
-    """Residuals of a fitted linear model: candidate 0 matters by ``effect``; pixels of an action share an error.
+def regression(seed: int, effect: float = 0.0, shared: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """A linear model, columns [n, pixels, P] and y [n, pixels]: candidate 0 matters by ``effect``; pixels of an action
+    share an error.
 
     Each candidate's column is one number for an action times a fixed profile, like a covariate's effect on width.
     """
@@ -21,10 +23,14 @@ def world(seed: int, effect: float = 0.0, shared: float = 1.0) -> Statistics:
     covariates = rng.normal(size=(ACTIONS, 1, CANDIDATES))
     candidate = covariates * profile[None, :, None]
     error = rng.normal(size=(ACTIONS, PIXELS)) + shared * rng.normal(size=(ACTIONS, 1)) * profile
-    y = effect * candidate[..., 0] + error
-    flat = nuisance.reshape(-1, NUISANCES)
-    y = y - nuisance @ np.linalg.lstsq(flat, y.ravel(), rcond=None)[0]
-    columns = np.concatenate([nuisance, candidate], axis=2)
+    return np.concatenate([nuisance, candidate], axis=2), effect * candidate[..., 0] + error
+
+
+def world(seed: int, effect: float = 0.0, shared: float = 1.0) -> Statistics:
+    """Of such a regression, at the fitted nuisances."""
+    columns, y = regression(seed, effect, shared)
+    nuisance = columns[..., :NUISANCES]
+    y = y - nuisance @ np.linalg.lstsq(nuisance.reshape(-1, NUISANCES), y.ravel(), rcond=None)[0]
     return Statistics(
         np.einsum("nxp,nxq->npq", columns, columns), np.einsum("nxp,nx->np", columns, y), np.square(y).sum(1)
     )
@@ -65,6 +71,47 @@ def test_an_effect_is_found_and_only_it() -> None:
     found = [score_tests(world(seed, effect=0.8), HELD, INDEX, 499, seed) for seed in range(20)]
     assert np.mean([tests["c0"][1] < 0.02 for tests in found]) > 0.9
     assert np.mean([min(tests[f"c{i}"][1] for i in (1, 2, 3)) < 0.02 for tests in found]) < 0.2
+
+
+def published(seed: int, effect: float) -> WildboottestCL:
+    """The wild cluster bootstrap of wildboottest (null imposed, Rademacher) for candidate 0 without the others."""
+    columns, y = regression(seed, effect)
+    x = columns[..., : NUISANCES + 1].reshape(-1, NUISANCES + 1)
+    action, only = np.repeat(np.arange(ACTIONS), PIXELS), np.eye(NUISANCES + 1)[NUISANCES]
+    boot = WildboottestCL(X=x, Y=y.ravel(), cluster=action, R=only, B=4999, seed=seed, parallel=False)
+    boot.get_scores(bootstrap_type="11", impose_null=True)
+    boot.get_weights(weights_type="rademacher")
+    boot.get_numer()
+    return boot
+
+
+@pytest.mark.parametrize("effect", [0.0, 0.3])
+def test_scores_are_those_of_a_published_wild_cluster_bootstrap(effect: float) -> None:
+    """Action by action they are its restricted scores over the candidate's information, for any signs."""
+    for seed in range(4):
+        boot, statistics = published(seed, effect), world(seed, effect)
+        scores = project(statistics, HELD, INDEX["c0"])
+        information = 1 / np.linalg.inv(boot.tXX)[NUISANCES, NUISANCES]
+        np.testing.assert_allclose(scores[:, 0], information * boot.Cg, rtol=1e-4, atol=1e-6 * np.abs(boot.Cg).max())
+        ours, _ = score_statistic(scores, boot.v.T)
+        theirs = np.square(boot.numer) / np.square(boot.Cg).sum()
+        np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=1e-9)
+
+
+def test_p_is_that_of_a_published_wild_cluster_bootstrap() -> None:
+    """It divides each draw by its own standard error, we all draws by one: for 60 actions nearly the same."""
+    ours, theirs = [], []
+    for seed, effect in enumerate(np.tile([0.0, 0.0, 0.15, 0.3], 3)):
+        boot = published(seed, effect)
+        boot.get_denom()
+        boot.get_tboot()
+        boot.get_vcov()
+        boot.get_tstat()
+        boot.get_pvalue()
+        theirs.append(float(boot.pvalue))
+        ours.append(score_tests(world(seed, effect), HELD, {"c0": INDEX["c0"]}, 4999, seed)["c0"][0])
+    np.testing.assert_allclose(ours, theirs, atol=0.03)
+    assert min(theirs) < 0.01 and max(theirs) > 0.5
 
 
 def test_the_adjusted_p_is_never_below_the_single_one() -> None:

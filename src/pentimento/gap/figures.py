@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.gap.diagnose import Diagnosis
-from pentimento.gap.foretell import foretold_linear, ink
+from pentimento.gap.foretell import Model, foretold_linear, ink
+from pentimento.gap.given import Given
 from pentimento.gap.imitation import ALIKE, Imitation
 from pentimento.gap.maps import ResidualMap
+from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES
 from pentimento.gap.next_actions import Proposal
 from pentimento.gap.survey import Survey
@@ -133,8 +135,8 @@ def imitation_heat(found: Imitation, named: Sequence[str]) -> bytes:
         return png(figure)
 
 
-def waterfall(diagnosis: Diagnosis) -> bytes:
-    """From the base's error on sealed strokes through each extension to the floor."""
+def waterfall(diagnosis: Diagnosis, given_mse: float | None = None) -> bytes:
+    """From the base's error on sealed strokes through each extension to the floor; a given model's error before it."""
     base, extended = float(diagnosis.base_losses.mean()), float(diagnosis.extended_losses.mean())
     floor = diagnosis.floor
     above = base - (floor.mse if floor and floor.mse < base else 0.0)
@@ -146,6 +148,8 @@ def waterfall(diagnosis: Diagnosis) -> bytes:
         falls[-1] = falls[-1][0], falls[-1][1] + shared
     with drawing():
         bars: list[tuple[str, float, float, str, bool]] = [("base", 0.0, base, OCHRE, False)]
+        if given_mse is not None:
+            bars.insert(0, ("given\nmodel", 0.0, given_mse, INK, False))
         level = base
         for name, fall in falls:
             bars.append((f"− {name}", level - fall, level, _GREEN if fall >= 0 else "#a33a3a", False))
@@ -177,17 +181,31 @@ def waterfall(diagnosis: Diagnosis) -> bytes:
 
 def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     """Sealed strokes: photographs before and after, both models' foretelling, both errors."""
-    sealed = survey.sealed
-    foretold = [
-        linear_to_srgb(foretold_linear(ink(model, sealed), sealed)) for model in (diagnosis.base, diagnosis.extended)
-    ]
+    base, extended = (_foretold(model, survey.sealed) for model in (diagnosis.base, diagnosis.extended))
+    return _stroke_sheet(survey.sealed, {"base": base, "extended": extended}, shown)
+
+
+def given_strokes(given: Given, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
+    """The same with a given model in the base's place."""
+    foretold = {"given model": given.foretold, "extended": _foretold(diagnosis.extended, survey.sealed)}
+    return _stroke_sheet(survey.sealed, foretold, shown)
+
+
+def _foretold(model: Model, measured: Measured) -> Array:
+    """sRGB [B, H, W, 3]."""
+    return np.asarray(linear_to_srgb(foretold_linear(ink(model, measured), measured)))
+
+
+def _stroke_sheet(sealed: Measured, models: Mapping[str, Array], shown: int) -> bytes:
+    """Strokes from the one where the second model is the most better than the first to where it is the least."""
+    foretold = list(models.values())
     after, valid = sealed.samples.after.numpy(), sealed.samples.valid.numpy() > 0
     wrong = [np.square(image - after).mean(-1) for image in foretold]
     fall = ((wrong[0] - wrong[1]) * valid).sum((1, 2))
     order = np.argsort(-fall, kind="stable")
     chosen = order[np.unique(np.linspace(0, len(order) - 1, shown).round().astype(int))]
     top = shared_top([np.sqrt(w[b][valid[b]]) for b in chosen for w in wrong])
-    titles = ("before", "after", "base", "extended", "|error| base", "|error| extended")
+    titles = ("before", "after", *models, *(f"|error| {name}" for name in models))
     heights = [valid[b].any(1).sum() / valid[b].any(0).sum() for b in chosen]
     cell = 1.8
     with drawing():

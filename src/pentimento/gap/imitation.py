@@ -45,6 +45,12 @@ class Imitation(NamedTuple):
         """One entry, by the causes' names."""
         return float(self.cosine[self.causes.index(first), self.causes.index(second)])
 
+    @property
+    def largest(self) -> float:
+        """Of all pairs; 0 where there is none to compare."""
+        pairs = self.cosine[np.tril_indices(len(self.causes), -1)]
+        return float(np.max(pairs[np.isfinite(pairs)], initial=0.0))
+
 
 class Columns(NamedTuple):
     """Where a model's Jacobian lists what."""
@@ -121,18 +127,37 @@ def imitation_of(model: Model, measured: Measured, vocabulary: Sequence[type[Mec
 
 def sentences(found: Imitation, alike: float = ALIKE) -> list[str]:
     """A sentence for each pair that can hardly be told apart, the closest first, and for each cause not seen at all."""
+    said = [
+        f"{first} and {second} imitate each other ({value:.2f}): these strokes can hardly tell them apart."
+        for value, first, second in _closest(found, alike)
+    ]
+    return said + [
+        f"{cause} leaves no trace in these strokes that the base could not leave." for cause in _unseen(found)
+    ]
+
+
+def in_short(found: Imitation, alike: float = ALIKE) -> str:
+    """The same in one line, such as "tool_wear ~ drying_shift .97"; the closest pair where none is that close."""
+    closest = _closest(found, alike)
+    said = [f"{first} ~ {second} {value:.2f}".replace(" 0.", " .") for value, first, second in closest]
+    if not said:
+        nearest = [f"{first} ~ {second} {v:.2f}".replace(" 0.", " .") for v, first, second in _closest(found, 0.0)[:1]]
+        said = [f"no two causes above {alike:.2f}".replace(" 0.", " .") + "".join(f" ({pair})" for pair in nearest)]
+    return ", ".join(said + [f"no trace of {cause}" for cause in _unseen(found)])
+
+
+def _closest(found: Imitation, alike: float) -> list[tuple[float, str, str]]:
+    """Pairs above a value, the closest first."""
     rows, cols = np.tril_indices(len(found.causes), -1)
     pairs = sorted(
         ((float(found.cosine[i, j]), i, j) for i, j in zip(rows, cols, strict=True) if found.cosine[i, j] > alike),
         reverse=True,
     )
-    said = [
-        f"{found.causes[j]} and {found.causes[i]} imitate each other ({value:.2f}): "
-        "these strokes can hardly tell them apart."
-        for value, i, j in pairs
-    ]
-    unseen = [cause for cause, own in zip(found.causes, np.diag(found.cosine), strict=True) if np.isnan(own)]
-    return said + [f"{cause} leaves no trace in these strokes that the base could not leave." for cause in unseen]
+    return [(value, found.causes[j], found.causes[i]) for value, i, j in pairs]
+
+
+def _unseen(found: Imitation) -> list[str]:
+    return [cause for cause, own in zip(found.causes, np.diag(found.cosine), strict=True) if np.isnan(own)]
 
 
 def design(commands: pa.Table) -> Measured:

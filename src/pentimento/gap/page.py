@@ -9,6 +9,7 @@ from typing import Any
 
 from pentimento.gap import figures
 from pentimento.gap.diagnose import Diagnosis
+from pentimento.gap.given import Given
 from pentimento.gap.imitation import ALIKE, sentences
 from pentimento.gap.leaderboard import leaderboard
 from pentimento.gap.maps import canvas_map, places_known, stroke_map
@@ -19,7 +20,12 @@ from pentimento.report.wording import count, decimal
 
 
 def build_page(
-    diagnosis: Diagnosis, survey: Survey, proposal: Proposal, verdict: Mapping[str, Any], notes: Sequence[str]
+    diagnosis: Diagnosis,
+    survey: Survey,
+    proposal: Proposal,
+    verdict: Mapping[str, Any],
+    notes: Sequence[str],
+    given: Given | None = None,
 ) -> dict[str, bytes]:
     """``report.html``, which holds every picture, and the pictures as ``figures/<name>.png``.
 
@@ -31,12 +37,13 @@ def build_page(
         proposal: the next strokes.
         verdict: as ``verdict.json``.
         notes: what was left out of the table, as sentences.
+        given: a stroke model to be shown beside the finder's own base.
     """
     album = Album()
     sections = [
-        _summary(diagnosis, verdict, notes, album),
+        _summary(diagnosis, verdict, notes, given, album),
         _section("causes", "Every cause, and what the strokes say of it", leaderboard(diagnosis, survey)),
-        _strokes(diagnosis, survey, album),
+        _strokes(diagnosis, survey, given, album),
         _residuals(survey, album),
         _modes(diagnosis, survey, album),
         _imitation(diagnosis, survey, album),
@@ -79,11 +86,15 @@ def _lead(diagnosis: Diagnosis) -> str:
     return "No known cause is established."
 
 
-def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], notes: Sequence[str], album: Album) -> str:
+def _summary(
+    diagnosis: Diagnosis, verdict: Mapping[str, Any], notes: Sequence[str], given: Given | None, album: Album
+) -> str:
     fall = album.plot(
-        "waterfall.png", figures.waterfall(diagnosis),
+        "waterfall.png", figures.waterfall(diagnosis, given and given.mse),
         "Bars from the base model's error through each extension to the noise floor.",
-        "Mean squared error over the windows of sealed strokes, sRGB. <b>Base</b>: the thesis's stroke model with free "
+        "Mean squared error over the windows of sealed strokes, sRGB. "
+        + ("<b>Given model</b>: the one that was named. " if given else "")
+        + "<b>Base</b>: the thesis's stroke model with free "
         "nuisances. Green: what each cause removes, fitted in and out. <b>Extended</b>: what is left with all of them. "
         "Hatched: what a smooth law of a mode that still has structure would remove, to second order. <b>Noise "
         "floor</b>: what even a perfect model would miss, from repeated actions; the band is its 95&nbsp;% interval.",
@@ -97,7 +108,7 @@ def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], notes: Sequence[s
     return _section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{left_out}{fall}")
 
 
-def _strokes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
+def _strokes(diagnosis: Diagnosis, survey: Survey, given: Given | None, album: Album) -> str:
     sheet = album.plot(
         "strokes.png", figures.strokes(diagnosis, survey),
         "Sealed strokes: photographs before and after, what base and extended model foretell, and their errors.",
@@ -105,6 +116,13 @@ def _strokes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
         "<b>Before</b>, denoised, with the command in ochre from its dot; <b>after</b>: the photograph; <b>base</b>, "
         "<b>extended</b>: what the models say it will be; <b>|error|</b>: root mean squared over the colours.",
     )  # fmt: skip
+    if given:
+        sheet += album.plot(
+            "given_strokes.png", figures.given_strokes(given, diagnosis, survey),
+            "Sealed strokes as a given model and the extended model foretell them, and their errors.",
+            "The same with the <b>given model</b> in the base's place: where it misses and the base above does not, it "
+            "needs no cause, only better calibration.",
+        )  # fmt: skip
     return _section("strokes", "Strokes before, after, and as foretold", sheet)
 
 

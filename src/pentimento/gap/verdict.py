@@ -14,7 +14,12 @@ _SHOWN = 12
 
 
 def verdict(
-    diagnosis: Diagnosis, rows: int, actions: int, shifted: float | None = None, notes: Sequence[str] = ()
+    diagnosis: Diagnosis,
+    rows: int,
+    actions: int,
+    shifted: float | None = None,
+    notes: Sequence[str] = (),
+    given_mse: float | None = None,
 ) -> dict[str, Any]:
     """What ``verdict.json`` holds. Errors are of sealed strokes: sRGB in [0, 1] squared, over the whole window.
 
@@ -26,10 +31,11 @@ def verdict(
         actions: how many different ones they are.
         shifted: share of the gap closed on an outside table.
         notes: sentences to go with the verdict's own: what was left out of the table.
+        given_mse: of a stroke model that was named, on the sealed strokes; becomes ``mse.given``.
     """
     floor, closed = diagnosis.floor, diagnosis.gap_closed
     extended = float(diagnosis.extended_losses.mean())
-    made = {
+    made: dict[str, Any] = {
         "schema": SCHEMA,
         "kind": "strokes",
         "rows": rows,
@@ -46,8 +52,12 @@ def verdict(
         "unexplained": [left._asdict() for left in diagnosis.unexplained[:_SHOWN]],
         "floor_reached": None if floor is None else floor.interval[0] <= extended <= floor.interval[1],
         "next_actions": NEXT_ACTIONS,
-        "sentence": " ".join([sentence(diagnosis), *_on_an_outside_table(shifted), *notes]),
+        "sentence": " ".join(
+            [sentence(diagnosis), *_of_a_given_model(diagnosis, given_mse), *_on_an_outside_table(shifted), *notes]
+        ),
     }
+    if given_mse is not None:
+        made["mse"]["given"] = given_mse
     known: dict[str, Any] = _without_nan(made)
     return known
 
@@ -107,6 +117,17 @@ def _not_observable(reasons: dict[str, str]) -> list[str]:
     for cause, reason in reasons.items():
         by_reason.setdefault(reason.rstrip("."), []).append(cause)
     return [f"Not decided, because {reason}: {', '.join(causes)}." for reason, causes in by_reason.items()]
+
+
+def _of_a_given_model(diagnosis: Diagnosis, mse: float | None) -> list[str]:
+    """How it stands to the finder's base, which differs from it in nothing but how free it is."""
+    if mse is None:
+        return []
+    base = float(diagnosis.base_losses.mean())
+    said = f"The given model misses the same strokes by {mse:.3g}"
+    if base < mse:
+        return [f"{said}: {1 - base / mse:.0%} of that is calibration, which the base takes up without any cause."]
+    return [f"{said}, no more than the base."]
 
 
 def _on_an_outside_table(shifted: float | None) -> list[str]:

@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 from pentimento.contracts.atomic import atomic_write
 from pentimento.gap.diagnose import Diagnosis, diagnose
 from pentimento.gap.elsewhere import gap_closed_on, paints_of
+from pentimento.gap.given import given_on
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.model_file import model_as_json
 from pentimento.gap.next_actions import as_table, proposal_for
@@ -22,6 +23,7 @@ from pentimento.gap.survey import survey
 from pentimento.gap.verdict import NEXT_ACTIONS, verdict
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.simulation import NotObservable
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 
 def write_diagnosis(
@@ -31,6 +33,7 @@ def write_diagnosis(
     log: Callable[[str], None],
     outside: pa.Table | None = None,
     left_out: str | None = None,
+    given: Traj2StrokeParameters | None = None,
 ) -> Diagnosis:
     """Diagnose rows of the strokes contract and write what was found into the folder ``out``.
 
@@ -44,6 +47,7 @@ def write_diagnosis(
         log: gets a line now and then.
         outside: another table, on which the share of the gap that is closed is measured, too.
         left_out: a sentence on rows that were left out before.
+        given: a stroke model whose error on sealed strokes is told beside that of the finder's own base.
 
     Raises:
         ContractError: too few rows, or more than 1 % of them cannot be used (it names them).
@@ -66,8 +70,10 @@ def write_diagnosis(
     log("drawing the report")
     seen = survey(found, measured)
     proposal = proposal_for(found, seen, seed)
-    result = verdict(found, len(measured), len(set(measured.action.tolist())), shifted, notes)
-    written = build_page(found, seen, proposal, result, notes)
+    beside = None if given is None else given_on(given, seen.sealed)
+    actions = len(set(measured.action.tolist()))
+    result = verdict(found, len(measured), actions, shifted, notes, beside and beside.mse)
+    written = build_page(found, seen, proposal, result, notes, beside)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal, measured), parquet, compression="zstd")
     written[NEXT_ACTIONS] = parquet.getvalue()

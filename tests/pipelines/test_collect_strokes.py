@@ -1,0 +1,53 @@
+"""The stage collect_strokes: what its design cannot tell apart is said before anything is drawn."""
+
+import argparse
+import json
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+import pipelines.collect_strokes as stage
+from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pipelines._config import read_yaml
+from tests.imports import ROOT
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    section = read_yaml(ROOT / "params.yaml")["collect_strokes"]
+    section["collection"] |= {"strokes": 12, "repeated": 1, "times": 2, "pixels_per_m": 1000}
+    YAML(typ="safe").dump({"collect_strokes": section}, tmp_path / "params.yaml")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    return tmp_path
+
+
+def test_the_largest_imitation_is_a_metric_of_the_strokes(folder: Path) -> None:
+    from mlflow import MlflowClient
+
+    stage.main(argparse.Namespace(tool="round_brush", out=folder / "strokes"))
+    metrics = json.loads((folder / "strokes/metrics.json").read_text())
+    assert metrics["rows"] == 12 == read_table(folder / "strokes", CONTRACT).table.num_rows
+    assert 0 < metrics["largest_imitation"] <= 1
+    (run,) = MlflowClient().search_runs(
+        [experiment.experiment_id for experiment in MlflowClient().search_experiments()]
+    )
+    assert run.data.metrics["largest_imitation"] == pytest.approx(metrics["largest_imitation"])
+
+
+def test_it_is_said_before_any_stroke_is_made(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class RobotError(PentimentoError): ...
+
+    def power_cut(*_: object) -> None:
+        raise RobotError("no power")
+
+    monkeypatch.setattr(stage, "collect_strokes", power_cut)
+    with pytest.raises(RobotError, match="no power"):
+        stage.main(argparse.Namespace(tool="round_brush", out=folder / "strokes"))
+    assert "cannot tell apart: " in capsys.readouterr().err
+    assert not (folder / "strokes").exists()
