@@ -11,7 +11,7 @@ from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import BASE, Model, foretold_linear, ink, mark_px, residual
 from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.modes import MODES, Unexplained, _AllModes
+from pentimento.gap.modes import MODES, AllModes, Unexplained
 from pentimento.gap.modulator import Curve, Generic, Modulation, Modulator, fit_modulator, generic, modulated
 
 NOISE = 0.02
@@ -120,7 +120,7 @@ def test_one_amount_for_all_is_what_the_modes_of_the_residual_are(humid: tuple[M
     model = replace(model, base=even)
     amounts = torch.tensor([0.1, -0.2, 3e-4, -2e-4, 1e-4, 5e-4, 0.3], dtype=torch.float64)
     columns = {f"modulation_{mode}": np.full(72, float(amount)) for mode, amount in zip(MODES, amounts, strict=True)}
-    own = mark_px(model.plus(_AllModes(amounts, {})), strokes)
+    own = mark_px(model.plus(AllModes(amounts, {})), strokes)
     nothing = torch.zeros(len(MODES), dtype=torch.float64)
     read = mark_px(model.plus(Modulation(nothing, {})), replace(strokes, covariates=columns))
     np.testing.assert_allclose(read, own, rtol=1e-6)

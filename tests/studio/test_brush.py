@@ -26,8 +26,9 @@ def test_bundles_fill_their_cross_section(name: str) -> None:
     tool = load_world(name).tool
     bundle = make_bundle(tool, np.random.default_rng(0))
     assert bundle.place.shape == (tool.bristles, 2)
-    assert np.abs(bundle.place).max() <= 1
-    assert np.abs(bundle.place.mean(axis=0)).max() < 0.15
+    assert np.abs(bundle.place - bundle.place.mean(axis=0)).max() <= 1.15
+    laid = bundle.wetting * np.maximum(tool.splay_press_m - bundle.short_m, 0)
+    np.testing.assert_allclose(laid @ bundle.place, 0.0, atol=1e-9)
 
 
 def test_press_widens_a_round_brush_less_and_less() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,16 @@ from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, linearise, mean_squared_error, residual
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
+from pentimento.gap.modulator import generic
+from pentimento.gap.score import projected
 from pentimento.gap.search import Search, action_losses, paired_p, search
 from pentimento.gap.splits import Splits, split
+from pentimento.gap.sway import with_sway
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_CONFIRMED_P = 0.01
+_CONFIRMED_P = 0.2
 _DRAWS = 1999
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
@@ -87,53 +90,67 @@ def diagnose(
     plain = measured.pick(splits.discovery)
     first = fit_base(plain)
     weighed = weighted(measured, first, plain)
+    weighed = with_sway(weighed, first, splits.discovery)
     discovery, confirmation = (weighed.pick(rows) for rows in splits[:2])
     test = measured.pick(splits.test)
     known = weighed.pick(np.sort(np.concatenate(splits[:2])))
+    # What is measured is plain squared error, and so is what the last fits make small.
+    plainly = measured.pick(np.sort(np.concatenate(splits[:2])))
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     found = search(first, discovery, min(noise.mse / error, 1.0) if noise else 0.0, vocabulary, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
-    confirmed_p = {m.cause: _confirmation(found, m, discovery, confirmation, seed) for m in named}
+    fresh = np.isin(np.unique(known.action), confirmation.action)
+    confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
     lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
-    base = fit(found.base, known)
-    extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
+    base = fit(found.base, plainly)
+    extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), plainly)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: Model, mechanism: Mechanism) -> Finding:
-        rest = fit(_without(model, [mechanism.cause], base), known)
+        rest = fit(_without(model, [mechanism.cause], base), plainly)
         fall = (action_losses(rest, test) - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
-            float(fall.mean()), (float(low), float(high)), _values(model, mechanism, known), step.rivals,
+            float(fall.mean()), (float(low), float(high)), _values(model, mechanism, plainly), step.rivals,
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
     idle = [f.cause for f in established if f.gain <= 0]
     if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
-        extended = fit(_without(extended, idle, base), known)
+        extended = fit(_without(extended, idle, base), plainly)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
+    # What is established itself is no other explanation of its neighbour.
+    names_of = {f.cause for f in established}
+    established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names_of)) for f in established)
     doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
-    suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
+    suspected = tuple(finding(fit(extended.plus(m), plainly), m) for m in doubtful)
     left, strength, names = unexplained(extended, known, seed)
+    worth = generic(extended, known, test, left, seed)
+    left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]
     return Diagnosis(
         splits, found, extended, base, established, suspected, floor, base_losses, extended_losses, tuple(left),
         strength, tuple(names),
     )  # fmt: skip
 
 
-def _confirmation(found: Search, mechanism: Mechanism, discovery: Measured, confirmation: Measured, seed: int) -> float:
-    """p that the cause does not help, over discovery and confirmation; 1 if not in the latter by itself."""
-    rest = fit(_without(found.model, [mechanism.cause], found.base), discovery)
-    fall, fresh = (action_losses(rest, part) - action_losses(found.model, part) for part in (discovery, confirmation))
-    return paired_p(np.concatenate([fall, fresh]), seed) if fresh.mean() > 0 else 1.0
+def _confirmation(found: Search, mechanism: Mechanism, known: Measured, fresh: Array, seed: int) -> float:
+    """One-sided p that strokes which were not searched do not ask for the cause, as it was found: sign flips of their
+    scores in its direction (a difference of losses would have half the power).
+    """
+    statistics = linearise(found.model, known)
+    columns = found.model.columns_of(mechanism.cause)
+    rest = np.setdiff1d(np.arange(len(found.model.vector)), columns)
+    slope, curvature = projected(statistics, rest, columns)
+    values = found.model.vector[columns]
+    return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, values))[fresh], seed)
 
 
 def _without(model: Model, causes: Sequence[str], base: Model) -> Model:

@@ -36,7 +36,7 @@ _HOLD = 0.01
 _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
     "density_by_press": 0.5,
     "edge_by_press": 0.5,
-    "ends_mm": 1.0,
+    "ends_mm": 3.0,
     "side_mm": 0.5,
     "ends_widening": 0.5,
 }
@@ -61,7 +61,7 @@ _RANGE = (
 _ROUNDS_OF_UNEVENNESS = 2
 _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _QUIETEST = 0.05  # of the mean variance
-_FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.1
+_FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.2
 """Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
 _MOST_WIDENED = 3.0  # times what is typical
 _FLATTEST = 1e-6  # m of press: below it all presses count as one

@@ -36,7 +36,7 @@ BASE = (
 _COLOR_STEP = 0.01
 _MARK_STEP = 1e-4
 _THINNEST_M = 1e-5
-_UNIT_EDGE = 0.05
+_UNIT_EDGE = 0.15
 """Softness that stands for the base's edge: so hard that mechanisms that soften it leave the width alone."""
 _ROWS_AT_ONCE = 48
 
@@ -248,7 +248,22 @@ def mean_squared_error(residuals: Array, measured: Measured) -> Array:
 def weighted_error(residuals: Array, measured: Measured) -> Array:
     """The same with each pixel's weight, [B]: what fits make small."""
     pixels = measured.samples.valid.numpy().sum((1, 2)) * 3
-    return (np.square(residuals).sum(3) * measured.weight).sum((1, 2)) / pixels
+    whole = (np.square(residuals).sum(3) * measured.weight).sum((1, 2))
+    along = (residuals * measured.sway_depth).sum(3) * np.sqrt(measured.weight)
+    taken = np.einsum("bkhw,bhw->bk", measured.sway, along, optimize=True)
+    return (whole - np.square(taken).sum(1)) / pixels
+
+
+def change_maps(model: Model, measured: Measured) -> Array:
+    """How the model's last numbers, which change the mark, change coverage, float32[P, B, H, W]."""
+    _, changes = _changes_of_mark(model, measured)
+    return change_of_coverage(ink(model, measured).imprint, changes)
+
+
+def sway_depth(model: Model, measured: Measured) -> tuple[Array, Array]:
+    """Slope of the weighted photographs by coverage, and the weighted residual, float32[B, H, W, 3] each."""
+    weight = (np.sqrt(measured.weight) * measured.samples.valid.numpy())[..., None]
+    return slope_by_coverage(ink(model, measured), measured) * weight, residual(model, measured) * weight
 
 
 class Statistics(NamedTuple):
@@ -300,20 +315,31 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
 
     curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
     slope = np.zeros((len(measured), len(model.vector)))
+    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     for b in range(len(measured)):
         inked = laid.imprint.segment[b] >= 0
         maps = np.concatenate([laid.imprint.by_level[b][inked].T, drawn[:, b][:, inked]])
         depth = by_coverage[b][inked]
         curvature[b][np.ix_(of_mark, of_mark)] = (maps * np.square(depth).sum(1)) @ maps.T
         slope[b][of_mark] = maps @ (depth * rest[b][inked]).sum(1)
+        sway, sway_depth_b = measured.sway[b][:, inked], measured.sway_depth[b]
+        along = np.zeros((len(sway), len(model.vector)))
+        along[:, of_mark] = (sway * (depth * sway_depth_b[inked]).sum(1)) @ maps.T
         pictures = {
             p: by_paint[b] * paint[b] + (0 if gain is None else by_gain[b] * gain[b][..., None])
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
+        taken = measured.sway[b].reshape(len(sway), inked.size) @ (sway_depth_b * rest[b]).sum(-1).ravel()
+        energy[b] -= taken @ taken
         if not pictures:
+            curvature[b] -= along.T @ along
+            slope[b] -= taken @ along
             continue
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
+        along[:, index] += (
+            measured.sway[b].reshape(len(sway), inked.size) @ (whole * sway_depth_b).sum(-1).reshape(len(index), -1).T
+        )
         cross = maps @ (whole[:, inked] * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
         # A mechanism may act on the mark and on the paint: its two parts add up.
@@ -321,8 +347,9 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
         curvature[b][np.ix_(index, of_mark)] += cross.T
         curvature[b][np.ix_(index, index)] += flat @ flat.T
         slope[b][index] += flat @ rest[b].ravel()
+        curvature[b] -= along.T @ along
+        slope[b] -= taken @ along
     pixels = valid.sum((1, 2)) * 3
-    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
 
 

@@ -42,6 +42,10 @@ class Measured:
     """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
     weight: Array
     """float32[B, H, W]: of each pixel's error in fits, 1 on average over the windows; 0 in the padding."""
+    sway: Array
+    """float32[B, K, H, W]: what is not counted of each residual, along K directions (``sway``); K = 0 counts all."""
+    sway_depth: Array
+    """float32[B, H, W, 3]: of those directions in the photographs' channels."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -57,6 +61,10 @@ class Measured:
         columns = {name: torch.tensor(v, dtype=torch.float64)[:, None] for name, v in self.covariates.items()}
         return StrokeContext(self.samples.path[:, None].double(), columns)
 
+    def whole(self) -> Measured:
+        """The same with all of each residual counted."""
+        return replace(self, sway=self.sway[:, :0])
+
     def pick(self, rows: Array) -> Measured:
         """The strokes with these indices."""
         index = torch.as_tensor(np.asarray(rows))
@@ -64,6 +72,7 @@ class Measured:
         return replace(
             self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
             block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
+            sway=self.sway[rows], sway_depth=self.sway_depth[rows],
         )  # fmt: skip
 
 
@@ -85,7 +94,13 @@ def load_measured(table: pa.Table) -> Measured:
     painted = _painted(samples.before_linear.numpy())
     weight = samples.valid.numpy().astype(np.float32)
     paint = paint.reshape(-1)
-    return Measured(samples, covariates_of(table), paint, int(paint.max()) + 1, block, painted, weight)
+    sway, depth = all_counted(weight.shape)
+    return Measured(samples, covariates_of(table), paint, int(paint.max()) + 1, block, painted, weight, sway, depth)
+
+
+def all_counted(shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """``sway`` and ``sway_depth`` for windows [B, H, W] of whose residuals everything counts."""
+    return np.zeros((shape[0], 0, *shape[1:]), np.float32), np.zeros((*shape, 3), np.float32)
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:

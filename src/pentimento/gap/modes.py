@@ -2,7 +2,8 @@
 
 A mode is a way in which a mark can differ as a whole: amplitude, width, shifts along and across its path and along the
 canvas's axes, blur. Each row's residual is projected on each mode, and the projections are tested against covariates
-by permutation of strokes, max-T over all pairs.
+by permutation of strokes, max-T over all pairs. What the strongest covariate does is taken out of all modes before the
+next is looked for: what merely goes along with it (time with wear, temperature with both) is not named beside it.
 """
 
 from __future__ import annotations
@@ -26,9 +27,12 @@ Array = NDArray[Any]
 MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "blur")
 _DRAWS = 1999
 _P = 0.01
+_MOST = 6
 
 
-class _AllModes(Mechanism):
+class AllModes(Mechanism):
+    """All of them at once, by an amount of each that is the same for all strokes."""
+
     cause: ClassVar[str] = "modes"
     site = "density"
     quantities = (
@@ -42,6 +46,7 @@ class _AllModes(Mechanism):
     )
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        """See ``Mechanism``."""
         amplitude, width, tangential, normal, x, y, blur = self.values
         along = tangent(context.path)
         across = torch.stack([-along[..., 1], along[..., 0]], dim=-1)
@@ -65,7 +70,7 @@ class Unexplained(NamedTuple):
 
 def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array]:
     """Each row's residual in each mode, in typical sizes, [B, M]; and the modes' own energies [B, M]."""
-    curvature, slope, _ = linearise_rows(model.plus(_AllModes(torch.zeros(len(MODES)), {})), measured)
+    curvature, slope, _ = linearise_rows(model.plus(AllModes(torch.zeros(len(MODES)), {})), measured)
     own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
     return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own
 
@@ -82,24 +87,35 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
     spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
     scores = np.clip(scores / spread, -4, 4)
     basis = np.stack([_standard(np.stack([c, _standard(c) ** 2], 1)) for c in columns.values()])  # [C, B, 2]
-    order = np.random.default_rng([seed, 9]).permuted(np.tile(np.arange(len(scores)), (_DRAWS, 1)), axis=1)
-
-    def strength(y: Array) -> Array:
-        fitted = np.einsum("cbk,bm->cmk", basis, y) / len(y)
-        return np.square(fitted).max(-1).T * len(y)  # [M, C]
-
-    observed = strength(scores)
-    largest = np.array([strength(scores[o]).max() for o in order])
-    found = []
-    strongest_first = np.argsort(-observed, axis=None)[: int((observed >= np.quantile(largest, 1 - _P)).sum())]
-    for m, c in zip(*np.unravel_index(strongest_first, observed.shape), strict=True):
-        p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
-        found.append(
-            Unexplained(
-                MODES[m], names[c], p, _generic_gain(scores[:, m] * spread[m], energy[:, m], basis[c], model, measured)
-            )
+    whole = _strength(scores, basis)
+    found: list[Unexplained] = []
+    left = scores
+    while len(found) < _MOST:
+        observed = _strength(left, basis)
+        order = np.random.default_rng([seed, 9, len(found)]).permuted(
+            np.tile(np.arange(len(left)), (_DRAWS, 1)), axis=1
         )
-    return found, np.sqrt(observed), names
+        largest = np.array([_strength(left[o], basis).max() for o in order])
+        limit = np.quantile(largest, 1 - _P)
+        c = int(np.argmax(observed.max(0)))
+        standing = np.flatnonzero(observed[:, c] >= limit)
+        if not len(standing):
+            break
+        # Neighbouring modes answer to one cause: the one by which it would explain most of the picture.
+        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[c], model, measured) for m in standing]
+        m = int(standing[int(np.argmax(gains))])
+        p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
+        found.append(Unexplained(MODES[m], names[c], p, float(max(gains))))
+        one = np.column_stack([np.ones(len(left)), basis[c]])
+        left = left - one @ np.linalg.lstsq(one, left, rcond=None)[0]
+    return found, np.sqrt(whole), names
+
+
+def _strength(scores: Array, basis: Array) -> Array:
+    """How strongly each mode goes with each covariate, or with its square, chi-squared [M, C]."""
+    fitted = np.einsum("cbk,bm->cmk", basis, scores) / len(scores)
+    strength: Array = np.square(fitted).max(-1).T * len(scores)
+    return strength
 
 
 def _generic_gain(amount: Array, energy: Array, basis: Array, model: Model, measured: Measured) -> float:

@@ -3,8 +3,8 @@
 Each mode of the residual that depends on a covariate (``modes.unexplained``) gets a curve over it: straight pieces
 between quantiles of the strokes it is fitted to, level beyond them. All curves are fitted together at the model, from
 the strokes' own Jacobians (GAP.md, rule 3), with a ridge that is chosen on blocks left out, and the strokes are then
-drawn with their modes changed. It says what an explanation would be worth (GAP.md, rule 7) and explains nothing: under
-a shift it closes a third of what it closes in distribution, which a named cause does not suffer.
+drawn with their modes changed. It says what an explanation would be worth and explains nothing: nothing warrants
+that it holds beyond the conditions in which it was fitted, as a named cause does (GAP.md, rule 7).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from torch import Tensor
 
 from pentimento.gap.foretell import Model, linearise_rows
 from pentimento.gap.measured import Measured
-from pentimento.gap.modes import MODES, Unexplained, _AllModes
+from pentimento.gap.modes import MODES, AllModes, Unexplained
 from pentimento.gap.path_covariates import path_covariates
 from pentimento.gap.score import folds
 from pentimento.gap.search import action_losses
@@ -36,7 +36,6 @@ _KNOTS = (0.0, 1 / 3, 2 / 3, 1.0)
 _RIDGES = (0.01, 0.1, 1.0, 10.0)
 """Of each curve's own curvature; beside them no modulation at all."""
 _STEPS = 2
-_MOST_CURVES = 12
 _DRAWS = 1999
 
 
@@ -48,7 +47,7 @@ class Modulation(Mechanism):
     cause: ClassVar[str] = "modulation"
     site = "density"
     driver = "anything"
-    quantities = _AllModes.quantities
+    quantities = AllModes.quantities
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         zero = torch.zeros_like(context.path[..., 0, 0])
@@ -120,7 +119,7 @@ def generic(model: Model, known: Measured, sealed: Measured, left: Sequence[Unex
         left: what depends on what, the strongest first.
         seed: of folds and resampling.
     """
-    pairs = [(one.mode, one.covariate) for one in left[:_MOST_CURVES]]
+    pairs = [(one.mode, one.covariate) for one in left]
     together = fit_modulator(model, known, pairs, seed)
     before, losses = action_losses(model, sealed), action_losses(*modulated(model, together, sealed))
     drawn = np.random.default_rng([seed, 15]).integers(0, len(losses), (_DRAWS, len(losses)))

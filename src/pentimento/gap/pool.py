@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates, fresh_memory
 from pentimento.gap.foretell import Model, foretold_linear, ink
-from pentimento.gap.measured import Measured
+from pentimento.gap.measured import Measured, all_counted
 from pentimento.gap.spans import Ranges
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
@@ -177,12 +177,15 @@ def _on_paper(
         valid=valid,
         action=torch.arange(len(actions)),
     )
+    sway, depth = all_counted(tuple(valid.shape))
     return replace(
         template,
         samples=samples,
         covariates={name: np.array([row[name] for row in columns]) for name in measured.covariates},
         painted=np.zeros(valid.shape, np.float32),
         weight=valid.numpy().copy(),
+        sway=sway,
+        sway_depth=depth,
     )
 
 

@@ -43,6 +43,19 @@ def project(statistics: Statistics, nuisances: Array, candidate: Array) -> Array
     return projected
 
 
+def projected(statistics: Statistics, nuisances: Array, candidate: Array) -> tuple[Array, Array]:
+    """Slope [n, Q] and curvature [n, Q, Q] of each action in a candidate's numbers, with what the nuisances do to make
+    up for them, over all actions, projected out.
+    """
+    pull = _pull(statistics, nuisances, candidate)
+    slope = statistics.slope[:, candidate] - statistics.slope[:, nuisances] @ pull
+    mixed = statistics.curvature[:, nuisances][:, :, candidate]
+    curvature = statistics.curvature[:, candidate][:, :, candidate] - np.einsum("bq,nbp->nqp", pull, mixed)
+    curvature -= np.einsum("nbq,bp->nqp", mixed, pull)
+    curvature += np.einsum("bq,nbc,cp->nqp", pull, statistics.curvature[:, nuisances][:, :, nuisances], pull)
+    return slope, curvature
+
+
 def _pull(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
     """What the nuisances do to make up for the candidate's numbers, [nuisances, candidate]."""
     curvature = statistics.curvature.sum(0)
@@ -93,18 +106,16 @@ def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, b
     together.
     """
     fold = folds(block, seed)
-    pull = _pull(statistics, nuisances, candidate)
-    slope = statistics.slope[:, candidate] - statistics.slope[:, nuisances] @ pull
-    mixed = statistics.curvature[:, nuisances][:, :, candidate]
-    curvature = statistics.curvature[:, candidate][:, :, candidate] - np.einsum("bq,nbp->nqp", pull, mixed)
-    curvature -= np.einsum("nbq,bp->nqp", mixed, pull)
-    curvature += np.einsum("bq,nbc,cp->nqp", pull, statistics.curvature[:, nuisances][:, :, nuisances], pull)
+    slope, curvature = projected(statistics, nuisances, candidate)
     gains = np.zeros(len(block))
     for k in range(_FOLDS):
         out = fold == k
         if out.all() or not out.any():
             continue
-        step = np.linalg.lstsq(_ridged(curvature[~out].sum(0)), slope[~out].sum(0), rcond=None)[0]
+        known, pulls = curvature[~out].sum(0), slope[~out]
+        # Of the order of what is typical: what strokes leave open is not learnt from their noise.
+        noise = np.square(pulls).sum() / max(np.trace(known), 1e-300)
+        step = np.linalg.lstsq(_ridged(known) + noise * np.eye(len(known)), pulls.sum(0), rcond=None)[0]
         gains[out] = 2 * slope[out] @ step - np.einsum("p,npq,q->n", step, curvature[out], step)
     return gains
 

@@ -24,10 +24,9 @@ _WORSE_P = 0.05
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
-_LEAST_GAIN = 0.003
-"""Of the error."""
-_LEAST_OF_MISFIT = 0.012
-"""Of the error above the floor: in a base that is wrong in many ways, something always looks a little like a cause."""
+_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.006, 0.004
+"""Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
+like a cause."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 _BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.35
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
@@ -69,7 +68,8 @@ def search(
     ``noise_share`` of the base's error is the noise floor; 0 if that is unknown.
     """
     base = model = fit(start.plus(identity(UnevenEnds, measured.context)), measured)
-    floor = noise_share * float(action_losses(base, measured).mean())
+    plain = measured.whole()
+    floor = noise_share * float(action_losses(base, plain).mean())
     observable: dict[str, Mechanism] = {}
     unseen: dict[str, str] = {}
     for kind in vocabulary:
@@ -79,30 +79,31 @@ def search(
             unseen[kind.cause] = str(reason)
     steps: list[Step] = []
     gained: dict[Mechanism, float] = {}
+    evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
-    """Causes that would have to act with the wrong sign."""
+    """Causes that would have to act with the wrong sign, or do too little."""
     while True:
         number = sum(m.cause in observable for m in model.mechanisms)
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
-        evidence = weigh(model, candidates, measured, seed + len(steps))
+        fresh = weigh(model, candidates, measured, seed + len(steps))
+        evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = _LATER_P if number else _FIRST_P
-        error = float(action_losses(model, measured).mean())
-        least = max(_LEAST_GAIN * error, _LEAST_OF_MISFIT * (error - floor))
-        standing = {
-            cause: e
-            for cause, e in evidence.items()
-            if e.p_adjusted < limit
-            and e.gain_interval[0] > 0
-            and e.gain * error > max(least, _enough(observable[cause], gained))
-        }
+        error = float(action_losses(model, plain).mean())
+        least = max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor))
+        standing = {cause: e for cause, e in fresh.items() if e.p_adjusted < limit and e.gain_interval[0] > 0}
         if not standing or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        short = _shortlist(evidence, standing, observable)
+        short = _shortlist(fresh, standing, observable)
         refits = {cause: _refit(model, observable[cause], measured) for cause in short}
         refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
         dismissed |= set(short) - set(refits)
+        sizes = weigh(model, [observable[cause] for cause in refits], plain, seed)
+        size = {cause: sizes[cause].gain * error for cause in refits}
+        small = {cause for cause in refits if size[cause] < max(least, _enough(observable[cause], gained))}
+        dismissed |= small
+        refits = {cause: refit for cause, refit in refits.items() if cause not in small}
         if not refits:
             continue
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
@@ -112,7 +113,7 @@ def search(
         )
         log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
         steps.append(Step(evidence, chosen, rivals))
-        gained[observable[chosen]] = error - float(losses[chosen].mean())
+        gained[observable[chosen]] = max(size[chosen], error - float(action_losses(refits[chosen], plain).mean()))
         model = _without_idle(refits[chosen], measured, seed, log)
     return Search(base, model, tuple(steps), unseen)
 
@@ -159,7 +160,7 @@ def _shortlist(
     kin = [
         cause
         for cause, e in evidence.items()
-        if observable[cause].driver == observable[best].driver and e.p_adjusted < _KIN_P and cause not in near
+        if observable[cause].site == observable[best].site and e.p_adjusted < _KIN_P and cause not in near
     ]
     return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
 
@@ -205,6 +206,8 @@ def _is_worse(differences: Array, seed: int) -> bool:
 def _without_idle(model: Model, measured: Measured, seed: int, log: Callable[[str], None]) -> Model:
     """The model less the mechanisms that it no longer needs, now that it has a new one."""
     for mechanism in model.mechanisms[:-1]:
+        if isinstance(mechanism, UnevenEnds) and model.mechanisms[-1].site != "trajectory":
+            continue
         refit = fit(model.without(mechanism.cause), measured)
         if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
             log(f"{mechanism.cause} is no longer needed")

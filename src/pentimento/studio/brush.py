@@ -62,7 +62,9 @@ def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
     short = tool.dome_m * _rim_distance(tool, place) ** 2 - MENISCUS_M
     short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(place)))
     wetting = 0.85 * np.exp(0.45 * _smooth_noise(place, rng) + 0.3 * rng.standard_normal(len(place)))
-    return Bundle(place, short, wetting)
+    # A tool is mounted by its print, not by its ferrule: what it leaves under a usual press lies around the tip.
+    laid = wetting * np.maximum(tool.splay_press_m - short, 0)
+    return Bundle(place - laid @ place / max(laid.sum(), 1e-12), short, wetting)
 
 
 def _scatter(tool: Tool, rng: np.random.Generator) -> Array:

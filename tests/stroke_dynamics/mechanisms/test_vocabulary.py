@@ -44,6 +44,7 @@ def context() -> StrokeContext:
         "t_after_s": 10 * number + 2 + 3 * (number % 4),
         "wet_age_s": torch.where(number > 2, 5.0 * number, torch.nan),
         "surface_level": number % 6,
+        "humidity": 40.0 + 7 * (number % 4),
     }
     return StrokeContext(torch.tensor(np.stack(paths))[:, None], columns)
 

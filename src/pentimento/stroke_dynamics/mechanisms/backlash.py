@@ -17,7 +17,7 @@ class Backlash(Mechanism):
 
     cause = "backlash"
     site = "trajectory"
-    driver = "motion"
+    driver = "reversal"
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

@@ -15,7 +15,7 @@ class PathScale(Mechanism):
 
     cause = "path_scale"
     site = "trajectory"
-    driver = "motion"
+    driver = "extent"
     quantities = (
         Quantity("x", "1", 0.05),
         Quantity("y", "1", 0.05),
