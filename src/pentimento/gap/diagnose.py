@@ -19,6 +19,7 @@ from pentimento.gap.modulator import generic
 from pentimento.gap.score import projected
 from pentimento.gap.search import Search, action_losses, paired_p, search
 from pentimento.gap.splits import Splits, split
+from pentimento.gap.standard_errors import values_with_errors
 from pentimento.gap.sway import with_sway
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -118,7 +119,7 @@ def diagnose(
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
-            float(fall.mean()), (float(low), float(high)), _values(model, mechanism, plainly), step.rivals,
+            float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, plainly), step.rivals,
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
@@ -161,18 +162,3 @@ def _without(model: Model, causes: Sequence[str], base: Model) -> Model:
     if not causes or any(isinstance(m, UnevenEnds) for m in rest.mechanisms):
         return rest
     return rest.plus(*(m for m in base.mechanisms if isinstance(m, UnevenEnds)))
-
-
-def _values(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
-    """Each quantity with its cluster-robust standard error (sandwich over actions)."""
-    statistics = linearise(model, measured)
-    curvature = statistics.curvature.sum(0)
-    inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
-    spread = inverse @ (statistics.slope.T @ statistics.slope) @ inverse
-    number = [m.cause for m in model.mechanisms].index(mechanism.cause)
-    fitted = model.mechanisms[number]
-    at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
-    return {
-        q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
-        for i, (q, value) in enumerate(zip(fitted.quantities, fitted.values, strict=True))
-    }

@@ -1,0 +1,58 @@
+"""What depends on a covariate is found in its mode, and what merely goes along with that is not named beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.fit import fit_base
+from pentimento.gap.foretell import Model, foretold_linear, ink
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.gap.modes import MODES, AllModes, unexplained
+from pentimento.gap.modulator import Modulation
+
+AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
+"""In typical sizes, at one standard deviation of the temperature."""
+
+
+@pytest.fixture(scope="module")
+def strokes() -> tuple[Measured, Model]:
+    measured = load_measured(example_table(72))
+    return measured, fit_base(measured)
+
+
+def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:
+    """Photographs of strokes that depend on the temperature in one mode, with noise; a clock runs along with it."""
+    rng = np.random.default_rng(5)
+    warmth = rng.standard_normal(len(measured))
+    columns = {"temperature_c": 20 + 3 * warmth, "clock_s": 60 * warmth + rng.normal(0, 15, len(measured))}
+    plain = replace(measured, covariates=columns)
+    amounts = {f"modulation_{m}": np.zeros(len(measured)) for m in MODES}
+    if mode is not None:
+        amounts[f"modulation_{mode}"] = AMOUNT[mode] * warmth * AllModes.quantities[MODES.index(mode)].typical
+    drawn = model.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
+    told = replace(plain, covariates=columns | amounts)
+    after = linear_to_srgb(foretold_linear(ink(drawn, told), told))
+    after = np.clip(after + rng.normal(0, 0.01, after.shape), 0, 1).astype(np.float32)
+    return replace(plain, samples=plain.samples._replace(after=torch.from_numpy(after)))
+
+
+@pytest.mark.parametrize("mode", sorted(AMOUNT))
+def test_a_mode_is_named_with_its_covariate_and_not_with_what_goes_along(
+    mode: str, strokes: tuple[Measured, Model]
+) -> None:
+    measured, model = strokes
+    left, strength, names = unexplained(model, warmed(mode, measured, model), 0)
+    assert [(one.mode, one.covariate) for one in left[:1]] == [(mode, "temperature_c")]
+    assert "clock_s" not in {one.covariate for one in left}
+    assert strength.shape == (len(MODES), len(names))
+    assert left[0].generic_gain > 0.01
+
+
+def test_where_nothing_depends_on_anything_nothing_is_named(strokes: tuple[Measured, Model]) -> None:
+    measured, model = strokes
+    left, _, _ = unexplained(model, warmed(None, measured, model), 0)
+    assert left == []

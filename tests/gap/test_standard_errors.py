@@ -1,0 +1,55 @@
+"""Intervals hold the truth as often as is promised, in worlds of the mechanisms' own form."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.fit import first_model, fit
+from pentimento.gap.foretell import Model, foretold_linear, identity, ink
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.gap.modes import MODES, AllModes
+from pentimento.gap.modulator import Modulation
+from pentimento.gap.standard_errors import values_with_errors
+from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
+from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
+
+WORLDS = 14
+KINDS = (PathOffset, InkDepletion, SpeedWidth)
+
+
+def photographed(truth: Model, measured: Measured, seed: int) -> Measured:
+    """As the truth has it, with noise of pixels, and each stroke a little darker, wider and aside of itself."""
+    rng = np.random.default_rng([seed, 1])
+    typical = np.array([quantity.typical for quantity in AllModes.quantities])
+    amounts = rng.normal(0, 0.3, (len(measured), len(MODES))) * typical
+    columns = {f"modulation_{mode}": amounts[:, m] for m, mode in enumerate(MODES)}
+    swaying = truth.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
+    told = replace(measured, covariates=measured.covariates | columns)
+    after = linear_to_srgb(foretold_linear(ink(swaying, told), told))
+    after = np.clip(after + rng.normal(0, 0.015, after.shape), 0, 1).astype(np.float32)
+    return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
+
+
+def test_95_percent_intervals_hold_the_truth() -> None:
+    whole = load_measured(example_table(96))
+    start = fit(first_model(whole), whole)
+    held = total = 0
+    for seed in range(WORLDS):
+        rng = np.random.default_rng([seed, 2])
+        measured = whole.pick(np.sort(rng.choice(len(whole), 60, replace=False)))
+        plain = start.plus(*(identity(kind, whole.context) for kind in KINDS))
+        true = plain.vector.copy()
+        true[plain.nuisances :] = rng.uniform(0.3, 1.0, len(true) - plain.nuisances)  # of what is typical
+        truth = plain.at(true)
+        fitted = fit(plain, photographed(truth, measured, seed))
+        for mechanism, hidden in zip(fitted.mechanisms, truth.mechanisms, strict=True):
+            found = values_with_errors(fitted, mechanism, photographed(truth, measured, seed))
+            for (value, error), true_value in zip(found.values(), hidden.values.tolist(), strict=True):
+                held += abs(value - true_value) < 1.96 * error
+                total += 1
+    assert total >= 60
+    assert 0.88 <= held / total <= 0.99, f"{held} of {total}"
