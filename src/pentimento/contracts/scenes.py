@@ -6,7 +6,9 @@ import numpy as np
 import pyarrow as pa
 
 from pentimento.contracts.images import encode_png
-from pentimento.contracts.schema import IMAGE, TableContract, arrow_schema, needed
+from pentimento.contracts.schema import IMAGE, TableContract, arrow_schema, known, needed
+
+SPLITS: Final = ("train", "val", "test")
 
 CONTRACT: Final = TableContract(
     name="scenes",
@@ -17,6 +19,13 @@ CONTRACT: Final = TableContract(
         needed("regions", IMAGE, "8-bit PNG of labels, as large as the image; 0 = background", "", "image"),
         needed("source", pa.string(), "where it comes from"),
         needed("licence", pa.string(), "under which licence"),
+        known("scene_id", pa.string(), "which scene"),
+        known("split", pa.string(), "train, val or test", choices=SPLITS),
+        known("captions", pa.list_(pa.string()), "several wordings of what it shows, `caption` among them"),
+        known("objects", pa.list_(pa.string()), "kinds of things; number i is region i + 1"),
+        known("colors", pa.list_(pa.string()), "of the objects, in their order"),
+        known("arrangement", pa.string(), "how the objects stand to each other"),
+        known("ground", pa.string(), "what they stand before"),
     ),
 )
 
@@ -52,4 +61,11 @@ def _example_row(index: int, seed: int) -> dict[str, Any]:
         "regions": {"bytes": encode_png(inside.astype(np.uint8)), "path": None},
         "source": "example",
         "licence": "CC0-1.0",
+        "scene_id": f"example_{seed}_{index}",
+        "split": SPLITS[(0, 0, 0, 1, 2)[index % 5]],
+        "captions": [f"a {colour} {shape} on a {ground} ground", f"a {shape}"],
+        "objects": [str(shape)],
+        "colors": [str(colour)],
+        "arrangement": "alone",
+        "ground": str(ground),
     }

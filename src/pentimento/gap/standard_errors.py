@@ -1,9 +1,9 @@
 """How well a fit knows its numbers: cluster-robust standard errors, the action being the unit (GAP.md, rule 1).
 
-Pixels of one stroke err together, so that the curvature of the error alone would promise far too much: what is taken is
-the sandwich  A^-1 (sum_i h_i h_i^T) A^-1  over actions i (Liang and Zeger 1986). A fit bends towards each stroke that it
-has seen; few strokes and many nuisances make that more than half of what they scatter. So each score is what it would be
-had the action been left out,  h_i = (1 - A_i A^-1)^-1 g_i  (CR3: Bell and McCaffrey 2002).
+Pixels of one stroke err together, so that the curvature of the error alone would promise far too much: what is taken
+is the sandwich  A^-1 (sum_i h_i h_i^T) A^-1  over actions i (Liang and Zeger 1986). A fit bends towards each stroke
+that it has seen; few strokes and many nuisances make that more than half of what they scatter. So each score is what it
+would be had the action been left out,  h_i = (1 - A_i A^-1)^-1 g_i  (CR3: Bell and McCaffrey 2002).
 """
 
 from __future__ import annotations
