@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pentimento.report.benchmarks import read_benchmarks
+from pentimento.report.copainting import read_copainting
 from pentimento.report.diagnoses import read_diagnosis
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
@@ -24,6 +25,7 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"model.{tool}": path for tool, path in weights.items()}
     inputs |= {f"gap.{tool}": arguments.gap / tool for tool in arguments.tools}
     inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
+    inputs |= {f"evaluation.{setting}": arguments.evaluations / setting for setting in arguments.evaluated}
     inputs["benchmarks"] = arguments.benchmarks
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         files = build_report(
@@ -32,6 +34,7 @@ def main(arguments: argparse.Namespace) -> None:
             read_benchmarks(arguments.benchmarks),
             config,
             [read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
+            [read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
         )
         for name, data in files.items():
             (out / name).write_bytes(data)
@@ -44,8 +47,10 @@ if __name__ == "__main__":
     parser.add_argument("--models", required=True, type=Path)
     parser.add_argument("--gap", required=True, type=Path, help="folder of a diagnosis for each tool")
     parser.add_argument("--paintings", required=True, type=Path)
+    parser.add_argument("--evaluations", required=True, type=Path, help="folder of an evaluation for each setting")
     parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")
+    parser.add_argument("--evaluated", required=True, nargs="+", help="settings of co-painting, likewise")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 
 from pentimento.report.benchmarks import BenchmarkInputs, benchmark_section
+from pentimento.report.copainting import CopaintingInputs, copainting_section
 from pentimento.report.diagnoses import DiagnosisInputs, diagnoses_section
 from pentimento.report.html import Album, row
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs
@@ -38,10 +39,12 @@ def build_report(
     benchmarks: BenchmarkInputs,
     config: ReportConfig,
     diagnoses: Sequence[DiagnosisInputs] = (),
+    evaluations: Sequence[CopaintingInputs] = (),
 ) -> dict[str, bytes]:
     """The report's files by name: `index.html`, which holds every picture, and the pictures beside it.
 
-    The first painting opens the page. Equal inputs give equal bytes. Without diagnoses their section is left out.
+    The first painting opens the page. Equal inputs give equal bytes. Without diagnoses, or evaluations of co-painting,
+    their section is left out.
     """
     album = Album()
     body = f"""<header>
@@ -50,7 +53,7 @@ def build_report(
 {hero(paintings[0], config.frame_ms, album)}
 {row([summary(painting) for painting in paintings])}
 </header>
-<nav aria-label="Sections"><ul>{_links(paintings, tools, diagnoses)}</ul></nav>
+<nav aria-label="Sections"><ul>{_links(paintings, tools, diagnoses, evaluations)}</ul></nav>
 <main>
 {"".join(painting_section(painting, config.frame_ms, album) for painting in paintings)}
 <section id="tools">
@@ -59,6 +62,7 @@ def build_report(
 </section>
 {"".join(tool_section(tool, config.strokes.shown, album) for tool in tools)}
 {diagnoses_section(diagnoses, album) if diagnoses else ""}
+{copainting_section(evaluations, album) if evaluations else ""}
 {benchmark_section(benchmarks, album)}
 {_text("closing.html")}
 </main>"""
@@ -81,11 +85,15 @@ def build_report(
 
 
 def _links(
-    paintings: Sequence[PaintingInputs], tools: Sequence[ToolInputs], diagnoses: Sequence[DiagnosisInputs]
+    paintings: Sequence[PaintingInputs],
+    tools: Sequence[ToolInputs],
+    diagnoses: Sequence[DiagnosisInputs],
+    evaluations: Sequence[CopaintingInputs],
 ) -> str:
     links = [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in paintings]
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in tools]
     links += [("gap", "What was wrong")] if diagnoses else []
+    links += [("copainting", "Drawing with a person")] if evaluations else []
     links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
     return "".join(f'<li><a href="#{escape(target)}">{escape(text)}</a></li>' for target, text in links)
 

@@ -1,0 +1,126 @@
+"""Give the goal planner its base: a small Instruct-Pix2Pix trained on ordinary scene edits, or the published one."""
+
+import argparse
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import torch
+from diffusers import AutoencoderKL
+
+from pentimento.contracts.images import decode_png, write_png
+from pentimento.contracts.ranges import at_least
+from pentimento.contracts.scenes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.copainting.completion_scores import score_planner
+from pentimento.copainting.edits import scene_edits, scenes_of
+from pentimento.copainting.goal_planner import (
+    GoalPlanner,
+    GoalPlannerShape,
+    build_goal_planner,
+    load_goal_planner,
+    save_goal_planner,
+    text_encoder_of,
+)
+from pentimento.copainting.goal_training import GoalTraining, train_goal_planner
+from pentimento.copainting.goal_vae import VaeConfig, ink_after_round_trip, train_vae, vae_pictures
+from pentimento.copainting.guidance_grid import Sampling, guidance_grid
+from pentimento.copainting.latent_pairs import encode_pairs
+from pentimento.copainting.scratch import scratch_folder
+from pentimento.semantics.encoder import Encoder
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import Run, input_digest, tracked_run
+
+SCRATCH = Path(".pentimento/training")
+
+
+@dataclass(frozen=True)
+class PretrainGoalPlanner:
+    """Section `pretrain_goal_planner` of params.yaml."""
+
+    from_pretrained: str | None
+    """A folder in diffusers' layout or a downloaded model's name (timbrooks/instruct-pix2pix): nothing is trained."""
+    scenes: int
+    """Of the training split, at most."""
+    edits: int
+    """Of each scene."""
+    shape: GoalPlannerShape
+    vae: VaeConfig
+    training: GoalTraining
+    sampling: Sampling
+    threads: int
+    """PyTorch's; another number may give other last digits."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "scenes", "edits", "threads")
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: the pipeline in diffusers' layout, metrics.json, curve.json and the grid of guidances."""
+    config = load_section(Path("params.yaml"), "pretrain_goal_planner", PretrainGoalPlanner)
+    single_threaded()
+    torch.set_num_threads(config.threads)
+    inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics}
+    digests = {name: input_digest(path) for name, path in inputs.items()}
+    scratch = scratch_folder(SCRATCH, "pretrain_goal_planner", asdict(config), digests)
+    with (
+        tracked_run("pretrain_goal_planner", None, asdict(config), inputs) as run,
+        output_folder(arguments.out) as out,
+    ):
+        checked = read_table(arguments.scenes, CONTRACT)
+        training, held_out = scenes_of(checked.table, "train").slice(0, config.scenes), scenes_of(checked.table, "val")
+        losses: list[float] = []
+        if config.from_pretrained is not None:
+            planner = load_goal_planner(config.from_pretrained)
+        else:
+            planner, losses = _trained(training, Encoder.load(arguments.semantics), config, scratch, run)
+        edits = scene_edits(held_out, 1, config.training.seed)
+        grid = guidance_grid(planner, edits[: config.sampling.shown], config.sampling)
+        pictures = [edit.target for edit in edits]
+        metrics: dict[str, Any] = {
+            "vae": ink_after_round_trip(planner.vae, pictures, config.training.seed),
+            "held_out": asdict(score_planner(planner, edits, config.sampling)),
+            "parameters": {
+                "unet": planner.unet.num_parameters(),
+                "vae": planner.vae.num_parameters(),
+                "text_encoder": planner.text_encoder.num_parameters(),
+            },
+            "scenes": {
+                "training": training.num_rows,
+                "held_out": held_out.num_rows,
+                "quarantined": len(checked.quarantined),
+            },
+        }
+        save_goal_planner(planner, out)
+        write_png(out / "guidance.png", grid)
+        write_json(out / "curve.json", {"loss": losses})
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+        run.log_picture(out / "guidance.png")
+    shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _trained(
+    scenes: pa.Table, encoder: Encoder, config: PretrainGoalPlanner, scratch: Path, run: Run
+) -> tuple[GoalPlanner, list[float]]:
+    """The autoencoder first, then the UNet with the encoder's text tower; finished work is not done again."""
+    seed = config.training.seed
+    if not (scratch / "vae").is_dir():
+        pictures = [decode_png(row["bytes"]) for row in scenes["image"].slice(0, config.vae.pictures).to_pylist()]
+        with output_folder(scratch / "vae") as folder:
+            train_vae(vae_pictures(pictures, seed), config.vae, seed, run.log).save_pretrained(folder)
+    vae = AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
+    planner = build_goal_planner(config.shape, vae, text_encoder_of(encoder.model), encoder.tokenizer, seed)
+    pairs = encode_pairs(planner, scene_edits(scenes, config.edits, seed))
+    return planner, train_goal_planner(planner, pairs, config.training, scratch / "steps", run.log)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="pretrain_goal_planner", description=__doc__)
+    parser.add_argument("--scenes", required=True, type=Path)
+    parser.add_argument("--semantics", required=True, type=Path)
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,217 @@
+"""The Supportive Goal Planner (thesis 6.4.2): Instruct-Pix2Pix, small or as published, built, loaded, saved and asked.
+
+It is diffusers' `StableDiffusionInstructPix2PixPipeline` throughout. The small one has the published architecture's
+parts in the published folder layout, so that one code loads, fine-tunes and runs both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+import torch
+from diffusers import AutoencoderKL, DDIMScheduler, StableDiffusionInstructPix2PixPipeline, UNet2DConditionModel
+from huggingface_hub import snapshot_download
+from numpy.typing import NDArray
+from transformers import CLIPModel, CLIPTextModel, CLIPTokenizer
+
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.ranges import at_least
+from pentimento.copainting.seeds import generator_for
+
+GoalPlanner: TypeAlias = StableDiffusionInstructPix2PixPipeline
+Prediction = Literal["epsilon", "v_prediction", "sample"]
+
+_TRAIN_TIMESTEPS: Final = 1000
+_GROUPS: Final = 8
+_AT_ONCE: Final = 16  # pictures in one call of the pipeline
+
+
+@dataclass(frozen=True)
+class GoalPlannerShape:
+    """A small goal planner's UNet."""
+
+    unet_channels: tuple[int, ...]
+    """Of each resolution, the finest first; the coarsest alone attends to the text."""
+    unet_layers: int
+    """Residual blocks at each resolution."""
+    heads: int
+    """Of attention, to the text and within the picture."""
+    prediction: Prediction
+    """What the UNet foretells: the noise, the velocity or the picture itself. The noise schedule ends in pure noise
+    (zero terminal SNR, Lin et al. 2023) unless it is the noise, which then could not be told apart."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "unet_layers", "heads")
+        for width in self.unet_channels:
+            if width % _GROUPS:
+                raise ValueError(f"unet_channels has {width}; groups of {_GROUPS} are normalised, so take a multiple.")
+
+
+def text_encoder_of(model: CLIPModel) -> CLIPTextModel:
+    """A copy of the text tower of a text-image encoder: what Stable Diffusion, too, reads captions with."""
+    text_encoder = CLIPTextModel(model.config.text_config)
+    own = text_encoder.state_dict()
+    tower = {name.removeprefix("text_model."): weight for name, weight in model.text_model.state_dict().items()}
+    text_encoder.load_state_dict({name: tower[name.removeprefix("text_model.")] for name in own})
+    return text_encoder
+
+
+def build_goal_planner(
+    shape: GoalPlannerShape, vae: AutoencoderKL, text_encoder: CLIPTextModel, tokenizer: CLIPTokenizer, seed: int
+) -> GoalPlanner:
+    """A small goal planner with a new UNet, around a trained autoencoder and text encoder."""
+    torch.manual_seed(seed)
+    plain = len(shape.unet_channels) - 1
+    unet = UNet2DConditionModel(
+        sample_size=vae.config.sample_size // 2 ** (len(vae.config.block_out_channels) - 1),
+        in_channels=2 * vae.config.latent_channels,
+        out_channels=vae.config.latent_channels,
+        down_block_types=("DownBlock2D",) * plain + ("CrossAttnDownBlock2D",),
+        up_block_types=("CrossAttnUpBlock2D",) + ("UpBlock2D",) * plain,
+        block_out_channels=shape.unet_channels,
+        layers_per_block=shape.unet_layers,
+        cross_attention_dim=text_encoder.config.hidden_size,
+        attention_head_dim=shape.heads,  # diffusers' name for their number, kept for the published folders
+        norm_num_groups=_GROUPS,
+        addition_embed_type="text",  # the words reach every block with the time, not the coarsest alone
+        addition_embed_type_num_heads=shape.heads,
+    )
+    scheduler = DDIMScheduler(
+        num_train_timesteps=_TRAIN_TIMESTEPS,
+        beta_start=0.00085,
+        beta_end=0.012,
+        beta_schedule="scaled_linear",
+        clip_sample=False,
+        prediction_type=shape.prediction,
+        rescale_betas_zero_snr=shape.prediction != "epsilon",
+        timestep_spacing="trailing",
+    )
+    return _quiet(
+        GoalPlanner(
+            vae=vae,
+            text_encoder=text_encoder,
+            tokenizer=tokenizer,
+            unet=unet,
+            scheduler=scheduler,
+            safety_checker=None,
+            feature_extractor=None,
+            image_encoder=None,
+            requires_safety_checker=False,
+        )
+    )
+
+
+def load_goal_planner(source: str | Path) -> GoalPlanner:
+    """A goal planner from a folder in diffusers' layout, or a published name that was downloaded before.
+
+    Nothing is looked up on the network, and only safetensors are opened. Whatever the sampler it was published with,
+    it gets DDIM of the same noise schedule, which draws no noise on its way.
+
+    Raises:
+        ConfigError: nothing there, an incomplete folder, another pipeline, or parts that do not fit together.
+    """
+    try:
+        folder = source if Path(source).is_dir() else snapshot_download(str(source), local_files_only=True)
+        planner = GoalPlanner.from_pretrained(
+            folder,
+            scheduler=DDIMScheduler.from_pretrained(folder, subfolder="scheduler", local_files_only=True),
+            safety_checker=None,
+            requires_safety_checker=False,
+            local_files_only=True,
+            use_safetensors=True,
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(
+            f"The goal planner {source} cannot be loaded as an Instruct-Pix2Pix pipeline ({reason[:300]}); give a "
+            "folder in diffusers' layout, or download the published one first."
+        ) from error
+    _check_shapes(planner, source)
+    return _quiet(planner)
+
+
+def save_goal_planner(planner: GoalPlanner, folder: Path) -> None:
+    """Write the pipeline in diffusers' layout; loading needs nothing else."""
+    planner.save_pretrained(folder, safe_serialization=True)
+    planner.tokenizer.backend_tokenizer.model.save(str(Path(folder) / "tokenizer"))  # vocab.json and merges.txt, too
+
+
+def picture_step_px(planner: GoalPlanner) -> int:
+    """Sides of pictures must be a multiple of this: all halvings of the autoencoder and the UNet."""
+    return int(planner.vae_scale_factor * 2 ** (len(planner.unet.config.block_out_channels) - 1))
+
+
+def check_pictures(planner: GoalPlanner, pictures: NDArray[np.uint8]) -> None:
+    """Raise `ContractError` unless pictures are uint8 [B, H, W, 3] with sides that the planner can halve."""
+    step = picture_step_px(planner)
+    shape = pictures.shape
+    if pictures.dtype != np.uint8 or pictures.ndim != 4 or shape[-1] != 3 or shape[1] % step or shape[2] % step:
+        raise ContractError(
+            f"The goal planner was given {pictures.dtype} {list(shape)}; it needs uint8 [B, H, W, 3] with H and W "
+            f"multiples of {step}: resize the pictures."
+        )
+
+
+@torch.no_grad()
+def complete(
+    planner: GoalPlanner,
+    inputs: NDArray[np.uint8],
+    captions: Sequence[str],
+    steps: int,
+    image_guidance: float,
+    text_guidance: float,
+    seed: int,
+) -> NDArray[np.uint8]:
+    """Goal pictures uint8 [B, H, W, 3] for canvases uint8 [B, H, W, 3] and what a person asks for.
+
+    Item i starts from noise of (seed, i). The guidances are those of Instruct-Pix2Pix (Brooks et al. 2023, eq. 3);
+    anything above 1 for the text asks the network three times in each step; at 1 it is asked once, and there the
+    image guidance has no effect, as published.
+
+    Raises:
+        ContractError: pictures of another type or size than the planner takes, or not a caption for each.
+    """
+    check_pictures(planner, inputs)
+    if len(captions) != len(inputs):
+        raise ContractError(f"{len(inputs)} pictures came with {len(captions)} captions; give one for each.")
+    planner.unet.eval()
+    parts = []
+    for start in range(0, len(inputs), _AT_ONCE):
+        chosen = slice(start, start + _AT_ONCE)
+        shown = torch.from_numpy(np.ascontiguousarray(inputs[chosen])).permute(0, 3, 1, 2).float() / 255
+        made = planner(
+            prompt=[*captions[chosen]],
+            image=shown,
+            num_inference_steps=steps,
+            guidance_scale=text_guidance,
+            image_guidance_scale=image_guidance,
+            generator=[generator_for(seed, index) for index in range(start, start + len(shown))],
+            output_type="np",
+        ).images
+        parts.append(np.round(made * 255).astype(np.uint8))
+    return np.concatenate(parts) if parts else inputs.copy()
+
+
+def _check_shapes(planner: GoalPlanner, source: str | Path) -> None:
+    """Parts that fit: a first convolution of another width is never rebuilt, for its weights would be lost."""
+    unet, latents = planner.unet.config, planner.vae.config.latent_channels
+    width = planner.text_encoder.config.hidden_size
+    if unet.in_channels != 2 * latents:
+        raise ConfigError(
+            f"The UNet of {source} takes {unet.in_channels} channels, but Instruct-Pix2Pix needs {2 * latents} (the "
+            "noisy latents and those of the input picture): it is another architecture; give an Instruct-Pix2Pix base."
+        )
+    if unet.cross_attention_dim != width:
+        raise ConfigError(
+            f"The UNet of {source} attends to {unet.cross_attention_dim} text channels, but its text encoder has "
+            f"{width}: the parts come from different models; give a folder saved as one."
+        )
+
+
+def _quiet(planner: GoalPlanner) -> GoalPlanner:
+    planner.set_progress_bar_config(disable=True)
+    return planner

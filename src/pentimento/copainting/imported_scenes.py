@@ -1,0 +1,252 @@
+"""Captioned pictures from a local folder or Parquet file, taken into the ``scenes`` contract.
+
+Three layouts are read: a folder in COCO's (``annotations/captions_*.json`` beside folders of pictures), a folder that
+``datasets`` calls an image folder (pictures beside ``metadata.csv`` or ``metadata.jsonl`` with ``file_name`` and
+``caption`` or ``text``), and Parquet with an image column and ``caption``, ``captions`` or ``text``. Nothing is
+downloaded. A picture that cannot be used is left out and counted by its reason.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.images import encode_png
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.contracts.scenes import CONTRACT, SPLITS
+from pentimento.contracts.schema import arrow_schema
+
+MOST_PIXELS: Final = 64_000_000
+"""A picture of more is taken for a decompression bomb and never decoded."""
+MOST_LETTERS: Final = 2_000
+"""Of a caption; what is longer is cut, for encoders read the first few dozen words only."""
+
+
+@dataclass(frozen=True)
+class ImportedConfig:
+    """A local image-text data set in place of drawn scenes."""
+
+    path: str
+    """A folder or a Parquet file."""
+    source: str
+    """What to call it in each row, e.g. "COCO 2017"."""
+    licence: str
+    """Under which it may be used."""
+    side_px: int
+    val_share: float
+    test_share: float
+    most: int
+    """At most so many scenes are taken, the first."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 16, "side_px")
+        at_least(self, 0, "val_share", "test_share", "seed")
+        above_zero(self, "most")
+        if not (self.source.strip() and self.licence.strip()):
+            raise ValueError("source and licence are to be named: each scene records them.")
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """The scenes that could be used, and how many could not, by reason."""
+
+    table: pa.Table
+    quarantined: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _Item:
+    name: str
+    data: bytes | None
+    captions: list[str]
+
+
+class _Unusable(Exception):
+    """A picture or caption that is left out; the message is the reason that is counted."""
+
+
+def import_scenes(config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]) -> Imported:
+    """Read a data set; its split is drawn for each item by (seed, number).
+
+    Args:
+        regions: a picture [H, W, 3] to its label mask [H, W], see ``semantics.segmentation``.
+
+    Raises:
+        ConfigError: there is nothing at the path, or in no layout that is known.
+        ContractError: a column is missing, or no scene could be used.
+    """
+    rows: list[dict[str, Any]] = []
+    bad: Counter[str] = Counter()
+    for number, item in enumerate(_items(Path(config.path))):
+        if len(rows) == config.most:
+            break
+        try:
+            rows.append(_row(number, item, config, regions))
+        except _Unusable as reason:
+            bad[str(reason)] += 1
+    if not rows:
+        found = "; ".join(f"{count} x {reason}" for reason, count in bad.items()) or "it is empty"
+        raise ContractError(f"No scene of {config.path} can be used: {found}.")
+    return Imported(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), dict(sorted(bad.items())))
+
+
+def load_picture(data: bytes) -> NDArray[np.uint8]:
+    """An image file's sRGB [H, W, 3], turned upright.
+
+    Raises:
+        _Unusable: it is corrupt, too large, transparent, or in a colour mode without a plain meaning in sRGB.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with Image.open(io.BytesIO(data)) as opened:
+                if opened.width * opened.height > MOST_PIXELS:
+                    raise _Unusable(f"more than {MOST_PIXELS} pixels")
+                _require_plain(opened)
+                opened.load()
+                turned = _upright(opened)
+                return np.array(turned.convert("RGB"), dtype=np.uint8)
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise _Unusable(f"more than {MOST_PIXELS} pixels") from None
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Warning):
+        raise _Unusable("not a readable picture") from None
+
+
+def _require_plain(opened: Image.Image) -> None:
+    """Refuse what would need a guess: what is behind a transparent picture, which inks a CMYK one means."""
+    if opened.mode not in ("RGB", "L", "P", "1", "RGBA", "LA", "PA"):
+        raise _Unusable(f"colour mode {opened.mode}")
+    if "transparency" in opened.info and opened.mode not in ("RGBA", "LA", "PA"):
+        opened = opened.convert("RGBA")
+    if opened.mode in ("RGBA", "LA", "PA") and np.asarray(opened.convert("RGBA"))[..., 3].min() < 255:
+        raise _Unusable("transparent")
+
+
+def _upright(picture: Image.Image) -> Image.Image:
+    from PIL import ImageOps
+
+    return ImageOps.exif_transpose(picture)
+
+
+def _row(
+    number: int, item: _Item, config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
+) -> dict[str, Any]:
+    captions = [" ".join(text.split())[:MOST_LETTERS] for text in item.captions]
+    captions = list(dict.fromkeys(text for text in captions if text))
+    if not captions:
+        raise _Unusable("empty caption")
+    if item.data is None:
+        raise _Unusable("missing picture")
+    image = _square(load_picture(item.data), config.side_px)
+    chance = np.random.default_rng([config.seed, 1, number]).random()
+    bounds: NDArray[np.float64] = np.cumsum([1 - config.val_share - config.test_share, config.val_share])
+    return {
+        "image": {"bytes": encode_png(image), "path": None},
+        "caption": captions[0],
+        "regions": {"bytes": encode_png(regions(image)), "path": None},
+        "source": f"{config.source}: {item.name}",
+        "licence": config.licence,
+        "scene_id": f"scene_{number:06d}",
+        "split": SPLITS[int(np.searchsorted(bounds, chance, side="right"))],
+        "captions": captions,
+    }
+
+
+def _square(image: NDArray[np.uint8], side_px: int) -> NDArray[np.uint8]:
+    """The largest centred square, at a side; averaged where it becomes smaller."""
+    side = min(image.shape[:2])
+    top, left = (image.shape[0] - side) // 2, (image.shape[1] - side) // 2
+    part = np.ascontiguousarray(image[top : top + side, left : left + side])
+    how = cv2.INTER_AREA if side >= side_px else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(part, (side_px, side_px), interpolation=how), dtype=np.uint8)
+
+
+def _items(path: Path) -> Iterator[_Item]:
+    if path.is_dir():
+        annotations = sorted(path.glob("annotations/captions_*.json")) or sorted(path.glob("captions_*.json"))
+        if annotations:
+            for file in annotations:
+                yield from _coco(path, file)
+            return
+        if sorted(path.glob("*.parquet")):
+            yield from _parquet(sorted(path.glob("*.parquet")))
+            return
+        if any(path.rglob("metadata.csv")) or any(path.rglob("metadata.jsonl")) or any(path.rglob("metadata.parquet")):
+            yield from _image_folder(path)
+            return
+    elif path.suffix == ".parquet" and path.is_file():
+        yield from _parquet([path])
+        return
+    raise ConfigError(
+        f"{path} holds no captioned pictures: give a Parquet file, a folder of them, a folder with metadata.csv or "
+        "metadata.jsonl beside its pictures, or one in COCO's layout (annotations/captions_*.json)."
+    )
+
+
+def _coco(root: Path, file: Path) -> Iterator[_Item]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        names = {entry["id"]: entry["file_name"] for entry in content["images"]}
+        captions: dict[Any, list[str]] = {}
+        for entry in content["annotations"]:
+            captions.setdefault(entry["image_id"], []).append(str(entry["caption"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ContractError(f"{file} is no file of COCO captions ({type(error).__name__}: {error}).") from error
+    split = file.stem.removeprefix("captions_")
+    for number, name in names.items():
+        places = [root / split / name, root / "images" / split / name, root / "images" / name, root / name]
+        found = next((place for place in places if place.is_file()), None)
+        yield _Item(name, found.read_bytes() if found else None, captions.get(number, []))
+
+
+def _image_folder(root: Path) -> Iterator[_Item]:
+    """By ``datasets``, which reads the metadata and finds each picture, but does not decode it."""
+    import datasets
+
+    try:
+        found = datasets.load_dataset("imagefolder", data_dir=str(root), split="train")
+    except (ValueError, datasets.exceptions.DatasetGenerationError) as error:
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise ContractError(f"{root} is no image folder that can be read: {reason}.") from error
+    yield from _rows(found, str(root))
+
+
+def _parquet(files: list[Path]) -> Iterator[_Item]:
+    import datasets
+
+    yield from _rows(datasets.Dataset.from_parquet([str(file) for file in files]), str(files[0].parent))
+
+
+def _rows(found: Any, where: str) -> Iterator[_Item]:
+    import datasets
+
+    names = found.column_names
+    text = next((name for name in ("captions", "caption", "text") if name in names), None)
+    if text is None or "image" not in names:
+        raise ContractError(
+            f"{where} has the columns {', '.join(names)}; needed are image and one of captions, caption, text."
+        )
+    found = found.cast_column("image", datasets.Image(decode=False))
+    for number, row in enumerate(found):
+        captions = row[text] if isinstance(row[text], list) else [row[text]]
+        image = row["image"] or {"bytes": None, "path": None}
+        data, path = image["bytes"], image["path"]
+        if data is None and path and Path(path).is_file():
+            data = Path(path).read_bytes()
+        yield _Item(
+            Path(path).name if path else str(number), data, [str(text) for text in captions if text is not None]
+        )

@@ -1,0 +1,164 @@
+"""The text-image encoder: a CLIP model of ``transformers``, trained here or published, loaded from a local folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import torch
+from torch import Tensor
+from torch.nn.functional import interpolate, normalize
+from transformers import CLIPConfig, CLIPModel, CLIPTokenizer
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.ranges import at_least
+from pentimento.semantics.locality import start_local
+
+_MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
+_SPREAD: Final = (0.26862954, 0.26130258, 0.27577711)
+"""Of sRGB, by which the published models were trained (Radford et al. 2021)."""
+
+
+@dataclass(frozen=True)
+class EncoderShape:
+    """The sizes of an encoder that is trained here."""
+
+    image_px: int
+    patch_px: int
+    image_width: int
+    image_layers: int
+    text_width: int
+    text_layers: int
+    heads: int
+    embedding: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, *self.__dataclass_fields__)
+        if self.image_px % self.patch_px:
+            raise ValueError(f"image_px is {self.image_px}; it must be a multiple of patch_px, {self.patch_px}.")
+        if self.image_width % (4 * self.heads) or self.text_width % self.heads:
+            raise ValueError(
+                f"image_width and text_width are {self.image_width} and {self.text_width}; with {self.heads} heads the "
+                f"first must be a multiple of {4 * self.heads}, the second of {self.heads}."
+            )
+
+
+class Encoder:
+    """Pictures and captions as unit vectors whose cosine says how well they fit."""
+
+    def __init__(self, model: CLIPModel, tokenizer: CLIPTokenizer) -> None:
+        """Hold a model and its tokenizer; the model is set to evaluation and needs no gradients of its weights."""
+        self.model = model.eval().requires_grad_(False)
+        # Eager attention shows its weights, which saliency reads, and exports with its gradient.
+        self.model.set_attn_implementation("eager")
+        self.tokenizer = tokenizer
+        self.image_px: int = model.config.vision_config.image_size
+        self.patch_px: int = model.config.vision_config.patch_size
+
+    @classmethod
+    def load(cls, folder: Path) -> Encoder:
+        """Read a folder in the published layout (config.json, model.safetensors, vocab.json, merges.txt); no look-up.
+
+        Raises:
+            ConfigError: the folder is not there or holds something else.
+        """
+        folder = Path(folder)
+        try:
+            kind = json.loads((folder / "config.json").read_text(encoding="utf-8")).get("model_type")
+        except (OSError, ValueError) as error:
+            raise ConfigError(
+                f"{folder} is no folder of a CLIP model ({error}); give one with config.json, model.safetensors, "
+                "vocab.json and merges.txt, as openai/clip-vit-base-patch32 has."
+            ) from error
+        if kind != "clip":
+            raise ConfigError(f"{folder} holds a model of type {kind!r}; the encoder must be of type 'clip'.")
+        try:
+            model = CLIPModel.from_pretrained(folder, local_files_only=True, use_safetensors=True, dtype=torch.float32)
+            tokenizer = CLIPTokenizer.from_pretrained(folder, local_files_only=True)
+        except (OSError, RuntimeError, ValueError) as error:
+            raise ConfigError(f"The CLIP model in {folder} cannot be read: {' '.join(str(error).split())}") from error
+        return cls(model, tokenizer)
+
+    def save(self, folder: Path) -> None:
+        """Write the published layout into an existing folder."""
+        self.model.save_pretrained(folder)
+        self.tokenizer.save_pretrained(folder)
+        self.tokenizer.backend_tokenizer.model.save(str(folder))  # vocab.json and merges.txt
+
+    @property
+    def digest(self) -> str:
+        """Sha256 of the weights, by name."""
+        found = hashlib.sha256()
+        for name, tensor in sorted(self.model.state_dict().items()):
+            found.update(f"{name} {tuple(tensor.shape)} {tensor.dtype}".encode())
+            found.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+        return found.hexdigest()
+
+    def embed_images(self, images: Tensor) -> Tensor:
+        """Unit vectors [B, D] of sRGB images [B, 3, H, W] in [0, 1]; differentiable."""
+        return normalize(self.model.get_image_features(pixel_values=self.prepare(images)).pooler_output, dim=-1)
+
+    def embed_texts(self, captions: Sequence[str]) -> Tensor:
+        """Unit vectors [B, D] of captions; what is longer than the model reads is cut."""
+        return normalize(self.model.get_text_features(**self.tokens(captions)).pooler_output, dim=-1)
+
+    def patch_features(self, images: Tensor) -> Tensor:
+        """What a middle layer holds of each patch, [B, L, C], of sRGB images [B, 3, H, W]; differentiable.
+
+        Patches go by rows from the top left; L = (image_px / patch_px)². The layer is the one after half of all.
+        """
+        vision = self.model.vision_model
+        layers = vision.encoder.layers
+        states = vision.pre_layrnorm(vision.embeddings(self.prepare(images)))
+        for layer in layers[: (len(layers) + 1) // 2]:
+            states = layer(states, None)
+        return states[:, 1:]
+
+    def prepare(self, images: Tensor) -> Tensor:
+        """SRGB images [B, 3, H, W] as the model wants them: resized to its square, normalised."""
+        if images.shape[-2:] != (self.image_px, self.image_px):
+            size = (self.image_px, self.image_px)
+            images = interpolate(images, size, mode="bicubic", antialias=True, align_corners=False)
+        return normalise(images)
+
+    def tokens(self, captions: Sequence[str]) -> dict[str, Tensor]:
+        """Token ids and mask [B, T] of captions."""
+        length = self.model.config.text_config.max_position_embeddings
+        return dict(
+            self.tokenizer(list(captions), padding=True, truncation=True, max_length=length, return_tensors="pt")
+        )
+
+
+def normalise(images: Tensor) -> Tensor:
+    """SRGB [B, 3, H, W] in [0, 1] in the units that CLIP models were trained in."""
+    mean, spread = (images.new_tensor(values)[:, None, None] for values in (_MEAN, _SPREAD))
+    return (images - mean) / spread
+
+
+def new_model(shape: EncoderShape, tokenizer: CLIPTokenizer, seed: int) -> CLIPModel:
+    """An untrained model for a tokenizer, whose attention starts at neighbours; see ``locality``."""
+    config = CLIPConfig(
+        projection_dim=shape.embedding,
+        text_config={
+            "vocab_size": len(tokenizer), "hidden_size": shape.text_width, "intermediate_size": 2 * shape.text_width,
+            "num_hidden_layers": shape.text_layers, "num_attention_heads": shape.heads,
+            "max_position_embeddings": tokenizer.model_max_length, "projection_dim": shape.embedding,
+            "bos_token_id": tokenizer.bos_token_id, "eos_token_id": tokenizer.eos_token_id,
+            "pad_token_id": tokenizer.pad_token_id,
+        },
+        vision_config={
+            "image_size": shape.image_px, "patch_size": shape.patch_px, "hidden_size": shape.image_width,
+            "intermediate_size": 2 * shape.image_width, "num_hidden_layers": shape.image_layers,
+            "num_attention_heads": shape.heads, "projection_dim": shape.embedding,
+        },
+    )  # fmt: skip
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        model = CLIPModel(config)
+    white = normalise(torch.ones(1, 3, 1, 1))[0, :, 0, 0]
+    start_local(model.vision_model, white, torch.Generator().manual_seed(seed))
+    return model

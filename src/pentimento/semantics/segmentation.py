@@ -1,0 +1,113 @@
+"""Regions of a picture: by Segment Anything where its weights are at hand, otherwise by a classical method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.ranges import above_zero, at_least
+
+
+@dataclass(frozen=True)
+class SegmentationConfig:
+    """How a picture without a mask of its own is cut into regions."""
+
+    method: Literal["classical", "sam"]
+    sam_folder: str | None
+    """Local folder of a SAM model in the published layout (facebook/sam-vit-base), for ``sam``."""
+    scale: float
+    """Of the classical method: larger means larger regions (Felzenszwalb and Huttenlocher 2004)."""
+    least_share: float
+    """Of the picture; smaller regions count as background."""
+    points: int
+    """Of SAM: so many points along each side are asked for the thing under them."""
+
+    def __post_init__(self) -> None:
+        above_zero(self, "scale")
+        at_least(self, 0, "least_share")
+        at_least(self, 1, "points")
+        if (self.method == "sam") != (self.sam_folder is not None):
+            raise ValueError(
+                f"sam_folder is {self.sam_folder!r} while method is {self.method!r}; give the folder with sam, and "
+                "null otherwise."
+            )
+
+
+def segment(image: NDArray[np.uint8], config: SegmentationConfig) -> NDArray[np.uint8]:
+    """Labels [H, W] of an sRGB picture [H, W, 3]: 0 the background, then regions from the largest on.
+
+    The background is what touches the border most, and all that is too small.
+
+    Raises:
+        ConfigError: the folder of SAM holds no SAM model.
+    """
+    match config.method:
+        case "classical":
+            from skimage.segmentation import felzenszwalb
+
+            labels = felzenszwalb(
+                image,
+                scale=config.scale,
+                sigma=0.5,
+                min_size=max(1, round(config.least_share * image.shape[0] * image.shape[1])),
+            )
+        case "sam":
+            assert config.sam_folder is not None  # __post_init__ saw to it
+            labels = _by_sam(image, Path(config.sam_folder), config.points)
+    return _ordered(np.asarray(labels), config.least_share)
+
+
+def _ordered(labels: NDArray[np.integer], least_share: float) -> NDArray[np.uint8]:
+    """Labels by size, at most 255; the one with most of the border and all that is too small become 0."""
+    border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    names, counts = np.unique(border, return_counts=True)
+    ground = names[counts.argmax()]
+    found, sizes = np.unique(labels, return_counts=True)
+    order = np.lexsort((found, -sizes))
+    kept = [found[i] for i in order if found[i] != ground and sizes[i] >= least_share * labels.size][:255]
+    regions = np.zeros(labels.shape, np.uint8)
+    for number, name in enumerate(kept, 1):
+        regions[labels == name] = number
+    return regions
+
+
+@cache
+def _load_sam(folder: Path) -> Any:
+    from transformers import SamModel
+
+    try:
+        return SamModel.from_pretrained(folder, local_files_only=True, use_safetensors=True).eval()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConfigError(
+            f"{folder} holds no SAM model ({' '.join(str(error).split())}); give a folder like facebook/sam-vit-base."
+        ) from error
+
+
+def _by_sam(image: NDArray[np.uint8], folder: Path, points: int) -> NDArray[np.int32]:
+    """Labels of the things under a grid of points, the best-rated on top (Kirillov et al. 2023)."""
+    model = _load_sam(folder)
+    side = int(model.config.vision_config.image_size)
+    mean, spread = torch.tensor([123.675, 116.28, 103.53]), torch.tensor([58.395, 57.12, 57.375])  # as published
+    pixels = ((torch.from_numpy(image.astype(np.float32)) - mean) / spread).permute(2, 0, 1)[None]
+    height, width = image.shape[:2]
+    grid = (torch.arange(points) + 0.5) / points * side
+    places = torch.stack(torch.meshgrid(grid, grid, indexing="xy"), -1).reshape(1, -1, 1, 2)
+    with torch.no_grad():
+        resized = torch.nn.functional.interpolate(pixels, (side, side), mode="bilinear", antialias=True)
+        out = model(pixel_values=resized, input_points=places, multimask_output=True)
+        masks, ratings = out.pred_masks[0].flatten(0, 1), out.iou_scores[0].flatten()
+        masks = torch.nn.functional.interpolate(masks[None], (height, width), mode="bilinear")[0] > 0
+    labels = np.zeros((height, width), np.int32)
+    # A mask of nearly everything is the ground, which stays 0.
+    usable = (masks.float().mean((1, 2)) < 0.9).tolist()
+    for label, number in enumerate(ratings.argsort().tolist(), 1):
+        if usable[number]:
+            labels[masks[number].numpy()] = label
+    return labels

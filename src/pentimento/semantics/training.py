@@ -1,0 +1,289 @@
+"""Training a text-image encoder by contrast (Radford et al. 2021), small enough for one core and a minute.
+
+What makes little data and few steps go further: attention starts at neighbouring patches (``locality``); at first only
+objects are named, a far clearer signal than captions; a caption that is wrong by one word stands among the captions a
+picture is told from; captions that are the same count as right for each other's pictures; where the table knows the
+objects, each picture is told their kinds, by their names alone as captions, and each patch the kind of the object that
+it shows; and the weights of attention and MLPs move by orthogonal steps (Muon, Jordan et al. 2024).
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import lightning
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import (
+    adaptive_avg_pool2d,
+    affine_grid,
+    cross_entropy,
+    grid_sample,
+    interpolate,
+    normalize,
+)
+from torch.utils.data import DataLoader, IterableDataset
+from transformers import CLIPModel, CLIPTokenizer
+
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.semantics.encoder import Encoder, EncoderShape, new_model, normalise
+from pentimento.semantics.examples import VIEWS, Examples, is_black
+
+Batch = tuple[Tensor, Tensor, Tensor, Tensor]
+"""Pictures, views, captions, altered captions: indices [B]."""
+
+
+@dataclass(frozen=True)
+class EncoderTraining:
+    """How an encoder is trained."""
+
+    steps: int
+    batch: int
+    matrix_rate: float
+    """Learning rate of Muon, of the matrices inside the layers."""
+    other_rate: float
+    """Learning rate of AdamW, of everything else."""
+    naming_share: float
+    """Of the steps, from the first on: objects are named only. It takes scenes whose objects are known."""
+    warmup: float
+    """Share of the steps in which the rate grows; then it falls to nothing along a cosine."""
+    weight_decay: float
+    object_weight: float
+    """Of naming the objects, beside the contrast of captions."""
+    patch_weight: float
+    """Of naming the object under each patch."""
+    variation: float
+    """How much pictures are moved, scaled, turned and relit: 1 is up to a sixth of the side; 0 is not at all."""
+    view_shares: dict[str, float]
+    """How often a picture is seen as it is, and how often in each style of ``drawings``."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 2, "batch")
+        at_least(self, 1, "steps")
+        above_zero(self, "matrix_rate", "other_rate")
+        at_least(self, 0, "naming_share", "warmup", "weight_decay", "object_weight", "patch_weight")
+        at_least(self, 0, "variation", "seed")
+        if self.naming_share > 1 or (self.naming_share > 0 and self.object_weight == 0):
+            raise ValueError(
+                f"naming_share is {self.naming_share} and object_weight {self.object_weight}; the first must be at "
+                "most 1, and the second above 0 where objects are to be named first."
+            )
+        if set(self.view_shares) != set(VIEWS) or min(self.view_shares.values()) < 0:
+            raise ValueError(f"view_shares is {self.view_shares}; give each of {', '.join(VIEWS)} a share.")
+
+
+def train_encoder(
+    examples: Examples,
+    tokenizer: CLIPTokenizer,
+    shape: EncoderShape,
+    config: EncoderTraining,
+    log: Callable[[str, float, int], None],
+) -> Encoder:
+    """A new encoder of a shape, trained on examples; the same for the same seed and thread count."""
+    model = new_model(shape, tokenizer, config.seed)
+    with warnings.catch_warnings(), torch.random.fork_rng():
+        torch.manual_seed(config.seed)
+        module = _Contrast(model, examples, config, log)
+        logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+        warnings.filterwarnings("ignore", module="lightning")  # hints on workers and loggers that we do without
+        trainer = lightning.Trainer(
+            accelerator="cpu", max_epochs=1, logger=False, enable_checkpointing=False,
+            enable_progress_bar=False, enable_model_summary=False,
+        )  # fmt: skip
+        trainer.fit(module, DataLoader(_Draws(examples, config), batch_size=None))
+    return Encoder(model, tokenizer)
+
+
+class _Draws(IterableDataset[Batch]):
+    """Which pictures, views and captions each step sees; step n depends on (seed, n) only."""
+
+    def __init__(self, examples: Examples, config: EncoderTraining) -> None:
+        self._examples, self._config = examples, config
+
+    def __iter__(self) -> Iterator[Batch]:
+        shares = np.array([self._config.view_shares[view] for view in VIEWS])
+        count = len(self._examples.views)
+        for step in range(self._config.steps):
+            generator = np.random.default_rng([self._config.seed, 3, step])
+            pictures = generator.choice(count, self._config.batch, replace=self._config.batch > count)
+            views = generator.choice(len(VIEWS), len(pictures), p=shares / shares.sum())
+            texts = [self._texts(p, v, generator) for p, v in zip(pictures.tolist(), views.tolist(), strict=True)]
+            right, wrong = torch.tensor(texts).T
+            yield torch.from_numpy(pictures), torch.from_numpy(views), right, wrong
+
+    def _texts(self, picture: int, view: int, generator: np.random.Generator) -> tuple[int, int]:
+        """A caption of the picture and one that is wrong by a word (the same again where there is none)."""
+        black = is_black(view)
+        captions = (self._examples.plain if black else self._examples.captions)[picture]
+        altered = (self._examples.altered_plain if black else self._examples.altered)[picture]
+        pick = int(generator.integers(len(captions)))
+        wrong = altered[pick]
+        return captions[pick], wrong[int(generator.integers(len(wrong)))] if wrong else captions[pick]
+
+
+class _Contrast(lightning.LightningModule):
+    """The losses and their optimiser."""
+
+    def __init__(
+        self, model: CLIPModel, examples: Examples, config: EncoderTraining, log: Callable[[str, float, int], None]
+    ) -> None:
+        super().__init__()
+        self.automatic_optimization = False  # two optimisers
+        self.model = model.train().requires_grad_(True)
+        self._examples, self._config, self._log = examples, config, log
+        width, kinds = model.config.vision_config.hidden_size, max(1, len(examples.prompts))
+        # They name kinds from what the vision model holds, more directly than captions can; they are thrown away.
+        self._of_picture, self._of_patch = torch.nn.Linear(width, kinds), torch.nn.Linear(width, kinds)
+
+    def training_step(self, batch: Batch, batch_idx: int) -> None:
+        pictures, views, right, wrong = batch
+        generator = torch.Generator().manual_seed(self._config.seed * 1_000_003 + batch_idx)
+        known = self._examples
+        images, regions = vary(
+            known.views[pictures, views].float() / 255, known.regions[pictures], self._config.variation, generator
+        )
+        prompts = torch.tensor(known.prompts, dtype=torch.long)
+        naming = len(prompts) > 0 and batch_idx < self._config.naming_share * self._config.steps
+        told = prompts[:0] if naming else torch.cat([right, wrong])
+        texts, place = torch.unique(torch.cat([told, prompts]), return_inverse=True)
+        pooled, tokens = self._look(images)
+        seen, patches = (normalize(self.model.visual_projection(states), dim=-1) for states in (pooled, tokens))
+        read = self._read(texts)
+        scale = self.model.logit_scale.exp().clamp(max=100)
+        loss = seen.new_zeros(()) if naming else contrast(scale * seen @ read.T, place[: len(right)])
+        if len(prompts):
+            names = read[place[len(told) :]].T
+            present = known.present[pictures]
+            wanted = patch_kinds(regions, known.region_kinds[pictures], patches.shape[1])
+            loss = loss + self._config.object_weight * _several(scale * seen @ names, present)
+            loss = loss + self._config.patch_weight * _one_each(scale * patches @ names, wanted)
+            if naming:
+                loss = loss + self._config.object_weight * _several(self._of_picture(pooled), present)
+                loss = loss + self._config.patch_weight * _one_each(self._of_patch(tokens), wanted)
+        for optimizer in self._optimizers:
+            optimizer.zero_grad()
+        self.manual_backward(loss)
+        torch.nn.utils.clip_grad_norm_(self.parameters(), 1.0)
+        for optimizer in self._optimizers:
+            for group in optimizer.param_groups:
+                group["lr"] = group["highest"] * self._rise_and_fall(batch_idx)
+            optimizer.step()
+        if batch_idx % 20 == 0 or batch_idx == self._config.steps - 1:
+            self._log("loss", float(loss.detach()), batch_idx)
+
+    def _look(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        """What the vision model holds of pictures [B, C] and of their patches [B, L, C]."""
+        size = self.model.config.vision_config.image_size
+        if images.shape[-1] != size:
+            images = interpolate(images, (size, size), mode="bicubic", antialias=True, align_corners=False)
+        out = self.model.vision_model(pixel_values=normalise(images))
+        return out.pooler_output, self.model.vision_model.post_layernorm(out.last_hidden_state[:, 1:])
+
+    def _read(self, texts: Tensor) -> Tensor:
+        mask = self._examples.mask[texts]
+        length = int(mask.sum(1).max())
+        tokens = self._examples.tokens[texts][:, :length]
+        pooled = self.model.get_text_features(input_ids=tokens, attention_mask=mask[:, :length]).pooler_output
+        return normalize(pooled, dim=-1)
+
+    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
+        named = list(self.named_parameters())
+        looks = [p for name, p in named if "vision" in name and (".q_proj." in name or ".k_proj." in name)]
+        # Muon's steps are as large in every direction: they would undo where attention looks at first.
+        apart = {id(p) for p in looks}
+        inside = [p for name, p in named if ".layers." in name and p.ndim == 2 and id(p) not in apart]
+        others = [p for name, p in named if not (".layers." in name and p.ndim == 2) and id(p) not in apart]
+        decay, matrix_rate, other_rate = (
+            self._config.weight_decay, self._config.matrix_rate, self._config.other_rate
+        )  # fmt: skip
+        self._optimizers: list[torch.optim.Optimizer] = [
+            torch.optim.Muon([_group(inside, matrix_rate)], lr=matrix_rate, weight_decay=decay),
+            torch.optim.AdamW(
+                [_group(others, other_rate), _group(looks, 0.2 * other_rate)],
+                lr=other_rate, betas=(0.9, 0.98), weight_decay=decay, fused=True,
+            ),
+        ]  # fmt: skip
+        return self._optimizers
+
+    def _rise_and_fall(self, step: int) -> float:
+        begun = self._config.warmup * self._config.steps
+        if step < begun:
+            return (step + 1) / (begun + 1)
+        return 0.5 * (1 + float(np.cos(np.pi * (step - begun) / max(1.0, self._config.steps - begun))))
+
+
+def _group(parameters: list[torch.nn.Parameter], highest: float) -> dict[str, Any]:
+    return {"params": parameters, "highest": highest}
+
+
+def contrast(logits: Tensor, right: Tensor) -> Tensor:
+    """The mean of both directions of contrast for logits [B, T] of B pictures and T distinct captions.
+
+    ``right`` [B] says which caption is a picture's. Captions that are no picture's are wrong for all.
+    """
+    of_picture = cross_entropy(logits, right)
+    own = torch.nn.functional.one_hot(right, logits.shape[1]).float().T  # [T, B]
+    used = own.sum(1) > 0
+    of_caption = cross_entropy(logits.T[used], own[used] / own[used].sum(1, keepdim=True))
+    return 0.5 * (of_picture + of_caption)
+
+
+def _several(logits: Tensor, present: Tensor) -> Tensor:
+    """Cross entropy of kinds [B, K] where several may be right, over the pictures whose objects are known."""
+    known = present.sum(1) > 0
+    if not known.any():
+        return logits.sum() * 0
+    return cross_entropy(logits[known], present[known] / present[known].sum(1, keepdim=True))
+
+
+def _one_each(logits: Tensor, wanted: Tensor) -> Tensor:
+    """Cross entropy of kinds [B, L, K] for patches that show an object, ``wanted`` [B, L] (-1: none)."""
+    known = wanted >= 0
+    return cross_entropy(logits[known], wanted[known]) if known.any() else logits.sum() * 0
+
+
+def patch_kinds(regions: Tensor, region_kinds: Tensor, patches: int) -> Tensor:
+    """The kind [B, L] of the object that covers most of each patch; -1 where objects cover less than a fifth.
+
+    Args:
+        regions: [B, H, W], labels.
+        region_kinds: [B, R], the kind of each label.
+        patches: L, a square number.
+    """
+    labels = torch.arange(1, region_kinds.shape[1])
+    if len(labels) == 0:
+        return torch.full((len(regions), patches), -1)
+    shares = adaptive_avg_pool2d((regions[:, None] == labels[:, None, None]).float(), math.isqrt(patches))
+    most, label = shares.flatten(2).max(1)
+    return region_kinds.gather(1, label + 1).masked_fill(most < 0.2, -1)
+
+
+def vary(images: Tensor, regions: Tensor, strength: float, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Images [B, 3, H, W] in [0, 1] a little moved, scaled, turned, and in other light; none mirrored.
+
+    A mirrored picture would belie "left of". What is moved in from outside repeats the border. The label masks
+    ``regions`` [B, H, W] move along.
+    """
+    if strength == 0:
+        return images, regions
+    count = len(images)
+
+    def about_zero(most: float, *shape: int) -> Tensor:
+        return strength * most * (2 * torch.rand(count, *shape, generator=generator) - 1)
+
+    scale, turn, shift = 1 + about_zero(0.15), about_zero(0.12), about_zero(0.16, 2)
+    cos, sin = scale * turn.cos(), scale * turn.sin()
+    matrices = torch.stack([torch.stack([cos, -sin, shift[:, 0]], 1), torch.stack([sin, cos, shift[:, 1]], 1)], 1)
+    grid = affine_grid(matrices, list(images.shape), align_corners=False)
+    moved = grid_sample(images, grid, mode="bilinear", padding_mode="border", align_corners=False)
+    labels = grid_sample(regions[:, None].float(), grid, mode="nearest", align_corners=False)[:, 0].round()
+    relit = (moved - 0.5) * (1 + about_zero(0.2, 1, 1, 1)) + 0.5 + about_zero(0.1, 1, 1, 1)
+    noise = 0.03 * strength * torch.randn(moved.shape, generator=generator)
+    return (relit + noise).clamp(0, 1), labels.to(regions.dtype)

@@ -1,0 +1,186 @@
+"""The stage evaluate_copainting, from scenes, co-paintings and four models to the table, pictures and pages."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import torch
+from ruamel.yaml import YAML
+
+from pentimento.contracts import copaintings, scenes
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.images import decode_png, encode_png, read_image
+from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.tables import write_table
+from pentimento.copainting.goal_planner import save_goal_planner
+from pentimento.copainting.scenes import ScenesConfig, build_scenes
+from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
+from pentimento.semantics.tokenizer import learn_tokenizer
+from pentimento.stroke_dynamics.extended import base_model, model_files
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from pipelines import evaluate_copainting
+from tests.copainting.goal_planners import small_planner
+
+SIDE_PX = 32
+PLANNER: dict[str, Any] = {
+    "initialisation": "error_guided", "candidates": 2, "rounds": 1, "sizes": [0.5, 0.5], "iterations_per_round": 2,
+    "iterations_free": 2, "iterations_palette": 0, "iterations_replan": 1, "replan_rate": 0.3, "relocate_every": 0,
+    "relocate_share": 0.0, "least_gain": 0.0,
+    "palette": {"source": "ink", "size": None, "picture": None, "colors_srgb": None}, "sweeps": 1, "path_points": 8,
+    "pixels_per_m": 400, "edge_m": "3 mm", "distances_px": [1, 2],
+    "objectives": {"print_weight": 1.0, "style": None}, "slack": {"thinning": 0.0, "shift_m": "0 mm"},
+    "learning_rates": {
+        "middle_m": "0.8 mm", "theta_rad": 0.04, "length_m": "0.8 mm", "bend_m": "0.5 mm", "press_m": "0.02 mm",
+        "color": 0.0,
+    },
+    "seed": 0,
+}  # fmt: skip
+INK = {"line_m": "1 mm", "contrast": 0.15, "tone": 0.3}
+MARKER = {"tool": "marker", "side_m": "100 mm", "ink": INK, "planner": PLANNER}
+BRUSH = {
+    "tool": "round_brush", "side_m": "100 mm", "ink": None,
+    "planner": PLANNER
+    | {"iterations_palette": 2, "palette": {"source": "plan", "size": 2, "picture": None, "colors_srgb": None}},
+}  # fmt: skip
+SECTION: dict[str, Any] = {
+    "prompts": 4,
+    "on_paper": 3,
+    "other_medium": 2,
+    "strokes": {"begun": 5, "added": 6},
+    "asking": {"steps": 1, "image_guidance": 1.0, "text_guidance": 1.0, "seed": 0},
+    "text_only": {"iterations": 2, "views": 0},
+    "codrawing": {"stories": 1, "person": 3, "robot": 3, "tremor_m": "0.5 mm", "batch": 5},
+    "shown": {"rows": 2, "preferences": 2},
+    "workers": 1,
+    "seed": 0,
+    "settings": {"marker": {"world": "marker", "medium": MARKER}},
+    "begun_with": {"marker": BRUSH},
+}
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All that the stage reads, made small; every network is untrained."""
+    folder = tmp_path_factory.mktemp("inputs")
+    drawn = build_scenes(ScenesConfig(60, SIDE_PX, 0.1, 0.4, 4, 0), lambda *_: None)
+    write_table(folder / "scenes", drawn, scenes.CONTRACT, "# Card")
+    write_table(folder / "copaintings", pairs_of_scenes(drawn), copaintings.CONTRACT, "# Card")
+    for seed, name in enumerate(("base", "fine")):
+        save_goal_planner(small_planner(seed), folder / name)
+    tokenizer = learn_tokenizer(drawn["caption"].to_pylist(), 60, 16)
+    for seed, name in enumerate(("semantics", "judge")):
+        (folder / name).mkdir()
+        shape = EncoderShape(16, 8, 32, 1, 16, 1, 2, 16)
+        Encoder(new_model(shape, tokenizer, seed), tokenizer).save(folder / name)
+    for tool, width_m in (("marker", 1e-3), ("round_brush", 3e-3)):
+        weights = folder / "models" / f"stroke_{tool}" / "weights"
+        weights.mkdir(parents=True)
+        model = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, width_m, 0.2, 0.95))
+        for file, content in model_files(model).items():
+            (weights / file).write_text(json.dumps(content))
+    return folder
+
+
+def pairs_of_scenes(drawn: pa.Table) -> pa.Table:
+    """Co-paintings whose full paintings are scenes in grey, whose partial ones blank."""
+    template = copaintings.example_table(1).to_pylist()[0]
+    blank = np.full((SIDE_PX, SIDE_PX, 3), 250, np.uint8)
+    rows = [
+        template
+        | {
+            "scene_id": row["scene_id"], "strategy": "all", "region": None, "caption": row["caption"],
+            "partial": {"bytes": encode_png(blank), "path": None}, "full": {"bytes": grey(row), "path": None},
+        }
+        for row in drawn.to_pylist()[:10]
+    ]  # fmt: skip
+    return pa.Table.from_pylist(rows, schema=arrow_schema(copaintings.CONTRACT))
+
+
+def grey(row: dict[str, Any]) -> bytes:
+    image = decode_png(row["image"]["bytes"])
+    return encode_png(np.repeat(image.mean(-1, keepdims=True), 3, -1).astype(np.uint8))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, inputs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    write_params({})
+    return inputs
+
+
+def write_params(changes: dict[str, Any]) -> None:
+    YAML(typ="safe").dump({"evaluate_copainting": SECTION | changes}, Path("params.yaml"))
+
+
+def evaluate(inputs: Path, out: str = "out", **changes: Any) -> Path:
+    arguments: dict[str, Any] = {
+        "setting": "marker", "scenes": inputs / "scenes", "copaintings": inputs / "copaintings",
+        "base": inputs / "base", "fine_tuned": inputs / "fine", "semantics": inputs / "semantics",
+        "judge": inputs / "judge", "models": inputs / "models", "tools": ["marker", "round_brush"], "out": Path(out),
+    }  # fmt: skip
+    torch.manual_seed(1)  # nothing may depend on it
+    evaluate_copainting.main(argparse.Namespace(**arguments | changes))
+    return Path(out)
+
+
+def test_every_number_has_its_baselines_beside_it(folder: Path) -> None:
+    out = evaluate(folder)
+    metrics = json.loads((out / "metrics.json").read_text())
+    table = metrics["table"]
+    assert set(table) == set(evaluate_copainting.ON_CANVAS)
+    scores = {"clip_score", "judge_score", "objects", "drawing_keeps", "changed", "strokes"}
+    gaps = {"delta_pix", "delta_sem", "goal_keeps"}
+    for method, row in table.items():
+        assert set(row) == (scores if method in ("no_change", "text_only") else scores | gaps), method
+        assert all(cell["low"] <= cell["value"] <= cell["high"] for cell in row.values())
+    assert table["no_change"]["changed"]["value"] == 0 and table["no_change"]["drawing_keeps"]["value"] == 1
+    copied = table["copy_input"]
+    assert copied["delta_pix"]["value"] == 0 and abs(copied["delta_sem"]["value"]) < 1e-5
+    assert copied["strokes"]["value"] == 0 and copied["clip_score"] == table["no_change"]["clip_score"]
+    assert 0 < table["oracle"]["delta_pix"]["value"] < table["ignore_input"]["delta_pix"]["value"]
+    assert set(metrics["comparisons"]) >= {"delta_pix_closed", "delta_sem_closed", "delta_pix_ratio"}
+    assert set(metrics["on_paper"]) == {"no_change", "base", "fine_tuned", "oracle"}
+    assert set(metrics["other_medium"]) == {"no_change", "base", "fine_tuned"}
+    assert set(metrics["correlation"]) == {"delta_pix", "delta_sem"}
+    assert metrics["correlation"]["delta_pix"]["paintings"] == 10
+    assert set(metrics["vae_ink_recall"]) == {"base", "fine_tuned"}
+    for played in metrics["turns"].values():
+        assert len(played) == 3 and all(turn["strokes"] >= 0 for turn in played)
+    cases = json.loads((out / "cases.json").read_text())
+    assert len(cases) == 4
+    mean = np.mean([case["fine_tuned"]["judge_score"] for case in cases])
+    assert abs(mean - table["fine_tuned"]["judge_score"]["value"]) < 1e-6
+    for name in ("methods", "on_paper", "other_medium", "turns", "turns_base"):
+        assert read_image(out / f"{name}.png").std() > 0
+    key = json.loads((out / "preference_key.json").read_text())
+    page = (out / "preference.html").read_text()
+    assert len(key) == 4 and all(f'data-id="{name}"' in page for name in key)
+    assert "fine_tuned" not in page and "text_only" not in page
+
+
+@pytest.mark.timeout(400)  # two processes load PyTorch and diffusers
+def test_the_same_bytes_again_and_with_two_workers(folder: Path) -> None:
+    write_params({"prompts": 2, "on_paper": 1, "other_medium": 1})
+    one = evaluate(folder, "one")
+    write_params({"prompts": 2, "on_paper": 1, "other_medium": 1, "workers": 2})
+    two = evaluate(folder, "two")
+    assert {f.name: f.read_bytes() for f in one.iterdir()} == {f.name: f.read_bytes() for f in two.iterdir()}
+
+
+def test_a_tool_without_a_model_is_one_sentence(folder: Path) -> None:
+    with pytest.raises(ConfigError, match="hands the stage models of marker only"):
+        evaluate(folder, tools=["marker"])
+
+
+def test_co_paintings_without_a_blank_sheet_are_refused(folder: Path, tmp_path: Path) -> None:
+    table = copaintings.example_table(10)
+    keep = pa.array([strategy != "all" for strategy in table["strategy"].to_pylist()])
+    write_table(tmp_path / "few", table.filter(keep), copaintings.CONTRACT, "# Card")
+    with pytest.raises(ContractError, match="No co-painting begins on a blank sheet"):
+        evaluate(folder, copaintings=tmp_path / "few")
+    assert not Path("out").exists()

@@ -1,0 +1,74 @@
+"""The report's section on co-painting, from files as the stage writes them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import write_png
+from pentimento.report.copainting import copainting_section, read_copainting
+from pentimento.report.html import Album
+from tests.report.test_page import read
+
+
+def estimate(value: float) -> dict[str, float]:
+    return {"value": value, "low": value - 0.01, "high": value + 0.01}
+
+
+def row(score: float, gap: float | None) -> dict[str, dict[str, float]]:
+    found = {"clip_score": score, "judge_score": score, "drawing_keeps": 0.97}
+    return {name: estimate(v) for name, v in (found | ({} if gap is None else {"delta_pix": gap})).items()}
+
+
+TURN = {
+    "judge_score_no_change": 0.1, "judge_score": 0.325, "goal_keeps": None, "drawing_keeps": 0.9, "changed": 0.1,
+    "strokes": 12.0,
+}  # fmt: skip
+METRICS: dict[str, Any] = {
+    "table": {
+        "no_change": row(0.11, None), "copy_input": row(0.11, 0.0), "ignore_input": row(0.12, 0.061),
+        "text_only": row(0.44, None), "base": row(0.2, 0.062), "fine_tuned": row(0.31, 0.013), "oracle": row(0.4, 0.01),
+    },
+    "comparisons": {"delta_pix_closed": estimate(0.94), "delta_pix_ratio": estimate(4.769)},
+    "on_paper": {"no_change": row(0.0, None), "fine_tuned": row(0.5, 0.02)},
+    "other_medium": {"no_change": row(0.1, None), "fine_tuned": row(0.3, 0.02)},
+    "turns": {"fine_tuned": [TURN] * 3, "base": [TURN] * 3},
+    "correlation": {"delta_sem": {"r": -0.48, "p": 2.4e-31, "paintings": 300}},
+    "vae_ink_recall": {"fine_tuned": 0.99},
+    "cases": {"prompts": 100, "on_paper": 50, "other_medium": 1},
+}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "metrics.json").write_text(json.dumps(METRICS))
+    for name in ("methods", "on_paper", "other_medium", "turns"):
+        write_png(tmp_path / f"{name}.png", np.full((4, 4, 3), 200, np.uint8))
+    return tmp_path
+
+
+def test_every_method_stands_in_the_table_with_its_interval(folder: Path) -> None:
+    album = Album()
+    section = copainting_section([read_copainting("marker", folder)], album)
+    assert read(section).open == []
+    for words in ("no change", "copy the input", "ignore the input", "text-guided", "no fine-tuning", "oracle"):
+        assert words in section
+    assert "0.013<br><small>0.003&nbsp;… 0.023</small>" in section
+    assert section.count('<td class="number">–</td>') >= 2  # no gap where there is no goal
+    assert "4.769 (4.759&nbsp;… 4.779)" in section and "100 held-out prompts" in section and "1 prompt." in section
+    assert "turn 3" in section and "0.325" in section and "r = −0.480, p = 2e−31" in section
+    assert {f"copainting_marker_{name}.png" for name in ("methods", "on_paper", "other_medium", "turns")} == set(
+        album.files
+    )
+
+
+def test_what_is_no_evaluation_is_one_sentence(folder: Path) -> None:
+    (folder / "turns.png").unlink()
+    with pytest.raises(ContractError, match="run the stage evaluate_copainting"):
+        read_copainting("marker", folder)
+    (folder / "metrics.json").write_text("{}")
+    with pytest.raises(ContractError, match="run the stage evaluate_copainting"):
+        read_copainting("marker", folder)

@@ -1,0 +1,77 @@
+"""The encoder: unit vectors, gradients, the published layout, and what is no CLIP model is a sentence."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from transformers import CLIPModel
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.semantics.encoder import Encoder, EncoderShape
+from tests.semantics.conftest import SHAPE
+
+
+def test_vectors_have_unit_length_at_any_size_of_picture(encoder: Encoder, images: torch.Tensor) -> None:
+    for size in (16, 32, 50):
+        resized = torch.nn.functional.interpolate(images[:3], (size, size))
+        assert torch.allclose(encoder.embed_images(resized).norm(dim=-1), torch.ones(3), atol=1e-5)
+    assert torch.allclose(encoder.embed_texts(["a", "a red house " * 50]).norm(dim=-1), torch.ones(2), atol=1e-5)
+
+
+def test_the_gradient_of_a_picture_is_that_of_finite_differences(encoder: Encoder, images: torch.Tensor) -> None:
+    image = images[:1].clone().requires_grad_()
+    goal = encoder.embed_texts(["a house"])[0]
+    (gradient,) = torch.autograd.grad((encoder.embed_images(image) @ goal).sum(), image)
+    way = gradient / gradient.norm()
+    step = 0.05
+    with torch.no_grad():
+        up, down = (encoder.embed_images(image + sign * step * way) @ goal for sign in (1, -1))
+    assert float((up - down).sum() / (2 * step)) == pytest.approx(float(gradient.norm()), rel=0.05)
+
+
+def test_patch_features_are_those_of_the_middle_layer(encoder: Encoder, images: torch.Tensor) -> None:
+    features = encoder.patch_features(images[:2])
+    out = encoder.model.vision_model(encoder.prepare(images[:2]), output_hidden_states=True)
+    assert features.shape == (2, 4, SHAPE.image_width)
+    assert torch.allclose(features, out.hidden_states[1][:, 1:], atol=1e-5)
+
+
+def test_what_is_saved_is_the_published_layout_and_reads_back(
+    encoder: Encoder, images: torch.Tensor, tmp_path: Path
+) -> None:
+    encoder.save(tmp_path)
+    assert {"config.json", "model.safetensors", "vocab.json", "merges.txt"} <= {
+        file.name for file in tmp_path.iterdir()
+    }
+    back = Encoder.load(tmp_path)
+    assert back.digest == encoder.digest and len(back.digest) == 64
+    assert torch.allclose(back.embed_images(images), encoder.embed_images(images), atol=1e-5)
+    assert torch.allclose(back.embed_texts(["a red house"]), encoder.embed_texts(["a red house"]), atol=1e-5)
+    assert isinstance(CLIPModel.from_pretrained(tmp_path, local_files_only=True), CLIPModel)
+
+
+def test_another_weight_is_another_digest(encoder: Encoder, tmp_path: Path) -> None:
+    encoder.save(tmp_path)
+    other = Encoder.load(tmp_path)
+    with torch.no_grad():
+        other.model.logit_scale += 1e-4
+    assert other.digest != encoder.digest
+
+
+def test_what_is_no_clip_model_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="is no folder of a CLIP model"):
+        Encoder.load(tmp_path)
+    (tmp_path / "config.json").write_text(json.dumps({"model_type": "bert"}))
+    with pytest.raises(ConfigError, match="of type 'bert'"):
+        Encoder.load(tmp_path)
+    (tmp_path / "config.json").write_text(json.dumps({"model_type": "clip"}))
+    with pytest.raises(ConfigError, match="cannot be read"):
+        Encoder.load(tmp_path)
+
+
+def test_shapes_that_cannot_be_are_sentences() -> None:
+    with pytest.raises(ValueError, match="multiple of patch_px"):
+        EncoderShape(60, 8, 32, 1, 16, 1, 2, 16)
+    with pytest.raises(ValueError, match="multiple of 12"):
+        EncoderShape(64, 8, 32, 1, 16, 1, 3, 16)

@@ -1,0 +1,58 @@
+"""Objectives are zero where they should be, go down along their gradient, and saliency finds what matters."""
+
+import pytest
+import torch
+
+from pentimento.semantics.encoder import Encoder
+from pentimento.semantics.objective import SemanticObjective, TextObjective
+from pentimento.semantics.saliency import saliency
+from pentimento.stroke_dynamics.photometry import srgb_to_linear
+
+
+@pytest.fixture
+def light(images: torch.Tensor) -> torch.Tensor:
+    """[32, 32, 3]."""
+    return srgb_to_linear(images[0]).movedim(0, -1)
+
+
+def test_the_text_objective_is_one_minus_the_cosine(
+    encoder: Encoder, images: torch.Tensor, light: torch.Tensor
+) -> None:
+    value = TextObjective(encoder, "a red house", 0, 0)(light)
+    cosine = encoder.embed_images(images[:1]) @ encoder.embed_texts(["a red house"])[0]
+    assert float(value) == pytest.approx(1 - float(cosine), abs=1e-4)
+
+
+def test_the_semantic_objective_of_the_target_itself_is_zero(encoder: Encoder, light: torch.Tensor) -> None:
+    objective = SemanticObjective(encoder, light, 3, 0)
+    assert float(objective(light)) == pytest.approx(0, abs=1e-8)
+    assert float(objective(1 - light)) > 0.01
+
+
+@pytest.mark.parametrize("views", [0, 4])
+def test_both_go_down_along_their_gradient(encoder: Encoder, light: torch.Tensor, views: int) -> None:
+    for make in (
+        lambda: TextObjective(encoder, "a red house", views, 0),
+        lambda: SemanticObjective(encoder, torch.ones_like(light) * 0.2, views, 0),
+    ):
+        image = light.clone().clamp(0.05, 0.95).requires_grad_()
+        before = make()(image)
+        (gradient,) = torch.autograd.grad(before, image)
+        assert torch.isfinite(gradient).all() and gradient.abs().max() > 0
+        after = make()((image - 0.02 * gradient / gradient.abs().max()).detach())  # the same views: the same seed
+        assert float(after) < float(before.detach())
+
+
+def test_views_differ_from_call_to_call_and_repeat_with_the_seed(encoder: Encoder, light: torch.Tensor) -> None:
+    one, other = (TextObjective(encoder, "a house", 3, 5) for _ in range(2))
+    first, second = float(one(light)), float(one(light))
+    assert first != second and float(other(light)) == first
+
+
+def test_saliency_is_a_map_from_0_to_1_of_each_caption(encoder: Encoder, images: torch.Tensor) -> None:
+    maps = saliency(encoder, images[:3], ["a house", "a red cat", "a tree"])
+    assert maps.shape == (3, 32, 32)
+    assert torch.allclose(maps.amax((1, 2)), torch.ones(3)) and torch.allclose(maps.amin((1, 2)), torch.zeros(3))
+    alone = saliency(encoder, images[1:2], ["a red cat"])
+    assert torch.allclose(alone[0], maps[1], atol=1e-3)
+    assert not torch.allclose(saliency(encoder, images[1:2], ["a blue cloud"])[0], maps[1], atol=1e-2)

@@ -1,0 +1,56 @@
+"""Scores in closed form, by an encoder whose vectors are told."""
+
+from collections.abc import Sequence
+
+import pytest
+import torch
+
+from pentimento.semantics.encoder import Encoder
+from pentimento.semantics.scores import clip_score, mismatched_quantile, object_scores, recognised, retrieval
+
+WORDS = ["red", "green", "blue"]
+
+
+class Told(Encoder):
+    """A picture's vector is its mean colour; a caption's the colours that it names."""
+
+    def __init__(self) -> None:
+        pass
+
+    def embed_images(self, images: torch.Tensor) -> torch.Tensor:
+        return torch.nn.functional.normalize(images.mean((2, 3)), dim=-1)
+
+    def embed_texts(self, captions: Sequence[str]) -> torch.Tensor:
+        named = torch.tensor([[float(word in caption) for word in WORDS] for caption in captions])
+        return torch.nn.functional.normalize(named, dim=-1)
+
+
+IMAGES = torch.eye(3)[:, :, None, None].expand(3, 3, 4, 4)
+
+
+def test_the_score_is_the_cosine() -> None:
+    scores = clip_score(Told(), IMAGES, ["a red", "a red", "blue and green"])
+    assert scores.tolist() == pytest.approx([1.0, 0.0, 0.5**0.5])
+
+
+def test_mismatched_pairs_are_never_a_pictures_own() -> None:
+    captions = ["a red", "a green", "a blue"]
+    assert mismatched_quantile(Told(), IMAGES, captions, 1.0, 0) == 0.0
+    with pytest.raises(ValueError, match="no mismatched pair"):
+        mismatched_quantile(Told(), IMAGES, ["a red"] * 3, 0.5, 0)
+
+
+def test_retrieval_of_a_perfect_encoder_is_perfect_and_chance_is_beside_it() -> None:
+    found = retrieval(Told(), IMAGES, ["a red", "a green", "a blue"], 3, 0)
+    assert found == {"image_to_text": 1.0, "text_to_image": 1.0, "chance": pytest.approx(1 / 3)}
+    turned = retrieval(Told(), IMAGES, ["a green", "a blue", "a red"], 3, 0)
+    assert turned["image_to_text"] == 0.0
+
+
+def test_recognised_are_the_best_as_many_as_were_asked() -> None:
+    scores = object_scores(Told(), IMAGES, WORDS)
+    assert torch.equal(scores, torch.eye(3))
+    assert recognised(scores[:2], WORDS, [["red"], ["red"]]) == [[True], [False]]
+    mixed = torch.tensor([[0.9, 0.5, 0.1]])
+    assert recognised(mixed, WORDS, [["green", "blue"]]) == [[True, False]]
+    assert recognised(mixed, WORDS, [["red", "green"]]) == [[True, True]]
