@@ -146,7 +146,7 @@ def test_rivals_that_a_raster_cannot_tell_apart_are_told_apart_by_strokes_that_t
     """In a world whose only effect is that the ink runs out, a raster takes it for a tilted canvas as well."""
     for world in ("plain.toml", "table.toml"):
         shutil.copy(WORLDS / world, tmp_path)
-    (tmp_path / "fade.toml").write_text('base = "plain.toml"\n[effects]\nink_depletion = 1.5\n')
+    (tmp_path / "fade.toml").write_text('base = "plain.toml"\n[effects]\nink_depletion = 0.6\n')
     monkeypatch.setattr(collect, "design_collection", raster)
     tool, robot = load_tool("round_brush"), VirtualRobot(Studio(load_world(tmp_path / "fade.toml"), 0))
     config = CollectionConfig(54, 0, 1, 0.0, 16, 0.008, 0.008, 700.0, (1.0, 1.0), (INK,), 0.0, 0)
