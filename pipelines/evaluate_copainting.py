@@ -15,10 +15,7 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.cases import choose_cases
-from pentimento.copainting.codraw import Codrawing, Story, Turn, codraw, stories
-from pentimento.copainting.edits import scenes_of
-from pentimento.copainting.evaluation import (
+from pentimento.copainting.evaluation.answers import (
     BASE,
     FINE_TUNED,
     NO_CHANGE,
@@ -34,14 +31,17 @@ from pentimento.copainting.evaluation import (
     answer_on_paper,
     ask,
 )
-from pentimento.copainting.goal_planner import GoalPlanner, load_goal_planner
-from pentimento.copainting.goal_plans import Easel, Medium, load_easel, seen
-from pentimento.copainting.goal_vae import round_trip
-from pentimento.copainting.ink import ink_recall
-from pentimento.copainting.measures import as_tensor, changed_share, delta_pix, delta_sem, surviving_ink
-from pentimento.copainting.preference_page import Comparison, preference_page
-from pentimento.copainting.scoring import Columns, Judges, comparisons, correlations, score, summary
-from pentimento.copainting.sheets import side_by_side
+from pentimento.copainting.evaluation.cases import choose_cases
+from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw, stories
+from pentimento.copainting.evaluation.goal_plans import Easel, Medium, load_easel, seen
+from pentimento.copainting.evaluation.measures import as_tensor, changed_share, delta_pix, delta_sem, surviving_ink
+from pentimento.copainting.evaluation.preference_page import Comparison, preference_page
+from pentimento.copainting.evaluation.scoring import Columns, Judges, comparisons, correlations, score, summary
+from pentimento.copainting.evaluation.sheets import side_by_side
+from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner
+from pentimento.copainting.goal.vae import round_trip
+from pentimento.copainting.scenes.edits import scenes_of
+from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.workers import worker_pool
 from pentimento.planning.painter import as_linear
 from pentimento.robots.driver import Robot

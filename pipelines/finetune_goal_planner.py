@@ -13,12 +13,12 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.completion_scores import score_planner
-from pentimento.copainting.edits import pairs_of
-from pentimento.copainting.goal_planner import load_goal_planner, save_goal_planner
-from pentimento.copainting.goal_training import GoalTraining, train_goal_planner
-from pentimento.copainting.guidance_grid import Sampling, guidance_grid
-from pentimento.copainting.latent_pairs import encode_pairs
+from pentimento.copainting.goal.completion_scores import score_planner
+from pentimento.copainting.goal.guidance_grid import Sampling, guidance_grid
+from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.planner import load_goal_planner, save_goal_planner
+from pentimento.copainting.goal.training import GoalTraining, train_goal_planner
+from pentimento.copainting.scenes.edits import pairs_of
 from pentimento.copainting.scratch import scratch_folder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.preferences import preferences, read_answers
+from pentimento.copainting.evaluation.preferences import preferences, read_answers
 from pipelines._io import stage_main
 
 

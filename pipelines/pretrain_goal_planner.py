@@ -14,9 +14,10 @@ from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.completion_scores import score_planner
-from pentimento.copainting.edits import scene_edits, scenes_of
-from pentimento.copainting.goal_planner import (
+from pentimento.copainting.goal.completion_scores import score_planner
+from pentimento.copainting.goal.guidance_grid import Sampling, guidance_grid
+from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.planner import (
     GoalPlanner,
     GoalPlannerShape,
     build_goal_planner,
@@ -24,10 +25,9 @@ from pentimento.copainting.goal_planner import (
     save_goal_planner,
     text_encoder_of,
 )
-from pentimento.copainting.goal_training import GoalTraining, train_goal_planner
-from pentimento.copainting.goal_vae import VaeConfig, ink_after_round_trip, train_vae, vae_pictures
-from pentimento.copainting.guidance_grid import Sampling, guidance_grid
-from pentimento.copainting.latent_pairs import encode_pairs
+from pentimento.copainting.goal.training import GoalTraining, train_goal_planner
+from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, train_vae, vae_pictures
+from pentimento.copainting.scenes.edits import scene_edits, scenes_of
 from pentimento.copainting.scratch import scratch_folder
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section

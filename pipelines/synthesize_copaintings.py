@@ -15,14 +15,14 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.dataset_card import dataset_card
-from pentimento.copainting.kept_pairs import keep_pairs, threshold_of
-from pentimento.copainting.partials import PartialsConfig
-from pentimento.copainting.score_filter import Threshold
 from pentimento.copainting.scratch import scratch_folder
-from pentimento.copainting.shards import Job, paint_shards
-from pentimento.copainting.synthesis import Setting, load_painter
-from pentimento.copainting.synthesis_preview import preview
+from pentimento.copainting.synthesis.dataset_card import dataset_card
+from pentimento.copainting.synthesis.kept_pairs import keep_pairs, threshold_of
+from pentimento.copainting.synthesis.pairs import Setting, load_painter
+from pentimento.copainting.synthesis.partials import PartialsConfig
+from pentimento.copainting.synthesis.preview import preview
+from pentimento.copainting.synthesis.score_filter import Threshold
+from pentimento.copainting.synthesis.shards import Job, paint_shards
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json

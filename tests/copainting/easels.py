@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.copainting.goal_plans import Easel, Medium
-from pentimento.copainting.ink_tones import InkTones
+from pentimento.copainting.evaluation.goal_plans import Easel, Medium
+from pentimento.copainting.scenes.ink_tones import InkTones
 from pentimento.planning.config import LearningRates, PlannerConfig, Slack
 from pentimento.planning.objectives.settings import ObjectivesConfig
 from pentimento.planning.palette import PaletteChoice

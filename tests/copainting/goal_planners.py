@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from pentimento.copainting.edits import Pair
-from pentimento.copainting.goal_planner import GoalPlanner, GoalPlannerShape, build_goal_planner, text_encoder_of
-from pentimento.copainting.goal_training import GoalTraining
-from pentimento.copainting.goal_vae import VaeConfig, build_vae
+from pentimento.copainting.goal.planner import GoalPlanner, GoalPlannerShape, build_goal_planner, text_encoder_of
+from pentimento.copainting.goal.training import GoalTraining
+from pentimento.copainting.goal.vae import VaeConfig, build_vae
+from pentimento.copainting.scenes.edits import Pair
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from pentimento.contracts import scenes
-from pentimento.copainting.guided_descent import Guidance
-from pentimento.copainting.ink_tones import InkTones
-from pentimento.copainting.partials import PartialsConfig
-from pentimento.copainting.synthesis import Setting
+from pentimento.copainting.scenes.ink_tones import InkTones
+from pentimento.copainting.synthesis.guided_descent import Guidance
+from pentimento.copainting.synthesis.pairs import Setting
+from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.planning.config import LearningRates, PlannerConfig, Slack
 from pentimento.planning.objectives.settings import ObjectivesConfig
 from pentimento.planning.palette import PaletteChoice

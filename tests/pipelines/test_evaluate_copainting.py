@@ -16,8 +16,8 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png, encode_png, read_image
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import write_table
-from pentimento.copainting.goal_planner import save_goal_planner
-from pentimento.copainting.scenes import ScenesConfig, build_scenes
+from pentimento.copainting.goal.planner import save_goal_planner
+from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pentimento.stroke_dynamics.extended import base_model, model_files

@@ -21,7 +21,7 @@ from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.tables import write_table
-from pentimento.copainting.goal_planner import complete, load_goal_planner
+from pentimento.copainting.goal.planner import complete, load_goal_planner
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines import finetune_goal_planner, pretrain_goal_planner
 from pipelines._tracking import EXPERIMENT

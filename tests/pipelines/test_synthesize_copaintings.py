@@ -20,7 +20,7 @@ from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.copainting import shards
+from pentimento.copainting.synthesis import shards
 from pipelines.synthesize_copaintings import main
 from tests.copainting.painters import section, write_encoder, write_stroke_model
 from tests.imports import ROOT

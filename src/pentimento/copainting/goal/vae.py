@@ -1,0 +1,159 @@
+"""A small autoencoder for a goal planner's pictures: trained on scenes, drawings of them and random strokes.
+
+What the goal planner cannot encode it cannot keep: an existing drawing must survive the autoencoder before it can
+survive the goal planner. So the autoencoder halves the resolution once only, and learns lines beside smooth pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import torch
+from diffusers import AutoencoderKL
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.copainting.scenes.ink import ink_recall
+from pentimento.copainting.scenes.random_strokes import random_strokes
+from pentimento.copainting.seeds import generator_for
+from pentimento.semantics.drawings import STYLES, draw
+
+Log = Callable[[str, float, int], None]
+
+_KL_WEIGHT: Final = 1e-6  # as in latent diffusion (Rombach et al. 2022): it only keeps the latents in bounds
+_WARM_UP: Final = 20  # steps
+_STROKES: Final = (2, 40)  # in a picture of random strokes
+_WIDTHS_PX: Final = (1.2, 4.0)
+_CHUNK: Final = 64  # pictures encoded or decoded at once
+
+
+@dataclass(frozen=True)
+class VaeConfig:
+    """The autoencoder and its training."""
+
+    channels: tuple[int, ...]
+    """Of each resolution, the finest first; each after the first halves it."""
+    latent_channels: int
+    """Instruct-Pix2Pix: 4, so that its UNet's first convolution takes 8."""
+    pictures: int
+    """Scenes it is trained on; as many of their drawings and of random strokes beside them."""
+    steps: int
+    batch: int
+    learning_rate: float
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "latent_channels", "pictures", "steps", "batch")
+        above_zero(self, "learning_rate")
+
+
+def build_vae(config: VaeConfig, side_px: int) -> AutoencoderKL:
+    """The untrained autoencoder; its latents are `side_px` / 2^(resolutions - 1) wide."""
+    levels = len(config.channels)
+    return AutoencoderKL(
+        down_block_types=("DownEncoderBlock2D",) * levels,
+        up_block_types=("UpDecoderBlock2D",) * levels,
+        block_out_channels=config.channels,
+        layers_per_block=1,
+        latent_channels=config.latent_channels,
+        norm_num_groups=8,
+        sample_size=side_px,
+        mid_block_add_attention=False,
+    )
+
+
+def vae_pictures(scenes: Sequence[NDArray[np.uint8]], seed: int) -> NDArray[np.uint8]:
+    """What the autoencoder learns from, uint8 [3 n, H, W, 3]: n scenes, n drawings of them, n of random strokes."""
+    drawn, strokes = [], []
+    for index, scene in enumerate(scenes):
+        generator = np.random.default_rng([seed, 1, index])
+        drawn.append(draw(scene, STYLES[index % len(STYLES)], generator))
+        number = int(generator.integers(*_STROKES))
+        strokes.append(random_strokes(scene.shape[0], number, _WIDTHS_PX, generator))
+    return np.stack([*scenes, *drawn, *strokes])
+
+
+def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Log) -> AutoencoderKL:
+    """Fit the autoencoder to pictures uint8 [N, H, W, 3] on L1 + L2; `log("vae_loss", value, step)` as it goes.
+
+    Its `scaling_factor` becomes one over the latents' standard deviation, as in latent diffusion.
+    """
+    torch.manual_seed(seed)
+    vae = build_vae(config, pictures.shape[1]).train()
+    optimizer = torch.optim.AdamW(vae.parameters(), config.learning_rate, betas=(0.9, 0.99), weight_decay=0.0)
+    for step in range(config.steps):
+        generator = generator_for(seed, step)
+        chosen = torch.randint(0, len(pictures), (config.batch,), generator=generator)
+        shown = as_model_input(pictures[chosen.numpy()])
+        latents = vae.encode(shown).latent_dist
+        again = vae.decode(latents.mean + latents.std * torch.randn(latents.mean.shape, generator=generator)).sample
+        error = again - shown
+        loss = error.abs().mean() + 0.5 * error.square().mean() + _KL_WEIGHT * latents.kl().mean()
+        for group in optimizer.param_groups:
+            group["lr"] = config.learning_rate * min(1.0, (step + 1) / _WARM_UP) * (1 - step / config.steps)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(vae.parameters(), 1.0)
+        optimizer.step()
+        log("vae_loss", float(loss.detach()), step)
+    vae.eval().requires_grad_(False)
+    spread = float(encode(vae, pictures[:: max(1, len(pictures) // 256)])[:, : config.latent_channels].std())
+    vae.register_to_config(scaling_factor=round(1 / spread, 4))
+    return vae
+
+
+@torch.no_grad()
+def encode(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> Tensor:
+    """The moments of the pictures' latents, [B, 2 C, h, w]: means, then log variances."""
+    parts = [
+        vae.encode(as_model_input(pictures[start : start + _CHUNK]).to(vae.device)).latent_dist.parameters.cpu()
+        for start in range(0, len(pictures), _CHUNK)
+    ]
+    return torch.cat(parts)
+
+
+@torch.no_grad()
+def round_trip(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Pictures uint8 [B, H, W, 3] as they come back from the autoencoder."""
+    means = encode(vae, pictures).chunk(2, dim=1)[0]
+    parts = [
+        as_pictures(vae.decode(means[start : start + _CHUNK].to(vae.device)).sample)
+        for start in range(0, len(means), _CHUNK)
+    ]
+    return np.concatenate(parts)
+
+
+def ink_after_round_trip(
+    vae: AutoencoderKL, scenes: Sequence[NDArray[np.uint8]], seed: int
+) -> dict[str, dict[str, float | None]]:
+    """What the autoencoder keeps of ink, for line drawings of the scenes and for random strokes.
+
+    `recall` is the share of the ink that is still there within 1 px; `precision` the share of what is ink afterwards
+    that was before (a picture that came back black would have all of the first and little of the second).
+    """
+    lines, strokes = [], []
+    for index, scene in enumerate(scenes):
+        generator = np.random.default_rng([seed, 2, index])
+        lines.append(draw(scene, "lines", generator))
+        strokes.append(random_strokes(scene.shape[0], int(generator.integers(*_STROKES)), _WIDTHS_PX, generator))
+    scores: dict[str, dict[str, float | None]] = {}
+    for name, pictures in (("lines", np.stack(lines)), ("strokes", np.stack(strokes))):
+        again = round_trip(vae, pictures)
+        shares = {"recall": ink_recall(pictures, again), "precision": ink_recall(again, pictures)}
+        scores[name] = {kind: None if math.isnan(share) else share for kind, share in shares.items()}
+    return scores
+
+
+def as_model_input(pictures: NDArray[np.uint8]) -> Tensor:
+    """uint8 [B, H, W, 3] as float [B, 3, H, W] in [-1, 1]."""
+    return torch.from_numpy(np.ascontiguousarray(pictures)).permute(0, 3, 1, 2).float() / 127.5 - 1
+
+
+def as_pictures(images: Tensor) -> NDArray[np.uint8]:
+    """Float [B, 3, H, W] in [-1, 1] as uint8 [B, H, W, 3]."""
+    bounded = ((images.float().clamp(-1, 1) + 1) * 127.5).round().to(torch.uint8)
+    return bounded.permute(0, 2, 3, 1).contiguous().cpu().numpy()

@@ -1,0 +1,1 @@
+"""Partial and full paintings by the robot's own simulation (thesis 6.4.1)."""

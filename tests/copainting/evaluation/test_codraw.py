@@ -1,0 +1,83 @@
+"""Turns of a person and a robot on one sheet in the studio, and drawings from words alone."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts import scenes
+from pentimento.contracts.errors import ContractError
+from pentimento.copainting.evaluation.codraw import Codrawing, codraw, stories
+from pentimento.copainting.evaluation.goal_plans import laid_out
+from pentimento.copainting.evaluation.text_guided import plan_text
+from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.robots.driver import Robot
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
+from pentimento.semantics.objective import TextObjective
+from pentimento.semantics.tokenizer import learn_tokenizer
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
+from tests.copainting.easels import MEDIUM, cross, marker_easel, paper
+
+CONFIG = Codrawing(stories=1, person=4, robot=6, tremor_m=0.0005, batch=4)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def robot() -> Robot:
+    world = load_world("marker")
+    square = replace(world, paper=replace(world.paper, size_m=(MEDIUM.side_m, MEDIUM.side_m)))
+    hand = VirtualRobot(Studio(square, 0))
+    return GuardedRobot(hand, envelope_for(marker_easel().tool, hand.canvas_size_m))
+
+
+def test_words_name_one_thing_more_in_each_turn_and_pictures_one_thing_each() -> None:
+    table = build_scenes(ScenesConfig(60, 32, 0.0, 0.5, 4, 0), lambda *_: None)
+    story = stories(table, 1)[0]
+    row = next(r for r in table.to_pylist() if r["scene_id"] == story.scene_id)
+    first, second, _ = row["objects"]
+    assert first in story.prompts[0] and second not in story.prompts[0]
+    assert first in story.prompts[1] and second in story.prompts[1]
+    assert all(kind in story.prompts[2] for kind in row["objects"])
+    assert len({image.tobytes() for image in story.images}) == 3
+    with pytest.raises(ContractError, match="draw more scenes"):
+        stories(scenes.example_table(5), 1)  # one thing each
+
+
+def test_each_turn_begins_where_the_last_one_ended() -> None:
+    table = build_scenes(ScenesConfig(60, 32, 0.0, 0.5, 4, 0), lambda *_: None)
+    asked: list[str] = []
+
+    def goal_for(photo: np.ndarray, prompt: str) -> np.ndarray:
+        asked.append(prompt)
+        assert photo.shape == (32, 32, 3) and photo.dtype == np.uint8
+        return np.minimum(photo, cross())
+
+    story = stories(table, 1)[0]
+    turns = codraw(robot(), marker_easel(), story, goal_for, CONFIG, 0)
+    assert tuple(asked) == story.prompts == tuple(turn.prompt for turn in turns)
+    for turn, following in pairwise(turns):
+        assert np.array_equal(following.before, turn.after)
+    dark = [int((photo.mean(-1) < 128).sum()) for turn in turns for photo in (turn.before, turn.begun, turn.after)]
+    assert dark[0] == 0 and dark[1] > 0 and dark[2] > dark[1]  # ink is there after the person, and more after the robot
+    assert turns[0].strokes[0] <= CONFIG.person and 1 <= turns[0].strokes[1] <= CONFIG.robot
+
+
+def test_words_alone_lower_the_text_objective_and_nothing_else_is_looked_at() -> None:
+    tokenizer = learn_tokenizer(["a cup", "a tree"], 30, 12)
+    encoder = Encoder(new_model(EncoderShape(16, 8, 32, 1, 16, 1, 2, 16), tokenizer, 0), tokenizer)
+    sheet = laid_out(paper(), MEDIUM.side_px)
+    objective = TextObjective(encoder, "a cup", 0, 0)
+    none, some = (
+        float(objective(plan_text(marker_easel(), sheet, "a cup", encoder, 6, n, 0, 3).sheet)) for n in (0, 25)
+    )
+    assert some < none
+    made = plan_text(marker_easel(), sheet, "a cup", encoder, 6, 3, 1, 3)
+    assert len(made.strokes) == 6 and made.palette_srgb.shape == (1, 3)

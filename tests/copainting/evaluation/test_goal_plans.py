@@ -1,0 +1,76 @@
+"""Plans for goal pictures: nearer to the goal, on what is there, with no stroke that does harm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.copainting.evaluation.goal_plans import (
+    Easel,
+    draw_scene,
+    laid_out,
+    plan_goal,
+    seeded,
+    seen,
+    without_harmful,
+)
+from pentimento.copainting.evaluation.measures import delta_pix, surviving_ink
+from pentimento.planning.relocate import contributions
+from pentimento.robots.tools import load_tool
+from tests.copainting.easels import MEDIUM, PLANNER, SIDE_PX, cross, marker_easel, paper
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def test_a_plan_comes_near_its_goal_and_keeps_what_is_there() -> None:
+    easel, goal = marker_easel(), cross()
+    sheet = laid_out(paper(), MEDIUM.side_px)
+    made = plan_goal(easel, sheet, goal, 24)
+    before, after = (delta_pix(goal[None], p[None])[0] for p in (paper(), seen(made.sheet, SIDE_PX)))
+    assert after < 0.4 * before and 1 <= len(made.strokes) <= 24
+    twice = draw_scene(easel, made.sheet, np.rot90(goal[:, :16].repeat(2, 1)).copy(), 8)
+    assert surviving_ink(seen(made.sheet, SIDE_PX)[None], seen(twice.sheet, SIDE_PX)[None])[0] == 1
+    assert (twice.sheet <= made.sheet + 1e-4).all()  # a black pen never lightens
+
+
+def test_a_goal_that_is_there_needs_no_stroke() -> None:
+    sheet = laid_out(cross(), MEDIUM.side_px)
+    made = plan_goal(marker_easel(), sheet, seen(sheet, SIDE_PX), 12)
+    assert len(made.strokes) == 0 and torch.equal(made.sheet, sheet)
+
+
+def test_no_stroke_is_left_that_does_harm() -> None:
+    easel, sheet = marker_easel(), laid_out(paper(), MEDIUM.side_px)
+    made = plan_goal(easel, sheet, cross(), 12).strokes
+    far = easel.scene(laid_out(paper(), MEDIUM.side_px))  # on a blank goal, every stroke does harm
+    assert len(without_harmful(made, sheet, far, PLANNER)) == 0
+    near = easel.scene(laid_out(cross(), MEDIUM.side_px))
+    kept = without_harmful(made, sheet, near, PLANNER)
+    assert (contributions(kept, sheet, near, PLANNER) >= 0).all()
+
+
+def test_equal_seeds_give_equal_plans_and_others_others() -> None:
+    sheet = laid_out(paper(), MEDIUM.side_px)
+    one, again, other = (plan_goal(seeded(marker_easel(), s), sheet, cross(), 8).sheet for s in (1, 1, 2))
+    assert torch.equal(one, again) and not torch.equal(one, other)
+
+
+def test_pictures_come_back_from_the_sheet() -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (SIDE_PX, SIDE_PX, 3)).astype(np.uint8)
+    assert np.array_equal(seen(laid_out(noise, SIDE_PX), SIDE_PX), noise)
+    flat = np.full((8, 8, 3), 130, np.uint8)
+    assert (seen(laid_out(flat, 48), 16) == 130).all()
+
+
+def test_a_medium_fits_its_tool() -> None:
+    with pytest.raises(ConfigError, match="brings none: null it"):
+        Easel(MEDIUM, load_tool("round_brush"), marker_easel().model)
+    with pytest.raises(ConfigError, match="say under ink"):
+        Easel(replace(MEDIUM, ink=None), load_tool("marker"), marker_easel().model)
+    with pytest.raises(ValueError, match="side_m"):
+        replace(MEDIUM, side_m=0.0)

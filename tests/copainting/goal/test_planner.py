@@ -1,0 +1,104 @@
+"""A goal planner survives its folder, asks for shapes that fit, and completes each picture from its own noise."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.copainting.goal.latent_pairs import tokens_of
+from pentimento.copainting.goal.planner import GoalPlanner, complete, load_goal_planner, save_goal_planner
+from tests.copainting.goal_planners import CAPTIONS, SIDE_PX, small_encoder, small_planner
+
+
+@pytest.fixture(scope="module")
+def planner() -> GoalPlanner:
+    torch.set_num_threads(1)
+    return small_planner()
+
+
+@pytest.fixture
+def inputs() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (4, SIDE_PX, SIDE_PX, 3)).astype(np.uint8)
+
+
+def test_saved_and_loaded_it_completes_alike(planner: GoalPlanner, inputs: np.ndarray, tmp_path: Path) -> None:
+    save_goal_planner(planner, tmp_path / "planner")
+    index = json.loads((tmp_path / "planner/model_index.json").read_text())
+    assert index["_class_name"] == "StableDiffusionInstructPix2PixPipeline"
+    assert not [file for file in (tmp_path / "planner").rglob("*") if file.suffix in (".bin", ".pt", ".ckpt")]
+    loaded = load_goal_planner(tmp_path / "planner")
+    before, after = (complete(p, inputs, CAPTIONS, 3, 1.2, 2.0, 0) for p in (planner, loaded))
+    assert (before == after).all() and before.shape == inputs.shape and before.dtype == np.uint8
+
+
+def test_its_text_encoder_is_the_encoders_text_tower(planner: GoalPlanner) -> None:
+    """The pooled caption, projected and normalised, is the encoder's own embedding; and the copy is a copy."""
+    encoder = small_encoder()
+    tokens = tokens_of(planner, list(CAPTIONS))
+    pooled = planner.text_encoder(tokens).pooler_output
+    own = torch.nn.functional.normalize(encoder.model.text_projection(pooled), dim=-1)
+    assert torch.allclose(own, encoder.embed_texts(CAPTIONS), atol=1e-5)
+
+
+def test_each_item_has_its_own_noise(planner: GoalPlanner, inputs: np.ndarray) -> None:
+    same = np.repeat(inputs[:1], 2, axis=0)
+    first, second = complete(planner, same, [CAPTIONS[0]] * 2, 3, 1.0, 1.0, 0)
+    assert (first != second).any()
+    alone = complete(planner, same[:1], CAPTIONS[:1], 3, 1.0, 1.0, 0)
+    assert np.abs(alone[0].astype(int) - first).max() <= 1  # a batch may sum in another order
+    assert (complete(planner, same[:1], CAPTIONS[:1], 3, 1.0, 1.0, 1)[0] != alone[0]).any()
+
+
+def test_words_and_canvas_both_matter(planner: GoalPlanner, inputs: np.ndarray) -> None:
+    plain = complete(planner, inputs[:1], ["a red disc"], 3, 1.0, 3.0, 0)
+    assert (complete(planner, inputs[:1], ["a blue square"], 3, 1.0, 3.0, 0) != plain).any()
+    assert (complete(planner, inputs[1:2], ["a red disc"], 3, 1.0, 3.0, 0) != plain).any()
+
+
+@pytest.mark.parametrize("caption", ["", "чашка и дом", "a red disc " * 60, "🎨 ¿qué?"])
+def test_any_words_can_be_asked(planner: GoalPlanner, inputs: np.ndarray, caption: str) -> None:
+    assert complete(planner, inputs[:1], [caption], 2, 1.5, 2.0, 0).shape == (1, SIDE_PX, SIDE_PX, 3)
+
+
+def test_pictures_that_cannot_be_halved_are_a_sentence(planner: GoalPlanner) -> None:
+    with pytest.raises(ContractError, match="multiples of 4"):
+        complete(planner, np.zeros((1, 18, 16, 3), np.uint8), ["x"], 1, 1.0, 1.0, 0)
+    with pytest.raises(ContractError, match="captions"):
+        complete(planner, np.zeros((2, 16, 16, 3), np.uint8), ["x"], 1, 1.0, 1.0, 0)
+
+
+def test_a_base_of_another_architecture_is_a_sentence(planner: GoalPlanner, tmp_path: Path) -> None:
+    """A text-to-image UNet takes 4 channels: its first convolution is not rebuilt, the base is refused."""
+    from diffusers import UNet2DConditionModel
+
+    save_goal_planner(planner, tmp_path / "planner")
+    config = dict(planner.unet.config) | {"in_channels": 4}
+    UNet2DConditionModel.from_config(config).save_pretrained(tmp_path / "planner/unet")
+    with pytest.raises(ConfigError, match="takes 4 channels, but Instruct-Pix2Pix needs 8"):
+        load_goal_planner(tmp_path / "planner")
+
+
+def test_a_text_encoder_of_another_width_is_a_sentence(planner: GoalPlanner, tmp_path: Path) -> None:
+    save_goal_planner(planner, tmp_path / "planner")
+    small_planner(0, text_width=32).text_encoder.save_pretrained(tmp_path / "planner/text_encoder")
+    with pytest.raises(ConfigError, match="16 text channels, but its text encoder has 32"):
+        load_goal_planner(tmp_path / "planner")
+
+
+@pytest.mark.parametrize("what", ["missing", "empty", "without unet", "cut"])
+def test_an_incomplete_folder_is_a_sentence(planner: GoalPlanner, tmp_path: Path, what: str) -> None:
+    folder = tmp_path / "planner"
+    if what == "empty":
+        folder.mkdir()
+    if what in ("without unet", "cut"):
+        save_goal_planner(planner, folder)
+        weights = folder / "unet/diffusion_pytorch_model.safetensors"
+        content = weights.read_bytes()
+        weights.unlink()
+        if what == "cut":
+            weights.write_bytes(content[: len(content) // 2])
+    with pytest.raises(ConfigError, match="cannot be loaded as an Instruct-Pix2Pix pipeline"):
+        load_goal_planner(folder)

@@ -1,0 +1,162 @@
+"""Training: what the network should give, how errors weigh, that it learns, and that resuming changes nothing."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from diffusers import DDIMScheduler
+
+from pentimento.contracts.errors import ContractError
+from pentimento.copainting.goal.checkpoints import latest_checkpoint
+from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.planner import GoalPlanner
+from pentimento.copainting.goal.training import GoalTraining, Lora, loss_weight, train_goal_planner, wanted_output
+from tests.copainting.goal_planners import CAPTIONS, TRAINING, small_pairs, small_planner
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def trained(config: GoalTraining, scratch: Path | None = None, until: int | None = None) -> GoalPlanner:
+    """A small planner after training; killed at step `until`."""
+
+    class Killed(Exception):
+        pass
+
+    def log(_name: str, _value: float, step: int) -> None:
+        if step == until:
+            raise Killed
+
+    planner = small_planner()
+    pairs = encode_pairs(planner, small_pairs(7))
+    try:
+        train_goal_planner(planner, pairs, config, scratch, log)
+    except Killed:
+        assert until is not None
+    return planner
+
+
+def weights(planner: GoalPlanner) -> list[torch.Tensor]:
+    return [*planner.unet.state_dict().values(), *planner.text_encoder.state_dict().values()]
+
+
+def equal(one: GoalPlanner, other: GoalPlanner) -> bool:
+    return all(torch.equal(a, b) for a, b in zip(weights(one), weights(other), strict=True))
+
+
+@pytest.mark.parametrize("killed_at", [1, 2, 3, 5])
+@pytest.mark.parametrize("lora", [None, Lora(2, 4)])
+def test_killed_and_resumed_is_as_never_killed(tmp_path: Path, killed_at: int, lora: Lora | None) -> None:
+    config = replace(TRAINING, lora=lora)
+    whole = trained(config)
+    trained(config, tmp_path, until=killed_at)
+    kept = latest_checkpoint(tmp_path)
+    assert (kept is None) == (killed_at < config.checkpoint_every)
+    resumed = trained(config, tmp_path)
+    assert equal(whole, resumed)
+    assert len(list(tmp_path.iterdir())) == 1  # one checkpoint at a time, and nothing half-written
+
+
+def test_a_checkpoint_that_was_being_written_is_passed_over(tmp_path: Path) -> None:
+    trained(TRAINING, tmp_path, until=3)
+    (tmp_path / "step-00000004.part").write_bytes(b"half of a checkpoint")
+    assert equal(trained(TRAINING), trained(TRAINING, tmp_path))
+
+
+def test_the_losses_of_a_resumed_training_are_those_of_all_steps(tmp_path: Path) -> None:
+    trained(TRAINING, tmp_path, until=5)
+    planners = small_planner(), small_planner()
+    pairs = encode_pairs(planners[0], small_pairs(7))
+    resumed = train_goal_planner(planners[0], pairs, TRAINING, tmp_path, lambda *_: None)
+    whole = train_goal_planner(planners[1], pairs, TRAINING, None, lambda *_: None)
+    assert resumed == whole and len(whole) == TRAINING.steps
+
+
+def test_what_is_not_to_be_trained_stays() -> None:
+    before, after = small_planner(), trained(replace(TRAINING, train_text=False))
+
+    def same(part: str) -> list[bool]:
+        parameters = (getattr(planner, part).parameters() for planner in (before, after))
+        return [torch.equal(a, b) for a, b in zip(*parameters, strict=True) if a.ndim > 1]
+
+    assert all(same("text_encoder")) and all(same("vae"))
+    assert not any(same("unet"))
+
+
+def test_lora_leaves_a_plain_unet_with_low_rank_updates() -> None:
+    before, after = small_planner(), trained(replace(TRAINING, lora=Lora(1, 4), train_text=False))
+    assert before.unet.state_dict().keys() == after.unet.state_dict().keys()
+    ranks = []
+    for name, weight in before.unet.state_dict().items():
+        change = after.unet.state_dict()[name] - weight
+        if name.endswith("to_q.weight"):
+            ranks.append(int(torch.linalg.matrix_rank(change, atol=1e-5)))
+        if name.endswith("norm1.weight"):
+            assert not change.any()
+    assert ranks and set(ranks) == {1}
+
+
+def test_training_learns_its_pairs() -> None:
+    planner = small_planner()
+    pairs = encode_pairs(planner, small_pairs(4))
+    config = replace(TRAINING, steps=150, batch=4, learning_rate=5e-3, drop_text=0, drop_image=0, drop_both=0)
+    losses = train_goal_planner(planner, pairs, config, None, lambda *_: None)
+    assert np.mean(losses[-20:]) < 0.4 * np.mean(losses[:5])
+
+
+def test_dropped_text_teaches_nothing_of_the_captions() -> None:
+    """With all text dropped, other captions give the same weights; with it, they do not."""
+
+    def after(drop_text: float, captions: Callable[[int], str]) -> GoalPlanner:
+        planner = small_planner()
+        pairs = [replace(pair, caption=captions(i)) for i, pair in enumerate(small_pairs(4))]
+        config = replace(TRAINING, drop_text=drop_text, drop_image=0, drop_both=0, steps=2)
+        train_goal_planner(planner, encode_pairs(planner, pairs), config, None, lambda *_: None)
+        return planner
+
+    one, other = (lambda i: CAPTIONS[i]), (lambda i: CAPTIONS[-1 - i])
+    assert equal(after(1.0, one), after(1.0, other))
+    assert not equal(after(0.0, one), after(0.0, other))
+
+
+@pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
+def test_the_clean_latents_follow_from_what_is_wanted(prediction: str) -> None:
+    """x0 = (x - σ ε)/α, or α x - σ v, or the output itself: DDIM's own formula gives the clean latents back."""
+    scheduler = DDIMScheduler(prediction_type=prediction, clip_sample=False)
+    clean, noise = torch.randn(2, 4, 4, 4), torch.randn(2, 4, 4, 4)
+    for time in (0, 400, 990):
+        times = torch.full((2,), time)
+        noisy = scheduler.add_noise(clean, noise, times)
+        wanted = wanted_output(scheduler, clean, noise, times)
+        scheduler.set_timesteps(1000)
+        found = scheduler.step(wanted, time, noisy).pred_original_sample
+        assert torch.allclose(found, clean, atol=5e-3)
+
+
+def test_min_snr_weighs_the_clean_latents_error_alike_for_all_predictions() -> None:
+    """An error e of x0 is one of α/σ e in the noise and e/σ in the velocity: weighted, they are min(SNR, γ) e²."""
+    times = torch.tensor([1, 50, 300, 700, 950])
+    signal = DDIMScheduler().alphas_cumprod[times]
+    ratio = signal / (1 - signal)
+    scale = {"sample": torch.ones(5), "epsilon": ratio, "v_prediction": 1 / (1 - signal)}
+    for prediction, factor in scale.items():
+        weight = loss_weight(DDIMScheduler(prediction_type=prediction), times, 5.0)
+        assert torch.allclose(weight * factor, ratio.clamp(max=5.0), rtol=1e-4)
+    assert (loss_weight(DDIMScheduler(), times, None) == 1).all()
+
+
+def test_pairs_share_their_pictures_and_odd_sizes_are_a_sentence() -> None:
+    planner, pairs = small_planner(), small_pairs(6)
+    latents = encode_pairs(planner, pairs)
+    assert len(latents.moments) == 1 + len({pair.target.tobytes() for pair in pairs})  # one blank paper for all
+    assert latents.tokens.shape == (6, planner.tokenizer.model_max_length)
+    odd = replace(pairs[0], input=pairs[0].input[:8], target=pairs[0].target[:8])
+    with pytest.raises(ContractError, match="2 sizes"):
+        encode_pairs(planner, [*pairs, odd])
+    with pytest.raises(ContractError, match="no pair"):
+        encode_pairs(planner, [])

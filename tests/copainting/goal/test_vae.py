@@ -1,0 +1,59 @@
+"""The autoencoder learns pictures and lines, and its latents have unit spread by its scaling factor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts import scenes
+from pentimento.contracts.images import decode_png
+from pentimento.copainting.goal.vae import (
+    VaeConfig,
+    as_model_input,
+    as_pictures,
+    encode,
+    ink_after_round_trip,
+    round_trip,
+    train_vae,
+    vae_pictures,
+)
+
+CONFIG = VaeConfig(channels=(16, 16), latent_channels=4, pictures=16, steps=40, batch=2, learning_rate=3e-3)
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list[np.ndarray]:
+    return [decode_png(row["image"]["bytes"]) for row in scenes.example_table(16).to_pylist()]
+
+
+def test_training_lowers_the_error_and_sets_the_scale(drawn: list[np.ndarray]) -> None:
+    torch.set_num_threads(1)
+    pictures = vae_pictures(drawn, 0)
+    assert pictures.shape == (48, 64, 64, 3)
+    steps: list[int] = []
+    vae = train_vae(pictures, CONFIG, 0, lambda _name, _value, step: steps.append(step))
+    assert steps == list(range(CONFIG.steps))
+    untrained = train_vae(pictures, replace(CONFIG, steps=1, learning_rate=1e-9), 0, lambda *_: None)
+    before, after = (np.abs(round_trip(v, pictures).astype(float) - pictures).mean() for v in (untrained, vae))
+    assert after < 0.6 * before
+    assert encode(vae, pictures).shape == (48, 8, 32, 32)
+    means = encode(vae, pictures).chunk(2, 1)[0]
+    assert float((means * vae.config.scaling_factor).std()) == pytest.approx(1, abs=0.05)
+    again = train_vae(pictures, CONFIG, 0, lambda *_: None)
+    assert all(torch.equal(a, b) for a, b in zip(vae.state_dict().values(), again.state_dict().values(), strict=True))
+
+
+def test_an_untrained_autoencoder_loses_lines_and_says_so(drawn: list[np.ndarray]) -> None:
+    vae = train_vae(vae_pictures(drawn[:2], 0), replace(CONFIG, steps=1, learning_rate=1e-9), 0, lambda *_: None)
+    scores = ink_after_round_trip(vae, drawn[:4], 0)
+    # What it makes is all alike: either all of the ink is lost, or everything is ink.
+    assert all((kind["recall"] or 0.0) * (kind["precision"] or 0.0) < 0.6 for kind in scores.values())
+    assert round_trip(vae, np.stack(drawn[:4])).shape == (4, 64, 64, 3)
+
+
+def test_pictures_go_into_the_models_range_and_back() -> None:
+    pictures = np.random.default_rng(0).integers(0, 256, (2, 4, 6, 3)).astype(np.uint8)
+    shown = as_model_input(pictures)
+    assert shown.shape == (2, 3, 4, 6) and float(shown.abs().max()) <= 1
+    assert (as_pictures(shown) == pictures).all()

@@ -1,0 +1,78 @@
+"""Ordinary edits: what is missing is gone, what stays is untouched, and the target is the scene."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from pentimento.contracts import copaintings, scenes
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import decode_png, encode_png
+from pentimento.copainting.scenes.edits import pairs_of, scene_edits, scenes_of, without
+
+
+def two_things() -> tuple[np.ndarray, np.ndarray]:
+    image = np.full((40, 60, 3), (200, 220, 240), np.uint8)
+    regions = np.zeros((40, 60), np.uint8)
+    image[10:25, 8:22], regions[10:25, 8:22] = (200, 30, 30), 1
+    image[12:30, 38:52], regions[12:30, 38:52] = (30, 90, 30), 2
+    return image, regions
+
+
+def test_the_ground_replaces_what_is_removed_and_nothing_else() -> None:
+    image, regions = two_things()
+    less = without(image, regions, np.array([1]))
+    assert np.abs(less[regions == 1].astype(int) - (200, 220, 240)).max() <= 5  # Telea rounds
+    assert (less[regions == 2] == image[regions == 2]).all()
+    assert (less[:, 30:] == image[:, 30:]).all()
+
+
+def test_touching_things_are_kept_to_the_last_pixel() -> None:
+    image, regions = two_things()
+    regions[10:25, 22:38], image[10:25, 22:38] = 2, (30, 90, 30)
+    less = without(image, regions, np.array([1]))
+    assert (less[regions == 2] == image[regions == 2]).all()
+
+
+def test_every_edit_lacks_something_that_its_target_has() -> None:
+    table = scenes.example_table(40)
+    pairs = scene_edits(table, 2, seed=1)
+    assert len(pairs) == 80
+    for pair, row in zip(pairs[::2], table.to_pylist(), strict=True):
+        assert (pair.target == decode_png(row["image"]["bytes"])).all()
+        assert pair.caption in row["captions"]
+        assert (pair.input != pair.target).any(axis=-1).mean() > 0.02
+    papers = [pair for pair in pairs if len(np.unique(pair.input)) == 1 and pair.input[0, 0, 0] == 250]
+    assert 0 < len(papers) < 40
+
+
+def test_an_edit_depends_on_its_own_number_only() -> None:
+    table = scenes.example_table(6)
+    few, many = scene_edits(table.slice(0, 3), 2, 5), scene_edits(table, 2, 5)
+    assert all((a.input == b.input).all() and a.caption == b.caption for a, b in zip(few, many[:6], strict=True))
+    other = scene_edits(table, 2, 6)
+    assert any((a.input != b.input).any() or a.caption != b.caption for a, b in zip(many, other, strict=True))
+
+
+def test_pairs_of_a_split_are_partial_and_full() -> None:
+    table = copaintings.example_table(10)
+    pairs = pairs_of(table, "val")
+    rows = [row for row in table.to_pylist() if row["split"] == "val"]
+    assert len(pairs) == len(rows) == 2
+    assert (pairs[0].input == decode_png(rows[0]["partial"]["bytes"])).all()
+    assert (pairs[0].target == decode_png(rows[0]["full"]["bytes"])).all()
+
+
+def test_scenes_without_a_split_are_split_by_their_number() -> None:
+    table = scenes.example_table(40).drop_columns(["split"])
+    training, held_out = scenes_of(table, "train"), scenes_of(table, "val")
+    assert (training.num_rows, held_out.num_rows) == (36, 4)
+    assert not set(training["scene_id"].to_pylist()) & set(held_out["scene_id"].to_pylist())
+    named = scenes.example_table(40)
+    assert scenes_of(named, "test").num_rows == named["split"].to_pylist().count("test")
+
+
+def test_a_mask_of_another_size_is_a_sentence() -> None:
+    rows = scenes.example_table(2).to_pylist()
+    rows[1]["regions"] = {"bytes": encode_png(np.zeros((5, 5), np.uint8)), "path": None}
+    with pytest.raises(ContractError, match="Scene 1's regions"):
+        scene_edits(pa.Table.from_pylist(rows), 1, 0)
