@@ -17,7 +17,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.score import projected
-from pentimento.gap.search import Search, action_losses, paired_p, search
+from pentimento.gap.search import Search, action_losses, find_large, paired_p, search
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
 from pentimento.gap.sway import with_sway
@@ -25,7 +25,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_CONFIRMED_P = 0.2
+_CONFIRMED_P = 0.4
 _DRAWS = 1999
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
@@ -91,18 +91,22 @@ def diagnose(
     plain = measured.pick(splits.discovery)
     first = fit_base(plain)
     weighed = weighted(measured, first, plain)
-    weighed = with_sway(weighed, first, splits.discovery)
+    noise = noise_floor(first, measured, seed)
+    error = float(mean_squared_error(residual(first, plain), plain).mean())
+    share = min(noise.mse / error, 1.0) if noise else 0.0
+    large = find_large(first, weighed.pick(splits.discovery), share, vocabulary, seed, log)
+    weighed = with_sway(weighed, large.model, splits.discovery)
     discovery, confirmation = (weighed.pick(rows) for rows in splits[:2])
     test = measured.pick(splits.test)
     known = weighed.pick(np.sort(np.concatenate(splits[:2])))
     # What is measured is plain squared error, and so is what the last fits make small.
     plainly = measured.pick(np.sort(np.concatenate(splits[:2])))
-    noise = noise_floor(first, measured, seed)
-    error = float(mean_squared_error(residual(first, plain), plain).mean())
-    found = search(first, discovery, min(noise.mse / error, 1.0) if noise else 0.0, vocabulary, seed, log)
+    found = search(large, discovery, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     fresh = np.isin(np.unique(known.action), confirmation.action)
-    confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
+    confirmed_p = {
+        m.cause: _confirmation(found, m, known.whole() if m.cause in large.found else known, fresh, seed) for m in named
+    }
     lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
     base = fit(found.base, plainly)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), plainly)

@@ -1,9 +1,14 @@
-"""Forward selection of causes: test all, refit the few that stand out, take the best, relinearise, look back."""
+"""Forward selection of causes: test all, refit the few that stand out, take the best, relinearise, look back.
+
+It is done twice. What scatters from stroke to stroke is taken out of residuals (``sway``) so that weak effects show;
+but one of many times its typical size would pass for scatter and go with it. Such causes are looked for first,
+with all of each residual counted, and must explain a good part of it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +32,8 @@ _KIN_P = 0.05
 _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.006, 0.004
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
+_LARGE_OF_MISFIT = 0.04
+"""Of the error above the noise floor: what a large cause removes."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 _BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.35
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
@@ -51,11 +58,22 @@ class Search:
     base: Model
     model: Model
     steps: tuple[Step, ...]
+    observable: dict[str, Mechanism]
+    """Each cause that these strokes can show, as it changes nothing yet."""
     not_observable: dict[str, str]
-    """Causes that these strokes cannot show, and why."""
+    """Causes that they cannot show, and why."""
+    floor: float
+    """The noise floor, weighted as errors are; 0 if it is unknown."""
+    gained: dict[str, float]
+    """How much error each cause removed when it was found."""
+
+    @property
+    def found(self) -> frozenset[str]:
+        """The causes of the model."""
+        return frozenset(m.cause for m in self.model.mechanisms if m.cause in self.observable)
 
 
-def search(
+def find_large(
     start: Model,
     measured: Measured,
     noise_share: float,
@@ -63,13 +81,15 @@ def search(
     seed: int,
     log: Callable[[str], None],
 ) -> Search:
-    """Extend the base, fitted from ``start``, by what the strokes speak for.
+    """Extend the base, fitted from ``start``, by causes that explain a good part of what it leaves.
 
-    ``noise_share`` of the base's error is the noise floor; 0 if that is unknown.
+    Args:
+        measured: of whose residuals everything counts.
+        noise_share: what of the base's error is the noise floor; 0 if that is unknown.
     """
     base = model = fit(start.plus(identity(UnevenEnds, measured.context)), measured)
-    plain = measured.whole()
-    floor = noise_share * float(action_losses(base, plain).mean())
+    error = float(action_losses(base, measured).mean())
+    floor = noise_share * error
     observable: dict[str, Mechanism] = {}
     unseen: dict[str, str] = {}
     for kind in vocabulary:
@@ -78,7 +98,35 @@ def search(
         except NotObservable as reason:
             unseen[kind.cause] = str(reason)
     steps: list[Step] = []
-    gained: dict[Mechanism, float] = {}
+    gained: dict[str, float] = {}
+    while len(steps) < _MOST_CAUSES:
+        taken = {m.cause for m in model.mechanisms}
+        candidates = [m for cause, m in observable.items() if cause not in taken]
+        evidence = weigh(model, candidates, measured, seed + len(steps))
+        short = _shortlist(evidence, _LATER_P if steps else _FIRST_P, 1.0, observable)
+        refits = _refits(model, short, observable, measured)
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
+        losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
+        if not losses:
+            break
+        step = _best(evidence, losses, seed, log)
+        steps.append(step)
+        assert step.chosen is not None
+        gained[step.chosen] = error - float(losses[step.chosen].mean())
+        model = _without_idle(refits[step.chosen], frozenset(), measured, seed, log)
+        error = float(action_losses(model, measured).mean())
+    return Search(base, model, tuple(steps), observable, unseen, floor, gained)
+
+
+def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
+    """Go on with what was begun by ``find_large``, with what scatters from stroke to stroke taken out."""
+    model = fit(begun.model, measured)
+    plain = measured.whole()
+    observable = begun.observable
+    steps = list(begun.steps)
+    gained = dict(begun.gained)
+    weighed: dict[str, float] = {}
+    """The same as ``gained``, with what scatters taken out; of the causes that are found here."""
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes that would have to act with the wrong sign, or do too little."""
@@ -88,42 +136,50 @@ def search(
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
         fresh = weigh(model, candidates, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
-        limit = _LATER_P if number else _FIRST_P
-        error = float(action_losses(model, plain).mean())
-        least = max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor))
-        standing = {cause: e for cause, e in fresh.items() if e.p_adjusted < limit and e.gain_interval[0] > 0}
-        if not standing or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
+        short = _shortlist(fresh, _LATER_P if number else _FIRST_P, _KIN_P, observable)
+        if not short or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        short = _shortlist(fresh, standing, observable)
-        refits = {cause: _refit(model, observable[cause], measured) for cause in short}
-        refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
+        refits = _refits(model, short, observable, measured)
         dismissed |= set(short) - set(refits)
+        error = float(action_losses(model, plain).mean())
+        least = max(_LEAST_OF_FLOOR * (begun.floor or error), _LEAST_OF_MISFIT * (error - begun.floor))
         sizes = weigh(model, [observable[cause] for cause in refits], plain, seed)
         size = {cause: sizes[cause].gain * error for cause in refits}
-        small = {cause for cause in refits if size[cause] < max(least, _enough(observable[cause], gained))}
+        seen = float(action_losses(model, measured).mean())
+        small = {
+            c
+            for c in refits
+            if size[c] < max(least, _enough(observable[c], observable, gained))
+            or fresh[c].gain * seen < _enough(observable[c], observable, weighed)
+        }
         dismissed |= small
-        refits = {cause: refit for cause, refit in refits.items() if cause not in small}
-        if not refits:
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
+        if not losses:
             continue
-        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
-        chosen = min(losses, key=lambda cause: float(losses[cause].mean()))
-        rivals = tuple(
-            cause for cause in refits if cause != chosen and not _is_worse(losses[cause] - losses[chosen], seed)
-        )
-        log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
-        steps.append(Step(evidence, chosen, rivals))
-        gained[observable[chosen]] = max(size[chosen], error - float(action_losses(refits[chosen], plain).mean()))
-        model = _without_idle(refits[chosen], measured, seed, log)
-    return Search(base, model, tuple(steps), unseen)
+        step = _best(evidence, losses, seed, log)
+        steps.append(step)
+        assert step.chosen is not None
+        chosen = refits[step.chosen]
+        gained[step.chosen] = max(size[step.chosen], error - float(action_losses(chosen, plain).mean()))
+        weighed[step.chosen] = max(fresh[step.chosen].gain * seen, seen - float(losses[step.chosen].mean()))
+        model = _without_idle(chosen, begun.found, measured, seed, log)
+    return replace(begun, model=model, steps=tuple(steps), gained=gained)
 
 
-def _enough(mechanism: Mechanism, gained: Mapping[Mechanism, float]) -> float:
+def _best(evidence: dict[str, Evidence], losses: Mapping[str, Array], seed: int, log: Callable[[str], None]) -> Step:
+    """The cause with the least loss, by the losses [n] of each one's refit."""
+    chosen = min(losses, key=lambda cause: float(losses[cause].mean()))
+    others = [cause for cause in losses if cause != chosen]
+    rivals = tuple(cause for cause in others if paired_p(losses[cause] - losses[chosen], seed) >= _WORSE_P)
+    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
+    return Step(evidence, chosen, rivals)
+
+
+def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
     """How much error a further cause must remove, sRGB."""
-    return max(
-        (gain * (_BESIDE_SAME_DRIVER if m.driver == mechanism.driver else _BESIDE) for m, gain in gained.items()),
-        default=0.0,
-    )
+    same = {cause: observable[cause].driver == mechanism.driver for cause in gained}
+    return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in gained.items()), default=0.0)
 
 
 def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int) -> dict[str, Evidence]:
@@ -148,21 +204,31 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
 
 
 def _shortlist(
-    evidence: Mapping[str, Evidence], standing: Mapping[str, Evidence], observable: Mapping[str, Mechanism]
+    evidence: Mapping[str, Evidence], limit: float, kin_limit: float, observable: Mapping[str, Mechanism]
 ) -> list[str]:
-    """Who is worth a refit: the best, those near to it, and those suspected that share its driver.
-
-    The last because a large effect is far from linear: a lag of centimetres looks like little from no lag at all.
+    """Who is worth a refit: the best of those whose p is below ``limit``, those near to it, and those at its site whose
+    p is at most ``kin_limit``: a large effect is far from linear, and a lag of centimetres looks like little from none.
     """
-    by_gain = sorted(standing, key=lambda cause: -standing[cause].gain)
-    best = by_gain[0]
-    near = [cause for cause in by_gain if standing[cause].gain > _SHORTLIST * standing[best].gain][:_MOST_REFITS]
+    standing = [cause for cause, e in evidence.items() if e.p_adjusted < limit and e.gain_interval[0] > 0]
+    if not standing:
+        return []
+    best = max(standing, key=lambda cause: evidence[cause].gain)
+    near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
+    near = sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
     kin = [
         cause
         for cause, e in evidence.items()
-        if observable[cause].site == observable[best].site and e.p_adjusted < _KIN_P and cause not in near
+        if observable[cause].site == observable[best].site and e.p_adjusted <= kin_limit and cause not in near
     ]
     return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
+
+
+def _refits(
+    model: Model, causes: Sequence[str], observable: Mapping[str, Mechanism], measured: Measured
+) -> dict[str, Model]:
+    """The model with each cause added, where its fit makes physical sense."""
+    refits = {cause: _refit(model, observable[cause], measured) for cause in causes}
+    return {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
 
 
 def _refit(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
@@ -199,17 +265,15 @@ def paired_p(differences: Array, seed: int) -> float:
     return float((1 + (drawn >= observed).sum()) / (_DRAWS + 1))
 
 
-def _is_worse(differences: Array, seed: int) -> bool:
-    return paired_p(differences, seed) < _WORSE_P
-
-
-def _without_idle(model: Model, measured: Measured, seed: int, log: Callable[[str], None]) -> Model:
-    """The model less the mechanisms that it no longer needs, now that it has a new one."""
+def _without_idle(
+    model: Model, kept: frozenset[str], measured: Measured, seed: int, log: Callable[[str], None]
+) -> Model:
+    """The model less the mechanisms that it no longer needs, now that it has a new one; the causes ``kept`` stay."""
     for mechanism in model.mechanisms[:-1]:
-        if isinstance(mechanism, UnevenEnds) and model.mechanisms[-1].site != "trajectory":
+        if mechanism.cause in kept or (isinstance(mechanism, UnevenEnds) and model.mechanisms[-1].site != "trajectory"):
             continue
         refit = fit(model.without(mechanism.cause), measured)
         if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
             log(f"{mechanism.cause} is no longer needed")
-            return _without_idle(refit, measured, seed, log)
+            return _without_idle(refit, kept, measured, seed, log)
     return model

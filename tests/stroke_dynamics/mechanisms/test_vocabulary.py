@@ -8,13 +8,16 @@ from torch import Tensor
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.backlash import Backlash
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.canvas_tilt import CanvasTilt
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, speed_m_s, tangent, trailing
 from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.orientation_width import OrientationWidth
+from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
+from pentimento.stroke_dynamics.mechanisms.vignetting import Vignetting
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext, View, extended_mark, simulate
 from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
 
@@ -201,6 +204,26 @@ def test_what_was_not_recorded_is_not_observable() -> None:
         ):
             with pytest.raises(NotObservable):
                 kind.reference_of(blind)
+
+
+def test_strokes_in_their_own_frames_keep_their_turn_unless_they_are_turned_too() -> None:
+    """The contract's stroke frame moves the origin; some recordings also turn each stroke along x."""
+    strokes = context()
+    path = strokes.path.clone()
+    path[..., 1:3] -= path[..., :1, 1:3].clone()
+    moved = StrokeContext(path, strokes.covariates)
+    turned = path.clone()
+    angle = torch.atan2(path[..., -1, 2], path[..., -1, 1])[..., None]
+    turned[..., 1] = path[..., 1] * angle.cos() + path[..., 2] * angle.sin()
+    turned[..., 2] = path[..., 2] * angle.cos() - path[..., 1] * angle.sin()
+    alike = StrokeContext(turned, strokes.covariates)
+    for cause in (Backlash, OrientationWidth, PathOffset):
+        cause.reference_of(moved)
+        with pytest.raises(NotObservable, match="turned"):
+            cause.reference_of(alike)
+    for cause in (CanvasTilt, Vignetting):
+        with pytest.raises(NotObservable, match="places"):
+            cause.reference_of(moved)
 
 
 def test_geometry_of_a_circle() -> None:

@@ -12,6 +12,7 @@ from pentimento.stroke_dynamics.simulation import NotObservable, StrokeContext, 
 _SHORTEST_M = 1e-9
 _SLOWEST_M_S = 1e-4
 _ONE_POINT_M = 1e-3
+_ONE_DIRECTION = 1e-4  # 1 - the length of the mean direction
 
 
 def steps_m(path: Tensor) -> Tensor:
@@ -131,11 +132,22 @@ def place(context: StrokeContext) -> dict[str, float]:
 
 
 def in_own_frames(context: StrokeContext) -> bool:
-    """Whether strokes are told from their own start, as if all began at one point: where they lie on the canvas, and
-    how they are turned, is not known then.
+    """Whether strokes are told from their own start, as if all began at one point: where they lie on the canvas is not
+    known then.
     """
     starts = context.path[..., 0, 1:3].flatten(0, -2)
     return len(starts) > 1 and float((starts.amax(0) - starts.amin(0)).max()) < _ONE_POINT_M
+
+
+def turned_alike(context: StrokeContext) -> bool:
+    """Whether strokes are told from their own start and all along one direction: how they are turned on the canvas is
+    not known then.
+    """
+    chords = (context.path[..., -1, 1:3] - context.path[..., 0, 1:3]).flatten(0, -2)
+    lengths = chords.norm(dim=-1)
+    directions = chords[lengths > _ONE_POINT_M] / lengths[lengths > _ONE_POINT_M, None]
+    spread = 1 - float(directions.mean(0).norm()) if len(directions) else 0.0
+    return in_own_frames(context) and spread < _ONE_DIRECTION
 
 
 def canvas_directions(context: StrokeContext) -> dict[str, float]:
@@ -144,7 +156,7 @@ def canvas_directions(context: StrokeContext) -> dict[str, float]:
     Raises:
         NotObservable: it is not known how the strokes are turned on the canvas.
     """
-    if in_own_frames(context):
+    if turned_alike(context):
         raise NotObservable("it is unknown how the strokes are turned on the canvas")
     return {}
 

@@ -5,7 +5,7 @@ Of strokes of which it is not known how they are turned on the canvas, one facto
 
 from __future__ import annotations
 
-from pentimento.stroke_dynamics.mechanisms.geometry import in_own_frames
+from pentimento.stroke_dynamics.mechanisms.geometry import turned_alike
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -23,9 +23,9 @@ class PathScale(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        return {"own_frames": float(in_own_frames(context))}
+        return {"one_factor": float(turned_alike(context))}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        factor = self.values[:1] if self.reference.get("own_frames") else self.values
+        factor = self.values[:1] if self.reference.get("one_factor") else self.values
         start = context.path[..., :1, 1:3]
         return mark._replace(points_m=mark.points_m + factor * (mark.points_m - start))
