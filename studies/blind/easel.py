@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pentimento.contracts.photo import Photo
+from pentimento.studio.brush import Bundle
 from pentimento.studio.camera import Optics, expose
 from pentimento.studio.paint import refresh
 from pentimento.studio.seeds import Item
@@ -38,7 +39,8 @@ class Easel(Studio):
 
     def __init__(self, world: World, seed: int, realisation: int = 0) -> None:
         super().__init__(world, seed)
-        self._bundle = replace(self._bundle, place=_rounded(self._bundle.place, world))
+        if world.tool.kind == "flat":
+            self._bundle = _balanced(replace(self._bundle, place=_rounded(self._bundle.place, world)))
         self._nominal = world, self._bundle, self._optics
         self._region: tuple[slice, slice] | None = None
         self._disturbance = Disturbance("width", 0.0)
@@ -122,12 +124,20 @@ def _rounded(place: FloatArray, world: World) -> FloatArray:
     Without this a square bundle would be left of a flat brush when `orientation_width` tends to 0, and its width
     would still depend on the heading: the effect would have a jump at 0.
     """
-    if world.tool.kind != "flat":
-        return place
     square = (np.abs(place) ** 5).sum(axis=1) ** 0.2
     disc = place * (square / np.maximum(np.linalg.norm(place, axis=1), 1e-9))[:, None]
     share = min(world.effects.orientation_width, 1.0)
     return share * place + (1 - share) * disc
+
+
+def _balanced(bundle: Bundle) -> Bundle:
+    """Every other bristle, and each of these once more on the other side of the middle, as long and as wet.
+
+    The bundle of a tool that keeps its arm's orientation does not turn with the stroke: what presses harder on one side
+    would shift all strokes alike, and a `path_offset` would be hidden beside the `orientation_width`.
+    """
+    place, short, wetting = bundle.place[::2], bundle.short_m[::2], bundle.wetting[::2]
+    return Bundle(np.concatenate([place, -place]), np.tile(short, 2), np.tile(wetting, 2))
 
 
 def _span(scene: NDArray[np.float32], first: int, count: int) -> slice:

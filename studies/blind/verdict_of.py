@@ -64,7 +64,7 @@ def main() -> None:
     seconds = time.process_time() - started
     if given.next_actions is not None:
         buffer = io.BytesIO()
-        pq.write_table(as_table(proposal_for(found, survey(found, measured), given.seed), measured), buffer)
+        pq.write_table(as_table(proposal_for(found, survey(found), given.seed), measured), buffer)
         atomic_write(given.next_actions, buffer.getvalue())
     seen = measured.pick(np.sort(np.concatenate(found.splits[:2])))
     pixelwise = named_by_pixels(found.base, seen, VOCABULARY)

@@ -32,5 +32,5 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     folder, lines, table = tmp_path_factory.mktemp("diagnosis") / "out", list[str](), example_table(56)
     diagnosis = write_diagnosis(pa.concat_tables([table, table.slice(0, 1)]), folder, 0, lines.append)
     measured = load_measured(table)
-    seen = survey(diagnosis, measured)
+    seen = survey(diagnosis)
     return Written(folder, lines, diagnosis, measured, seen, proposal_for(diagnosis, seen, 0))

@@ -9,7 +9,7 @@ import torch
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, fit_base, weighted
+from pentimento.gap.fit import first_model, fit, weighted
 from pentimento.gap.foretell import (
     BASE,
     Model,
@@ -103,7 +103,7 @@ def test_a_fit_never_ends_worse_than_it_began(measured: Measured) -> None:
 
 
 def test_weights_are_one_on_average_and_less_where_the_model_errs(measured: Measured) -> None:
-    model = fit_base(measured)
+    model = fit(first_model(measured), measured)
     weighed = weighted(measured, model, measured)
     valid = measured.samples.valid.numpy() > 0
     assert weighed.weight[valid].mean() == pytest.approx(1.0, rel=1e-4)

@@ -8,7 +8,7 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.fit import fit_base
+from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold_linear, ink
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.modes import MODES, AllModes, unexplained
@@ -21,7 +21,7 @@ AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur"
 @pytest.fixture(scope="module")
 def strokes() -> tuple[Measured, Model]:
     measured = load_measured(example_table(72))
-    return measured, fit_base(measured)
+    return measured, fit(first_model(measured), measured)
 
 
 def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:

@@ -18,17 +18,9 @@ SHAPE = EncoderShape(
 
 
 def training(**changes: object) -> EncoderTraining:
-    values = {
-        "steps": 30,
-        "batch": 16,
-        "matrix_rate": 0.02,
-        "other_rate": 0.002,
-        "warmup": 0.1,
-        "naming_share": 0.3,
-        "weight_decay": 0.01,
-    }
-    values |= {"object_weight": 1.0, "patch_weight": 1.0, "variation": 0.3, "seed": 0}
-    shares = {"picture": 0.4, "lines": 0.3, "hatching": 0.1, "grey": 0.1, "strokes": 0.1}
+    values = {"steps": 30, "batch": 16, "rate": 0.003, "warmup": 0.1, "weight_decay": 0.01}
+    values |= {"object_weight": 1.0, "patch_weight": 1.0, "seed": 0}
+    shares = {"picture": 0.4, "lines": 0.2, "hatching": 0.1, "grey": 0.1, "strokes": 0.1, "paint": 0.1}
     return EncoderTraining(**({"view_shares": shares} | values | changes))
 
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from pentimento.semantics.encoder import Encoder
+from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.objective import SemanticObjective, TextObjective
 from pentimento.semantics.saliency import saliency
 from pentimento.stroke_dynamics.photometry import srgb_to_linear
@@ -56,3 +56,15 @@ def test_saliency_is_a_map_from_0_to_1_of_each_caption(encoder: Encoder, images:
     alone = saliency(encoder, images[1:2], ["a red cat"])
     assert torch.allclose(alone[0], maps[1], atol=1e-3)
     assert not torch.allclose(saliency(encoder, images[1:2], ["a blue cloud"])[0], maps[1], atol=1e-2)
+
+
+def test_saliency_through_convolutions_moves_with_the_thing(encoder: Encoder) -> None:
+    shape = EncoderShape(64, 4, 32, 0, 16, 1, 2, 16)
+    convolutions = Encoder(new_model(shape, encoder.tokenizer, 0), encoder.tokenizer)
+    images = torch.ones(2, 3, 64, 64)
+    thing = torch.rand(3, 8, 8, generator=torch.Generator().manual_seed(0))
+    images[0, :, 28:36, 20:28], images[1, :, 28:36, 36:44] = thing, thing
+    one, other = saliency(convolutions, images, ["a house", "a house"])
+    assert float(one.amax()) == 1.0 and float(one.amin()) == 0.0
+    assert torch.allclose(one[20:44, 20:36], other[20:44, 36:52], atol=1e-4)
+    assert not torch.allclose(one, other, atol=1e-2)

@@ -1,6 +1,5 @@
 """Training: losses in closed form, examples that are wrong by a word, and the same weights for the same seed."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -11,7 +10,7 @@ from transformers import CLIPTokenizer
 from pentimento.semantics.drawings import STYLES, draw
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.examples import VIEWS, Captioned, Examples, drawn_views
-from pentimento.semantics.training import contrast, patch_kinds, train_encoder, vary
+from pentimento.semantics.training import contrast, patch_kinds, train_encoder
 from tests.semantics.conftest import SHAPE, training
 
 
@@ -33,17 +32,6 @@ def test_patches_get_the_kind_that_covers_most_of_them() -> None:
     kinds = patch_kinds(regions, torch.tensor([[-1, 7, 3]]), 4)
     assert kinds.tolist() == [[7, -1, -1, 3]]
     assert (patch_kinds(regions, torch.tensor([[-1]]), 4) == -1).all()
-
-
-def test_pictures_and_regions_move_together() -> None:
-    regions = torch.zeros(5, 32, 32, dtype=torch.uint8)
-    regions[:, 8:20, 10:24] = 1
-    images = regions[:, None].float().repeat(1, 3, 1, 1)
-    moved, labels = vary(images, regions, 1.0, torch.Generator().manual_seed(0))
-    assert ((moved.mean(1) > 0.5) == (labels == 1)).float().mean() > 0.97
-    assert not torch.equal(labels, regions)
-    same, kept = vary(images, regions, 0.0, torch.Generator().manual_seed(0))
-    assert torch.equal(same, images) and torch.equal(kept, regions)
 
 
 def test_altered_captions_are_wrong_by_one_word(known: Examples, tokenizer: CLIPTokenizer, rows: Captioned) -> None:
@@ -74,7 +62,7 @@ def test_black_styles_are_grey_on_light_paper(style: str) -> None:
     ink = drawn[16:48, 16:48].min()
     assert drawn[:6, :6].mean() > 200 and ink < 120
     spread = np.ptp(drawn[16:48, 16:48], axis=-1).max()
-    assert (spread > 100) if style == "strokes" else (spread < 40)
+    assert (spread > 100) if style == "paint" else (spread < 40)
 
 
 def test_training_learns_and_is_the_same_for_the_same_seed(
@@ -100,17 +88,3 @@ def test_without_objects_captions_alone_are_learned(rows: Captioned, tokenizer: 
 def test_a_view_without_a_share_is_a_sentence() -> None:
     with pytest.raises(ValueError, match="give each of picture, lines"):
         training(view_shares={"picture": 1.0})
-
-
-def test_while_objects_are_named_no_caption_is_read(known: Examples, tokenizer: CLIPTokenizer) -> None:
-    swapped = dataclasses.replace(known, captions=known.captions[::-1], plain=known.plain[::-1])
-    swapped = dataclasses.replace(swapped, altered=known.altered[::-1], altered_plain=known.altered_plain[::-1])
-    for share, same in ((1.0, True), (0.5, False)):
-        config = training(steps=4, naming_share=share)
-        one, other = (train_encoder(e, tokenizer, SHAPE, config, lambda *_: None).digest for e in (known, swapped))
-        assert (one == other) == same
-
-
-def test_naming_without_its_weight_is_a_sentence() -> None:
-    with pytest.raises(ValueError, match="object_weight 0"):
-        training(naming_share=0.5, object_weight=0.0)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import fit, fit_base, weighted
+from pentimento.gap.fit import first_model, fit, weighted
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, linearise, mean_squared_error, residual
+from pentimento.gap.habits import Habits, learn_habits
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
@@ -51,6 +52,9 @@ class Diagnosis:
     """Everything that the verdict and the report say."""
 
     splits: Splits
+    measured: Measured
+    """The strokes, with the tool's habits."""
+    habits: Habits
     search: Search
     extended: Model
     """The base with the established causes, fitted to all but the sealed strokes."""
@@ -89,12 +93,15 @@ def diagnose(
     """
     splits = split(measured, seed)
     plain = measured.pick(splits.discovery)
-    first = fit_base(plain)
+    first = fit(first_model(plain), plain)
     weighed = weighted(measured, first, plain)
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0
     large = find_large(first, weighed.pick(splits.discovery), share, vocabulary, seed, log)
+    causes = [m for cause, m in large.observable.items() if cause not in large.found]
+    habits, measured = learn_habits(measured, large.model, splits.discovery, causes, seed)
+    weighed = weighted(measured, large.model, measured.pick(splits.discovery))
     weighed = with_sway(weighed, large.model, splits.discovery)
     discovery, confirmation = (weighed.pick(rows) for rows in splits[:2])
     test = measured.pick(splits.test)
@@ -141,8 +148,8 @@ def diagnose(
     worth = generic(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]
     return Diagnosis(
-        splits, found, extended, base, established, suspected, floor, base_losses, extended_losses, tuple(left),
-        strength, tuple(names),
+        splits, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
+        tuple(left), strength, tuple(names),
     )  # fmt: skip
 
 

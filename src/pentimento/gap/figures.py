@@ -11,9 +11,8 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pentimento.contracts.colour import linear_to_srgb
 from pentimento.gap.diagnose import Diagnosis
-from pentimento.gap.foretell import Model, foretold_linear, ink
+from pentimento.gap.foretell import foretold
 from pentimento.gap.given import Given
 from pentimento.gap.imitation import ALIKE, Imitation
 from pentimento.gap.maps import ResidualMap
@@ -164,10 +163,10 @@ def waterfall(diagnosis: Diagnosis, given_mse: float | None = None) -> bytes:
             bars.append(("noise floor", 0.0, floor.mse, "#bdbdb6", False))
         figure = Figure(figsize=(max(1.35 * len(bars) + 1.2, 9.5), 3.6), layout="constrained")
         axes = figure.add_subplot()
-        for x, (_, low, high, colour, foretold) in enumerate(bars):
+        for x, (_, low, high, colour, expected) in enumerate(bars):
             axes.bar(
-                x, high - low, bottom=low, width=0.62, color=to_rgba(colour, 0.35 if foretold else 1.0),
-                edgecolor=colour, hatch="//" if foretold else None,
+                x, high - low, bottom=low, width=0.62, color=to_rgba(colour, 0.35 if expected else 1.0),
+                edgecolor=colour, hatch="//" if expected else None,
             )  # fmt: skip
             axes.annotate(_small(abs(high - low)), (x, max(high, low)), (0, 3), textcoords="offset points", ha="center")
         if floor is not None:
@@ -181,26 +180,21 @@ def waterfall(diagnosis: Diagnosis, given_mse: float | None = None) -> bytes:
 
 def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     """Sealed strokes: photographs before and after, both models' foretelling, both errors."""
-    base, extended = (_foretold(model, survey.sealed) for model in (diagnosis.base, diagnosis.extended))
+    base, extended = (foretold(model, survey.sealed) for model in (diagnosis.base, diagnosis.extended))
     return _stroke_sheet(survey.sealed, {"base": base, "extended": extended}, shown)
 
 
 def given_strokes(given: Given, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     """The same with a given model in the base's place."""
-    foretold = {"given model": given.foretold, "extended": _foretold(diagnosis.extended, survey.sealed)}
-    return _stroke_sheet(survey.sealed, foretold, shown)
-
-
-def _foretold(model: Model, measured: Measured) -> Array:
-    """sRGB [B, H, W, 3]."""
-    return np.asarray(linear_to_srgb(foretold_linear(ink(model, measured), measured)))
+    beside = {"given model": given.foretold, "extended": foretold(diagnosis.extended, survey.sealed)}
+    return _stroke_sheet(survey.sealed, beside, shown)
 
 
 def _stroke_sheet(sealed: Measured, models: Mapping[str, Array], shown: int) -> bytes:
     """Strokes from the one where the second model is the most better than the first to where it is the least."""
-    foretold = list(models.values())
+    images = list(models.values())
     after, valid = sealed.samples.after.numpy(), sealed.samples.valid.numpy() > 0
-    wrong = [np.square(image - after).mean(-1) for image in foretold]
+    wrong = [np.square(image - after).mean(-1) for image in images]
     fall = ((wrong[0] - wrong[1]) * valid).sum((1, 2))
     order = np.argsort(-fall, kind="stable")
     chosen = order[np.unique(np.linspace(0, len(order) - 1, shown).round().astype(int))]
@@ -213,7 +207,7 @@ def _stroke_sheet(sealed: Measured, models: Mapping[str, Array], shown: int) -> 
         cells = figure.subplots(len(chosen), 6, squeeze=False, gridspec_kw={"height_ratios": heights})
         for row, b in zip(cells, chosen, strict=True):
             height, width = int(valid[b].any(1).sum()), int(valid[b].any(0).sum())
-            pictures = (sealed.samples.before.numpy()[b], after[b], foretold[0][b], foretold[1][b])
+            pictures = (sealed.samples.before.numpy()[b], after[b], images[0][b], images[1][b])
             for axes, picture in zip(row[:4], pictures, strict=True):
                 axes.imshow(np.clip(picture[:height, :width], 0, 1))
             for axes, error in zip(row[4:], wrong, strict=True):

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from pentimento.contracts.colour import linear_to_srgb
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.foretell import (
     BASE,
@@ -17,16 +16,13 @@ from pentimento.gap.foretell import (
     WIDTHS,
     Model,
     Statistics,
-    foretold_linear,
+    foretold,
     ink,
     linearise,
-    press_shares,
     residual,
-    slope_by_coverage,
     weighted_error,
 )
 from pentimento.gap.measured import Measured
-from pentimento.gap.unevenness import estimate_unevenness, unevenness_of
 
 Array = NDArray[Any]
 
@@ -58,8 +54,6 @@ _RANGE = (
         "ends_widening": (-1.0, 1.0),
     }
 )
-_ROUNDS_OF_UNEVENNESS = 2
-_FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _QUIETEST = 0.05  # of the mean variance
 _FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.2
 """Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
@@ -83,21 +77,6 @@ def first_model(measured: Measured) -> Model:
     return Model((low, high), np.array([start[name] for name in BASE]), np.zeros((measured.paints, 3)), ())
 
 
-def fit_base(measured: Measured) -> Model:
-    """The base alone, with its unevenness."""
-    model = fit(first_model(measured), measured)
-    for _ in range(_ROUNDS_OF_UNEVENNESS):
-        laid = ink(model, measured)
-        towards = slope_by_coverage(laid, measured)
-        depth = np.square(towards).sum(-1)
-        missing = (residual(model, measured) * towards).sum(-1) / np.maximum(depth, _FAINTEST)
-        if model.unevenness is not None:
-            missing += unevenness_of(laid.imprint, press_shares(model, measured), model.unevenness)
-        found = estimate_unevenness(laid.imprint, press_shares(model, measured), missing, depth * (depth > _FAINTEST))
-        model = fit(replace(model, unevenness=found), measured)
-    return model
-
-
 def weighted(measured: Measured, model: Model, fitted: Measured) -> Measured:
     """The strokes with weights: the inverse of the variance that pixels of the same steepness and depth of ink have
     about the model, among the strokes that it was ``fitted`` to.
@@ -118,9 +97,8 @@ def weighted(measured: Measured, model: Model, fitted: Measured) -> Measured:
 def _sources_of_error(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
     """Where noise, jitter and texture would show [3, B, H, W]; squared error and which pixels count [B, H, W]."""
     laid = ink(model, measured)
-    foretold = linear_to_srgb(foretold_linear(laid, measured))
-    squares = np.square(measured.samples.after.numpy() - foretold).mean(-1)
-    down, right = np.gradient(foretold, axis=(1, 2))
+    squares = np.square(residual(model, measured)).mean(-1)
+    down, right = np.gradient(foretold(model, measured), axis=(1, 2))
     contrast = np.square(laid.paint - measured.samples.before_linear.numpy()).mean(-1)
     jitter = np.square(down).mean(-1) + np.square(right).mean(-1)
     texture = np.square(laid.imprint.coverage) * contrast

@@ -3,7 +3,7 @@
 A model is a base and any mechanisms of the vocabulary. The base is the thesis's (half-width by press, a profile, an
 amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration (GAP.md, rule 2):
 the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of each paint's colour, both
-ends a little beyond their command and wider, and tables of what is left of the mark's own shape (``unevenness``).
+ends a little beyond their command and wider. What is left of the mark's own shape comes with the strokes (``habits``).
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from torch import Tensor
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.gap.imprint import LEVELS, Imprint, change_of_coverage, imprint
 from pentimento.gap.measured import Measured
-from pentimento.gap.unevenness import Unevenness, unevenness_of
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
 from pentimento.stroke_dynamics.traj2stroke import Mark
@@ -52,8 +51,6 @@ class Model:
     color_offset: Array
     """[K, 3] linear light, added to each distinct paint."""
     mechanisms: tuple[Mechanism, ...]
-    unevenness: Unevenness | None = None
-    """What the base's profile leaves of the mark's own shape."""
 
     @cached_property
     def vector(self) -> Array:
@@ -162,10 +159,6 @@ def ink(model: Model, measured: Measured) -> Ink:
     weights = np.array([number[name] for name in SLABS])
     height, width = measured.samples.valid.shape[1:]
     made = imprint(mark_px(model, measured), weights, (height, width))
-    if model.unevenness is not None:
-        made = made._replace(
-            coverage=made.coverage + unevenness_of(made, press_shares(model, measured), model.unevenness)
-        )
     return Ink(made, *paint_and_gain(model, measured, made))
 
 
@@ -235,8 +228,12 @@ def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
 
 def residual(model: Model, measured: Measured) -> Array:
     """Measured less foretold, sRGB float32[B, H, W, 3]; 0 in the padding."""
-    foretold = linear_to_srgb(foretold_linear(ink(model, measured), measured))
-    return (measured.samples.after.numpy() - foretold) * measured.samples.valid.numpy()[..., None]
+    return (measured.samples.after.numpy() - foretold(model, measured)) * measured.samples.valid.numpy()[..., None]
+
+
+def foretold(model: Model, measured: Measured) -> Array:
+    """The photographs after the strokes, sRGB float32[B, H, W, 3]."""
+    return np.asarray(linear_to_srgb(foretold_linear(ink(model, measured), measured)) + measured.habit)
 
 
 def mean_squared_error(residuals: Array, measured: Measured) -> Array:
@@ -258,6 +255,22 @@ def change_maps(model: Model, measured: Measured) -> Array:
     """How the model's last numbers, which change the mark, change coverage, float32[P, B, H, W]."""
     _, changes = _changes_of_mark(model, measured)
     return change_of_coverage(ink(model, measured).imprint, changes)
+
+
+def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
+    """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
+    laid = ink(model, measured)
+    linear = foretold_linear(laid, measured)
+    number, changes = _changes_of_mark(model, measured)
+    drawn = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None])[0]
+    drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
+    change = slope_by_coverage(laid, measured) * drawn[..., None]
+    steepness = _srgb_slope(linear)
+    for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
+        change += steepness * (laid.imprint.coverage * laid.gain)[..., None] * (amounts[p] * paint)
+        if gain is not None:
+            change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
+    return np.asarray(change, dtype=np.float32)
 
 
 def sway_depth(model: Model, measured: Measured) -> tuple[Array, Array]:
@@ -299,14 +312,14 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
     coverage; only what changes the paint or the picture needs all three.
     """
     laid = ink(model, measured)
-    foretold = foretold_linear(laid, measured)
+    linear = foretold_linear(laid, measured)
     valid = measured.samples.valid.numpy()
     weight = np.sqrt(measured.weight) * valid
-    steepness = _srgb_slope(foretold) * weight[..., None]
+    steepness = _srgb_slope(linear) * weight[..., None]
     by_coverage = slope_by_coverage(laid, measured) * weight[..., None]
     by_paint = steepness * (laid.imprint.coverage * laid.gain)[..., None]
-    by_gain = steepness * foretold / laid.gain[..., None]
-    rest = (measured.samples.after.numpy() - linear_to_srgb(foretold)) * weight[..., None]
+    by_gain = steepness * linear / laid.gain[..., None]
+    rest = (measured.samples.after.numpy() - linear_to_srgb(linear) - measured.habit) * weight[..., None]
 
     number, changes = _changes_of_mark(model, measured)
     drawn = change_of_coverage(laid.imprint, changes)

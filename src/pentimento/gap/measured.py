@@ -46,6 +46,8 @@ class Measured:
     """float32[B, K, H, W]: what is not counted of each residual, along K directions (``sway``); K = 0 counts all."""
     sway_depth: Array
     """float32[B, H, W, 3]: of those directions in the photographs' channels."""
+    habit: Array
+    """float32[B, H, W, 3]: what is foretold beside what any model says (``habits``), sRGB."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -72,7 +74,7 @@ class Measured:
         return replace(
             self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
             block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
-            sway=self.sway[rows], sway_depth=self.sway_depth[rows],
+            sway=self.sway[rows], sway_depth=self.sway_depth[rows], habit=self.habit[rows],
         )  # fmt: skip
 
 
@@ -94,13 +96,14 @@ def load_measured(table: pa.Table) -> Measured:
     painted = _painted(samples.before_linear.numpy())
     weight = samples.valid.numpy().astype(np.float32)
     paint = paint.reshape(-1)
-    sway, depth = all_counted(weight.shape)
-    return Measured(samples, covariates_of(table), paint, int(paint.max()) + 1, block, painted, weight, sway, depth)
+    columns, paints = covariates_of(table), int(paint.max()) + 1
+    return Measured(samples, columns, paint, paints, block, painted, weight, *nothing_learnt(weight.shape))
 
 
-def all_counted(shape: tuple[int, ...]) -> tuple[Array, Array]:
-    """``sway`` and ``sway_depth`` for windows [B, H, W] of whose residuals everything counts."""
-    return np.zeros((shape[0], 0, *shape[1:]), np.float32), np.zeros((*shape, 3), np.float32)
+def nothing_learnt(shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """``sway``, ``sway_depth`` and ``habit`` for windows [B, H, W] of whose residuals everything counts."""
+    photographs = np.zeros((*shape, 3), np.float32)
+    return np.zeros((shape[0], 0, *shape[1:]), np.float32), photographs, photographs
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.foretell import BASE, Model
-from pentimento.gap.unevenness import Unevenness
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 def model_as_json(model: Model, paints: Array) -> dict[str, Any]:
@@ -29,9 +28,6 @@ def model_as_json(model: Model, paints: Array) -> dict[str, Any]:
         "kind": "strokes",
         "press_m": [float(depth) for depth in model.press_m],
         "base": {name: float(value) for name, value in zip(BASE, model.base, strict=True)},
-        "unevenness": None
-        if model.unevenness is None
-        else {name: np.asarray(values).tolist() for name, values in model.unevenness._asdict().items()},
         "paints": [
             {"color_srgb": [float(v) for v in paint], "offset_linear": [float(v) for v in offset]}
             for paint, offset in zip(paints, model.color_offset, strict=True)
@@ -68,9 +64,7 @@ def read_model(path: Path) -> tuple[Model, Array]:
         offsets = np.array([paint["offset_linear"] for paint in stored["paints"]], dtype=float).reshape(-1, 3)
         low, high = map(float, stored["press_m"])
         mechanisms = tuple(_mechanism(entry) for entry in stored["mechanisms"])
-        uneven = stored["unevenness"]
-        tables = None if uneven is None else Unevenness(**{name: np.array(uneven[name]) for name in Unevenness._fields})
-        return Model((low, high), base, offsets, mechanisms, tables), paints
+        return Model((low, high), base, offsets, mechanisms), paints
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ContractError(
             f"{path} is not an extended model ({error}): write one with `pentimento diagnose`."

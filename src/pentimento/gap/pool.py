@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates, fresh_memory
 from pentimento.gap.foretell import Model, foretold_linear, ink
-from pentimento.gap.measured import Measured, all_counted
+from pentimento.gap.measured import Measured, nothing_learnt
 from pentimento.gap.spans import Ranges
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
@@ -177,7 +177,7 @@ def _on_paper(
         valid=valid,
         action=torch.arange(len(actions)),
     )
-    sway, depth = all_counted(tuple(valid.shape))
+    sway, depth, habit = nothing_learnt(tuple(valid.shape))
     return replace(
         template,
         samples=samples,
@@ -186,6 +186,7 @@ def _on_paper(
         weight=valid.numpy().copy(),
         sway=sway,
         sway_depth=depth,
+        habit=habit,
     )
 
 

@@ -32,10 +32,10 @@ _KIN_P = 0.05
 _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.006, 0.004
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
-_LARGE_OF_MISFIT = 0.04
-"""Of the error above the noise floor: what a large cause removes."""
+_LARGE, _LARGE_OF_MISFIT = 2.0, 0.04
+"""Typical sizes, and the share that it removes of the error above the noise floor: a large cause has both."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
-_BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.35
+_BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
 
@@ -106,7 +106,10 @@ def find_large(
         short = _shortlist(evidence, _LATER_P if steps else _FIRST_P, 1.0, observable)
         refits = _refits(model, short, observable, measured)
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
-        losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
+        least = _LARGE_OF_MISFIT * (error - floor)
+        losses = {
+            c: each for c, each in losses.items() if is_large(refits[c].mechanisms[-1]) and error - each.mean() >= least
+        }
         if not losses:
             break
         step = _best(evidence, losses, seed, log)
@@ -246,6 +249,11 @@ def _refit(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
 def is_physical(mechanism: Mechanism) -> bool:
     """Whether all of its quantities have signs that they can have."""
     return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
+
+
+def is_large(mechanism: Mechanism) -> bool:
+    """Whether one of its quantities is many times what is typical."""
+    return any(abs(float(v)) >= _LARGE * q.typical for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
 
 
 def action_losses(model: Model, measured: Measured) -> Array:

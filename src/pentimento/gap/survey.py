@@ -58,8 +58,9 @@ class Survey(NamedTuple):
     extended_residual: Array
 
 
-def survey(diagnosis: Diagnosis, measured: Measured) -> Survey:
+def survey(diagnosis: Diagnosis) -> Survey:
     """Look at base and extended model over all strokes."""
+    measured = diagnosis.measured
     full = with_all(diagnosis.extended, measured, VOCABULARY)
     statistics = linearise(full, measured)
     columns = columns_of(full)

@@ -68,7 +68,7 @@ def write_diagnosis(
         except NotObservable as reason:
             notes.append(f"The extended model cannot be tested on the outside table: {reason}.")
     log("drawing the report")
-    seen = survey(found, measured)
+    seen = survey(found)
     proposal = proposal_for(found, seen, seed)
     beside = None if given is None else given_on(given, seen.sealed)
     actions = len(set(measured.action.tolist()))

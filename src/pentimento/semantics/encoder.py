@@ -16,7 +16,7 @@ from transformers import CLIPConfig, CLIPModel, CLIPTokenizer
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import at_least
-from pentimento.semantics.locality import start_local
+from pentimento.semantics.stem import ConvolutionalCLIP, has_stem
 
 _MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
 _SPREAD: Final = (0.26862954, 0.26130258, 0.27577711)
@@ -29,21 +29,26 @@ class EncoderShape:
 
     image_px: int
     patch_px: int
+    """A power of 2: what a place of the convolutional stem stands for."""
     image_width: int
     image_layers: int
+    """Of attention, after the stem; 0 is a tower of convolutions only."""
     text_width: int
     text_layers: int
     heads: int
     embedding: int
 
     def __post_init__(self) -> None:
-        at_least(self, 1, *self.__dataclass_fields__)
+        at_least(self, 1, *(name for name in self.__dataclass_fields__ if name != "image_layers"))
+        at_least(self, 0, "image_layers")
         if self.image_px % self.patch_px:
             raise ValueError(f"image_px is {self.image_px}; it must be a multiple of patch_px, {self.patch_px}.")
-        if self.image_width % (4 * self.heads) or self.text_width % self.heads:
+        if self.patch_px.bit_count() != 1 or self.patch_px == 1:
+            raise ValueError(f"patch_px is {self.patch_px}; it must be 2, 4, 8 or another power of 2.")
+        if self.image_width % self.heads or self.text_width % self.heads:
             raise ValueError(
-                f"image_width and text_width are {self.image_width} and {self.text_width}; with {self.heads} heads the "
-                f"first must be a multiple of {4 * self.heads}, the second of {self.heads}."
+                f"image_width and text_width are {self.image_width} and {self.text_width}; with {self.heads} heads "
+                f"both must be multiples of {self.heads}."
             )
 
 
@@ -63,12 +68,15 @@ class Encoder:
     def load(cls, folder: Path) -> Encoder:
         """Read a folder in the published layout (config.json, model.safetensors, vocab.json, merges.txt); no look-up.
 
+        What was trained here says in its config that its vision tower has a convolutional stem; see ``stem``.
+
         Raises:
             ConfigError: the folder is not there or holds something else.
         """
         folder = Path(folder)
         try:
-            kind = json.loads((folder / "config.json").read_text(encoding="utf-8")).get("model_type")
+            config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+            kind = config.get("model_type")
         except (OSError, ValueError) as error:
             raise ConfigError(
                 f"{folder} is no folder of a CLIP model ({error}); give one with config.json, model.safetensors, "
@@ -77,7 +85,8 @@ class Encoder:
         if kind != "clip":
             raise ConfigError(f"{folder} holds a model of type {kind!r}; the encoder must be of type 'clip'.")
         try:
-            model = CLIPModel.from_pretrained(folder, local_files_only=True, use_safetensors=True, dtype=torch.float32)
+            made = ConvolutionalCLIP if has_stem(config) else CLIPModel
+            model = made.from_pretrained(folder, local_files_only=True, use_safetensors=True, dtype=torch.float32)
             tokenizer = CLIPTokenizer.from_pretrained(folder, local_files_only=True)
         except (OSError, RuntimeError, ValueError) as error:
             raise ConfigError(f"The CLIP model in {folder} cannot be read: {' '.join(str(error).split())}") from error
@@ -140,7 +149,7 @@ def normalise(images: Tensor) -> Tensor:
 
 
 def new_model(shape: EncoderShape, tokenizer: CLIPTokenizer, seed: int) -> CLIPModel:
-    """An untrained model for a tokenizer, whose attention starts at neighbours; see ``locality``."""
+    """An untrained model for a tokenizer, with a convolutional stem."""
     config = CLIPConfig(
         projection_dim=shape.embedding,
         text_config={
@@ -153,12 +162,9 @@ def new_model(shape: EncoderShape, tokenizer: CLIPTokenizer, seed: int) -> CLIPM
         vision_config={
             "image_size": shape.image_px, "patch_size": shape.patch_px, "hidden_size": shape.image_width,
             "intermediate_size": 2 * shape.image_width, "num_hidden_layers": shape.image_layers,
-            "num_attention_heads": shape.heads, "projection_dim": shape.embedding,
+            "num_attention_heads": shape.heads, "projection_dim": shape.embedding, "convolutional_stem": True,
         },
     )  # fmt: skip
     with torch.random.fork_rng():
         torch.manual_seed(seed)
-        model = CLIPModel(config)
-    white = normalise(torch.ones(1, 3, 1, 1))[0, :, 0, 0]
-    start_local(model.vision_model, white, torch.Generator().manual_seed(seed))
-    return model
+        return ConvolutionalCLIP(config)

@@ -18,7 +18,7 @@ from pentimento.semantics.drawings import STYLES, draw
 
 VIEWS = ("picture", *STYLES)
 """How each picture is seen; number in ``Examples.views``."""
-_BLACK = {"lines", "hatching", "grey"}
+_BLACK = {"lines", "hatching", "grey", "strokes"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,154 @@
+"""What a tool does alike in every stroke and no base of a few numbers foretells: tufts, ragged ends, a paler side.
+
+Boosted trees learn it, pixel by pixel, from where a pixel lies about its place of the path, the press there and how it
+changes, and how far it is to the stroke's ends: nothing that a cause depends on (no speed, time, load, heading, bend,
+length, place on the canvas). Two things keep them from learning an effect instead (GAP.md, rule 9). What they say of a
+stroke was learnt from others (cross-fitting; Chernozhukov et al. 2018), and what of it looks, over all strokes, like
+any of the causes is left in the residual, so that no cause's score changes: only the misfit about it falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from sklearn.ensemble import HistGradientBoostingRegressor
+
+from pentimento.gap.foretell import (
+    Model,
+    change_of_photographs,
+    foretold,
+    ink,
+    linearise,
+    mark_px,
+    press_shares,
+    residual,
+    slope_by_coverage,
+)
+from pentimento.gap.imprint import Imprint
+from pentimento.gap.measured import Measured
+from pentimento.stroke_dynamics.simulation import Mechanism
+
+Array = NDArray[Any]
+
+_FOLDS = 3
+_FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
+_FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
+_TREES, _LEAVES, _PIXELS_A_LEAF, _RATE = 80, 64, 30, 0.12
+_RIDGE = 1e-4
+
+
+@dataclass(frozen=True)
+class Habits:
+    """What was learnt, as seen from a model."""
+
+    model: Model
+    trees: tuple[HistGradientBoostingRegressor, ...]
+    share: float
+    """By how much what the trees say is to be believed, 0 to 1."""
+    like_causes: Array
+    """[P] of the model's numbers: what of it they would do."""
+
+    def of(self, measured: Measured) -> Measured:
+        """Strokes that nothing was learnt from, with their habits."""
+        pixels = _Pixels(self.model, measured)
+        said = np.mean([trees.predict(pixels.features) for trees in self.trees], axis=0)
+        return self._joined(measured, pixels, said)
+
+    def _joined(self, measured: Measured, pixels: _Pixels, said: Array) -> Measured:
+        habit = self.share * pixels.photographs(said)
+        return replace(measured, habit=habit - change_of_photographs(self.model, measured, self.like_causes))
+
+
+def learn_habits(
+    measured: Measured, model: Model, rows: Array, candidates: Sequence[Mechanism], seed: int
+) -> tuple[Habits, Measured]:
+    """Habits of the strokes with the indices ``rows``, and all strokes with theirs.
+
+    Args:
+        model: fitted to them.
+        candidates: causes beside the model's whose effects must stay in the residual.
+    """
+    pixels = _Pixels(model, measured)
+    known = np.isin(pixels.stroke, rows)
+    missing = pixels.along_slope(residual(model, measured))
+    actions = np.unique(measured.action[rows])
+    fold_of = dict(zip(actions, np.random.default_rng([seed, 21]).permutation(len(actions)) % _FOLDS, strict=True))
+    fold = np.array([fold_of.get(action, -1) for action in measured.action])[pixels.stroke]
+    trees = tuple(_grown(pixels, missing, known & (fold != k)) for k in range(_FOLDS))
+    says = np.stack([each.predict(pixels.features) for each in trees], axis=1)
+    said = np.where(known, says[np.arange(len(says)), fold], says.mean(1))
+    right = (pixels.depth * missing * said)[known].sum() / max((pixels.depth * said**2)[known].sum(), 1e-12)
+    share = float(np.clip(right, 0.0, 1.0))
+    full = model.plus(*candidates)
+    amounts = _fitted(share * pixels.photographs(said), measured, full, rows)
+    habits = Habits(full, trees, share, amounts)
+    return habits, habits._joined(measured, pixels, said)
+
+
+class _Pixels:
+    """Pixels of strokes where coverage can be seen."""
+
+    def __init__(self, model: Model, measured: Measured) -> None:
+        laid = ink(model, measured)
+        self._towards = slope_by_coverage(laid, measured)
+        depth = np.square(self._towards).sum(-1)
+        self._seen = (laid.imprint.segment >= 0) & (depth > _FAINTEST)
+        self.depth = depth[self._seen]
+        """How clearly coverage shows, [n]."""
+        self.stroke = np.nonzero(self._seen)[0]
+        """Index of each one's stroke, [n]."""
+        self.features = _features(laid.imprint, self._seen, mark_px(model, measured), press_shares(model, measured))
+
+    def along_slope(self, photographs: Array) -> Array:
+        """The coverage [n] that photographs [B, H, W, 3] amount to."""
+        return np.asarray((photographs * self._towards).sum(-1)[self._seen] / self.depth)
+
+    def photographs(self, coverage: Array) -> Array:
+        """What coverage [n] does to the photographs, float32[B, H, W, 3]."""
+        change = np.zeros_like(self._towards)
+        change[self._seen] = coverage[:, None] * self._towards[self._seen]
+        return change
+
+
+def _features(made: Imprint, seen: Array, mark: Array, press: Array) -> Array:
+    """[n, 7]: how far left and ahead of its place on the path a pixel lies, its coverage; press there, and its slope;
+    how far it is to the start and to the end. Lengths in half-widths.
+    """
+    stroke, k, t = np.nonzero(seen)[0], made.segment[seen].astype(int), made.along[seen]
+    half = np.maximum(mark[..., 2], 1e-3)
+    step = np.linalg.norm(np.diff(mark[..., :2], axis=1), axis=-1)
+    arc = np.concatenate([np.zeros((len(step), 1)), np.cumsum(step, axis=1)], axis=1)
+    slope = np.gradient(press, axis=1) / np.maximum(np.gradient(arc, axis=1), 1e-6) * half
+    following = np.minimum(k + 1, arc.shape[1] - 1)
+
+    def there(values: Array) -> Array:
+        return np.asarray(values[stroke, k] * (1 - t) + values[stroke, following] * t)
+
+    here, width = there(arc), there(half)
+    ends = [np.minimum(far / width, _FARTHEST) for far in (here, arc[stroke, -1] - here)]
+    return np.stack([*made.place[seen].T, made.coverage[seen], there(press), there(slope), *ends], axis=1)
+
+
+def _grown(pixels: _Pixels, missing: Array, used: Array) -> HistGradientBoostingRegressor:
+    trees = HistGradientBoostingRegressor(
+        max_iter=_TREES, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
+        early_stopping=False, random_state=0,
+    )  # fmt: skip
+    return trees.fit(pixels.features[used], missing[used], pixels.depth[used])
+
+
+def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -> Array:
+    """Changes [P] of the model's numbers that would do to the strokes ``rows`` what comes nearest to photographs
+    [B, H, W, 3].
+    """
+    after = torch.from_numpy((foretold(model, measured) + photographs).astype(np.float32))
+    asked = replace(measured, samples=measured.samples._replace(after=after)).pick(rows)
+    statistics = linearise(model, asked)
+    curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
+    ridged = curvature + np.diag(_RIDGE * np.diag(curvature) + 1e-15)
+    return np.asarray(np.linalg.lstsq(ridged, slope, rcond=None)[0])

@@ -1,0 +1,97 @@
+"""What a tool does alike in every stroke is learnt; what a cause does, and what scatters, is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.fit import first_model, fit
+from pentimento.gap.foretell import Model, foretold, identity, ink, linearise, mean_squared_error, residual
+from pentimento.gap.habits import learn_habits
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.simulation import Mechanism
+
+KNOWN, FRESH = np.arange(40), np.arange(40, 56)
+
+
+def photographed(measured: Measured, photographs: np.ndarray) -> Measured:
+    after = torch.from_numpy(photographs.astype(np.float32))
+    return replace(measured, samples=measured.samples._replace(after=after))
+
+
+@pytest.fixture(scope="module")
+def strokes() -> tuple[Measured, Model, list[Mechanism]]:
+    """Strokes that their model foretells but for the camera's noise, and causes to look for."""
+    measured = load_measured(example_table(56))
+    model = fit(first_model(measured), measured)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(measured.samples.after.shape)
+    causes: list[Mechanism] = [identity(kind, measured.context) for kind in (BristleLag, PathOffset)]
+    return photographed(measured, foretold(model, measured) + noise), model, causes
+
+
+@pytest.fixture(scope="module")
+def streaked(strokes: tuple[Measured, Model, list[Mechanism]]) -> tuple[Measured, Model]:
+    """The same with a pale streak to the left of every stroke's middle, and a model that does what it can."""
+    measured, model, _ = strokes
+    left = ink(model, measured).imprint.place[..., :1]
+    pale = 0.2 * np.exp(-(((left - 0.4) / 0.25) ** 2)) * (ink(model, measured).imprint.coverage[..., None] > 0.5)
+    pale_strokes = photographed(measured, measured.samples.after.numpy() + pale)
+    return pale_strokes, fit(model, pale_strokes.pick(KNOWN))
+
+
+def error(model: Model, measured: Measured, rows: np.ndarray) -> float:
+    return float(mean_squared_error(residual(model, measured), measured)[rows].mean())
+
+
+def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    plain, clean, causes = strokes
+    measured, model = streaked
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    noise = error(clean, plain, FRESH)
+    assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
+
+
+def test_no_score_of_any_cause_or_number_of_the_base_changes(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    causes = strokes[2]
+    measured, model = streaked
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    full = model.plus(*causes)
+    before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
+    unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
+    np.testing.assert_allclose(before.slope.sum(0) / unit, after.slope.sum(0) / unit, atol=1e-3)
+    assert after.energy.sum() < 0.9 * before.energy.sum()
+
+
+def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
+    measured, model, causes = strokes
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    for rows in (KNOWN, FRESH):
+        assert error(model, learnt, rows) == pytest.approx(error(model, measured, rows), rel=0.01)
+
+
+def test_a_shift_that_follows_a_covariate_stays(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
+    """Of each stroke's shift as much must be left as was there: nothing that the trees see tells how large it is."""
+    measured, model, causes = strokes
+    amount = np.random.default_rng(2).choice([-1.0, 1.0], len(measured)).astype(np.float32)
+    moved = model.plus(causes[1]).at(np.append(model.vector, [0.5, 0.0]))
+    change = foretold(moved, measured) - foretold(model, measured)
+    shifted = photographed(measured, measured.samples.after.numpy() + amount[:, None, None, None] * change)
+    _, learnt = learn_habits(shifted, model, KNOWN, causes, 0)
+    kept = (residual(model, learnt) * change).sum((1, 2, 3)) / np.square(change).sum((1, 2, 3))
+    assert float((kept * amount).mean()) == pytest.approx(1.0, abs=0.1)
+
+
+def test_strokes_that_come_later_get_the_habits_that_the_others_have(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    measured, model = streaked
+    habits, learnt = learn_habits(measured, model, KNOWN, strokes[2], 0)
+    np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)

@@ -1,0 +1,41 @@
+"""Causes that are large are found in the whole residual; small ones are left to the search that takes scatter out."""
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.fit import first_model, fit
+from pentimento.gap.foretell import Model, foretold, identity
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.gap.search import find_large, is_large
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+from tests.gap.test_habits import photographed
+
+
+def lagging(distance_m: float) -> tuple[Measured, Model]:
+    """Strokes whose ink trails the tip, each one a little darker or paler than the others, and a first base."""
+    measured = load_measured(example_table(40))
+    base = fit(first_model(measured), measured)
+    mechanism = BristleLag(
+        torch.tensor([distance_m], dtype=torch.float64), identity(BristleLag, measured.context).reference
+    )
+    after = foretold(base.plus(mechanism), measured)
+    rng = np.random.default_rng(0)
+    darker = 1 + 0.05 * rng.standard_normal((len(measured), 1, 1, 1))
+    below = measured.samples.before.numpy()
+    after = below + darker * (after - below) + 0.01 * rng.standard_normal(after.shape)
+    strokes = photographed(measured, after)
+    return strokes, fit(first_model(strokes), strokes)
+
+
+@pytest.mark.parametrize(("distance_m", "found"), [(0.009, {"bristle_lag"}), (0.0004, set[str]())])
+def test_a_lag_is_found_first_if_it_is_large(distance_m: float, found: set[str]) -> None:
+    measured, base = lagging(distance_m)
+    begun = find_large(base, measured, 0.0, (BristleLag, PathScale), 0, lambda line: None)
+    assert begun.found == found
+    if found:
+        lag = next(m for m in begun.model.mechanisms if m.cause == "bristle_lag")
+        assert is_large(lag)
+        assert float(lag.values[0]) == pytest.approx(distance_m, rel=0.1)
