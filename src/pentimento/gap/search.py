@@ -148,7 +148,9 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         error = float(action_losses(model, plain).mean())
         least = max(_LEAST_OF_FLOOR * (begun.floor or error), _LEAST_OF_MISFIT * (error - begun.floor))
         sizes = weigh(model, [observable[cause] for cause in refits], plain, seed)
-        size = {cause: sizes[cause].gain * error for cause in refits}
+        # Far from linear, a lag gains more than its first step foretells.
+        fell = {cause: error - float(action_losses(refit, plain).mean()) for cause, refit in refits.items()}
+        size = {cause: max(sizes[cause].gain * error, fell[cause]) for cause in refits}
         seen = float(action_losses(model, measured).mean())
         small = {
             c
@@ -164,7 +166,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         steps.append(step)
         assert step.chosen is not None
         chosen = refits[step.chosen]
-        gained[step.chosen] = max(size[step.chosen], error - float(action_losses(chosen, plain).mean()))
+        gained[step.chosen] = size[step.chosen]
         weighed[step.chosen] = max(fresh[step.chosen].gain * seen, seen - float(losses[step.chosen].mean()))
         model = _without_idle(chosen, begun.found, measured, seed, log)
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
