@@ -18,7 +18,6 @@ from pentimento.contracts.tables import read_table
 from pentimento.copainting.evaluation.answers import (
     BASE,
     FINE_TUNED,
-    NO_CHANGE,
     ON_CANVAS,
     TEXT_ONLY,
     Answers,
@@ -29,30 +28,25 @@ from pentimento.copainting.evaluation.answers import (
     TextOnly,
     answer_on_canvas,
     answer_on_paper,
-    ask,
 )
-from pentimento.copainting.evaluation.cases import choose_cases
-from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw, stories
-from pentimento.copainting.evaluation.goal_plans import Easel, Medium, load_easel, seen
-from pentimento.copainting.evaluation.measures import as_tensor, changed_share, delta_pix, delta_sem, surviving_ink
+from pentimento.copainting.evaluation.cases import Case, choose_cases, paper_cases
+from pentimento.copainting.evaluation.codraw import Codrawing, stories
+from pentimento.copainting.evaluation.goal_plans import Medium, load_easel
+from pentimento.copainting.evaluation.ordinary import ordinary_scores
+from pentimento.copainting.evaluation.painted_gap import painted_gap
+from pentimento.copainting.evaluation.played_turns import film_strip, turn_scores
 from pentimento.copainting.evaluation.preference_page import Comparison, preference_page
-from pentimento.copainting.evaluation.scoring import Columns, Judges, comparisons, correlations, score, summary
-from pentimento.copainting.evaluation.sheets import side_by_side
-from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner
+from pentimento.copainting.evaluation.scoring import Columns, Judges, comparisons, score, summary
+from pentimento.copainting.evaluation.sheets import methods_side_by_side, side_by_side
+from pentimento.copainting.goal.planner import load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
-from pentimento.copainting.scenes.edits import scenes_of
+from pentimento.copainting.scenes.edits import scene_edits, scenes_of
 from pentimento.copainting.scenes.ink import ink_recall
-from pentimento.copainting.workers import worker_pool
-from pentimento.planning.painter import as_linear
-from pentimento.robots.driver import Robot
-from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.copainting.workers import gather, worker_pool
 from pentimento.semantics.encoder import Encoder
-from pentimento.semantics.scores import clip_score
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
 from pipelines._config import entry_of, load_section
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
+from pipelines._play import play
 from pipelines._tracking import tracked_run
 
 Pictures = NDArray[np.uint8]
@@ -89,9 +83,11 @@ class EvaluateCopainting:
     prompts: int
     """Held-out prompts on begun canvases (thesis 6.6.1)."""
     on_paper: int
-    """Of them, those also asked on blank paper."""
+    """Held-out prompts on blank paper."""
+    ordinary: int
+    """Held-out scenes of which something is missing, to be completed with no robot about."""
     other_medium: int
-    """Of them, those also asked on canvases that were begun with another medium (thesis 6.6.4)."""
+    """Of `prompts`, those also asked on canvases that were begun with another medium (thesis 6.6.4)."""
     strokes: Strokes
     asking: Asking
     text_only: TextOnly
@@ -106,7 +102,7 @@ class EvaluateCopainting:
 
     def __post_init__(self) -> None:
         at_least(self, 2, "prompts")
-        at_least(self, 1, "workers", "on_paper", "other_medium")
+        at_least(self, 1, "workers", "on_paper", "ordinary", "other_medium")
         at_least(self, 0, "seed")
 
 
@@ -133,58 +129,73 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
         worker_pool(config.workers, end_with_parent) as submit,
     ):
-        held_out = scenes_of(read_table(arguments.scenes, scenes.CONTRACT).table, "test")
+        table = read_table(arguments.scenes, scenes.CONTRACT).table
+        held_out = scenes_of(table, "test")
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
-        cases = choose_cases(held_out, config.prompts, config.seed)
+        cases = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
         easel = load_easel(setting.medium, strokes_models[setting.medium.tool])
+        planners = Planners(arguments.base, arguments.fine_tuned)
         task = Task(
-            easel, easel, blank_sheet(pairs, cases[0].image.shape), Planners(arguments.base, arguments.fine_tuned),
-            arguments.semantics, config.strokes, config.asking, config.text_only, config.seed,
+            easel, easel, blank_sheet(pairs, cases[0].image.shape), planners, arguments.semantics, config.strokes,
+            config.asking, config.text_only, config.seed,
         )  # fmt: skip
         judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), _kinds(held_out))
-        captions, asked = [case.caption for case in cases], [case.objects for case in cases]
-        present = [case.other_objects for case in cases]
 
-        begun = answer_on_canvas(cases, task, ON_CANVAS, submit)
-        table = score(begun, captions, asked, present, judges)
-        run.log("prompts", len(cases))
-        paper = answer_on_paper(cases[: config.on_paper], task, submit)
-        few = len(paper.canvases)
-        on_paper = score(paper, captions[:few], asked[:few], [()] * few, judges)
-        foreign = answer_on_canvas(
-            cases[: config.other_medium],
-            replace(task, begun_with=load_easel(other, strokes_models[other.tool])),
-            (BASE, FINE_TUNED),
-            submit,
-        )
-        few = len(foreign.canvases)
-        on_foreign = score(foreign, captions[:few], asked[:few], present[:few], judges)
-        planners = {BASE: load_goal_planner(arguments.base), FINE_TUNED: load_goal_planner(arguments.fine_tuned)}
+        edits = scene_edits(held_out.slice(0, config.ordinary), 1, config.seed)
+        ordinary = submit(ordinary_scores, planners.base, edits, config.asking, arguments.judge, config.seed)
         told = stories(held_out, config.codrawing.stories)
-        turns = {
-            name: [_play(planner, story, easel, setting.world, config, number) for number, story in enumerate(told)]
-            for name, planner in planners.items()
+        played = {
+            name: [
+                submit(play, folder, story, easel, setting.world, config.asking, config.codrawing, config.seed + number)
+                for number, story in enumerate(told)
+            ]
+            for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
         }
+        begun = answer_on_canvas(cases, task, ON_CANVAS, submit)
+        run.log("prompts", len(cases))
+        on_paper = paper_cases(held_out, config.on_paper)
+        paper = answer_on_paper(on_paper, task, submit)
+        few = cases[: config.other_medium]
+        other_task = replace(task, begun_with=load_easel(other, strokes_models[other.tool]))
+        foreign = answer_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
+        turns = {name: gather(futures) for name, futures in played.items()}
+
+        scores = _scored(begun, cases, judges)
         metrics = {
-            "table": _plain(summary(table, config.seed)),
-            "comparisons": _plain(comparisons(table, config.seed)),
-            "on_paper": _plain(summary(on_paper, config.seed)),
-            "other_medium": _plain(summary(on_foreign, config.seed)),
-            "turns": {name: _turn_scores(played, judges) for name, played in turns.items()},
-            "correlation": _correlation(pairs, read_table(arguments.scenes, scenes.CONTRACT).table, judges.main),
+            "table": _plain(summary(scores, config.seed)),
+            "comparisons": _plain(comparisons(scores, config.seed)),
+            "ordinary": _plain(ordinary.result()),
+            "on_paper": _plain(summary(_scored(paper, on_paper, judges), config.seed)),
+            "other_medium": _plain(summary(_scored(foreign, few, judges), config.seed)),
+            "turns": {name: turn_scores(stories_, judges.judge) for name, stories_ in turns.items()},
+            "correlation": painted_gap(pairs, table, judges.main),
             "vae_ink_recall": {
-                name: _known(ink_recall(begun.canvases, round_trip(planner.vae, begun.canvases)))
-                for name, planner in planners.items()
+                name: _known(ink_recall(begun.canvases, round_trip(load_goal_planner(folder).vae, begun.canvases)))
+                for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
             },
-            "cases": {"prompts": len(cases), "on_paper": len(paper.canvases), "other_medium": len(foreign.canvases)},
-        }
+            "cases": {
+                "prompts": len(cases), "ordinary": len(edits), "on_paper": len(on_paper), "other_medium": len(few),
+            },
+        }  # fmt: skip
         write_json(out / "metrics.json", metrics)
-        write_json(out / "cases.json", _by_case(captions, [case.scene_id for case in cases], table))
-        _draw_sheets(out, captions, begun, paper, foreign, turns, config.shown.rows)
-        page, key = preference_page(_compared(captions, begun, config.shown.preferences), config.seed)
+        write_json(out / "cases.json", _by_case(cases, scores))
+        for name, answers, asked in (
+            ("methods", begun, cases),
+            ("on_paper", paper, on_paper),
+            ("other_medium", foreign, few),
+        ):
+            captions = [case.caption for case in asked[: config.shown.rows]]
+            write_png(out / f"{name}.png", methods_side_by_side(answers, captions, _SHOWN_PX))
+        for name, stories_ in turns.items():
+            file = "turns.png" if name == FINE_TUNED else f"turns_{name}.png"
+            prompts = [turn.prompt for turn in stories_[0]]
+            write_png(out / file, side_by_side(film_strip(stories_[0]), prompts, 2 * _SHOWN_PX))
+        page, key = preference_page(_compared(cases[: config.shown.preferences], begun), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")
         write_json(out / "preference_key.json", key)
-        run.log_metrics({name: metrics[name] for name in ("table", "comparisons", "on_paper", "vae_ink_recall")})
+        run.log_metrics(
+            {name: metrics[name] for name in ("table", "comparisons", "ordinary", "on_paper", "vae_ink_recall")}
+        )
         for picture in ("methods.png", "turns.png"):
             run.log_picture(out / picture)
 
@@ -206,25 +217,9 @@ def blank_sheet(pairs: pa.Table, shape: tuple[int, ...]) -> Pictures:
     raise ContractError("No co-painting begins on a blank sheet (strategy all); synthesise some that do.")
 
 
-def _play(
-    planner: GoalPlanner, story: Story, easel: Easel, world: str, config: EvaluateCopainting, number: int
-) -> list[Turn]:
-    """One story on a new sheet in the studio, the robot's goals by this planner."""
-
-    def goal_for(photo: Pictures, prompt: str) -> Pictures:
-        return ask(planner, photo[None], [prompt], config.asking)[0]
-
-    seed = config.seed + number
-    return codraw(_robot(easel, world, seed), easel, story, goal_for, config.codrawing, seed)
-
-
-def _robot(easel: Easel, world: str, seed: int) -> Robot:
-    """A robot before a blank sheet of the medium's size."""
-    known = load_world(world)
-    side = easel.medium.side_m
-    studio = Studio(replace(known, paper=replace(known.paper, size_m=(side, side))), seed)
-    robot = VirtualRobot(studio)
-    return GuardedRobot(robot, envelope_for(easel.tool, robot.canvas_size_m))
+def _scored(answers: Answers, cases: Sequence[Case], judges: Judges) -> dict[str, Columns]:
+    captions, asked = [case.caption for case in cases], [case.objects for case in cases]
+    return score(answers, captions, asked, [case.other_objects for case in cases], judges)
 
 
 def _kinds(table: pa.Table) -> tuple[str, ...]:
@@ -244,99 +239,24 @@ def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _correlation(pairs: pa.Table, all_scenes: pa.Table, main: Encoder) -> dict[str, dict[str, float]]:
-    """How the gap between a scene and its full painting goes with the painting's score (thesis 6.8.2)."""
-    pictures = {row["scene_id"]: row["image"]["bytes"] for row in all_scenes.select(["scene_id", "image"]).to_pylist()}
-    rows = {row["scene_id"]: row for row in pairs.select(["scene_id", "full", "caption"]).to_pylist()}
-    known = [row for name, row in sorted(rows.items()) if name in pictures]
-    if not known:
-        return {}
-    painted = np.stack([decode_png(row["full"]["bytes"]) for row in known])
-    shown = np.stack([decode_png(pictures[row["scene_id"]]) for row in known])
-    scores = clip_score(main, as_tensor(painted), [row["caption"] for row in known]).double().numpy()
-    return correlations(
-        {"delta_pix": delta_pix(shown, painted), "delta_sem": delta_sem(main, shown, painted)}, scores
-    )  # fmt: skip
-
-
-def _turn_scores(played: Sequence[Sequence[Turn]], judges: Judges) -> list[dict[str, float | None]]:
-    """For each turn, over stories: the judge's score before and after the robot, and what it changed and kept."""
-    return [_of_turn([story[number] for story in played], judges) for number in range(len(played[0]))]
-
-
-def _of_turn(turns: Sequence[Turn], judges: Judges) -> dict[str, float | None]:
-    side = turns[0].goal.shape[0]
-    before, after = (_shrunk([getattr(turn, name) for turn in turns], side) for name in ("begun", "after"))
-    goals, prompts = np.stack([turn.goal for turn in turns]), [turn.prompt for turn in turns]
-
-    def mean(values: Any) -> float | None:
-        known = np.asarray(values, dtype=np.float64)
-        known = known[np.isfinite(known)]
-        return float(known.mean()) if len(known) else None
-
-    return {
-        "judge_score_no_change": mean(clip_score(judges.judge, as_tensor(before), prompts)),
-        "judge_score": mean(clip_score(judges.judge, as_tensor(after), prompts)),
-        "goal_keeps": mean(surviving_ink(before, goals)),
-        "drawing_keeps": mean(surviving_ink(before, after)),
-        "changed": mean(changed_share(before, after)),
-        "strokes": mean([turn.strokes[1] for turn in turns]),
-    }
-
-
-def _shrunk(photos: Sequence[Pictures], side: int) -> Pictures:
-    return np.stack([seen(as_linear(photo), side) for photo in photos])
-
-
-def _by_case(captions: Sequence[str], ids: Sequence[str], table: Mapping[str, Columns]) -> list[dict[str, Any]]:
+def _by_case(cases: Sequence[Case], scores: Mapping[str, Columns]) -> list[dict[str, Any]]:
     """Each prompt with all its numbers; null where a number does not exist."""
     return [
-        {"scene_id": ids[i], "caption": caption}
+        {"scene_id": case.scene_id, "caption": case.caption}
         | {
             method: {name: float(v[i]) if np.isfinite(v[i]) else None for name, v in columns.items()}
-            for method, columns in table.items()
+            for method, columns in scores.items()
         }
-        for i, caption in enumerate(captions)
+        for i, case in enumerate(cases)
     ]
 
 
-def _draw_sheets(
-    out: Path,
-    captions: Sequence[str],
-    begun: Answers,
-    paper: Answers,
-    foreign: Answers,
-    turns: Mapping[str, Sequence[Sequence[Turn]]],
-    rows: int,
-) -> None:
-    """methods.png, on_paper.png, other_medium.png; turns.png, the first story as a film strip (fine-tuned)."""
-    for name, answers in (("methods", begun), ("on_paper", paper), ("other_medium", foreign)):
-        columns: dict[str, Pictures] = {"canvas": answers.canvases}
-        for method, drawings in answers.drawings.items():
-            if method in answers.goals:
-                columns[f"{method}: goal"] = answers.goals[method]
-            if method != NO_CHANGE:
-                columns[f"{method}: plan"] = drawings
-        count = min(rows, len(answers.canvases))
-        write_png(out / f"{name}.png", side_by_side(columns, captions[:count], _SHOWN_PX))
-    for name, played in turns.items():
-        story = played[0]
-        strip = {
-            "person draws": [turn.begun for turn in story],
-            "goal": [turn.goal for turn in story],
-            "plan": [turn.foretold for turn in story],
-            "robot adds": [turn.after for turn in story],
-        }
-        file = "turns.png" if name == FINE_TUNED else f"turns_{name}.png"
-        write_png(out / file, side_by_side(strip, [turn.prompt for turn in story], 2 * _SHOWN_PX))
-
-
-def _compared(captions: Sequence[str], answers: Answers, count: int) -> list[Comparison]:
-    """Ours against each rival of the thesis's survey, for the first prompts."""
+def _compared(cases: Sequence[Case], answers: Answers) -> list[Comparison]:
+    """Ours against each rival of the thesis's survey."""
     ours = answers.drawings[FINE_TUNED]
     return [
-        Comparison(captions[i], ours[i], answers.drawings[rival][i], rival)
-        for i in range(min(count, len(ours)))
+        Comparison(case.caption, ours[i], answers.drawings[rival][i], rival)
+        for i, case in enumerate(cases)
         for rival in (TEXT_ONLY, BASE)
     ]
 

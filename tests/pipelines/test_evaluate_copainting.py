@@ -47,8 +47,9 @@ BRUSH = {
     | {"iterations_palette": 2, "palette": {"source": "plan", "size": 2, "picture": None, "colors_srgb": None}},
 }  # fmt: skip
 SECTION: dict[str, Any] = {
-    "prompts": 4,
-    "on_paper": 3,
+    "prompts": 3,
+    "on_paper": 2,
+    "ordinary": 3,
     "other_medium": 2,
     "strokes": {"begun": 5, "added": 6},
     "asking": {"steps": 1, "image_guidance": 1.0, "text_guidance": 1.0, "seed": 0},
@@ -128,8 +129,19 @@ def evaluate(inputs: Path, out: str = "out", **changes: Any) -> Path:
     return Path(out)
 
 
-def test_every_number_has_its_baselines_beside_it(folder: Path) -> None:
-    out = evaluate(folder)
+@pytest.fixture(scope="module")
+def evaluated(inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the stage writes with one worker."""
+    place = tmp_path_factory.mktemp("evaluated")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{place / 'mlflow.db'}")
+        write_params({})
+        return place / evaluate(inputs)
+
+
+def test_every_number_has_its_baselines_beside_it(evaluated: Path) -> None:
+    out = evaluated
     metrics = json.loads((out / "metrics.json").read_text())
     table = metrics["table"]
     assert set(table) == set(evaluate_copainting.ON_CANVAS)
@@ -144,6 +156,10 @@ def test_every_number_has_its_baselines_beside_it(folder: Path) -> None:
     assert copied["strokes"]["value"] == 0 and copied["clip_score"] == table["no_change"]["clip_score"]
     assert 0 < table["oracle"]["delta_pix"]["value"] < table["ignore_input"]["delta_pix"]["value"]
     assert set(metrics["comparisons"]) >= {"delta_pix_closed", "delta_sem_closed", "delta_pix_ratio"}
+    ordinary = metrics["ordinary"]
+    assert set(ordinary) >= {"judge_score", "copy_input", "target", "judge_score_over_copy_input"}
+    gained = ordinary["judge_score"]["value"] - ordinary["copy_input"]["value"]
+    assert abs(ordinary["judge_score_over_copy_input"]["value"] - gained) < 1e-6
     assert set(metrics["on_paper"]) == {"no_change", "base", "fine_tuned", "oracle"}
     assert set(metrics["other_medium"]) == {"no_change", "base", "fine_tuned"}
     assert set(metrics["correlation"]) == {"delta_pix", "delta_sem"}
@@ -152,7 +168,7 @@ def test_every_number_has_its_baselines_beside_it(folder: Path) -> None:
     for played in metrics["turns"].values():
         assert len(played) == 3 and all(turn["strokes"] >= 0 for turn in played)
     cases = json.loads((out / "cases.json").read_text())
-    assert len(cases) == 4
+    assert len(cases) == 3
     mean = np.mean([case["fine_tuned"]["judge_score"] for case in cases])
     assert abs(mean - table["fine_tuned"]["judge_score"]["value"]) < 1e-6
     for name in ("methods", "on_paper", "other_medium", "turns", "turns_base"):
@@ -164,12 +180,10 @@ def test_every_number_has_its_baselines_beside_it(folder: Path) -> None:
 
 
 @pytest.mark.timeout(400)  # two processes load PyTorch and diffusers
-def test_the_same_bytes_again_and_with_two_workers(folder: Path) -> None:
-    write_params({"prompts": 2, "on_paper": 1, "other_medium": 1})
-    one = evaluate(folder, "one")
-    write_params({"prompts": 2, "on_paper": 1, "other_medium": 1, "workers": 2})
+def test_the_same_bytes_again_and_with_two_workers(folder: Path, evaluated: Path) -> None:
+    write_params({"workers": 2})
     two = evaluate(folder, "two")
-    assert {f.name: f.read_bytes() for f in one.iterdir()} == {f.name: f.read_bytes() for f in two.iterdir()}
+    assert {f.name: f.read_bytes() for f in evaluated.iterdir()} == {f.name: f.read_bytes() for f in two.iterdir()}
 
 
 def test_a_tool_without_a_model_is_one_sentence(folder: Path) -> None:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -125,8 +125,10 @@ def test_stopped_and_started_again_paints_only_the_rest_and_gives_the_same_bytes
     assert len(left) == 1
 
 
-@pytest.mark.timeout(900)
-def test_killed_and_finished_by_two_workers_gives_the_bytes_of_one(folder: Path) -> None:
+@pytest.mark.timeout(400)  # three processes load PyTorch
+def test_killed_with_two_workers_and_finished_by_one_gives_the_bytes_of_one(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """SIGKILL as soon as a shard is there: nothing can be tidied up."""
     whole = contents(run("whole"))
     with begun(workers=2) as process:
@@ -134,17 +136,13 @@ def test_killed_and_finished_by_two_workers_gives_the_bytes_of_one(folder: Path)
             assert process.poll() is None, "the stage ended before it could be killed"
             time.sleep(0.02)
         process.send_signal(signal.SIGKILL)
-    there = {file: file.stat().st_mtime_ns for file in SCRATCH.rglob("part-*.parquet")}
     assert not Path("killed").exists()
-    with begun(workers=2) as process:
-        while process.poll() is None:
-            for file in SCRATCH.rglob("part-*.parquet"):
-                with suppress(FileNotFoundError):  # the work was done just now, and its scratch removed
-                    made = file.stat().st_mtime_ns
-                    assert there.setdefault(file, made) == made  # none is painted twice
-            time.sleep(0.02)
-        assert process.returncode == 0
-    assert contents(Path("killed")) == whole
+    there = len(list(SCRATCH.rglob("part-*.parquet")))
+    write_params(workers=1)
+    paint, left = shards.paint_shard, list[shards.Job]()
+    monkeypatch.setattr(shards, "paint_shard", lambda job: (left.append(job), paint(job))[1])
+    assert contents(run("killed")) == whole
+    assert there >= 1 and len(left) == 3 - there  # none is painted twice
 
 
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="dask is not installed")

@@ -16,22 +16,14 @@ from pipelines.train_semantics import main
 
 SHAPE = {"image_px": 16, "patch_px": 8, "image_width": 32, "image_layers": 2, "text_width": 16, "text_layers": 1}
 SHAPE |= {"heads": 2, "embedding": 16}
-TRAINING = {
-    "steps": 5,
-    "batch": 8,
-    "matrix_rate": 0.02,
-    "other_rate": 0.002,
-    "warmup": 0.1,
-    "naming_share": 0.4,
-    "weight_decay": 0.01,
-}
-TRAINING |= {"object_weight": 1.0, "patch_weight": 1.0, "variation": 0.3, "seed": 0}
-TRAINING |= {"view_shares": {"picture": 0.4, "lines": 0.3, "hatching": 0.1, "grey": 0.1, "strokes": 0.1}}
+TRAINING = {"steps": 5, "batch": 8, "rate": 0.003, "warmup": 0.1, "weight_decay": 0.01}
+TRAINING |= {"object_weight": 1.0, "patch_weight": 1.0, "seed": 0}
+TRAINING |= {"view_shares": {"picture": 0.4, "lines": 0.2, "hatching": 0.1, "grey": 0.1, "strokes": 0.1, "paint": 0.1}}
 
 
 def section() -> dict:
     entry = {"published": None, "shape": SHAPE, "training": TRAINING}
-    judge = entry | {"shape": SHAPE | {"image_layers": 1}, "training": TRAINING | {"seed": 1}}
+    judge = entry | {"shape": SHAPE | {"image_layers": 0}, "training": TRAINING | {"seed": 1}}
     return {
         "side_px": 32, "merges": 300, "caption_tokens": 24, "views_seed": 0, "evaluated": 24, "among": 8,
         "encoders": {"main": entry, "judge": judge},
@@ -59,18 +51,17 @@ def test_two_encoders_with_scores_beside_chance_and_the_same_bytes_again(
     for name, folder in outs.items():
         metrics = json.loads((folder / "metrics.json").read_text())
         assert metrics["digest"] == encoders[name].digest
-        for view in ("picture", "lines", "hatching", "grey", "strokes"):
+        for view in ("picture", "lines", "hatching", "grey", "strokes", "paint"):
             assert metrics[view]["retrieval"]["chance"] == 1 / 8
             assert 0 <= metrics[view]["objects"]["recognised"] <= 1
             assert 0 < metrics[view]["objects"]["chance"] < 0.2
-    again = run(tmp_path, monkeypatch, section(), "two")
-    for name, folder in outs.items():
-        for file in folder.iterdir():
-            assert (again[name] / file.name).read_bytes() == file.read_bytes(), file.name
+    # Again, the judge trained anew and the main one read from where the first run left it.
     params = section()
     params["encoders"]["main"]["published"] = str(outs["semantics"])
-    third = run(tmp_path, monkeypatch, params, "three")
-    assert Encoder.load(third["semantics"]).digest == encoders["semantics"].digest
+    again = run(tmp_path, monkeypatch, params, "two")
+    for file in outs["judge"].iterdir():
+        assert (again["judge"] / file.name).read_bytes() == file.read_bytes(), file.name
+    assert Encoder.load(again["semantics"]).digest == encoders["semantics"].digest
 
 
 def test_a_judge_that_is_the_same_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

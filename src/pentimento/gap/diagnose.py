@@ -28,6 +28,8 @@ Array = NDArray[Any]
 
 _CONFIRMED_P = 0.4
 _DRAWS = 1999
+_LEAST_GAIN = 0.01
+"""Of the gap on sealed strokes: what is worth less explains nothing, however sure it is."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -134,7 +136,7 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
-    idle = [f.cause for f in established if f.gain <= 0]
+    idle = [f.cause for f in established if f.gain < _LEAST_GAIN]
     if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
         extended = fit(_without(extended, idle, base), plainly)
         extended_losses = action_losses(extended, test)

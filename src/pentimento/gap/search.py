@@ -149,8 +149,9 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         least = max(_LEAST_OF_FLOOR * (begun.floor or error), _LEAST_OF_MISFIT * (error - begun.floor))
         sizes = weigh(model, [observable[cause] for cause in refits], plain, seed)
         # Far from linear, a lag gains more than its first step foretells.
-        fell = {cause: error - float(action_losses(refit, plain).mean()) for cause, refit in refits.items()}
-        size = {cause: max(sizes[cause].gain * error, fell[cause]) for cause in refits}
+        whole = action_losses(model, plain)
+        surely = {c: interval_of_mean(whole - action_losses(refit, plain), 999, seed)[0] for c, refit in refits.items()}
+        size = {cause: max(sizes[cause].gain * error, surely[cause]) for cause in refits}
         seen = float(action_losses(model, measured).mean())
         small = {
             c

@@ -1,28 +1,62 @@
 """Prompts on canvases of other prompts."""
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
 from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.evaluation.cases import choose_cases, plain_caption
+from pentimento.copainting.evaluation.cases import choose_cases, paper_cases, plain_caption
+from pentimento.copainting.scenes.collage import pairs_shown
 from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.copainting.scenes.edits import scenes_of
 
 
-def test_the_canvas_shows_nothing_that_is_asked_for() -> None:
-    table = build_scenes(ScenesConfig(60, 32, 0.0, 0.9, 4, 0), lambda *_: None)
-    cases = choose_cases(table, 40, 0)
-    assert len(cases) == 40
-    assert all(case.objects and not set(case.objects) & set(case.other_objects) for case in cases)
-    colors = {color for row in table["colors"].to_pylist() for color in row} - {"orange"}  # a fruit, in some worlds
+def drawn(number: int) -> tuple[pa.Table, pa.Table]:
+    """Held-out scenes and those of training."""
+    table = build_scenes(ScenesConfig(number, 32, 0.0, 0.5, 4, 0), lambda *_: None)
+    return scenes_of(table, "test"), scenes_of(table, "train")
+
+
+def test_what_is_asked_for_was_never_seen_with_what_is_there() -> None:
+    held_out, training = drawn(300)
+    cases = choose_cases(held_out, training, 20, 0)
+    assert len(cases) == 20
+    seen = pairs_shown(training["objects"].to_pylist())
+    assert all(len(case.objects) == len(case.other_objects) == 1 for case in cases)
+    assert not any(frozenset(case.objects + case.other_objects) in seen for case in cases)
+    colors = {color for row in held_out["colors"].to_pylist() for color in row} - {"orange"}  # a fruit, in some worlds
     assert not any(colors & set(case.caption.split()) for case in cases)
+
+
+def test_the_canvas_leaves_room_for_what_is_asked_for() -> None:
+    """Of pictures on plain grounds: where one differs from its ground, the other does not."""
+    held_out, training = drawn(300)
+    overlaps = []
+    for case in choose_cases(held_out, training, 20, 0):
+        marks = [
+            np.abs(image.astype(int) - np.median(image, axis=1, keepdims=True)).max(-1) > 40
+            for image in (case.image, case.other_image)
+        ]
+        assert all(mark.any() for mark in marks)
+        overlaps.append((marks[0] & marks[1]).sum() / min(mark.sum() for mark in marks))
+    assert max(overlaps) < 0.2
 
 
 def test_a_case_does_not_depend_on_how_many_are_chosen() -> None:
     table = scenes.example_table(20)
-    few, many = choose_cases(table, 3, 1), choose_cases(table, 20, 1)
+    few, many = choose_cases(table, table, 3, 1), choose_cases(table, table, 20, 1)
     for one, same in zip(few, many, strict=False):
         assert one.caption == same.caption and (one.other_image == same.other_image).all()
-    assert any((a.other_image != b.other_image).any() for a, b in zip(few, choose_cases(table, 3, 2), strict=True))
+    others = choose_cases(table, table, 3, 2)
+    assert any((a.other_image != b.other_image).any() for a, b in zip(few, others, strict=True))
+
+
+def test_on_paper_the_prompts_are_the_tables_first() -> None:
+    table = scenes.example_table(6)
+    cases = paper_cases(table, 4)
+    assert [case.scene_id for case in cases] == table["scene_id"].to_pylist()[:4]
+    assert all(not case.other_objects and (case.other_image == 255).all() for case in cases)
 
 
 def test_a_caption_without_colours_is_preferred() -> None:
@@ -33,4 +67,4 @@ def test_a_caption_without_colours_is_preferred() -> None:
 
 def test_one_scene_is_not_enough() -> None:
     with pytest.raises(ContractError, match="two or more"):
-        choose_cases(scenes.example_table(1), 5, 0)
+        choose_cases(scenes.example_table(1), scenes.example_table(1), 5, 0)

@@ -104,7 +104,7 @@ def test_lora_leaves_a_plain_unet_with_low_rank_updates() -> None:
 def test_training_learns_its_pairs() -> None:
     planner = small_planner()
     pairs = encode_pairs(planner, small_pairs(4))
-    config = replace(TRAINING, steps=150, batch=4, learning_rate=5e-3, drop_text=0, drop_image=0, drop_both=0)
+    config = replace(TRAINING, steps=80, batch=4, learning_rate=5e-3, drop_text=0, drop_image=0, drop_both=0)
     losses = train_goal_planner(planner, pairs, config, None, lambda *_: None)
     assert np.mean(losses[-20:]) < 0.4 * np.mean(losses[:5])
 
@@ -153,7 +153,7 @@ def test_min_snr_weighs_the_clean_latents_error_alike_for_all_predictions() -> N
 def test_pairs_share_their_pictures_and_odd_sizes_are_a_sentence() -> None:
     planner, pairs = small_planner(), small_pairs(6)
     latents = encode_pairs(planner, pairs)
-    assert len(latents.moments) == 1 + len({pair.target.tobytes() for pair in pairs})  # one blank paper for all
+    assert len(latents.latents) == 1 + len({pair.target.tobytes() for pair in pairs})  # one blank paper for all
     assert latents.tokens.shape == (6, planner.tokenizer.model_max_length)
     odd = replace(pairs[0], input=pairs[0].input[:8], target=pairs[0].target[:8])
     with pytest.raises(ContractError, match="2 sizes"):

@@ -10,10 +10,10 @@ import pytest
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.rows import row_faults
 from pentimento.contracts.scenes import CONTRACT
-from pentimento.copainting.scenes.captions import phrase
 from pentimento.copainting.scenes.compositions import COLORS, THINGS, Splits, Thing, compose
 from pentimento.copainting.scenes.drawing import arrange, draw_lines, paint
 from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes, scene
+from pentimento.copainting.scenes.phrases import phrase
 from pentimento.copainting.scenes.things import DRAWINGS, KINDS
 
 CONFIG = ScenesConfig(scenes=120, side_px=64, val_share=0.1, test_share=0.2, wordings=4, seed=3)

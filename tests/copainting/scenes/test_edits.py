@@ -7,6 +7,8 @@ import pytest
 from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, encode_png
+from pentimento.copainting.scenes.collage import pairs_shown
+from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
 from pentimento.copainting.scenes.edits import pairs_of, scene_edits, scenes_of, without
 
 
@@ -37,18 +39,46 @@ def test_every_edit_lacks_something_that_its_target_has() -> None:
     table = scenes.example_table(40)
     pairs = scene_edits(table, 2, seed=1)
     assert len(pairs) == 80
-    for pair, row in zip(pairs[::2], table.to_pylist(), strict=True):
-        assert (pair.target == decode_png(row["image"]["bytes"])).all()
-        assert pair.caption in row["captions"]
-        assert (pair.input != pair.target).any(axis=-1).mean() > 0.02
-    papers = [pair for pair in pairs if len(np.unique(pair.input)) == 1 and pair.input[0, 0, 0] == 250]
-    assert 0 < len(papers) < 40
+    images = {decode_png(row["image"]["bytes"]).tobytes() for row in table.to_pylist()}
+    assert all((pair.input != pair.target).any(axis=-1).mean() > 0.01 for pair in pairs)
+    drawn = [pair for pair in pairs if (np.ptp(pair.target, axis=-1) == 0).all()]
+    in_color = [pair for pair in pairs if pair.target.tobytes() in images]
+    assert len(drawn) > 10 and len(in_color) > 10
+    assert all((pair.input >= pair.target).all() for pair in drawn)  # a pen only adds ink
+    papers = [pair for pair in in_color if len(np.unique(pair.input)) == 1]
+    assert 0 < len(papers) < len(in_color)
+
+
+def drawn_scenes(number: int) -> pa.Table:
+    return build_scenes(ScenesConfig(number, 32, 0.0, 0.0, 4, 0), lambda *_: None)
+
+
+def test_a_request_names_the_whole_or_what_is_missing_and_a_pen_no_colour() -> None:
+    table = drawn_scenes(60)
+    known = {caption for captions in table["captions"].to_pylist() for caption in captions}
+    pairs = scene_edits(table, 2, 0)
+    short = [pair for pair in pairs if pair.caption not in known]
+    assert 0 < len(short) < len(pairs)
+    things = sorted({kind for kinds in table["objects"].to_pylist() for kind in kinds})
+    assert all(any(kind in pair.caption for kind in things) for pair in short)
+    colors = {color for row in table["colors"].to_pylist() for color in row} - {"orange"}
+    drawn = [pair for pair in pairs if (np.ptp(pair.target, axis=-1) == 0).all()]
+    assert drawn and not any(colors & set(pair.caption.split()) for pair in drawn)
+
+
+def test_what_the_scenes_never_show_together_is_not_put_together() -> None:
+    table = drawn_scenes(80)
+    seen = pairs_shown(table["objects"].to_pylist())
+    kinds = sorted({kind for row in table["objects"].to_pylist() for kind in row})
+    named = [[kind for kind in kinds if f" {kind} " in f" {pair.caption} "] for pair in scene_edits(table, 3, 2)]
+    together = [frozenset(pair) for pair in named if len(pair) == 2]
+    assert len(together) > 10 and set(together) <= seen
 
 
 def test_an_edit_depends_on_its_own_number_only() -> None:
     table = scenes.example_table(6)
-    few, many = scene_edits(table.slice(0, 3), 2, 5), scene_edits(table, 2, 5)
-    assert all((a.input == b.input).all() and a.caption == b.caption for a, b in zip(few, many[:6], strict=True))
+    one, many = scene_edits(table, 1, 5), scene_edits(table, 2, 5)
+    assert all((a.input == b.input).all() and a.caption == b.caption for a, b in zip(one, many[::2], strict=True))
     other = scene_edits(table, 2, 6)
     assert any((a.input != b.input).any() or a.caption != b.caption for a, b in zip(many, other, strict=True))
 

@@ -17,10 +17,12 @@ from pentimento.copainting.synthesis.pairs import (
     aim,
     fit_labels,
     load_painter,
+    missing_thing,
     paint_scene,
     plan_painting,
     sayable,
 )
+from pentimento.copainting.synthesis.partials import Partial
 from pentimento.planning.scene import objective_for, render_plan
 from pentimento.planning.target import fit_to_canvas
 from pentimento.robots.tools import load_tool
@@ -122,3 +124,15 @@ def test_labels_are_fitted_as_pictures_are(shape: tuple[int, int]) -> None:
     assert np.mean((light > 0.5) != fitted) < 0.06
     setting = replace(MARKER, canvas_m=(0.06, 0.06 * shape[0] / shape[1]), ink=None)
     assert aim(picture, setting).shape == (*setting.planned_px, 3)
+
+
+def test_a_removed_thing_of_several_is_asked_for_by_name_and_in_colour_where_there_are_colours() -> None:
+    row = {"objects": ["cat", "orange"], "colors": ["red", "blue"]}
+    kept = np.zeros(3, bool)
+    second = Partial("semantic", 2, kept)
+    assert missing_thing(row, second, load_tool("marker")) == "an orange"
+    assert missing_thing(row, second, load_tool("round_brush")) == "a blue orange"
+    assert missing_thing(row | {"colors": None}, second, load_tool("round_brush")) == "an orange"
+    for other in (Partial("random", None, kept), Partial("semantic", 3, kept)):
+        assert missing_thing(row, other, load_tool("marker")) is None
+    assert missing_thing({"objects": ["cat"]}, Partial("semantic", 1, kept), load_tool("marker")) is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
+from pentimento.copainting.scenes.collage import Half, pairs_shown, put, random_halves
+from pentimento.copainting.scenes.edits import without
 
 Picture = NDArray[np.uint8]
 
@@ -27,40 +29,94 @@ class Case:
     objects: tuple[str, ...]
     """Kinds that the prompt asks for; empty where the table does not tell."""
     image: Picture
-    """The prompt's scene, uint8 [H, W, 3]."""
+    """What the prompt asks for, uint8 [H, W, 3], where the canvas leaves room for it."""
     other_image: Picture
-    """The scene of which the canvas holds a drawing."""
+    """What the canvas holds a drawing of."""
     other_objects: tuple[str, ...]
 
 
-def choose_cases(scenes: pa.Table, count: int, seed: int) -> list[Case]:
-    """Up to `count` cases from a checked `scenes` table of one split, in the table's order.
+def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) -> list[Case]:
+    """Up to `count` prompts of `held_out` scenes, on canvases that a drawing of another prompt begins (thesis 6.6.1).
 
-    The other scene is another prompt's (thesis 6.6.1) and shares no kind of object with the prompt, where there is
-    such a scene. Case i depends on the table and (seed, i) only.
+    Both are checked `scenes` tables. Scenes with the fewest things come first, mostly one, in the table's order; the
+    others are drawn of those with as few. A person who draws together with somebody leaves room: what the person began
+    with is in one half of the sheet, and in the other half the oracle draws what is asked for. Of 50 scenes drawn at
+    random, the other is the first whose kinds no scene of `training` shows together with one asked for. Case i depends
+    on the tables and (seed, i) only.
 
     Raises:
         ContractError: fewer than two scenes, or pictures that are not squares of one size.
     """
-    rows = scenes.to_pylist()
+    rows = sorted(
+        (_read(row, number) for number, row in enumerate(held_out.to_pylist())),
+        key=lambda row: (row.things == 0, row.things),
+    )
+    _check(rows)
+    named = "objects" in training.column_names
+    seen = pairs_shown(kinds or () for kinds in training["objects"].to_pylist()) if named else set()
+    fewest = [row for row in rows if row.things == rows[0].things]
+    others = fewest if len(fewest) > 1 else rows
+    cases = []
+    for index, row in enumerate(rows[:count]):
+        generator = np.random.default_rng([seed, index])
+        other = _other(row, others, seen, generator)
+        theirs, ours = random_halves(generator)
+        cases.append(
+            Case(
+                row.scene_id, row.caption, row.objects, _in_half(row, ours, generator),
+                _in_half(other, theirs, generator), other.objects,
+            )
+        )  # fmt: skip
+    return cases
+
+
+def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
+    """Prompts of up to `count` scenes in the table's order, for a blank sheet: nothing began it.
+
+    Raises:
+        ContractError: fewer than two scenes, or pictures that are not squares of one size.
+    """
+    rows = [_read(row, number) for number, row in enumerate(held_out.slice(0, max(count, 2)).to_pylist())]
+    _check(rows)
+    return [
+        Case(row.scene_id, row.caption, row.objects, row.image, np.full_like(row.image, 255), ())
+        for row in rows[:count]
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    scene_id: str
+    caption: str
+    objects: tuple[str, ...]
+    image: Picture
+    regions: Picture
+
+    @property
+    def things(self) -> int:
+        return len(np.unique(self.regions[self.regions > 0]))
+
+
+def _read(row: dict[str, Any], number: int) -> _Row:
+    objects = tuple(str(kind) for kind in (row.get("objects") or ()))
+    image, regions = decode_png(row["image"]["bytes"]), decode_png(row["regions"]["bytes"])
+    return _Row(str(row.get("scene_id") or number), plain_caption(row), objects, image, regions)
+
+
+def _check(rows: Sequence[_Row]) -> None:
     if len(rows) < 2:
         raise ContractError(
             f"There are {len(rows)} held-out scenes; an evaluation needs two or more: draw more scenes."
         )
-    images = [decode_png(row["image"]["bytes"]) for row in rows]
-    sizes = {image.shape for image in images}
+    sizes = {row.image.shape for row in rows}
     if len(sizes) > 1 or next(iter(sizes))[0] != next(iter(sizes))[1]:
         raise ContractError(f"The held-out scenes are of sizes {sorted(sizes)[:3]}; make them squares of one size.")
-    cases = []
-    for index, row in enumerate(rows[:count]):
-        other = _other(index, rows, np.random.default_rng([seed, index]))
-        cases.append(
-            Case(
-                str(row.get("scene_id") or index), plain_caption(row), _objects(row), images[index], images[other],
-                _objects(rows[other]),
-            )
-        )  # fmt: skip
-    return cases
+
+
+def _in_half(row: _Row, half: Half, generator: np.random.Generator) -> Picture:
+    """The scene's things in one half of the sheet, on the scene's ground."""
+    ground = without(row.image, row.regions, np.unique(row.regions[row.regions > 0]))
+    return put(ground, row.image, row.regions, half, generator)[0]
 
 
 def plain_caption(row: dict[str, Any]) -> str:
@@ -70,12 +126,16 @@ def plain_caption(row: dict[str, Any]) -> str:
     return next((caption for caption in captions if not colors & set(caption.split())), captions[0])
 
 
-def _other(index: int, rows: Sequence[dict[str, Any]], generator: np.random.Generator) -> int:
-    """Number of another scene; of those drawn, the first that shares no kind with this one."""
-    asked = set(_objects(rows[index]))
-    drawn = [int((index + generator.integers(1, len(rows))) % len(rows)) for _ in range(_TRIES)]
-    return next((other for other in drawn if not asked & set(_objects(rows[other]))), drawn[0])
-
-
-def _objects(row: dict[str, Any]) -> tuple[str, ...]:
-    return tuple(str(kind) for kind in (row.get("objects") or ()))
+def _other(row: _Row, others: Sequence[_Row], seen: Collection[frozenset[str]], generator: np.random.Generator) -> _Row:
+    """The first of those drawn whose kinds were not seen with this one's; else the first that shares none; else any."""
+    drawn = [others[int(pick)] for pick in generator.integers(len(others), size=_TRIES)]
+    drawn = [other for other in drawn if other.scene_id != row.scene_id] or [
+        other for other in others if other is not row
+    ]
+    apart = [other for other in drawn if not set(row.objects) & set(other.objects)]
+    new = [
+        other
+        for other in apart
+        if not any(frozenset((a, b)) in seen for a in row.objects for b in other.objects)
+    ]  # fmt: skip
+    return (new or apart or drawn)[0]

@@ -16,8 +16,8 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.ranges import at_least
 from pentimento.copainting.evaluation.cases import plain_caption
 from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_out, plan_goal, seen
-from pentimento.copainting.scenes.captions import phrase
 from pentimento.copainting.scenes.edits import without
+from pentimento.copainting.scenes.phrases import listed, phrase
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.painter import as_linear, observe, paint
 from pentimento.planning.strokes import StrokeTensors
@@ -90,7 +90,11 @@ def stories(scenes: pa.Table, count: int, turns: int = 3) -> list[Story]:
         images = tuple(without(image, regions, everything[everything != label]) for label in labels)
         kinds = [str(kind) for kind in (row.get("objects") or ())][:turns]
         full = plain_caption(row)
-        told = [_together(kinds[: number + 1]) for number in range(turns - 1)] if len(kinds) == turns else []
+        told = (
+            [listed([phrase(kind) for kind in kinds[: number + 1]]) for number in range(turns - 1)]
+            if len(kinds) == turns
+            else []
+        )
         prompts = (*told, full) if told else (full,) * turns
         found.append(Story(str(row.get("scene_id") or index), prompts, images))
         if len(found) == count:
@@ -155,12 +159,6 @@ def _trembling(
     moved.middle_m += torch.tensor(generator.normal(0, tremor_m, moved.middle_m.shape), dtype=torch.float32)
     moved.keep_within(easel.tool, (easel.medium.side_m, easel.medium.side_m), config.edge_m)
     return moved
-
-
-def _together(kinds: list[str]) -> str:
-    """A car, a tree and a sun."""
-    words = [phrase(kind) for kind in kinds]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def _unheard(_name: str, _value: float, _step: int) -> None:

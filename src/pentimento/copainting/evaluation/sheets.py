@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.copainting.evaluation.answers import NO_CHANGE, Answers
+
 Pictures = NDArray[np.uint8] | Sequence[NDArray[np.uint8]]
 
 _GAP_PX: Final = 6
@@ -30,6 +32,17 @@ def side_by_side(columns: Mapping[str, Pictures], captions: Sequence[str], side_
     for row, caption in enumerate(captions):
         _write(sheet, caption, (0, _HEAD_PX + row * (side_px + _HEAD_PX + _GAP_PX) + 15))
     return sheet
+
+
+def methods_side_by_side(answers: Answers, captions: Sequence[str], side_px: int) -> NDArray[np.uint8]:
+    """Canvases, then each method's goal, where it has one, and plan, for as many cases as there are captions."""
+    columns: dict[str, Pictures] = {"canvas": answers.canvases}
+    for method, drawings in answers.drawings.items():
+        if method in answers.goals:
+            columns[f"{method}: goal"] = answers.goals[method]
+        if method != NO_CHANGE:
+            columns[f"{method}: plan"] = drawings
+    return side_by_side(columns, captions[: len(answers.canvases)], side_px)
 
 
 def _fitted(picture: NDArray[np.uint8], side_px: int) -> NDArray[np.uint8]:

@@ -19,8 +19,9 @@ from pentimento.copainting.scenes.edits import Pair
 class LatentPairs:
     """Pairs in latents: pictures that several pairs share stand once."""
 
-    moments: Tensor
-    """Of each different picture, [P, 2 C, h, w]: means, then log variances."""
+    latents: Tensor
+    """Of each different picture, [P, C, h, w]: their modes. Published training draws a target's latents at random about
+    its mode; what nothing can foretell only makes the little training here noisier."""
     input: Tensor
     """For each pair, which picture is its input, int64 [N]."""
     target: Tensor

@@ -27,6 +27,7 @@ Prediction = Literal["epsilon", "v_prediction", "sample"]
 
 _TRAIN_TIMESTEPS: Final = 1000
 _GROUPS: Final = 8
+_READING: Final = 2  # of a small UNet's resolutions, the coarsest: they attend to the text
 _AT_ONCE: Final = 16  # pictures in one call of the pipeline
 
 
@@ -35,7 +36,7 @@ class GoalPlannerShape:
     """A small goal planner's UNet."""
 
     unet_channels: tuple[int, ...]
-    """Of each resolution, the finest first; the coarsest alone attends to the text."""
+    """Of each resolution, the finest first; the two coarsest attend to the text."""
     unet_layers: int
     """Residual blocks at each resolution."""
     heads: int
@@ -65,20 +66,22 @@ def build_goal_planner(
 ) -> GoalPlanner:
     """A small goal planner with a new UNet, around a trained autoencoder and text encoder."""
     torch.manual_seed(seed)
-    plain = len(shape.unet_channels) - 1
+    reading = min(_READING, len(shape.unet_channels))
+    plain = len(shape.unet_channels) - reading
     unet = UNet2DConditionModel(
         sample_size=vae.config.sample_size // 2 ** (len(vae.config.block_out_channels) - 1),
         in_channels=2 * vae.config.latent_channels,
         out_channels=vae.config.latent_channels,
-        down_block_types=("DownBlock2D",) * plain + ("CrossAttnDownBlock2D",),
-        up_block_types=("CrossAttnUpBlock2D",) + ("UpBlock2D",) * plain,
+        down_block_types=("DownBlock2D",) * plain + ("CrossAttnDownBlock2D",) * reading,
+        up_block_types=("CrossAttnUpBlock2D",) * reading + ("UpBlock2D",) * plain,
         block_out_channels=shape.unet_channels,
         layers_per_block=shape.unet_layers,
         cross_attention_dim=text_encoder.config.hidden_size,
         attention_head_dim=shape.heads,  # diffusers' name for their number, kept for the published folders
         norm_num_groups=_GROUPS,
-        addition_embed_type="text",  # the words reach every block with the time, not the coarsest alone
+        addition_embed_type="text",  # the words reach every block with the time, not those alone that attend to them
         addition_embed_type_num_heads=shape.heads,
+        resnet_time_scale_shift="scale_shift",  # and scale its channels (Dhariwal and Nichol 2021, section 4.3)
     )
     scheduler = DDIMScheduler(
         num_train_timesteps=_TRAIN_TIMESTEPS,

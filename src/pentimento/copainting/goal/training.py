@@ -14,7 +14,6 @@ from typing import Any, Final, Literal
 import lightning
 import torch
 from diffusers import DDIMScheduler
-from diffusers.models.autoencoders.vae import DiagonalGaussianDistribution
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
 
@@ -157,11 +156,9 @@ class _Denoising(lightning.LightningModule):
         step, config = self.global_step, self.config
         generator = generator_for(config.seed, step)
         chosen = self._chosen(step)
-        moments = self.pairs.moments
-        target = DiagonalGaussianDistribution(moments[self.pairs.target[chosen]])
-        clean = target.mean + target.std * torch.randn(target.mean.shape, generator=generator)
-        clean = clean * self.scaling
-        shown = moments[self.pairs.input[chosen]].chunk(2, dim=1)[0]  # its mode, and not scaled, as published
+        latents = self.pairs.latents
+        clean = latents[self.pairs.target[chosen]] * self.scaling
+        shown = latents[self.pairs.input[chosen]]  # not scaled, as published
         tokens = self.pairs.tokens[chosen]
         luck = torch.rand(len(chosen), generator=generator)
         no_text = luck < config.drop_text + config.drop_both
@@ -193,7 +190,11 @@ class _Denoising(lightning.LightningModule):
     def configure_optimizers(self) -> Any:
         config = self.config
         optimizer = torch.optim.AdamW(
-            self._trained(), lr=config.learning_rate, weight_decay=config.weight_decay, betas=(0.9, 0.99)
+            self._trained(),
+            lr=config.learning_rate,
+            weight_decay=config.weight_decay,
+            betas=(0.9, 0.99),
+            fused=config.precision == "32-true",  # Lightning clips no gradients of a fused one in mixed precision
         )
         schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, self._rate)
         return [optimizer], [{"scheduler": schedule, "interval": "step"}]

@@ -1,7 +1,7 @@
-"""A small autoencoder for a goal planner's pictures: trained on scenes, drawings of them and random strokes.
+"""A small autoencoder for a goal planner's pictures: trained on scenes, pen drawings of them and random strokes.
 
 What the goal planner cannot encode it cannot keep: an existing drawing must survive the autoencoder before it can
-survive the goal planner. So the autoencoder halves the resolution once only, and learns lines beside smooth pictures.
+survive the goal planner. So the autoencoder learns lines beside smooth pictures, and halves the resolution twice only.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from torch import Tensor
 
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.scenes.ink import ink_recall
+from pentimento.copainting.scenes.pen import pen_drawing, random_pen
 from pentimento.copainting.scenes.random_strokes import random_strokes
 from pentimento.copainting.seeds import generator_for
-from pentimento.semantics.drawings import STYLES, draw
 
 Log = Callable[[str, float, int], None]
 
@@ -67,14 +67,9 @@ def build_vae(config: VaeConfig, side_px: int) -> AutoencoderKL:
 
 
 def vae_pictures(scenes: Sequence[NDArray[np.uint8]], seed: int) -> NDArray[np.uint8]:
-    """What the autoencoder learns from, uint8 [3 n, H, W, 3]: n scenes, n drawings of them, n of random strokes."""
-    drawn, strokes = [], []
-    for index, scene in enumerate(scenes):
-        generator = np.random.default_rng([seed, 1, index])
-        drawn.append(draw(scene, STYLES[index % len(STYLES)], generator))
-        number = int(generator.integers(*_STROKES))
-        strokes.append(random_strokes(scene.shape[0], number, _WIDTHS_PX, generator))
-    return np.stack([*scenes, *drawn, *strokes])
+    """What the autoencoder learns from, uint8 [3 n, H, W, 3]: n scenes, n pen drawings of them, n of random strokes."""
+    lines, strokes = _drawings(scenes, seed, 1)
+    return np.concatenate([np.stack([*scenes]), lines, strokes])
 
 
 def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Log) -> AutoencoderKL:
@@ -101,16 +96,16 @@ def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Lo
         optimizer.step()
         log("vae_loss", float(loss.detach()), step)
     vae.eval().requires_grad_(False)
-    spread = float(encode(vae, pictures[:: max(1, len(pictures) // 256)])[:, : config.latent_channels].std())
+    spread = float(encode(vae, pictures[:: max(1, len(pictures) // 256)]).std())
     vae.register_to_config(scaling_factor=round(1 / spread, 4))
     return vae
 
 
 @torch.no_grad()
 def encode(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> Tensor:
-    """The moments of the pictures' latents, [B, 2 C, h, w]: means, then log variances."""
+    """The modes of the pictures' latents, [B, C, h, w]."""
     parts = [
-        vae.encode(as_model_input(pictures[start : start + _CHUNK]).to(vae.device)).latent_dist.parameters.cpu()
+        vae.encode(as_model_input(pictures[start : start + _CHUNK]).to(vae.device)).latent_dist.mode().cpu()
         for start in range(0, len(pictures), _CHUNK)
     ]
     return torch.cat(parts)
@@ -119,10 +114,10 @@ def encode(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> Tensor:
 @torch.no_grad()
 def round_trip(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Pictures uint8 [B, H, W, 3] as they come back from the autoencoder."""
-    means = encode(vae, pictures).chunk(2, dim=1)[0]
+    latents = encode(vae, pictures)
     parts = [
-        as_pictures(vae.decode(means[start : start + _CHUNK].to(vae.device)).sample)
-        for start in range(0, len(means), _CHUNK)
+        as_pictures(vae.decode(latents[start : start + _CHUNK].to(vae.device)).sample)
+        for start in range(0, len(latents), _CHUNK)
     ]
     return np.concatenate(parts)
 
@@ -130,22 +125,28 @@ def round_trip(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> NDArray[np.ui
 def ink_after_round_trip(
     vae: AutoencoderKL, scenes: Sequence[NDArray[np.uint8]], seed: int
 ) -> dict[str, dict[str, float | None]]:
-    """What the autoencoder keeps of ink, for line drawings of the scenes and for random strokes.
+    """What the autoencoder keeps of ink, for pen drawings of the scenes and for random strokes.
 
     `recall` is the share of the ink that is still there within 1 px; `precision` the share of what is ink afterwards
     that was before (a picture that came back black would have all of the first and little of the second).
     """
-    lines, strokes = [], []
-    for index, scene in enumerate(scenes):
-        generator = np.random.default_rng([seed, 2, index])
-        lines.append(draw(scene, "lines", generator))
-        strokes.append(random_strokes(scene.shape[0], int(generator.integers(*_STROKES)), _WIDTHS_PX, generator))
+    lines, strokes = _drawings(scenes, seed, 2)
     scores: dict[str, dict[str, float | None]] = {}
-    for name, pictures in (("lines", np.stack(lines)), ("strokes", np.stack(strokes))):
+    for name, pictures in (("lines", lines), ("strokes", strokes)):
         again = round_trip(vae, pictures)
         shares = {"recall": ink_recall(pictures, again), "precision": ink_recall(again, pictures)}
         scores[name] = {kind: None if math.isnan(share) else share for kind, share in shares.items()}
     return scores
+
+
+def _drawings(scenes: Sequence[NDArray[np.uint8]], seed: int, use: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A pen drawing of each scene, and as many pictures of random strokes, uint8 [n, H, W, 3]."""
+    lines, strokes = [], []
+    for index, scene in enumerate(scenes):
+        generator = np.random.default_rng([seed, use, index])
+        lines.append(pen_drawing(scene, np.ones(scene.shape[:2], bool), random_pen(generator)))
+        strokes.append(random_strokes(scene.shape[0], int(generator.integers(*_STROKES)), _WIDTHS_PX, generator))
+    return np.stack(lines), np.stack(strokes)
 
 
 def as_model_input(pictures: NDArray[np.uint8]) -> Tensor:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from pentimento.copainting.scenes.compositions import Arrangement, Composition, Thing
+from pentimento.copainting.scenes.phrases import phrase
 
 _SENTENCES: Final[dict[Arrangement, tuple[str, ...]]] = {
     "alone": ("{a}", "{a}", "there is {a}", "just {a}"),
@@ -48,12 +49,6 @@ def wordings(composition: Composition, number: int, generator: np.random.Generat
     A drawing in one ink shows neither, and a person who asks for one does not name them.
     """
     return [_caption(composition, index % 2 == 0, generator) for index in range(number)]
-
-
-def phrase(kind: str, color: str | None = None) -> str:
-    """A thing with its article: "an orange cup"."""
-    words = kind if color is None else f"{color} {kind}"
-    return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"
 
 
 def _caption(composition: Composition, colored: bool, generator: np.random.Generator) -> str:

@@ -23,8 +23,9 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png, encode_png
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
+from pentimento.copainting.scenes.phrases import phrase
 from pentimento.copainting.synthesis.guided_descent import Guidance, descend_guided
-from pentimento.copainting.synthesis.partials import PartialsConfig, partials
+from pentimento.copainting.synthesis.partials import Partial, PartialsConfig, partials
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.planner import plan
 from pentimento.planning.scene import Scene, inherit, render_plan, scene_with
@@ -180,8 +181,9 @@ def paint_scene(row: Mapping[str, Any], painter: Painter, config: PartialsConfig
     everything = np.ones(len(painting.strokes), bool)
     full = painting.picture(everything, setting.stored_px)
     order = rng.permutation(len(captions))
-    said = [captions[order[number % len(order)]] for number in range(len(found))]
-    scores = clip_score(painter.encoder, as_batch([full] * len(found)), said).tolist() if found else []
+    whole = [captions[order[number % len(order)]] for number in range(len(found))]
+    scores = clip_score(painter.encoder, as_batch([full] * len(found)), whole).tolist() if found else []
+    said = [missing_thing(row, partial, painter.tool) or caption for partial, caption in zip(found, whole, strict=True)]
     png = encode_png(full)
     return [
         {
@@ -218,6 +220,20 @@ def sayable(row: Mapping[str, Any], tool: Tool) -> list[str]:
         return captions
     colors = set(row.get("colors") or [])
     return [caption for caption in captions if not colors & set(caption.replace(",", " ").split())] or captions
+
+
+def missing_thing(row: Mapping[str, Any], partial: Partial, tool: Tool) -> str | None:
+    """A request for the one thing that a partial painting lacks, of several that the scene names; otherwise None.
+
+    Whoever goes on with a drawing may say the whole, or what comes next. The pair's score remains that of the full
+    painting with the scene's caption: it tells whether the robot can paint the scene.
+    """
+    kinds = row.get("objects") or []
+    if partial.region is None or len(kinds) < 2 or partial.region > len(kinds):
+        return None
+    colors = row.get("colors") or [None] * len(kinds)
+    color = None if tool.color_srgb is not None else colors[partial.region - 1]
+    return phrase(kinds[partial.region - 1], color)
 
 
 def fit_labels(labels: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.uint8]:

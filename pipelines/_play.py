@@ -1,0 +1,40 @@
+"""Stories played in the studio: a person begins, the robot goes on (thesis 6.6.2)."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.copainting.evaluation.answers import Asking, ask
+from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
+from pentimento.copainting.evaluation.goal_plans import Easel
+from pentimento.copainting.goal.planner import load_goal_planner
+from pentimento.robots.driver import Robot
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
+
+Picture = NDArray[np.uint8]
+
+
+def play(
+    folder: Path, story: Story, easel: Easel, world: str, asking: Asking, codrawing: Codrawing, seed: int
+) -> list[Turn]:
+    """One story on a new sheet in a world of the studio, the robot's goals by the goal planner in a folder."""
+    planner = load_goal_planner(folder)
+
+    def goal_for(photo: Picture, prompt: str) -> Picture:
+        return np.asarray(ask(planner, photo[None], [prompt], asking)[0])
+
+    return codraw(_robot(easel, world, seed), easel, story, goal_for, codrawing, seed)
+
+
+def _robot(easel: Easel, world: str, seed: int) -> Robot:
+    """A robot before a blank sheet of the medium's size."""
+    known = load_world(world)
+    side = easel.medium.side_m
+    studio = Studio(replace(known, paper=replace(known.paper, size_m=(side, side))), seed)
+    robot = VirtualRobot(studio)
+    return GuardedRobot(robot, envelope_for(easel.tool, robot.canvas_size_m))
