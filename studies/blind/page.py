@@ -41,11 +41,21 @@ proposes. The shifted context is another session of the same world: 56 strokes, 
 the tool's range and in the faster half of its speeds."""
 
 
+def _share(lines: Sequence[Line]) -> str:
+    """How much of the table this is."""
+    whole = sum(series.worlds for series in SERIES)
+    made = sum(map(len, judged_lines(lines).values()))
+    if made >= whole:
+        return f"This is the whole table, {whole} worlds."
+    return f"**This is a share of the table**: {made} of its {whole} worlds; `make studies` makes the rest."
+
+
 def page(lines: Sequence[Line], commit: str) -> str:
     """The whole file, from the lines of one commit's worlds."""
     sections = [
         "# Blind tests of the gap finder",
         _INTRODUCTION,
+        _share(lines),
         _SECOND,
         _origin(lines, commit),
         _table(rows(lines)),

@@ -161,6 +161,7 @@ def test_the_page_lists_rows_and_missed_worlds() -> None:
     lines = [line("none", [], verdict(), k) for k in range(60)]
     lines += [line("one cause", ["latency"], verdict(LAG), k) for k in range(12)]
     text = page(lines, "abcdef")
+    assert "**This is a share of the table**" in text
     assert "| none: any name at all | 0/60 | 0 % |" in text and "abcdef" in text
     assert "**falls short**" in text and text.count("| one cause | ") >= 12
     assert "bristle_lag" in text.split("## Missed")[1]
