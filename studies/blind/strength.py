@@ -7,8 +7,8 @@ everything that differs between repeats. With `a` the coverage of a row's stroke
     D_r = (after' − after) − (1 − a) (before' − before)          of realisation r, sRGB in [0, 1], whole windows
 
 is what the effect changes in a prediction from `before`. One amplitude, one width, one width in proportion to the
-press, one blur and one extent of either end for the whole world, fitted to D by least squares, are what a base refit
-would absorb; R_r is the rest.
+press, one blur, one profile across the stroke and one extent of either end for the whole world, fitted to D by least
+squares, are what a base refit would absorb; R_r is the rest.
 An effect also moves strokes over other grain, which looks like a difference and is only other noise. It is
 independent between the two realisations, so that
 
@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,7 +79,8 @@ USUAL: dict[str | None, float] = {
 }
 """Where the search for a strength begins: what usually gives START_Q. None: an outside effect."""
 START_Q = 0.2
-_MODES = 6
+_HALOS_PX = (1.0, 2.0, 4.0)
+_MODES = 8 + len(_HALOS_PX)
 LARGEST_CHANGE = 0.8  # of a width, an amplitude or a blur
 
 FloatArray = NDArray[np.float64]
@@ -226,8 +228,9 @@ def _energy_over_floor(quiet: tuple[Recording, Recording], loud: tuple[Recording
 def _base_modes(
     before: FloatArray, after: FloatArray, colour_srgb: FloatArray, press: float, path_px: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Share of `before` that shows through [H, W, 1], and the base's modes [6, H W 3]: amplitude, width, width in
-    proportion to the press, blur, extent of the start and of the end."""
+    """Share of `before` that shows through [H, W, 1], and the base's modes [M, H W 3]: amplitude, width, blur, the
+    last two in proportion to the press, a profile of free shape (how dark the rim is, and halos of several widths),
+    extent of the start and of the end."""
     towards = colour_srgb - before  # [H, W, 3]
     length2 = (towards**2).sum(axis=2)
     cover = np.clip(((after - before) * towards).sum(axis=2) / np.maximum(length2, 0.01), 0.0, 1.0)
@@ -240,7 +243,8 @@ def _base_modes(
         column, row = np.meshgrid(np.arange(cover.shape[1]), np.arange(cover.shape[0]))
         beyond = (column - here[0]) * outward[0] + (row - here[1]) * outward[1]
         ends.append(-(right * outward[0] + down * outward[1]) * (beyond > 0))
-    shapes = np.stack([cover, edge, press * edge, bend, *ends])
+    halos = [cv2.GaussianBlur(cover, (0, 0), width) - cover for width in _HALOS_PX]
+    shapes = np.stack([cover, edge, press * edge, bend, press * bend, cover * (1 - cover), *halos, *ends])
     return 1 - cover[..., None], (shapes[..., None] * towards).reshape(_MODES, -1)
 
 
