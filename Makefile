@@ -21,6 +21,7 @@ export NUMBA_NUM_THREADS ?= 2
 export PYTHONDONTWRITEBYTECODE :=
 # Nothing leaves the machine.
 export HF_HUB_OFFLINE ?= 1
+export HF_HUB_DISABLE_PROGRESS_BARS ?= 1
 export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
