@@ -28,6 +28,7 @@ Array = NDArray[Any]
 
 _CONFIRMED_P = 0.4
 _DRAWS = 1999
+_PASSES = 2
 _LEAST_GAIN = 0.01
 """Of the gap on sealed strokes: what is worth less explains nothing, however sure it is."""
 _SMALLEST_GAP = 0.1
@@ -100,21 +101,25 @@ def diagnose(
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0
-    large = find_large(first, weighed.pick(splits.discovery), share, vocabulary, seed, log)
-    causes = [m for cause, m in large.observable.items() if cause not in large.found]
-    habits, measured = learn_habits(measured, large.model, splits.discovery, causes, seed)
-    weighed = weighted(measured, large.model, measured.pick(splits.discovery))
-    weighed = with_sway(weighed, large.model, splits.discovery)
-    discovery, confirmation = (weighed.pick(rows) for rows in splits[:2])
+    found = find_large(first, weighed.pick(splits.discovery), share, vocabulary, seed, log)
+    # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
+    for _ in range(_PASSES):
+        before = found.found
+        unfound = [m for cause, m in found.observable.items() if cause not in before]
+        habits, measured = learn_habits(measured, found.model, splits.discovery, unfound, seed)
+        weighed = weighted(measured, found.model, measured.pick(splits.discovery))
+        weighed = with_sway(weighed, found.model, splits.discovery)
+        found = search(found, weighed.pick(splits.discovery), seed, log)
+        if found.found == before:
+            break
     test = measured.pick(splits.test)
     known = weighed.pick(np.sort(np.concatenate(splits[:2])))
     # What is measured is plain squared error, and so is what the last fits make small.
     plainly = measured.pick(np.sort(np.concatenate(splits[:2])))
-    found = search(large, discovery, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
-    fresh = np.isin(np.unique(known.action), confirmation.action)
+    fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
     confirmed_p = {
-        m.cause: _confirmation(found, m, known.whole() if m.cause in large.found else known, fresh, seed) for m in named
+        m.cause: _confirmation(found, m, known.whole() if m.cause in found.large else known, fresh, seed) for m in named
     }
     lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
     base = fit(found.base, plainly)

@@ -79,12 +79,13 @@ class Habits:
 def learn_habits(
     measured: Measured, model: Model, rows: Array, candidates: Sequence[Mechanism], seed: int
 ) -> tuple[Habits, Measured]:
-    """Habits of the strokes with the indices ``rows``, and all strokes with theirs.
+    """Habits of the strokes with the indices ``rows``, and all strokes with theirs instead of any that they had.
 
     Args:
         model: fitted to them.
         candidates: causes beside the model's whose effects must stay in the residual.
     """
+    measured = replace(measured, habit=np.zeros_like(measured.habit))
     pixels = _Pixels(model, measured)
     known = np.isin(pixels.stroke, rows)
     missing = pixels.along_slope(residual(model, measured))

@@ -66,6 +66,8 @@ class Search:
     """The noise floor, weighted as errors are; 0 if it is unknown."""
     gained: dict[str, float]
     """How much error each cause removed when it was found."""
+    large: frozenset[str]
+    """Those that were found with all of each residual counted."""
 
     @property
     def found(self) -> frozenset[str]:
@@ -118,15 +120,16 @@ def find_large(
         gained[step.chosen] = error - float(losses[step.chosen].mean())
         model = _without_idle(refits[step.chosen], frozenset(), measured, seed, log)
         error = float(action_losses(model, measured).mean())
-    return Search(base, model, tuple(steps), observable, unseen, floor, gained)
+    large = frozenset(m.cause for m in model.mechanisms if m.cause in observable)
+    return Search(base, model, tuple(steps), observable, unseen, floor, gained, large)
 
 
 def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
-    """Go on with what was begun by ``find_large``, with what scatters from stroke to stroke taken out."""
+    """Go on with what was begun, by ``find_large`` or by this, with what scatters from stroke to stroke taken out."""
     model = fit(begun.model, measured)
     plain = measured.whole()
     observable = begun.observable
-    steps = list(begun.steps)
+    steps = [step for step in begun.steps if step.chosen]
     gained = dict(begun.gained)
     weighed: dict[str, float] = {}
     """The same as ``gained``, with what scatters taken out; of the causes that are found here."""
@@ -169,7 +172,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         chosen = refits[step.chosen]
         gained[step.chosen] = size[step.chosen]
         weighed[step.chosen] = max(fresh[step.chosen].gain * seen, seen - float(losses[step.chosen].mean()))
-        model = _without_idle(chosen, begun.found, measured, seed, log)
+        model = _without_idle(chosen, begun.large, measured, seed, log)
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
 
 
