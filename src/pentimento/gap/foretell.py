@@ -84,6 +84,11 @@ class Model:
         """With fewer."""
         return replace(self, mechanisms=tuple(m for m in self.mechanisms if m.cause not in causes))
 
+    @property
+    def at_work(self) -> tuple[Mechanism, ...]:
+        """The mechanisms that change anything: not all of their numbers are 0, where each is the identity."""
+        return tuple(m for m in self.mechanisms if bool(m.values.any()))
+
     def columns_of(self, cause: str) -> Array:
         """Where a mechanism's quantities stand among all numbers."""
         at = self.nuisances
@@ -114,7 +119,7 @@ class Model:
             edge = _UNIT_EDGE * torch.exp(number["edge_by_press"] * (press - 0.5))
             return Mark(points, radius, density, edge)
 
-        return extended_mark(base, self.mechanisms, context)
+        return extended_mark(base, self.at_work, context)
 
 
 def interpolate(values: Tensor, share: Tensor) -> Tensor:
@@ -185,7 +190,7 @@ def paint_and_gain(model: Model, measured: Measured, made: Imprint) -> tuple[Arr
     color = srgb_to_linear(samples.color.double().numpy()) + model.color_offset[measured.paint]
     paint, pickup = torch.tensor(color, dtype=torch.float64)[:, None], None
     picture = torch.ones(*made.coverage.shape, 1)
-    for mechanism in model.mechanisms:
+    for mechanism in model.at_work:
         paint, pickup = mechanism.composite(paint, pickup, context)
         if "picture" in _acts_on(mechanism):
             picture = mechanism.camera(picture, samples.view)
