@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.foretell import Model, identity, linearise
+from pentimento.gap.foretell import Model, identity
+from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
 

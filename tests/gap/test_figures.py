@@ -99,8 +99,8 @@ def test_strength_is_the_root_of_n_times_the_correlation() -> None:
 
 def test_twice_the_strokes_find_half_the_effect(written: Written) -> None:
     """What can be found falls as 1 / n: doubling every action doubles what is known of everything."""
-    from pentimento.gap.foretell import Statistics, linearise
     from pentimento.gap.imitation import columns_of
+    from pentimento.gap.jacobian import Statistics, linearise
 
     full = written.survey.full
     statistics = linearise(full, written.measured)

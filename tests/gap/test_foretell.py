@@ -10,17 +10,8 @@ from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit, weighted
-from pentimento.gap.foretell import (
-    BASE,
-    Model,
-    foretold_linear,
-    identity,
-    ink,
-    linearise,
-    linearise_rows,
-    mean_squared_error,
-    residual,
-)
+from pentimento.gap.foretell import BASE, Model, foretold_linear, identity, ink, mean_squared_error, residual
+from pentimento.gap.jacobian import linearise, linearise_rows
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion

@@ -8,8 +8,9 @@ import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import Model, foretold, identity, ink, linearise, mean_squared_error, residual
+from pentimento.gap.foretell import Model, foretold, identity, ink, mean_squared_error, residual
 from pentimento.gap.habits import learn_habits
+from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset

@@ -6,7 +6,6 @@ import pytest
 
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model
-from pentimento.gap.foretell import Statistics
 from pentimento.gap.imitation import (
     Columns,
     Imitation,
@@ -18,6 +17,7 @@ from pentimento.gap.imitation import (
     pairs_alike,
     sentences,
 )
+from pentimento.gap.jacobian import Statistics
 from pentimento.gap.measured import load_measured
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 

@@ -11,7 +11,7 @@ from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold_linear, ink
 from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.modes import MODES, AllModes, unexplained
+from pentimento.gap.modes import MODES, AllModes, permuted_actions, unexplained
 from pentimento.gap.modulator import Modulation
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
@@ -56,3 +56,13 @@ def test_where_nothing_depends_on_anything_nothing_is_named(strokes: tuple[Measu
     measured, model = strokes
     left, _, _ = unexplained(model, warmed(None, measured, model), 0)
     assert left == []
+
+
+def test_permutations_keep_the_rows_of_an_action_together() -> None:
+    action = np.array([4, 7, 7, 1, 9, 9, 2, 3, 3])
+    orders = permuted_actions(action, 500, np.random.default_rng(0))
+    assert (np.sort(orders, axis=1) == np.arange(len(action))).all()
+    for number in (7, 9, 3):
+        first, second = action[orders[:, action == number]].T
+        assert (first == second).all()
+    assert len(np.unique(orders, axis=0)) == 36  # 3! ways for the pairs, 3! for those alone

@@ -8,8 +8,9 @@ import pytest
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.fit import first_model
-from pentimento.gap.foretell import Model, identity, linearise_rows
+from pentimento.gap.foretell import Model, identity
 from pentimento.gap.imitation import Imitation, columns_of
+from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.next_actions import Proposal, alike, as_table, curvatures, propose, questions, worth
 from pentimento.gap.pool import draw_sequence, in_turn, state_after

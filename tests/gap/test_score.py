@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import kstest
 from wildboottest.wildboottest import WildboottestCL
 
-from pentimento.gap.foretell import Statistics
+from pentimento.gap.jacobian import Statistics
 from pentimento.gap.score import held_out_gains, interval_of_mean, project, score_statistic, score_tests
 
 ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4

@@ -7,7 +7,8 @@ import pytest
 
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit, weighted
-from pentimento.gap.foretell import Model, linearise_rows, residual, weighted_error
+from pentimento.gap.foretell import Model, residual, weighted_error
+from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.sway import alikeness, random_effects, with_sway
 

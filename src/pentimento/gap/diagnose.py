@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit, weighted
 from pentimento.gap.floor import Floor, noise_floor
-from pentimento.gap.foretell import Model, linearise, mean_squared_error, residual
+from pentimento.gap.foretell import Model, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
+from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic

@@ -10,18 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.foretell import (
-    BASE,
-    SLABS,
-    WIDTHS,
-    Model,
-    Statistics,
-    foretold,
-    ink,
-    linearise,
-    residual,
-    weighted_error,
-)
+from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model, foretold, ink, residual, weighted_error
+from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 
 Array = NDArray[Any]

@@ -1,4 +1,4 @@
-"""What a model foretells of measured strokes, and how that changes with each of its numbers.
+"""What a model foretells of measured strokes.
 
 A model is a base and any mechanisms of the vocabulary. The base is the thesis's (half-width by press, a profile, an
 amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration (GAP.md, rule 2):
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
-from pentimento.gap.imprint import LEVELS, Imprint, change_of_coverage, imprint
+from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
@@ -32,12 +32,9 @@ SLABS = tuple(f"slab_{level:g}" for level in LEVELS)
 BASE = (
     *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "ends_widening",
 )  # fmt: skip
-_COLOR_STEP = 0.01
-_MARK_STEP = 1e-4
 _THINNEST_M = 1e-5
 _UNIT_EDGE = 0.15
 """Softness that stands for the base's edge: so hard that mechanisms that soften it leave the width alone."""
-_ROWS_AT_ONCE = 48
 
 
 @dataclass(frozen=True)
@@ -86,8 +83,8 @@ class Model:
 
     @property
     def at_work(self) -> tuple[Mechanism, ...]:
-        """The mechanisms that change anything: not all of their numbers are 0, where each is the identity."""
-        return tuple(m for m in self.mechanisms if bool(m.values.any()))
+        """The mechanisms that change anything."""
+        return tuple(m for m in self.mechanisms if not m.idle)
 
     def columns_of(self, cause: str) -> Array:
         """Where a mechanism's quantities stand among all numbers."""
@@ -130,7 +127,8 @@ def interpolate(values: Tensor, share: Tensor) -> Tensor:
     return values[left] * (1 - t) + values[left + 1] * t
 
 
-def _acts_on(mechanism: Mechanism) -> set[str]:
+def acts_on(mechanism: Mechanism) -> set[str]:
+    """Of mark, paint and picture, what it changes."""
     kind = type(mechanism)
     overridden = {"mark": kind.mark, "paint": kind.composite, "picture": kind.camera}
     plain = {"mark": Mechanism.mark, "paint": Mechanism.composite, "picture": Mechanism.camera}
@@ -192,7 +190,7 @@ def paint_and_gain(model: Model, measured: Measured, made: Imprint) -> tuple[Arr
     picture = torch.ones(*made.coverage.shape, 1)
     for mechanism in model.at_work:
         paint, pickup = mechanism.composite(paint, pickup, context)
-        if "picture" in _acts_on(mechanism):
+        if "picture" in acts_on(mechanism):
             picture = mechanism.camera(picture, samples.view)
     laid = paint[:, 0].numpy().astype(np.float32)[:, None, None]
     if pickup is not None:
@@ -224,13 +222,6 @@ def foretold_linear(laid: Ink, measured: Measured) -> Array:
     return np.maximum(mixed * laid.gain[..., None], 0.0)
 
 
-def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
-    """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
-    below = measured.samples.before_linear.numpy()
-    steep = _srgb_slope(foretold_linear(laid, measured))
-    return np.asarray(steep * (laid.paint - below) * laid.gain[..., None])
-
-
 def residual(model: Model, measured: Measured) -> Array:
     """Measured less foretold, sRGB float32[B, H, W, 3]; 0 in the padding."""
     return (measured.samples.after.numpy() - foretold(model, measured)) * measured.samples.valid.numpy()[..., None]
@@ -254,167 +245,3 @@ def weighted_error(residuals: Array, measured: Measured) -> Array:
     along = (residuals * measured.sway_depth).sum(3) * np.sqrt(measured.weight)
     taken = np.einsum("bkhw,bhw->bk", measured.sway, along, optimize=True)
     return (whole - np.square(taken).sum(1)) / pixels
-
-
-def change_maps(model: Model, measured: Measured) -> Array:
-    """How the model's last numbers, which change the mark, change coverage, float32[P, B, H, W]."""
-    _, changes = _changes_of_mark(model, measured)
-    return change_of_coverage(ink(model, measured).imprint, changes)
-
-
-def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
-    """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
-    laid = ink(model, measured)
-    linear = foretold_linear(laid, measured)
-    number, changes = _changes_of_mark(model, measured)
-    drawn = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None])[0]
-    drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
-    change = slope_by_coverage(laid, measured) * drawn[..., None]
-    steepness = _srgb_slope(linear)
-    for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
-        change += steepness * (laid.imprint.coverage * laid.gain)[..., None] * (amounts[p] * paint)
-        if gain is not None:
-            change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
-    return np.asarray(change, dtype=np.float32)
-
-
-def sway_depth(model: Model, measured: Measured) -> tuple[Array, Array]:
-    """Slope of the weighted photographs by coverage, and the weighted residual, float32[B, H, W, 3] each."""
-    weight = (np.sqrt(measured.weight) * measured.samples.valid.numpy())[..., None]
-    return slope_by_coverage(ink(model, measured), measured) * weight, residual(model, measured) * weight
-
-
-class Statistics(NamedTuple):
-    """All that tests, held-out gains, bootstraps and designs need of n actions (GAP.md, rule 3).
-
-    Weighted, per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
-    """
-
-    curvature: Array  # [n, P, P] J^T J
-    slope: Array  # [n, P] J^T r
-    energy: Array  # [n] r^T r
-
-
-def linearise(model: Model, measured: Measured) -> Statistics:
-    """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""
-    return Statistics(*(_by_action(values, measured.action) for values in linearise_rows(model, measured)))
-
-
-def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
-    parts = [
-        _row_statistics(model, measured.pick(np.arange(first, min(first + _ROWS_AT_ONCE, len(measured)))))
-        for first in range(0, len(measured), _ROWS_AT_ONCE)
-    ]
-    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return curvature, slope, energy
-
-
-def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
-
-    What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
-    coverage; only what changes the paint or the picture needs all three.
-    """
-    laid = ink(model, measured)
-    linear = foretold_linear(laid, measured)
-    valid = measured.samples.valid.numpy()
-    weight = np.sqrt(measured.weight) * valid
-    steepness = _srgb_slope(linear) * weight[..., None]
-    by_coverage = slope_by_coverage(laid, measured) * weight[..., None]
-    by_paint = steepness * (laid.imprint.coverage * laid.gain)[..., None]
-    by_gain = steepness * linear / laid.gain[..., None]
-    rest = (measured.samples.after.numpy() - linear_to_srgb(linear) - measured.habit) * weight[..., None]
-
-    number, changes = _changes_of_mark(model, measured)
-    drawn = change_of_coverage(laid.imprint, changes)
-    of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
-    of_paint = _changes_of_paint(model, measured, laid.imprint)
-
-    curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
-    slope = np.zeros((len(measured), len(model.vector)))
-    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
-    for b in range(len(measured)):
-        inked = laid.imprint.segment[b] >= 0
-        maps = np.concatenate([laid.imprint.by_level[b][inked].T, drawn[:, b][:, inked]])
-        depth = by_coverage[b][inked]
-        curvature[b][np.ix_(of_mark, of_mark)] = (maps * np.square(depth).sum(1)) @ maps.T
-        slope[b][of_mark] = maps @ (depth * rest[b][inked]).sum(1)
-        sway, sway_depth_b = measured.sway[b][:, inked], measured.sway_depth[b]
-        along = np.zeros((len(sway), len(model.vector)))
-        along[:, of_mark] = (sway * (depth * sway_depth_b[inked]).sum(1)) @ maps.T
-        pictures = {
-            p: by_paint[b] * paint[b] + (0 if gain is None else by_gain[b] * gain[b][..., None])
-            for p, paint, gain in of_paint
-            if gain is not None or paint[b].any()
-        }
-        taken = measured.sway[b].reshape(len(sway), inked.size) @ (sway_depth_b * rest[b]).sum(-1).ravel()
-        energy[b] -= taken @ taken
-        if not pictures:
-            curvature[b] -= along.T @ along
-            slope[b] -= taken @ along
-            continue
-        index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
-        along[:, index] += (
-            measured.sway[b].reshape(len(sway), inked.size) @ (whole * sway_depth_b).sum(-1).reshape(len(index), -1).T
-        )
-        cross = maps @ (whole[:, inked] * depth).sum(-1).T
-        flat = whole.reshape(len(index), -1)
-        # A mechanism may act on the mark and on the paint: its two parts add up.
-        curvature[b][np.ix_(of_mark, index)] += cross
-        curvature[b][np.ix_(index, of_mark)] += cross.T
-        curvature[b][np.ix_(index, index)] += flat @ flat.T
-        slope[b][index] += flat @ rest[b].ravel()
-        curvature[b] -= along.T @ along
-        slope[b] -= taken @ along
-    pixels = valid.sum((1, 2)) * 3
-    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
-
-
-def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
-    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5]: central differences."""
-    acts = np.array(
-        [name not in SLABS for name in BASE]
-        + [False] * model.color_offset.size
-        + ["mark" in _acts_on(m) for m in model.mechanisms for _ in m.quantities]
-    )
-    number = np.flatnonzero(acts)
-    steps = _MARK_STEP * np.eye(len(acts))
-
-    def moved(step: Array) -> Array:
-        up, down = (mark_px(model.at(model.vector + sign * step), measured) for sign in (1, -1))
-        return np.asarray((up - down) / (2 * _MARK_STEP))
-
-    return number, np.stack([moved(steps[p]) for p in number])
-
-
-def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
-    """Number, and the derivatives by it of the paint (as ``Ink.paint``) and, if it is the camera's, of the gain."""
-    changes: list[tuple[int, Array, Array | None]] = []
-    for p in range(model.color_offset.size):
-        one_hot = np.eye(3, dtype=np.float32)[p % 3] * (measured.paint == p // 3)[:, None]
-        changes.append((len(model.base) + p, one_hot[:, None, None], None))
-    at = model.nuisances
-    for mechanism in model.mechanisms:
-        for _ in mechanism.quantities:
-            if _acts_on(mechanism) & {"paint", "picture"}:
-                step = _COLOR_STEP * (np.arange(len(model.vector)) == at)
-                up, down = (paint_and_gain(model.at(model.vector + sign * step), measured, made) for sign in (1, -1))
-                gain = (up[1] - down[1]) / (2 * _COLOR_STEP) if "picture" in _acts_on(mechanism) else None
-                changes.append((at, (up[0] - down[0]) / (2 * _COLOR_STEP), gain))
-            at += 1
-    return changes
-
-
-def _by_action(values: Array, action: Array) -> Array:
-    """Means over the rows of each action, in the order of the actions' numbers."""
-    _, group, count = np.unique(action, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(count), *values.shape[1:]))
-    np.add.at(sums, group, values)
-    return sums / count.reshape(-1, *[1] * (values.ndim - 1))
-
-
-def _srgb_slope(linear: Array) -> Array:
-    """d sRGB / d linear light."""
-    steep = np.float32(1.055 / 2.4) * np.maximum(linear, np.float32(0.0031308)) ** np.float32(1 / 2.4 - 1)
-    return np.where(linear <= 0.0031308, np.float32(12.92), steep)

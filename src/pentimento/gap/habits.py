@@ -18,18 +18,9 @@ import torch
 from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 
-from pentimento.gap.foretell import (
-    Model,
-    change_of_photographs,
-    foretold,
-    ink,
-    linearise,
-    mark_px,
-    press_shares,
-    residual,
-    slope_by_coverage,
-)
+from pentimento.gap.foretell import Model, foretold, ink, mark_px, press_shares, residual
 from pentimento.gap.imprint import Imprint
+from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.simulation import Mechanism
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from pentimento.contracts.frames import image_shape, window_around
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import IMAGE, vector
-from pentimento.gap.foretell import Model, Statistics, identity, linearise
+from pentimento.gap.foretell import Model, identity
+from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
 

@@ -14,7 +14,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.gap.foretell import Model, linearise_rows
+from pentimento.gap.foretell import Model
+from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured
 from pentimento.gap.path_covariates import path_covariates
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
@@ -92,10 +93,9 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
     left = scores
     while len(found) < _MOST:
         observed = _strength(left, basis)
-        order = np.random.default_rng([seed, 9, len(found)]).permuted(
-            np.tile(np.arange(len(left)), (_DRAWS, 1)), axis=1
-        )
-        largest = np.array([_strength(left[o], basis).max() for o in order])
+        rng = np.random.default_rng([seed, 9, len(found)])
+        orders = permuted_actions(measured.action, _DRAWS, rng)
+        largest = np.array([_strength(left[order], basis).max() for order in orders])
         limit = np.quantile(largest, 1 - _P)
         c = int(np.argmax(observed.max(0)))
         standing = np.flatnonzero(observed[:, c] >= limit)
@@ -109,6 +109,19 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
         one = np.column_stack([np.ones(len(left)), basis[c]])
         left = left - one @ np.linalg.lstsq(one, left, rcond=None)[0]
     return found, np.sqrt(whole), names
+
+
+def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Array:
+    """Row indices [draws, B] with whole actions exchanged for others of as many rows: repeats of one command are alike,
+    and taken apart they would make what they share look surer than it is.
+    """
+    rows = [np.flatnonzero(action == number) for number in np.unique(action)]
+    order = np.tile(np.arange(len(action)), (draws, 1))
+    for size in sorted({len(own) for own in rows}):
+        alike = np.stack([own for own in rows if len(own) == size])
+        exchanged = rng.permuted(np.tile(np.arange(len(alike)), (draws, 1)), axis=1)
+        order[:, alike] = alike[exchanged]
+    return order
 
 
 def _strength(scores: Array, basis: Array) -> Array:

@@ -18,7 +18,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pentimento.gap.foretell import Model, linearise_rows
+from pentimento.gap.foretell import Model
+from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, AllModes, Unexplained
 from pentimento.gap.path_covariates import path_covariates
@@ -48,6 +49,11 @@ class Modulation(Mechanism):
     site = "density"
     driver = "anything"
     quantities = AllModes.quantities
+
+    @property
+    def idle(self) -> bool:
+        """Never: each stroke has its own amount."""
+        return False
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         zero = torch.zeros_like(context.path[..., 0, 0])

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.schema import PATH, vector
 from pentimento.gap.diagnose import Diagnosis
-from pentimento.gap.foretell import Model, Statistics, linearise_rows
+from pentimento.gap.foretell import Model
 from pentimento.gap.imitation import Columns, Imitation, columns_of, imitation, pairs_alike
+from pentimento.gap.jacobian import Statistics, linearise_rows
 from pentimento.gap.measured import Measured
 from pentimento.gap.pool import Action, as_measured, draw_sequence, in_turn, window_of
 from pentimento.gap.spans import Ranges, ranges_of

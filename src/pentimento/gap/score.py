@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from pentimento.gap.foretell import Statistics
+from pentimento.gap.jacobian import Statistics
 
 Array = NDArray[Any]
 

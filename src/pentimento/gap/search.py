@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model, identity, linearise, residual, weighted_error
+from pentimento.gap.foretell import Model, identity, residual, weighted_error
+from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, score_tests
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable

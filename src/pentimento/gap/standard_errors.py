@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.gap.foretell import Model, linearise
+from pentimento.gap.foretell import Model
+from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.simulation import Mechanism
 

@@ -10,8 +10,9 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
 from pentimento.gap.diagnose import Diagnosis
-from pentimento.gap.foretell import Model, Statistics, linearise, residual
+from pentimento.gap.foretell import Model, residual
 from pentimento.gap.imitation import Columns, Imitation, columns_of, imitation, information, with_all
+from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, mode_scores
 from pentimento.gap.path_covariates import path_covariates

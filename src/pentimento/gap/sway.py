@@ -19,7 +19,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.gap.foretell import Model, change_maps, linearise_rows, residual, sway_depth, weighted_error
+from pentimento.gap.foretell import Model, residual, weighted_error
+from pentimento.gap.jacobian import change_maps, linearise_rows, weighted_slope
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
@@ -76,7 +77,7 @@ def with_sway(measured: Measured, model: Model, rows: Array) -> Measured:
     many = model.plus(_Ways(torch.zeros(ways, dtype=torch.float64), {}))
     curvature, slope, error = (values[rows] for values in linearise_rows(many, measured))
     maps = change_maps(many, measured)[-ways:].transpose(1, 0, 2, 3)  # [B, K, H, W]
-    depth, _ = sway_depth(model, measured)
+    depth = weighted_slope(model, measured)
     overlap = np.einsum("bkhw,bhw,bjhw->bkj", maps, np.square(depth).sum(-1), maps, optimize=True).astype(np.float64)
     pixels = measured.samples.valid.numpy().sum((1, 2)) * 3
     shares = pixels[rows][:, None]

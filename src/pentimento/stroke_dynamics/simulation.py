@@ -77,6 +77,11 @@ class Mechanism:
         """``values`` [P] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted strokes."""
         self.values, self.reference = values, reference
 
+    @property
+    def idle(self) -> bool:
+        """Whether it changes nothing, so that it need not be asked."""
+        return not bool(self.values.any())
+
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         """The constants that the effect is relative to.

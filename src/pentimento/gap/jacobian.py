@@ -1,0 +1,205 @@
+"""How what a model foretells of measured strokes changes with each of its numbers.
+
+Marks by central differences, from there to pixels by the imprint's own derivatives; paint and gain by central
+differences. All numbers of a row share one pass over its pixels.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.gap.foretell import (
+    BASE,
+    SLABS,
+    WIDTHS,
+    Ink,
+    Model,
+    acts_on,
+    foretold_linear,
+    ink,
+    mark_px,
+    paint_and_gain,
+)
+from pentimento.gap.imprint import Imprint, change_of_coverage
+from pentimento.gap.measured import Measured
+
+Array = NDArray[Any]
+
+_COLOR_STEP = 0.01
+_MARK_STEP = 1e-4
+_ROWS_AT_ONCE = 48
+
+
+def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
+    """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
+    below = measured.samples.before_linear.numpy()
+    steep = _srgb_slope(foretold_linear(laid, measured))
+    return np.asarray(steep * (laid.paint - below) * laid.gain[..., None])
+
+
+def change_maps(model: Model, measured: Measured) -> Array:
+    """How the model's last numbers, which change the mark, change coverage, float32[P, B, H, W]."""
+    _, changes = _changes_of_mark(model, measured)
+    return change_of_coverage(ink(model, measured).imprint, changes)
+
+
+def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
+    """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
+    laid = ink(model, measured)
+    linear = foretold_linear(laid, measured)
+    number, changes = _changes_of_mark(model, measured)
+    drawn = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None])[0]
+    drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
+    change = slope_by_coverage(laid, measured) * drawn[..., None]
+    steepness = _srgb_slope(linear)
+    for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
+        change += steepness * (laid.imprint.coverage * laid.gain)[..., None] * (amounts[p] * paint)
+        if gain is not None:
+            change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
+    return np.asarray(change, dtype=np.float32)
+
+
+def weighted_slope(model: Model, measured: Measured) -> Array:
+    """Slope of the weighted photographs by coverage, float32[B, H, W, 3]; 0 in the padding."""
+    weight = (np.sqrt(measured.weight) * measured.samples.valid.numpy())[..., None]
+    return np.asarray(slope_by_coverage(ink(model, measured), measured) * weight)
+
+
+class Statistics(NamedTuple):
+    """All that tests, held-out gains, bootstraps and designs need of n actions (GAP.md, rule 3).
+
+    Weighted, per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
+    """
+
+    curvature: Array  # [n, P, P] J^T J
+    slope: Array  # [n, P] J^T r
+    energy: Array  # [n] r^T r
+
+
+def linearise(model: Model, measured: Measured) -> Statistics:
+    """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""
+    return Statistics(*(_by_action(values, measured.action) for values in linearise_rows(model, measured)))
+
+
+def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
+    """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
+    parts = [
+        _row_statistics(model, measured.pick(np.arange(first, min(first + _ROWS_AT_ONCE, len(measured)))))
+        for first in range(0, len(measured), _ROWS_AT_ONCE)
+    ]
+    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return curvature, slope, energy
+
+
+def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
+    """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
+
+    What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
+    coverage; only what changes the paint or the picture needs all three.
+    """
+    laid = ink(model, measured)
+    linear = foretold_linear(laid, measured)
+    valid = measured.samples.valid.numpy()
+    weight = np.sqrt(measured.weight) * valid
+    steepness = _srgb_slope(linear) * weight[..., None]
+    by_coverage = slope_by_coverage(laid, measured) * weight[..., None]
+    by_paint = steepness * (laid.imprint.coverage * laid.gain)[..., None]
+    by_gain = steepness * linear / laid.gain[..., None]
+    rest = (measured.samples.after.numpy() - linear_to_srgb(linear) - measured.habit) * weight[..., None]
+
+    number, changes = _changes_of_mark(model, measured)
+    drawn = change_of_coverage(laid.imprint, changes)
+    of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
+    of_paint = _changes_of_paint(model, measured, laid.imprint)
+
+    curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
+    slope = np.zeros((len(measured), len(model.vector)))
+    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
+    for b in range(len(measured)):
+        inked = laid.imprint.segment[b] >= 0
+        maps = np.concatenate([laid.imprint.by_level[b][inked].T, drawn[:, b][:, inked]])
+        depth = by_coverage[b][inked]
+        curvature[b][np.ix_(of_mark, of_mark)] = (maps * np.square(depth).sum(1)) @ maps.T
+        slope[b][of_mark] = maps @ (depth * rest[b][inked]).sum(1)
+        sway, sway_depth_b = measured.sway[b][:, inked], measured.sway_depth[b]
+        along = np.zeros((len(sway), len(model.vector)))
+        along[:, of_mark] = (sway * (depth * sway_depth_b[inked]).sum(1)) @ maps.T
+        pictures = {
+            p: by_paint[b] * paint[b] + (0 if gain is None else by_gain[b] * gain[b][..., None])
+            for p, paint, gain in of_paint
+            if gain is not None or paint[b].any()
+        }
+        taken = measured.sway[b].reshape(len(sway), inked.size) @ (sway_depth_b * rest[b]).sum(-1).ravel()
+        energy[b] -= taken @ taken
+        if not pictures:
+            curvature[b] -= along.T @ along
+            slope[b] -= taken @ along
+            continue
+        index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
+        along[:, index] += (
+            measured.sway[b].reshape(len(sway), inked.size) @ (whole * sway_depth_b).sum(-1).reshape(len(index), -1).T
+        )
+        cross = maps @ (whole[:, inked] * depth).sum(-1).T
+        flat = whole.reshape(len(index), -1)
+        # A mechanism may act on the mark and on the paint: its two parts add up.
+        curvature[b][np.ix_(of_mark, index)] += cross
+        curvature[b][np.ix_(index, of_mark)] += cross.T
+        curvature[b][np.ix_(index, index)] += flat @ flat.T
+        slope[b][index] += flat @ rest[b].ravel()
+        curvature[b] -= along.T @ along
+        slope[b] -= taken @ along
+    pixels = valid.sum((1, 2)) * 3
+    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
+
+
+def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
+    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5]: central differences."""
+    acts = np.array(
+        [name not in SLABS for name in BASE]
+        + [False] * model.color_offset.size
+        + ["mark" in acts_on(m) for m in model.mechanisms for _ in m.quantities]
+    )
+    number = np.flatnonzero(acts)
+    steps = _MARK_STEP * np.eye(len(acts))
+
+    def moved(step: Array) -> Array:
+        up, down = (mark_px(model.at(model.vector + sign * step), measured) for sign in (1, -1))
+        return np.asarray((up - down) / (2 * _MARK_STEP))
+
+    return number, np.stack([moved(steps[p]) for p in number])
+
+
+def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
+    """Number, and the derivatives by it of the paint (as ``Ink.paint``) and, if it is the camera's, of the gain."""
+    changes: list[tuple[int, Array, Array | None]] = []
+    for p in range(model.color_offset.size):
+        one_hot = np.eye(3, dtype=np.float32)[p % 3] * (measured.paint == p // 3)[:, None]
+        changes.append((len(model.base) + p, one_hot[:, None, None], None))
+    at = model.nuisances
+    for mechanism in model.mechanisms:
+        for _ in mechanism.quantities:
+            if acts_on(mechanism) & {"paint", "picture"}:
+                step = _COLOR_STEP * (np.arange(len(model.vector)) == at)
+                up, down = (paint_and_gain(model.at(model.vector + sign * step), measured, made) for sign in (1, -1))
+                gain = (up[1] - down[1]) / (2 * _COLOR_STEP) if "picture" in acts_on(mechanism) else None
+                changes.append((at, (up[0] - down[0]) / (2 * _COLOR_STEP), gain))
+            at += 1
+    return changes
+
+
+def _by_action(values: Array, action: Array) -> Array:
+    """Means over the rows of each action, in the order of the actions' numbers."""
+    _, group, count = np.unique(action, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(count), *values.shape[1:]))
+    np.add.at(sums, group, values)
+    return sums / count.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _srgb_slope(linear: Array) -> Array:
+    """d sRGB / d linear light."""
+    steep = np.float32(1.055 / 2.4) * np.maximum(linear, np.float32(0.0031308)) ** np.float32(1 / 2.4 - 1)
+    return np.where(linear <= 0.0031308, np.float32(12.92), steep)
