@@ -54,6 +54,10 @@ class Drag:
     speed_m_s: Array
 
 
+_RIM = 0.1
+"""Share of a print's film outside of what counts as its rim."""
+
+
 def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
     """Bristles over the tip's cross-section: a disc, or a rectangle with rounded corners for a flat tool."""
     place = _scatter(tool, rng)
@@ -62,9 +66,22 @@ def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
     short = tool.dome_m * _rim_distance(tool, place) ** 2 - MENISCUS_M
     short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(place)))
     wetting = 0.85 * np.exp(0.45 * _smooth_noise(place, rng) + 0.3 * rng.standard_normal(len(place)))
-    # A tool is mounted by its print, not by its ferrule: what it leaves under a usual press lies around the tip.
+    # A tool is mounted by its print, not by its ferrule: what it leaves under a usual press lies around the tip. A
+    # print off its middle would be a hidden lag, or an offset.
     laid = wetting * np.maximum(tool.splay_press_m - short, 0)
-    return Bundle(place - laid @ place / max(laid.sum(), 1e-12), short, wetting)
+    return Bundle(place - _middle(place, laid), short, wetting)
+
+
+def _middle(place: Array, laid: Array) -> Array:
+    """[2], half way between where a print [M, 2] begins and ends along each axis: a film soon hides what lies below,
+    so that the rims show where only a part of it was laid, ``laid`` [M].
+    """
+    middle = np.zeros(2)
+    for axis in range(2):
+        order = np.argsort(place[:, axis])
+        share = np.cumsum(laid[order]) / max(laid.sum(), 1e-12)
+        middle[axis] = np.interp([_RIM, 1 - _RIM], share, place[order, axis]).mean()
+    return middle
 
 
 def _scatter(tool: Tool, rng: np.random.Generator) -> Array:
