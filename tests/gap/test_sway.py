@@ -10,7 +10,7 @@ from pentimento.gap.fit import first_model, fit, weighted
 from pentimento.gap.foretell import Model, residual, weighted_error
 from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.sway import alikeness, random_effects, with_sway
+from pentimento.gap.sway import alikeness, inverse_root, random_effects, with_sway
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +91,14 @@ def test_a_stroke_that_is_darker_as_a_whole_costs_less_than_one_with_the_same_er
     ]
     assert shares[0] < 0.8 * shares[1]
     assert shares[1] > 0.95
+
+
+def test_the_root_is_that_of_the_inverse_even_where_rounding_spoils_the_matrix() -> None:
+    rng = np.random.default_rng(0)
+    factors = rng.standard_normal((5, 6, 6))
+    matrices = factors @ factors.swapaxes(1, 2) + 0.1 * np.eye(6)
+    root = inverse_root(matrices)
+    np.testing.assert_allclose(root @ root.swapaxes(1, 2), np.linalg.inv(matrices), rtol=1e-8)
+    spoilt = np.diag([1.0, 1e4, 1e9])[None] - 1e-2 * np.outer([1, 0, 1], [1, 0, 1])
+    spoilt[0, 0, 0] = -1e-3
+    assert np.isfinite(inverse_root(spoilt)).all()

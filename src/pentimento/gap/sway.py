@@ -33,6 +33,8 @@ _ROUNDS = 30
 _OF_ITSELF = 0.05
 """Share of a direction that the ways must leave for it to tell something."""
 _MOST_TRUST = 5.0
+_LEAST_EIGENVALUE = 1e-10
+"""Of the largest."""
 _STRONG = 0.9
 """Quantile over directions: what a cause does is as smooth as the smoothest of them."""
 
@@ -85,8 +87,7 @@ def with_sway(measured: Measured, model: Model, rows: Array) -> Measured:
     own = slice(-ways, None)
     spread, noise = random_effects(curvature[:, own, own], slope[:, own], error, pixels[rows])
     noise *= alikeness(curvature, slope, noise, ways)
-    inverse = np.linalg.inv(noise * np.linalg.inv(spread) + overlap)
-    root = np.linalg.cholesky(inverse)  # [B, K, K]
+    root = inverse_root(noise * np.linalg.inv(spread) + overlap)
     taken = np.einsum("bkhw,bkj->bjhw", maps, root, optimize=True).astype(np.float32)
     counted = replace(measured, sway=taken, sway_depth=depth)
     # A stroke that is wrong in many ways tells less of any one of them.
@@ -95,6 +96,13 @@ def with_sway(measured: Measured, model: Model, rows: Array) -> Measured:
     each = (np.bincount(group, rest) / np.bincount(group))[group]
     trust = np.clip(np.median(each) / each, 1 / _MOST_TRUST, _MOST_TRUST)
     return replace(counted, weight=measured.weight * (trust / trust.mean())[:, None, None].astype(np.float32))
+
+
+def inverse_root(matrices: Array) -> Array:
+    """R [B, K, K] with R R^T the inverse of symmetric positive matrices [B, K, K], be they so but for rounding."""
+    values, vectors = np.linalg.eigh((matrices + matrices.swapaxes(-1, -2)) / 2)
+    values = np.maximum(values, _LEAST_EIGENVALUE * values[:, -1:])
+    return np.asarray(vectors / np.sqrt(values)[:, None, :])
 
 
 def random_effects(overlap: Array, pull: Array, energy: Array, pixels: Array) -> tuple[Array, float]:
