@@ -31,17 +31,17 @@ def test_bundles_fill_their_cross_section(name: str) -> None:
     assert np.abs(bundle.place - bundle.place.mean(axis=0)).max() <= 1.15
 
 
+@pytest.mark.parametrize("bristles", [36, 37])
 @pytest.mark.parametrize("name", ["round_brush", "flat_brush", "marker"])
-def test_a_print_begins_as_far_before_its_middle_as_it_ends_behind_it(name: str) -> None:
-    tool = replace(load_world(name).tool, raggedness_m=0.001)
-    for seed in range(3):
-        bundle = make_bundle(tool, np.random.default_rng(seed))
-        laid = bundle.wetting * np.maximum(tool.splay_press_m - bundle.short_m, 0)
-        coarse = 1 / np.sqrt(tool.bristles)  # a bristle is all there or not
-        for along in bundle.place.T:
-            drawn = np.repeat(along, np.round(5000 * laid / laid.sum()).astype(int))
-            begins, ends = np.quantile(drawn, [0.1, 0.9])
-            assert abs(begins + ends) < coarse
+def test_a_print_lies_around_the_tip_at_every_press(name: str, bristles: int) -> None:
+    tool = replace(load_world(name).tool, bristles=bristles)
+    bundle = make_bundle(tool, np.random.default_rng(3))
+    assert len(bundle.place) == len(bundle.short_m) == len(bundle.wetting) == bristles
+    for press in np.linspace(0.2, 1.0, 5) * tool.splay_press_m:
+        laid = bundle.wetting * np.maximum(press - bundle.short_m, 0)
+        np.testing.assert_allclose(laid @ bundle.place, 0.0, atol=1e-9)
+        touching = bundle.place[laid > 0]
+        np.testing.assert_allclose(touching.min(0, initial=0), -touching.max(0, initial=0))
 
 
 def test_press_widens_a_round_brush_less_and_less() -> None:

@@ -54,47 +54,39 @@ class Drag:
     speed_m_s: Array
 
 
-_RIM = 0.1
-"""Share of a print's film outside of what counts as its rim."""
-
-
 def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
-    """Bristles over the tip's cross-section: a disc, or a rectangle with rounded corners for a flat tool."""
-    place = _scatter(tool, rng)
-    # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
-    tuft = _smooth_noise(place, rng)
-    short = tool.dome_m * _rim_distance(tool, place) ** 2 - MENISCUS_M
-    short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(place)))
-    wetting = 0.85 * np.exp(0.45 * _smooth_noise(place, rng) + 0.3 * rng.standard_normal(len(place)))
-    # A tool is mounted by its print, not by its ferrule: what it leaves under a usual press lies around the tip. A
-    # print off its middle would be a hidden lag, or an offset.
-    laid = wetting * np.maximum(tool.splay_press_m - short, 0)
-    return Bundle(place - _middle(place, laid), short, wetting)
+    """Bristles over the tip's cross-section: a disc, or a rectangle with rounded corners for a flat tool.
 
-
-def _middle(place: Array, laid: Array) -> Array:
-    """[2], half way between where a print [M, 2] begins and ends along each axis: a film soon hides what lies below,
-    so that the rims show where only a part of it was laid, ``laid`` [M].
+    The bundle is alike on both sides of its middle: each bristle has a twin opposite. At every press the print then
+    lies around the tip. One off its middle would draw as if it trailed, a cause that no world means to hide.
     """
-    middle = np.zeros(2)
-    for axis in range(2):
-        order = np.argsort(place[:, axis])
-        share = np.cumsum(laid[order]) / max(laid.sum(), 1e-12)
-        middle[axis] = np.interp([_RIM, 1 - _RIM], share, place[order, axis]).mean()
-    return middle
+    half = _scatter(tool, rng)
+    # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
+    tuft = _smooth_noise(half, rng)
+    short = tool.dome_m * _rim_distance(tool, half) ** 2 - MENISCUS_M
+    short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(half)))
+    wetting = 0.85 * np.exp(0.45 * _smooth_noise(half, rng) + 0.3 * rng.standard_normal(len(half)))
+    twins = slice(tool.bristles % 2, None)  # of an odd number, the first stands in the middle
+    return Bundle(
+        np.concatenate([half, -half[twins]]),
+        np.concatenate([short, short[twins]]),
+        np.concatenate([wetting, wetting[twins]]),
+    )
 
 
 def _scatter(tool: Tool, rng: np.random.Generator) -> Array:
-    """Blue-noise-like places: each bristle is the one of a few candidates that is farthest from those
-    before it.
+    """Blue-noise-like places of one of each pair of twins, and first the middle if the tool's bristles are an odd
+    number: each is the one of a few candidates that is farthest from those before it and their twins.
     """
     aspect = tool.half_thickness_m / tool.half_width_m
-    places = np.empty((tool.bristles, 2))
-    for i in range(tool.bristles):
+    places = np.zeros((-(-tool.bristles // 2), 2))
+    for i in range(tool.bristles % 2, len(places)):
         candidates = rng.uniform(-1, 1, (24, 2))
         candidates = candidates[_rim_distance(tool, candidates) <= 1][:6]
-        gap = (candidates[:, None, :] - places[None, :i, :]) * (1.0, aspect)
-        nearest = np.min((gap**2).sum(axis=2), axis=1, initial=9.0)
+        before = np.concatenate([places[:i], -places[:i]])
+        gap = (candidates[:, None, :] - before) * (1.0, aspect)
+        own = np.square(2 * candidates * (1.0, aspect)).sum(1, keepdims=True)  # to its own twin
+        nearest = np.min(np.concatenate([own, (gap**2).sum(axis=2)], axis=1), axis=1)
         places[i] = candidates[int(np.argmax(nearest))]
     return places
 
