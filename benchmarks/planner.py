@@ -27,24 +27,27 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import srgb_to_linear
-from pentimento.planning.config import LearningRates, PlannerConfig, Slack
+from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.descent import half_cosine
 from pentimento.planning.initialise import random_strokes
-from pentimento.planning.objectives.settings import ObjectivesConfig
-from pentimento.planning.painter import as_linear, paint
 from pentimento.planning.paints import choose_paints, in_order
 from pentimento.planning.palette import PaletteChoice
 from pentimento.planning.planner import free_plan, plan
-from pentimento.planning.scene import Scene, mishaps, objective_for, render_plan
-from pentimento.planning.strokes import StrokeTensors
+from pentimento.planning.render_plan import mishaps, render_and_back, render_plan
+from pentimento.planning.scene import Scene, objective_for, scene_with
+from pentimento.planning.strokes import Strokes
 from pentimento.planning.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
+from pentimento.runner.painter import as_linear, paint
+from pentimento.stroke_dynamics.extended import base_model
+from pentimento.stroke_dynamics.planned import TorchBrush
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 
 FloatArray = NDArray[np.float64]
+Light = NDArray[np.float32]
 
 DATA = Path(skimage.__file__).parent / "data"
 PICTURES = (*PHOTOGRAPHS, *(str(DATA / name) for name in ("hubble_deep_field.jpg", "motorcycle_left.png", "ihc.png")))
@@ -116,18 +119,18 @@ class _Clock:
             self.curve.loss.append(value)
 
 
-def scene_of(picture: str) -> tuple[Scene, torch.Tensor]:
+def scene_of(picture: str) -> tuple[Scene, Light]:
     """The picture as a task for the round brush, and a blank canvas."""
     shape = round(SIZE_M[1] * PIXELS_PER_M), round(SIZE_M[0] * PIXELS_PER_M)
-    target = torch.tensor(fit_to_canvas(load_photograph(picture), shape), dtype=torch.float32)
-    mark = Traj2Stroke(MODEL).requires_grad_(False)
-    paper = torch.tensor(srgb_to_linear(np.array(PAPER_SRGB)), dtype=torch.float32)
-    return Scene(load_tool("round_brush"), mark, SIZE_M, target), paper.expand(*shape, 3).contiguous()
+    target, tool = fit_to_canvas(load_photograph(picture), shape).astype(np.float32), load_tool("round_brush")
+    paper = srgb_to_linear(np.array(PAPER_SRGB, np.float32))
+    brush = TorchBrush(base_model(MODEL), tool, OURS.path_points)
+    return scene_with(brush, tool, SIZE_M, target), np.tile(paper, (*shape, 1))
 
 
 def plain_adam(
-    strokes: StrokeTensors,
-    canvas: torch.Tensor,
+    strokes: Strokes,
+    canvas: Light,
     scene: Scene,
     multiple: float,
     free_color: bool,
@@ -137,42 +140,41 @@ def plain_adam(
 ) -> None:
     """Move the strokes in place for ``ITERATIONS``, along a cosine from the rates to ``last_rate`` times them."""
     rates = asdict(PLAIN_RATES)
-    groups = [(t, multiple * rate) for t, rate in zip(strokes.tensors(), rates.values(), strict=True)]
+    # Tensors that share the strokes' memory: what moves them, moves the strokes.
+    shared = [torch.from_numpy(array) for array in strokes.arrays()]
+    groups = [(tensor, multiple * rate) for tensor, rate in zip(shared, rates.values(), strict=True)]
     groups = groups if free_color else groups[:-1]
-    for tensor, _ in groups:
-        tensor.requires_grad_(True)
     adam = torch.optim.Adam([{"params": [tensor], "lr": rate} for tensor, rate in groups])
     schedule = torch.optim.lr_scheduler.LambdaLR(adam, lambda i: half_cosine(i, ITERATIONS, 1.0, last_rate))
-    objective, rng = objective_for(scene, OURS), torch.Generator().manual_seed(OURS.seed)
+    objective, rng = objective_for(scene, OURS), np.random.default_rng(OURS.seed)
     for iteration in range(ITERATIONS + 1):
-        adam.zero_grad()
         mishap = mishaps(len(strokes), slack, rng) if slack.any() else None
-        loss = objective(render_plan(strokes, canvas, scene, OURS.path_points, mishap))
-        clock("objective", float(loss.detach()), iteration)
+        image, back = render_and_back(strokes, canvas, scene, mishap)
+        loss, of_image = objective(image)
+        clock("objective", loss, iteration)
         if iteration < ITERATIONS:
-            loss.backward()  # type: ignore[no-untyped-call]
+            for (tensor, _), gradient in zip(groups, back(of_image).arrays(), strict=False):
+                tensor.grad = torch.from_numpy(gradient)
             adam.step()
             schedule.step()
             strokes.keep_within(scene.tool, scene.canvas_size_m, OURS.edge_m)
-    for tensor, _ in groups:
-        tensor.requires_grad_(False)
 
 
-def _anywhere(scene: Scene, seed: int) -> StrokeTensors:
+def _anywhere(scene: Scene, seed: int) -> Strokes:
     """The baseline's start."""
     strokes = random_strokes(STROKES, scene.tool, SIZE_M, np.random.default_rng(seed))
     strokes.keep_within(scene.tool, SIZE_M, OURS.edge_m)
     return strokes
 
 
-def constant_adam(canvas: torch.Tensor, scene: Scene, seed: int) -> Curve:
+def constant_adam(canvas: Light, scene: Scene, seed: int) -> Curve:
     """The curve of Adam as it comes: our first learning rates, and they stay."""
     strokes, clock = _anywhere(scene, seed), _Clock(0)
     plain_adam(strokes, canvas, scene, 1.0, True, clock, 1.0)
     return clock.curve
 
 
-def best_adam(canvas: torch.Tensor, scene: Scene, seed: int) -> tuple[StrokeTensors, Curve, float]:
+def best_adam(canvas: Light, scene: Scene, seed: int) -> tuple[Strokes, Curve, float]:
     """The baseline's plan, its curve, and the multiple of the learning rates that it owes it to."""
     runs = []
     for multiple in MULTIPLES:
@@ -220,7 +222,7 @@ def _first_to_reach(row: dict[str, Any], which: str, baseline: Curve) -> tuple[f
 
 
 def _in_paints(
-    theirs: StrokeTensors, canvas: torch.Tensor, scene: Scene, multiple: float, seed: int, execute: bool
+    theirs: Strokes, canvas: Light, scene: Scene, multiple: float, seed: int, execute: bool
 ) -> dict[str, Any]:
     """All plans in 12 paints: the baselines ordered from light to dark and given as many iterations again."""
     objective = objective_for(scene, OURS)
@@ -239,21 +241,20 @@ def _in_paints(
     plans["ours"] = (*plan(canvas, scene, STROKES, config, _unheard), time.process_time() - start)
     result: dict[str, Any] = {}
     for name, (strokes, colors, seconds) in plans.items():
-        with torch.no_grad():
-            loss = float(objective(render_plan(strokes, canvas, scene, OURS.path_points)))
+        loss = objective(render_plan(strokes, canvas, scene))[0]
         changes = int((strokes.color[1:] != strokes.color[:-1]).any(1).sum())
         result[name] = {"loss": loss, "paint_changes": changes, "seconds": seconds}
         if execute:
             robot = VirtualRobot(Studio(load_world("round_brush"), seed))
             painting = paint(robot, scene, strokes, colors, STROKES, False, OURS, _unheard)
-            executed = float(objective(as_linear(painting.photos[-1])))
+            executed = objective(as_linear(painting.photos[-1]))[0]
             result[name] |= {"executed": executed, "gap": executed - loss}
     return result
 
 
 def _light_to_dark(
-    strokes: StrokeTensors, canvas: torch.Tensor, scene: Scene, multiple: float, seed: int, slack: Slack
-) -> tuple[StrokeTensors, FloatArray]:
+    strokes: Strokes, canvas: Light, scene: Scene, multiple: float, seed: int, slack: Slack
+) -> tuple[Strokes, FloatArray]:
     """A baseline's plan in 12 paints, and these, sRGB [K, 3]."""
     paints = choose_paints(strokes, OURS.palette, seed)
     strokes, paints = in_order(paints.dipped(strokes), paints, scene, replace(OURS, sweeps=1))

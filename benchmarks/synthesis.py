@@ -27,7 +27,9 @@ from pentimento.contracts.scenes import example_table
 from pentimento.copainting.synthesis.guided_descent import Guidance, descend_guided
 from pentimento.copainting.synthesis.pairs import Painter, Setting, plan_painting
 from pentimento.copainting.workers import Submit, gather, worker_pool
+from pentimento.objectives.torch_objective import TorchObjective
 from pentimento.planning.descent import optimise
+from pentimento.planning.fitted import Pace
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.scene import scene_with
 from pentimento.planning.target import fit_to_canvas, load_photograph
@@ -35,8 +37,9 @@ from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.semantics.objective import SemanticObjective
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.stroke_dynamics.extended import Pace, StrokeModel
+from pentimento.stroke_dynamics.extended import StrokeModel
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.planned import TorchBrush
 from pipelines._config import load_section
 from pipelines.synthesize_copaintings import SynthesizeCopaintings
 from pipelines.train_semantics import TrainSemantics
@@ -83,12 +86,13 @@ def measure_iterations() -> dict[str, float]:
     """Seconds of one iteration: ``print`` with the print objective only, ``guided`` with the semantic one, too."""
     setting = sized(SIDE_PX)
     config, guidance = setting.planner, replace(_guidance(setting), iterations=_TIMED_ITERATIONS, views=VIEWS)
-    target = torch.tensor(fit_to_canvas(load_photograph(_PICTURE), setting.planned_px), dtype=torch.float32)
-    scene = scene_with(_model(), load_tool(setting.tool), setting.canvas_m, target)
-    paper = torch.full_like(target, float(srgb_to_linear(np.array(setting.paper))))
+    target = fit_to_canvas(load_photograph(_PICTURE), setting.planned_px).astype(np.float32)
+    tool = load_tool(setting.tool)
+    scene = scene_with(TorchBrush(_model(), tool, config.path_points), tool, setting.canvas_m, target)
+    paper = np.full_like(target, srgb_to_linear(np.array(setting.paper)))
     start = random_strokes(STROKES, scene.tool, setting.canvas_m, np.random.default_rng(_SEED))
     start.keep_within(scene.tool, setting.canvas_m, config.edge_m)
-    meaning = SemanticObjective(_encoder(), target, VIEWS, _SEED)
+    meaning = TorchObjective(SemanticObjective(_encoder(), torch.from_numpy(target), VIEWS, _SEED))
 
     def unguided() -> None:
         optimise(start.pick(slice(None)), paper, scene, config, _TIMED_ITERATIONS, True, 1.0, _unheard, 0)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
@@ -19,13 +18,13 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.ranges import at_least
+from pentimento.objectives.settings import style_of
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.memory import beyond_fit, foreseen
-from pentimento.planning.objectives.print_objective import PrintObjective
-from pentimento.planning.painter import Image, Painting, as_linear, foretell, observe, paint
+from pentimento.planning.objective import PrintObjective
 from pentimento.planning.planner import plan
 from pentimento.planning.scene import Scene, scene_with
-from pentimento.planning.strokes import StrokeTensors, to_planned
+from pentimento.planning.strokes import Strokes, to_planned
 from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.driver import Robot
 from pentimento.robots.svg import SvgPlotter
@@ -33,8 +32,10 @@ from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.runner.act import Session, execute
 from pentimento.runner.observe import calibrate_camera
+from pentimento.runner.painter import Image, Painting, as_linear, foretell, observe, paint
 from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.stroke_dynamics.extended import StrokeModel, base_model, read_stroke_model
+from pentimento.stroke_dynamics.planned import TorchBrush
 from pentimento.stroke_dynamics.traj2stroke import read_parameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
@@ -43,6 +44,7 @@ from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
 
 FloatArray = NDArray[np.float64]
+Light = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,11 @@ def main(arguments: argparse.Namespace) -> None:
             "base": base_model(read_parameters(base_weights / "parameters.json")),
             "polyline": base_model(read_parameters(base_weights / "polyline.json")),
         }
+        style, light = style_of(setting.planner), target.astype(np.float32)
+        brushes = {name: TorchBrush(model, tool, setting.planner.path_points) for name, model in models.items()}
         scenes = {
-            name: scene_with(model, tool, robot.canvas_size_m, torch.tensor(target, dtype=torch.float32))
-            for name, model in models.items()
-        }
+            name: scene_with(brush, tool, robot.canvas_size_m, light, style) for name, brush in brushes.items()
+        }  # fmt: skip
         scene = scenes["extended"]
 
         losses: list[float] = []
@@ -121,7 +124,7 @@ def main(arguments: argparse.Namespace) -> None:
             losses.append(value)
 
         strokes, palette = plan(as_linear(blank), scene, config.strokes, setting.planner, log)
-        for sentence in _warnings(strokes, scene, setting.planner):
+        for sentence in _warnings(strokes, scene):
             print(f"paint: {sentence}", file=sys.stderr)
         paintings: dict[str, Painting] = {}
         for kind in ("without", "with"):
@@ -139,10 +142,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
         write_png(out / "plan.png", paintings["without"].foretold)
-        simpler = {
-            name: foretell(strokes, blank, scenes[name], setting.planner).clamp(0, 1).numpy()
-            for name in ("base", "polyline")
-        }
+        simpler = {name: np.clip(foretell(strokes, blank, scenes[name]), 0.0, 1.0) for name in ("base", "polyline")}
         write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
         (out / "frames").mkdir()
         for number, photo in enumerate(paintings["with"].photos):
@@ -181,13 +181,10 @@ def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
     return GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
 
 
-def _warnings(strokes: StrokeTensors, scene: Scene, config: PlannerConfig) -> list[str]:
+def _warnings(strokes: Strokes, scene: Scene) -> list[str]:
     """Where a plan leaves what the model was fitted to."""
-    if scene.extension is None:
-        return []
-    model = scene.extension.model
-    known = foreseen(strokes, scene.tool, scene.extension, config.path_points, model.fitted)
-    return beyond_fit(known, model)
+    fitted = scene.brush.fitted
+    return beyond_fit(foreseen(strokes, scene.tool, scene.brush, scene.start, fitted), fitted)
 
 
 def _plot(
@@ -207,15 +204,15 @@ def _plot(
 
 
 def _metrics(
-    scene: Scene, blank: Image, simpler: dict[str, FloatArray], paintings: dict[str, Painting], config: PlannerConfig
+    scene: Scene, blank: Image, simpler: dict[str, Light], paintings: dict[str, Painting], config: PlannerConfig
 ) -> dict[str, Any]:
     """Errors against the target and against the plan; mean squared differences in sRGB in [0, 1]."""
-    target = linear_to_srgb(scene.target.double().numpy())
+    target = linear_to_srgb(scene.target.astype(np.float64))
     objective = PrintObjective(scene.target, config.distances_px)
     final = {kind: painting.photos[-1] for kind, painting in paintings.items()}
 
     def error(image: Image) -> float:
-        return float(objective(as_linear(image)))
+        return objective(as_linear(image))[0]
 
     def mse(one: NDArray[np.floating], other: NDArray[np.floating]) -> float:
         return float(np.square(one - other).mean())

@@ -32,11 +32,11 @@ HEAVY |= {
 }
 TRACKING = {"mlflow", "dvc"}
 
-LEAN = {"contracts", "render", "studio", "robots", "runner"}
+LEAN = {"contracts", "render", "studio", "robots", "planning", "runner"}
 WORKSHOP = {
     "stroke_dynamics",
     "push_dynamics",
-    "planning",
+    "objectives",
     "semantics",
     "copainting",
     "gap",
@@ -49,7 +49,8 @@ ALLOWED = {
     "render": {"contracts"},
     "studio": {"contracts"},
     "robots": {"contracts", "studio", "runner"},  # studio: the virtual robot alone; runner: safety alone
-    "runner": {"contracts", "render", "robots"},
+    "planning": {"contracts", "render", "robots"},
+    "runner": {"contracts", "render", "robots", "planning"},
     **{package: (LEAN - {"studio"}) | WORKSHOP for package in WORKSHOP},
     "cli": LEAN | WORKSHOP,
 }

@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 from pentimento.copainting.evaluation.goal_plans import Easel, Medium
 from pentimento.copainting.scenes.ink_tones import InkTones
-from pentimento.planning.config import LearningRates, PlannerConfig, Slack
-from pentimento.planning.objectives.settings import ObjectivesConfig
+from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
 from pentimento.stroke_dynamics.extended import base_model

@@ -10,8 +10,7 @@ from pentimento.copainting.scenes.ink_tones import InkTones
 from pentimento.copainting.synthesis.guided_descent import Guidance
 from pentimento.copainting.synthesis.pairs import Setting
 from pentimento.copainting.synthesis.partials import PartialsConfig
-from pentimento.planning.config import LearningRates, PlannerConfig, Slack
-from pentimento.planning.objectives.settings import ObjectivesConfig
+from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.palette import PaletteChoice
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer

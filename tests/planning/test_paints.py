@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from pentimento.contracts.colour import srgb_to_lab
 from pentimento.contracts.errors import ConfigError
@@ -12,9 +11,8 @@ from pentimento.planning.ordering import overlaps, paint_changes, sweep_order, v
 from pentimento.planning.paints import Paints, choose_paints, in_order, repaint
 from pentimento.planning.palette import PaletteChoice, picture_palette
 from pentimento.planning.planner import plan
-from pentimento.planning.scene import coverages
-from tests.planning.test_mending import strokes_at
-from tests.planning.test_planning import CONFIG, INK, WHITE, loss, scene, unheard
+from pentimento.planning.render_plan import coverages
+from tests.planning.scenes import CONFIG, INK, WHITE, loss, scene, strokes_at, unheard
 
 FOUR = ((0.9, 0.9, 0.85), (0.7, 0.2, 0.2), (0.2, 0.5, 0.3), (0.1, 0.1, 0.1))
 
@@ -74,7 +72,7 @@ def test_an_overlap_shows_only_from_below_to_above_and_between_colours() -> None
 def test_a_strokes_coverage_is_its_area() -> None:
     """ρ(1 − d/R)^c integrates to 2Rρ/(c + 1) across the path, and to 2πR²ρ/((c + 1)(c + 2)) round both ends."""
     places = np.random.default_rng(0).uniform((0.04, 0.03), (0.08, 0.05), (200, 2))
-    covers = coverages(strokes_at(*((float(x), float(y)) for x, y in places)), scene(), 10, 60)
+    covers = coverages(strokes_at(*((float(x), float(y)) for x, y in places)), scene(), 60)
     assert covers.shape == (200, 60 * 40)
     radius, density, softness = 3e-3, 0.95, 0.2  # at contact 2 mm, and 1 mm of press
     ends = 2 * np.pi * radius**2 / ((softness + 1) * (softness + 2))
@@ -118,10 +116,10 @@ def test_repainting_lowers_the_loss_and_never_raises_it() -> None:
 
 def test_ordering_keeps_each_strokes_colour() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
-    paints = Paints(torch.tensor([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]]), torch.tensor([0, 1, 0, 1]))
+    paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]))
     ordered, sorted_paints = in_order(paints.dipped(strokes), paints, scene(), replace(CONFIG, sweeps=1))
-    torch.testing.assert_close(sorted_paints.linear[sorted_paints.index], ordered.color)
-    torch.testing.assert_close(ordered.color[:, 0], torch.tensor([0.8, 0.8, 0.1, 0.1]))
+    np.testing.assert_allclose(sorted_paints.linear[sorted_paints.index], ordered.color, rtol=1e-5)
+    np.testing.assert_allclose(ordered.color[:, 0], [0.8, 0.8, 0.1, 0.1], rtol=1e-5)
 
 
 def test_a_palette_that_does_not_fit_is_a_sentence() -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.planning.objectives.settings import ObjectivesConfig
 from pentimento.planning.palette import PaletteChoice
 
 Log = Callable[[str, float, int], None]
@@ -49,6 +48,40 @@ class Slack:
 
 
 @dataclass(frozen=True)
+class StyleConfig:
+    """The style objective."""
+
+    weight: float
+    """Beside a print objective of weight 1, .02 is seen in a painting and .08 recolours it."""
+    picture: str
+    """A file, or the name of a photograph that scikit-image ships."""
+    features: Literal["local", "vgg16"]
+    vgg16_weights: str | None
+    """File of torchvision's VGG-16 state dict, for ``features: vgg16``."""
+
+    def __post_init__(self) -> None:
+        above_zero(self, "weight")
+        if (self.features == "vgg16") != (self.vgg16_weights is not None):
+            raise ValueError(
+                f"vgg16_weights is {self.vgg16_weights!r} while features is {self.features!r}; "
+                "give the file with vgg16, and null otherwise."
+            )
+
+
+@dataclass(frozen=True)
+class ObjectivesConfig:
+    """The weighted sum that a plan is optimised for (thesis eq. 4.5)."""
+
+    print_weight: float
+    style: StyleConfig | None
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "print_weight")
+        if self.print_weight == 0 and self.style is None:
+            raise ValueError("print_weight is 0 and style is null; give at least one objective a weight.")
+
+
+@dataclass(frozen=True)
 class PlannerConfig:
     """How a plan is made."""
 
@@ -81,6 +114,7 @@ class PlannerConfig:
     sweeps: int
     """So many times the brush goes through the paints from light to dark, at most; 1 is the thesis's order."""
     path_points: int
+    """Of the brush that is planned with."""
     pixels_per_m: float
     """Resolution of planning."""
     edge_m: float

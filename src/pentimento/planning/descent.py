@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
-from pentimento.planning.config import Log, PlannerConfig, Slack
+from pentimento.planning.adam import Adam
+from pentimento.planning.config import Log, PlannerConfig
+from pentimento.planning.model import Objective
 from pentimento.planning.paints import Paints
-from pentimento.planning.scene import Mishap, Scene, expected_mishap, inherit, mishaps, objective_for, render_plan
-from pentimento.planning.strokes import StrokeTensors
+from pentimento.planning.render_plan import Mishap, expected_mishap, mishaps, render_and_back, render_plan
+from pentimento.planning.scene import Scene, inherit, objective_for
+from pentimento.planning.strokes import Strokes
 
-_BETAS = (0.85, 0.97)
-"""Adam's memory: runs are a few to tens of iterations long; with the usual .999 the start of each run rules all of
-it."""
+Array = NDArray[np.float32]
 
 
 def optimise(
-    strokes: StrokeTensors,
-    canvas: Tensor,
+    strokes: Strokes,
+    canvas: Array,
     scene: Scene,
     config: PlannerConfig,
     iterations: int,
@@ -29,67 +31,84 @@ def optimise(
     last_rate: float = 0.0,
     paints: Paints | None = None,
 ) -> None:
-    """Move the strokes, in place, down the objective, always within what tool and canvas allow.
+    """Move the strokes, in place, down the planner's objective, always within what tool and canvas allow.
 
     They end where the objective was least on the way, so never worse than they started. Where the plan leaves room for
-    mishaps, each iteration sees others, and start and end are compared under the expected ones. ``rate`` is a share of
-    the learning rates; it falls to ``last_rate`` along half a cosine. With ``paints``, it is they whose colours are
-    free: strokes of one paint share one colour. ``log("objective", value, iteration)`` is called at every iteration.
+    mishaps, each iteration sees others, and start and end are compared under the expected ones. See ``descend`` for the
+    rest. ``log("objective", value, iteration)`` is called at every iteration.
+    """
+    objective, slack = objective_for(scene, config), config.slack
+    expected = expected_mishap(len(strokes), slack) if slack.any() else None
+    rng = np.random.default_rng([config.seed, 2, first_iteration])
+
+    def mishap(iteration: int) -> Mishap | None:
+        return mishaps(len(strokes), slack, rng) if slack.any() and iteration > 0 else expected
+
+    least, best, kept_paints = np.inf, strokes.pick(slice(None)), None if paints is None else paints.linear.copy()
+    way = descend(
+        strokes, canvas, scene, config, objective, iterations, free_color, rate, last_rate, paints, mishap
+    )  # fmt: skip
+    for iteration, value in enumerate(way):
+        if value < least and (iteration == 0 or not slack.any()):
+            least, best = value, strokes.pick(slice(None))
+            kept_paints = None if paints is None else paints.linear.copy()
+        log("objective", value, first_iteration + iteration)
+    if objective(render_plan(strokes, canvas, scene, expected))[0] < least:
+        return
+    for array, kept in zip(strokes.arrays(), best.arrays(), strict=True):
+        array[:] = kept
+    if paints is not None and kept_paints is not None:
+        paints.linear[:] = kept_paints
+
+
+def descend(
+    strokes: Strokes,
+    canvas: Array,
+    scene: Scene,
+    config: PlannerConfig,
+    objective: Objective,
+    iterations: int,
+    free_color: bool,
+    rate: float,
+    last_rate: float = 0.0,
+    paints: Paints | None = None,
+    mishap: Callable[[int], Mishap | None] = lambda _: None,
+) -> Iterator[float]:
+    """Move the strokes, in place, down an objective, always within what tool and canvas allow.
+
+    Each iteration's objective is yielded, and the strokes are moved when the next is asked for; after the last they
+    stand where it left them. What they inherit is held as it is at the start.
+
+    Args:
+        canvas: [H, W, 3], linear light: what they are laid upon.
+        rate: share of the learning rates; it falls to ``last_rate`` along half a cosine.
+        paints: it is they whose colours are free: strokes of one paint share one colour.
+        mishap: what befalls the strokes in an iteration.
     """
     rates = config.learning_rates
-    groups = [
-        (strokes.middle_m, rates.middle_m),
-        (strokes.theta_rad, rates.theta_rad),
-        (strokes.length_m, rates.length_m),
-        (strokes.bend_m, rates.bend_m),
-        (strokes.press_m, rates.press_m),
-    ]
-    if free_color:
-        groups.append((strokes.color if paints is None else paints.linear, rates.color))
-    objective = objective_for(scene, config)
-    strokes.inherited = inherit(strokes, scene, config.path_points)
-    for tensor, _ in groups:
-        tensor.requires_grad_(True)
-    optimiser = torch.optim.Adam(
-        [{"params": [tensor], "lr": step} for tensor, step in groups], betas=_BETAS, fused=True
-    )
-    rng = torch.Generator().manual_seed(1000 * config.seed + first_iteration)
-    least, best, kept_paints = float("inf"), strokes.pick(slice(None)), None
-    for iteration in range(iterations + 1):
-        optimiser.zero_grad()
+    own = [rates.middle_m, rates.theta_rad, rates.length_m, rates.bend_m, rates.press_m, rates.color]
+    moved = list(strokes.arrays()) if paints is None else [*strokes.arrays()[:-1], paints.linear]
+    if not free_color:
+        own, moved = own[:-1], moved[:-1]
+    adam = Adam(moved)
+    strokes.inherited = inherit(strokes, scene)
+    for iteration in range(iterations):
         if paints is not None:
-            strokes.color = paints.linear[paints.index]
-        mishap = _mishap(iteration in (0, iterations), len(strokes), config.slack, rng)
-        loss = objective(render_plan(strokes, canvas, scene, config.path_points, mishap))
-        value = float(loss.detach())
-        if value < least and (not config.slack.any() or iteration in (0, iterations)):
-            least, best = value, strokes.pick(slice(None))
-            kept_paints = None if paints is None else paints.linear.detach().clone()
-        if iteration == iterations:
-            break
+            strokes.color[:] = paints.linear[paints.index]
+        image, back = render_and_back(strokes, canvas, scene, mishap(iteration))
+        value, of_image = objective(image)
+        yield value
+        gradients = list(back(of_image).arrays())
+        if paints is not None:
+            of_paints = np.zeros_like(paints.linear)
+            np.add.at(of_paints, paints.index, gradients[-1])
+            gradients[-1] = of_paints
         share = half_cosine(iteration, iterations, rate, last_rate)
-        for group, (_, step) in zip(optimiser.param_groups, groups, strict=True):
-            group["lr"] = share * step
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
+        adam.step(gradients[: len(moved)], [share * step for step in own])
         if paints is not None:
-            strokes.color = strokes.color.detach()
-            paints.linear.data.clamp_(0.0, 1.0)
+            np.clip(paints.linear, 0.0, 1.0, out=paints.linear)
+            strokes.color[:] = paints.linear[paints.index]
         strokes.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
-        log("objective", value, first_iteration + iteration)
-    for tensor, _ in groups:
-        tensor.requires_grad_(False)
-    if paints is not None and kept_paints is not None:
-        paints.linear.copy_(kept_paints)
-        strokes.color = best.color
-    for tensor, kept in zip(strokes.tensors(), best.tensors(), strict=True):
-        tensor.copy_(kept)
-
-
-def _mishap(judged: bool, strokes: int, slack: Slack, rng: torch.Generator) -> Mishap | None:
-    if not slack.any():
-        return None
-    return expected_mishap(strokes, slack) if judged else mishaps(strokes, slack, rng)
 
 
 def half_cosine(iteration: int, iterations: int, first: float, last: float) -> float:

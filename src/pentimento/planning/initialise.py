@@ -10,17 +10,18 @@ from typing import Any
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import srgb_to_linear
 from pentimento.planning.config import PlannerConfig
+from pentimento.planning.render_plan import marks_px
 from pentimento.planning.saliency import saliency
-from pentimento.planning.scene import Scene, inherit, marks_px
-from pentimento.planning.strokes import StrokeTensors
+from pentimento.planning.scene import Scene, inherit
+from pentimento.planning.strokes import Strokes
 from pentimento.render.strokewise import fall_with
 from pentimento.robots.tools import Tool
 
+Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -28,9 +29,7 @@ _SPREAD = 0.6
 """Of a candidate's length and press about the round's, as a standard deviation of their logarithm."""
 
 
-def random_strokes(
-    count: int, tool: Tool, canvas_size_m: tuple[float, float], rng: np.random.Generator
-) -> StrokeTensors:
+def random_strokes(count: int, tool: Tool, canvas_size_m: tuple[float, float], rng: np.random.Generator) -> Strokes:
     """Uniform over place, heading, shape, press and colour."""
     return _strokes(
         rng.uniform((0, 0), canvas_size_m, (count, 2)),
@@ -44,12 +43,12 @@ def random_strokes(
 def guided_strokes(
     count: int,
     size: float,
-    canvas: torch.Tensor,
+    canvas: Array,
     scene: Scene,
     config: PlannerConfig,
     paints: FloatArray | None,
     rng: np.random.Generator,
-) -> tuple[StrokeTensors, FloatArray]:
+) -> tuple[Strokes, FloatArray]:
     """Strokes laid where the canvas differs most from the target, along the target's edges, in its colours.
 
     Args:
@@ -60,7 +59,7 @@ def guided_strokes(
     Returns:
         The strokes, and by how much each of them alone lowers the error, summed over pixels.
     """
-    tool, target, image = scene.tool, scene.target.double().numpy(), canvas.double().numpy()
+    tool, target, image = scene.tool, scene.target.astype(np.float64), canvas.astype(np.float64)
     k = scene.pixels_per_m
     wide_px = max(tool.nominal_width_m * k, 1.0)
     length: float = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7
@@ -75,24 +74,27 @@ def guided_strokes(
     along = _edge_heading(np.sqrt(target), wide_px)[rows, columns]
     candidates = _candidates(config.candidates, middle, along, length, press, tool, rng)
     candidates.keep_within(tool, scene.canvas_size_m, config.edge_m)
-    candidates.color = torch.tensor(_tone_along(candidates, tone, scene, paints), dtype=torch.float32)
+    candidates.color = _tone_along(candidates, tone, scene, paints).astype(np.float32)
     # All candidates for one place would stand at the same place of the plan.
-    inherits = inherit(candidates.pick(slice(0, count)), scene, config.path_points)
-    if inherits is not None:
-        candidates.inherited = {name: values.repeat(config.candidates) for name, values in inherits.items()}
+    inherits = inherit(candidates.pick(slice(0, count)), scene)
+    candidates.inherited = {name: np.tile(values, config.candidates) for name, values in inherits.items()}
     gains = fall_with(*stroke_arrays(candidates, canvas, scene, config)).reshape(config.candidates, count)
     best = np.argmax(gains, axis=0)
-    chosen = candidates.pick(torch.from_numpy(best * count + np.arange(count)))
+    chosen = candidates.pick(best * count + np.arange(count))
     chosen.inherited = None  # they stand elsewhere when they are added
     return chosen, np.max(gains, axis=0)
 
 
-def stroke_arrays(strokes: StrokeTensors, canvas: torch.Tensor, scene: Scene, config: PlannerConfig) -> tuple[Any, ...]:
-    """The arguments of ``render.strokewise``'s functions: marks, colours, canvas, target and viewing distances."""
-    with torch.no_grad():
-        points, radius, mark = marks_px(strokes, scene, config.path_points)
-    tensors = (points, radius, mark.density, mark.softness, strokes.color, canvas, scene.target)
-    return *(tensor.detach().contiguous().numpy() for tensor in tensors), config.distances_px
+def stroke_arrays(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> tuple[Any, ...]:
+    """The arguments of ``render.strokewise``'s functions: marks, colours, canvas, target and viewing distances.
+
+    Colours are as planned, without what a camera makes of them: its effect on the whole picture is left out here, too,
+    and one without the other misleads.
+    """
+    points, radius, marks = marks_px(strokes, scene)
+    return (
+        points, radius, marks.density, marks.softness, strokes.color, canvas, scene.target, config.distances_px,
+    )  # fmt: skip
 
 
 def _candidates(
@@ -103,7 +105,7 @@ def _candidates(
     press: float,
     tool: Tool,
     rng: np.random.Generator,
-) -> StrokeTensors:
+) -> Strokes:
     """``tries`` times one stroke at each place: of three, two along the edge there; of two, one pressed as hard as
     chance has it.
 
@@ -120,11 +122,11 @@ def _candidates(
     return _strokes((middle + beside).reshape(-1, 2), *flat, np.zeros((heading.size, 3)))
 
 
-def _tone_along(strokes: StrokeTensors, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
+def _tone_along(strokes: Strokes, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
     """[S, 3] mean colour of ``tone`` under each stroke, linear light; the nearest paint, where there are paints."""
     if scene.tool.color_srgb is not None:
         return np.zeros((len(strokes), 3)) + _own_ink(scene.tool)
-    path = strokes.paths(7)[:, 1:-1, 1:3].numpy()
+    path = strokes.paths(7)[:, 1:-1, 1:3]
     height, width = tone.shape[:2]
     k = scene.pixels_per_m
     columns = np.clip(path[..., 0] * k, 0, width - 1).astype(int)
@@ -176,15 +178,7 @@ def _edge_heading(tone: FloatArray, scale_px: float) -> FloatArray:
 
 def _strokes(
     middle_m: FloatArray, theta_rad: FloatArray, length_m: FloatArray, press_m: FloatArray, color: FloatArray
-) -> StrokeTensors:
-    def leaf(array: FloatArray) -> torch.Tensor:
-        return torch.tensor(array, dtype=torch.float32)
-
-    return StrokeTensors(
-        leaf(middle_m),
-        leaf(theta_rad),
-        leaf(length_m),
-        torch.zeros(len(theta_rad)),
-        leaf(np.repeat(press_m[:, None], 3, axis=1)),
-        leaf(color),
-    )
+) -> Strokes:
+    presses = np.repeat(press_m[:, None], 3, axis=1)
+    arrays = (middle_m, theta_rad, length_m, np.zeros(len(theta_rad)), presses, color)
+    return Strokes(*(array.astype(np.float32) for array in arrays))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from pentimento.render.coverage import compiled
 
@@ -44,8 +43,7 @@ def sweep_order(covers: FloatArray, colors_srgb: FloatArray, paint: IntArray, sw
 def overlaps(covers: FloatArray, colors_srgb: FloatArray) -> FloatArray:
     """[S, S] how much it would show if stroke i lay over the later stroke j: seen overlap times colour difference²."""
     difference = np.square(colors_srgb[:, None] - colors_srgb).sum(-1)
-    seen_over = csr_array(covers) @ csr_array(visible(covers)).T  # few strokes cover a pixel
-    return np.triu(seen_over.toarray() * difference, k=1)
+    return np.triu(_seen_over(covers, visible(covers)) * difference, k=1)
 
 
 def visible(covers: FloatArray) -> FloatArray:
@@ -72,3 +70,20 @@ def _sweeps(shows: FloatArray, paint: IntArray, given_up: float) -> IntArray:
             if shows[i, j] > given_up:
                 sweep[j] = max(sweep[j], sweep[i] + (1 if paint[i] > paint[j] else 0))
     return sweep
+
+
+@compiled
+def _seen_over(covers: FloatArray, shown: FloatArray) -> FloatArray:
+    """[S, S] covers @ shown.T, by pixel: few strokes cover one."""
+    total = np.zeros((len(covers), len(covers)))
+    here = np.empty(len(covers), np.int64)
+    for p in range(covers.shape[1]):
+        count = 0
+        for s in range(len(covers)):
+            if covers[s, p] > 0.0:
+                here[count] = s
+                count += 1
+        for i in range(count):
+            for j in range(i, count):
+                total[here[i], here[j]] += covers[here[i], p] * shown[here[j], p]
+    return total

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
 
 from pentimento.contracts.colour import lab_to_srgb, srgb_to_lab, to_float
+from pentimento.planning.kmeans import weighted_kmeans
 from pentimento.planning.target import load_photograph
 
 FloatArray = NDArray[np.float64]
@@ -61,8 +61,8 @@ def cluster_palette(colors_srgb: FloatArray, weights: FloatArray, size: int, see
     """
     lab = srgb_to_lab(np.asarray(colors_srgb, dtype=np.float64))
     size = min(size, len(np.unique(lab.round(6), axis=0)))
-    found = KMeans(size, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
-    palette = light_first(np.clip(lab_to_srgb(found.cluster_centers_), 0.0, 1.0))
+    centres = weighted_kmeans(lab, weights, size, np.random.default_rng([seed, 3]))
+    palette = light_first(np.clip(lab_to_srgb(centres), 0.0, 1.0))
     return palette, nearest_paint(colors_srgb, palette)
 
 

@@ -8,18 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from pentimento.planning.config import Log, PlannerConfig
 from pentimento.planning.descent import half_cosine, optimise
 from pentimento.planning.initialise import guided_strokes, random_strokes
 from pentimento.planning.paints import Paints, check_palette, choose_paints, in_order, repaint
 from pentimento.planning.relocate import relocate
-from pentimento.planning.scene import Scene, coarser, first_pass, objective_for, render_plan
-from pentimento.planning.strokes import StrokeTensors, no_strokes, with_color
+from pentimento.planning.render_plan import render_plan
+from pentimento.planning.scene import Scene, coarser, first_pass, objective_for
+from pentimento.planning.strokes import Strokes, no_strokes, with_color
 
+Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 _ROUND_END = 0.3
@@ -36,12 +36,12 @@ _PAINT_RATE = 0.5
 class Draft:
     """A plan in the making."""
 
-    strokes: StrokeTensors
+    strokes: Strokes
     paints: Paints | None
     """None while colours are free, and for a tool with its own ink."""
 
 
-def plan(canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[StrokeTensors, FloatArray]:
+def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[Strokes, FloatArray]:
     """Up to ``count`` strokes in the order of execution, and their palette, sRGB [K, 3] from light to dark.
 
     ``log("objective", value, iteration)`` is called at every iteration.
@@ -65,8 +65,8 @@ def plan(canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, log: L
 
 
 def free_plan(
-    canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
-) -> StrokeTensors:
+    canvas: Array, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
+) -> Strokes:
     """Up to ``count`` strokes, each in a colour of its own, in the order in which they were laid: coarse below fine."""
     first_scene, first_config = first_pass(scene, config)
     strokes = _in_rounds(canvas, first_scene, count, first_config, rng, log)
@@ -76,20 +76,21 @@ def free_plan(
 
 
 def _in_rounds(
-    canvas: Tensor, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
-) -> StrokeTensors:
+    canvas: Array, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
+) -> Strokes:
     """Strokes added round by round, coarse to fine, at half the resolution."""
     small, small_canvas, small_config = coarser(scene, canvas, config)
     strokes = no_strokes()
     objective = objective_for(small, small_config)
 
     def loss() -> float:
-        with torch.no_grad():
-            return float(objective(render_plan(strokes, small_canvas, small, config.path_points)))
+        return objective(render_plan(strokes, small_canvas, small))[0]
 
     first, last = config.sizes
     before = loss()
     for number, share in enumerate(round_shares(count, config.rounds)):
+        if share == 0:
+            continue
         size = last + (first - last) * (1 - number / max(config.rounds - 1, 1)) ** 2
         strokes = strokes.joined(_new_strokes(share, size, strokes, small_canvas, small, small_config, rng))
         optimise(
@@ -113,20 +114,19 @@ def round_shares(count: int, rounds: int) -> list[int]:
 def _new_strokes(
     count: int,
     size: float,
-    present: StrokeTensors,
-    canvas: Tensor,
+    present: Strokes,
+    canvas: Array,
     scene: Scene,
     config: PlannerConfig,
     rng: np.random.Generator,
-) -> StrokeTensors:
+) -> Strokes:
     if config.initialisation == "random":
         new = random_strokes(count, scene.tool, scene.canvas_size_m, rng)
         if scene.tool.color_srgb is not None:
-            new = with_color(new, torch.tensor(scene.tool.color_srgb).expand(count, 3))
+            new = with_color(new, np.tile(np.array(scene.tool.color_srgb, np.float32), (count, 1)))
         new.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
         return new
-    with torch.no_grad():
-        image = render_plan(present, canvas, scene, config.path_points)
+    image = render_plan(present, canvas, scene)
     return guided_strokes(count, size, image, scene, config, None, rng)[0]
 
 
@@ -134,7 +134,7 @@ def _in_stretches(
     draft: Draft,
     iterations: int,
     rate: float,
-    canvas: Tensor,
+    canvas: Array,
     scene: Scene,
     config: PlannerConfig,
     rng: np.random.Generator,
@@ -142,6 +142,8 @@ def _in_stretches(
     done: int,
 ) -> Draft:
     """Descend by ``iterations`` in stretches of ``config.relocate_every``, mending in between; the rate falls to 0."""
+    if iterations == 0:
+        return draft
     free = scene.tool.color_srgb is None and (draft.paints is None or config.palette.source == "plan")
     small, small_canvas, small_config = coarser(scene, canvas, config)
     likeness = config.objectives.print_weight > 0  # else nothing says where strokes should go
@@ -157,13 +159,13 @@ def _in_stretches(
     return draft
 
 
-def _mended(draft: Draft, canvas: Tensor, scene: Scene, config: PlannerConfig, rng: np.random.Generator) -> Draft:
+def _mended(draft: Draft, canvas: Array, scene: Scene, config: PlannerConfig, rng: np.random.Generator) -> Draft:
     """Idle strokes relocated and, with paints, some exchanged and the order restored."""
     paints = draft.paints
-    colors = None if paints is None else paints.linear.double().numpy()
+    colors = None if paints is None else paints.linear.astype(np.float64)
     strokes = relocate(draft.strokes, canvas, scene, config, colors, rng)[0]
     if paints is None:
         return Draft(strokes, None)
-    index = torch.cdist(strokes.color, paints.linear).argmin(1)
+    index = np.square(strokes.color[:, None] - paints.linear).sum(-1).argmin(1)
     strokes, paints = repaint(strokes, Paints(paints.linear, index), canvas, scene, config)
     return Draft(*in_order(strokes, paints, scene, config))

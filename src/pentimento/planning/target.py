@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
 import numpy as np
-import skimage
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float
@@ -23,17 +23,27 @@ def load_photograph(name_or_path: str) -> NDArray[np.uint8]:
     """RGB [H, W, 3] of a file, or of one of ``PHOTOGRAPHS``.
 
     Raises:
-        ImageError: neither a name that is known nor a file that can be read.
+        ImageError: neither a name that is known nor a file that can be read, or scikit-image is not there.
     """
     if name_or_path in PHOTOGRAPHS:
-        folder = Path(skimage.__file__).parent / "data"
-        return read_image(next(folder.glob(f"{name_or_path}.*")))
+        return read_image(next(_samples().glob(f"{name_or_path}.*")))
     if not Path(name_or_path).is_file():
         raise ImageError(
             f"There is no photograph {name_or_path!r}: give the path of an image file or one of "
             f"{', '.join(PHOTOGRAPHS)}."
         )
     return read_image(Path(name_or_path))
+
+
+def _samples() -> Path:
+    """The folder of photographs that scikit-image ships; the lean core is installed without it."""
+    found = find_spec("skimage")
+    if found is None or found.origin is None:
+        raise ImageError(
+            f"The photographs {', '.join(PHOTOGRAPHS)} come with scikit-image, which is not installed: install "
+            "pentimento[train], or give the path of an image file."
+        )
+    return Path(found.origin).parent / "data"
 
 
 def fit_to_canvas(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArray:

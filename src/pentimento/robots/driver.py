@@ -56,6 +56,14 @@ class Robot(Protocol):
         """Execute one stroke; returns the measured path [N, 5], NaN where nothing was measured."""
         ...
 
+    def lift(self) -> None:
+        """Stop where the tool is and raise it off the canvas.
+
+        May be called at any time: from another thread, while a move is on its way (which then raises), and
+        after a fault. Returns when the tool is up; raises where that cannot be said.
+        """
+        ...
+
     def photo(self) -> Photo:
         """The raw camera frame."""
         ...

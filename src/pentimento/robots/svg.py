@@ -85,6 +85,9 @@ class SvgPlotter:
         self._clock_s += float(points[-1, 0])
         return np.full(points.shape, np.nan)
 
+    def lift(self) -> None:
+        """Nothing to do: a drawing on file has no tool that could rest on it."""
+
     def photo(self) -> Photo:
         raise MissingAbilityError("An SVG plotter has no camera; paint in the open loop or use a robot with one.")
 

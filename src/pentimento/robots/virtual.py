@@ -57,6 +57,9 @@ class VirtualRobot:
     def move(self, path: FloatArray) -> FloatArray:
         return self._studio.stroke(path)
 
+    def lift(self) -> None:
+        """Nothing to do: a studio's stroke is made in one step, and ends with the tool above the sheet."""
+
     def photo(self) -> Photo:
         return self._studio.photo()
 

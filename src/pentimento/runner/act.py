@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.plan import PlannedStroke
+from pentimento.robots.dipping import needs_dip, same_colour
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
-
-_SAME_COLOUR = 0.5 / 255
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def execute_stroke(
     paint = _paint_of(stroke, tool, palette_srgb, 0)
     dip = needs_dip(tool, stroke, memory)
     if dip:
-        if not _same_colour(memory.last_color_srgb, stroke.color_srgb):
+        if not same_colour(memory.last_color_srgb, stroke.color_srgb):
             robot.wipe()
         robot.dip(paint)
     measured = robot.move(stroke.path)
@@ -117,24 +116,11 @@ def execute_stroke(
     return advance(memory, event), ExecutedStroke(event, covariates(memory, event), measured)
 
 
-def needs_dip(tool: Tool, stroke: PlannedStroke, memory: Memory) -> bool:
-    """Whether the tool must be dipped before the stroke."""
-    if not tool.dips:
-        return False
-    changes = not _same_colour(memory.last_color_srgb, stroke.color_srgb)  # also where nothing is known yet
-    return stroke.dip or changes or memory.since_reload >= tool.strokes_per_dip
-
-
-def _same_colour(one_srgb: FloatArray, other_srgb: FloatArray) -> bool:
-    """Whether two colours are one 8-bit colour; never true of NaN."""
-    return bool(np.all(np.abs(np.asarray(one_srgb) - np.asarray(other_srgb)) <= _SAME_COLOUR))
-
-
 def _paint_of(stroke: PlannedStroke, tool: Tool, palette_srgb: FloatArray, index: int) -> int:
     """Index of the stroke's colour on the palette (0 for a tool with its own ink)."""
     available = np.array([tool.color_srgb]) if tool.color_srgb is not None else np.asarray(palette_srgb)
     for paint, color in enumerate(available):
-        if _same_colour(color, stroke.color_srgb):
+        if same_colour(color, stroke.color_srgb):
             return paint
     place = f"the {tool.name}'s own" if tool.color_srgb is not None else "on the palette"
     raise ContractError(

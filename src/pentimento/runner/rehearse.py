@@ -21,8 +21,8 @@ from pentimento.contracts.frames import canvas_to_pixel, crop, image_shape, snap
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
+from pentimento.robots.dipping import needs_dip
 from pentimento.robots.tools import Tool
-from pentimento.runner.act import needs_dip
 from pentimento.runner.design import CollectionConfig, Command
 
 FloatArray = NDArray[np.float64]

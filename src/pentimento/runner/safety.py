@@ -9,13 +9,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass, fields
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields, replace
 from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ConfigError, EnvelopeViolation
+from pentimento.contracts.errors import ConfigError, EnvelopeViolation, PentimentoError
 from pentimento.contracts.photo import Photo
 from pentimento.robots.driver import Robot
 from pentimento.robots.motion import (
@@ -33,6 +36,15 @@ _NAMES = ("t", "x", "y", "z", "yaw")
 _FLOAT32 = 2.0**-24  # largest relative rounding error: paths rest in float32 tables
 _SLACK_M = 1e-7  # of a coordinate that was rounded to float32 at the edge of the box
 _MAX_WAIT_S = 3600.0
+_LIFTS_AGAIN, _LIFT_AGAIN_S = 10, 0.02
+
+
+class StoppedError(PentimentoError):
+    """A command was refused, or broke off, because the robot is stopped and nobody has released it."""
+
+
+class LiftError(PentimentoError):
+    """The tool could not be raised: it may rest on the canvas. Only the robot's own emergency stop helps now."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +85,32 @@ class SafetyEnvelope:
         """Digest of all limits; a plan names the envelope that it was made for."""
         text = json.dumps({name: float(value) for name, value in asdict(self).items()}, sort_keys=True)
         return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
+
+    def tightened(self, by: SafetyEnvelope) -> SafetyEnvelope:
+        """What both envelopes allow: no limit is wider than in either.
+
+        Limits travel with what was planned under them; a robot's own can only narrow them. Raises ConfigError
+        if the two have no place in common.
+        """
+        limits = {
+            field.name: (max if field.name in ("x_min_m", "y_min_m") else min)(
+                getattr(self, field.name), getattr(by, field.name)
+            )
+            for field in fields(self)
+        }
+        return SafetyEnvelope(**limits)
+
+    def narrowed(self, limits: Mapping[str, float]) -> SafetyEnvelope:
+        """As `tightened`, by the limits named alone, such as a rig's own (`Rig.limits`)."""
+        unknown = sorted(limits.keys() - {field.name for field in fields(self)})
+        if unknown:
+            raise ConfigError(f"The safety envelope has no limit named {unknown}; it has {sorted(asdict(self))}.")
+        return self.tightened(replace(self, **limits))
+
+    def wider_than(self, other: SafetyEnvelope) -> tuple[str, ...]:
+        """Names of the limits that let through what the other envelope refuses; empty if there is none."""
+        joint = self.tightened(other)
+        return tuple(field.name for field in fields(self) if getattr(joint, field.name) != getattr(self, field.name))
 
     def check_path(self, path: FloatArray) -> None:
         """Return if path[N, 5] (t_s, x_m, y_m, z_m, yaw_rad) lies inside; else raise EnvelopeViolation."""
@@ -215,10 +253,11 @@ def _refuse(what: str, index: int, value: float, limit: str, unit: str, hint: st
 
 
 class GuardedRobot:
-    """A Robot whose every command is checked before it reaches the driver.
+    """A Robot whose every command is checked before it reaches the driver, and that can be stopped for good.
 
-    The driver gets a checked copy, so that what was checked is what moves. Measurements, photos and the
-    clock pass through.
+    The driver gets a checked copy, so that what was checked is what moves. Whatever goes wrong in the driver
+    on the way of a command, KeyboardInterrupt included, lifts the tool and leaves the robot stopped. A stop is
+    latched: until `release` every command is refused, photos included. A scan and the clock pass through.
     """
 
     def __init__(self, robot: Robot, envelope: SafetyEnvelope) -> None:
@@ -235,11 +274,52 @@ class GuardedRobot:
         self._envelope = envelope
         self._tool_fits = False
         self._paints = 0
+        self._stopped: str | None = None
+        self._latch = threading.Lock()
+        self._idle = threading.Event()  # no command is on its way
+        self._idle.set()
 
     @property
     def envelope(self) -> SafetyEnvelope:
         """The envelope that guards this robot."""
         return self._envelope
+
+    @property
+    def stopped(self) -> str | None:
+        """Why the robot is stopped; None while it may move."""
+        return self._stopped
+
+    def stop(self, reason: str) -> None:
+        """Stop at once, lift the tool, and refuse every command until `release`. Any thread may call it.
+
+        The first reason is kept. Raises LiftError if the tool could not be lifted; the robot is latched then, too.
+        """
+        with self._latch:
+            if self._stopped is None:
+                self._stopped = reason
+        self.lift()
+        # A command that passed the check just before the latch may have reached the driver just after the lift.
+        for _ in range(_LIFTS_AGAIN):
+            if self._idle.wait(_LIFT_AGAIN_S):
+                return
+            self.lift()
+
+    def release(self) -> None:
+        """Let commands pass again. For a person who has looked at the robot, never for a program that retries."""
+        with self._latch:
+            self._stopped = None
+
+    def lift(self) -> None:
+        """Stop where the tool is and raise it; allowed at any time. Raises LiftError if that fails."""
+        try:
+            self._robot.lift()
+        except Exception as error:
+            with self._latch:
+                self._stopped = self._stopped or "the tool could not be lifted"
+            raise LiftError(
+                f"The tool may still rest on the canvas, because lifting it failed: {error} "
+                "Use the robot's own emergency stop and lift the tool by hand."
+            ) from error
 
     @property
     def canvas_size_m(self) -> tuple[float, float]:
@@ -261,7 +341,8 @@ class GuardedRobot:
                     f"The safety envelope allows {what} of {allowed:g} {unit} and the {tool.name} bears "
                     f"{borne:g} {unit}; build the envelope with envelope_for for this tool."
                 )
-        self._robot.change_tool(tool)
+        with self._passing("change of tool"):
+            self._robot.change_tool(tool)
         self._tool_fits = True
 
     def load_palette(self, colors_srgb: FloatArray) -> None:
@@ -279,7 +360,8 @@ class GuardedRobot:
             raise EnvelopeViolation(
                 f"Paint {bad[0]} of the palette is {color.tolist()}; each channel must lie from 0 to 1.{hint}"
             )
-        self._robot.load_palette(colors.astype(np.float64))
+        with self._passing("change of palette"):
+            self._robot.load_palette(colors.astype(np.float64))
         self._paints = len(colors)
 
     def dip(self, paint: int) -> None:
@@ -290,10 +372,12 @@ class GuardedRobot:
                 f"There is no paint {paint}: the loaded palette has {self._paints} paints; load a palette "
                 "before the dip and count its paints from 0."
             )
-        self._robot.dip(int(paint))
+        with self._passing("dip"):
+            self._robot.dip(int(paint))
 
     def wipe(self) -> None:
-        self._robot.wipe()
+        with self._passing("wipe"):
+            self._robot.wipe()
 
     def move(self, path: FloatArray) -> FloatArray:
         """Refuses a path outside the envelope, and any path before `change_tool` has seen the tool."""
@@ -302,18 +386,49 @@ class GuardedRobot:
                 "The guard does not know the tool; call change_tool before the first move, also for a tool "
                 "that is held already."
             )
-        return self._robot.move(self._envelope.checked_copy(path))
+        points = self._envelope.checked_copy(path)
+        with self._passing("move"):
+            return self._robot.move(points)
 
     def photo(self) -> Photo:
+        """Refused while stopped: a robot may have to move out of the picture."""
+        self._refuse_if_stopped("photo")
         return self._robot.photo()
 
     def scan(self) -> FloatArray:
         return self._robot.scan()
 
     def new_sheet(self) -> None:
-        self._robot.new_sheet()
+        with self._passing("change of sheet"):
+            self._robot.new_sheet()
 
     def wait(self, seconds: float) -> None:
         if not 0 <= seconds <= _MAX_WAIT_S:
             raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {_MAX_WAIT_S:g} s.")
-        self._robot.wait(seconds)
+        with self._passing("wait"):
+            self._robot.wait(seconds)
+
+    @contextmanager
+    def _passing(self, command: str) -> Iterator[None]:
+        """Around each call of the driver: refuse while stopped, and lift and latch on whatever goes wrong."""
+        self._idle.clear()
+        try:
+            self._refuse_if_stopped(command)
+            yield
+        except StoppedError:
+            raise
+        except BaseException as error:
+            self._idle.set()
+            self.stop(f"a {command} failed: {error or type(error).__name__}")
+            raise
+        finally:
+            self._idle.set()
+        # Stopped from another thread on its way: what the driver has done of the command is not known.
+        self._refuse_if_stopped(command)
+
+    def _refuse_if_stopped(self, command: str) -> None:
+        if self._stopped is not None:
+            raise StoppedError(
+                f"The robot is stopped ({self._stopped}) and the {command} is refused; look at the robot, then "
+                "release it by hand."
+            )

@@ -1,6 +1,6 @@
 """What a plan's picture should mean: the text objective (thesis 4.1) and the semantic objective (thesis 4.4).
 
-Both are ``Objective``s of ``planning.objectives.weighted``: an image [H, W, 3] in linear light to a scalar to lower.
+Both take an image [H, W, 3] in linear light to a scalar to lower; planners ask through ``objectives.torch_objective``.
 The picture is seen several times, each time a little moved and from another angle, as CLIPDraw (Frans et al. 2021) and
 CLIPasso (Vinker et al. 2022) do: a picture that pleases the encoder in one exact place only is noise to a person.
 """

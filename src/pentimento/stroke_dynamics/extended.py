@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from pentimento.contracts.errors import ContractError
+from pentimento.planning.fitted import Pace, Span
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.stroke_dynamics.samples import StrokeSamples
@@ -27,28 +28,6 @@ OWN_CAUSES = ("path_scale", "path_offset")
 """Causes that are parameters of Traj2Stroke."""
 _PAINTED = 0.15
 """Difference from the paper, linear light, at which a pixel counts as wholly painted."""
-
-
-class Span(NamedTuple):
-    """Of a column of the strokes contract, over the strokes that a model was fitted to."""
-
-    low: float
-    mean: float
-    high: float
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Both."""
-        return self.low, self.high
-
-
-class Pace(NamedTuple):
-    """How long the robot takes between two strokes, in seconds: the medians of what was recorded."""
-
-    reach_s: float
-    """From the end of waiting to the next stroke's start."""
-    dip_s: float
-    """More, where it dips."""
 
 
 @dataclass(frozen=True)

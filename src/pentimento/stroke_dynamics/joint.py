@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from pentimento.planning.fitted import Pace
 from pentimento.stroke_dynamics.extended import (
     OWN_CAUSES,
     MeasuredStrokes,
-    Pace,
     StrokeModel,
     base_model,
     columns_read,

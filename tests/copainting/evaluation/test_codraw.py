@@ -76,7 +76,8 @@ def test_words_alone_lower_the_text_objective_and_nothing_else_is_looked_at() ->
     sheet = laid_out(paper(), MEDIUM.side_px)
     objective = TextObjective(encoder, "a cup", 0, 0)
     none, some = (
-        float(objective(plan_text(marker_easel(), sheet, "a cup", encoder, 6, n, 0, 3).sheet)) for n in (0, 25)
+        float(objective(torch.tensor(plan_text(marker_easel(), sheet, "a cup", encoder, 6, n, 0, 3).sheet)))
+        for n in (0, 25)
     )
     assert some < none
     made = plan_text(marker_easel(), sheet, "a cup", encoder, 6, 3, 1, 3)

@@ -14,12 +14,10 @@ from pentimento.copainting.evaluation.goal_plans import (
     plan_goal,
     seeded,
     seen,
-    without_harmful,
 )
 from pentimento.copainting.evaluation.measures import delta_pix, surviving_ink
-from pentimento.planning.relocate import contributions
 from pentimento.robots.tools import load_tool
-from tests.copainting.easels import MEDIUM, PLANNER, SIDE_PX, cross, marker_easel, paper
+from tests.copainting.easels import MEDIUM, SIDE_PX, cross, marker_easel, paper
 
 
 @pytest.fixture(autouse=True)
@@ -41,23 +39,20 @@ def test_a_plan_comes_near_its_goal_and_keeps_what_is_there() -> None:
 def test_a_goal_that_is_there_needs_no_stroke() -> None:
     sheet = laid_out(cross(), MEDIUM.side_px)
     made = plan_goal(marker_easel(), sheet, seen(sheet, SIDE_PX), 12)
-    assert len(made.strokes) == 0 and torch.equal(made.sheet, sheet)
+    assert len(made.strokes) == 0 and np.array_equal(made.sheet, sheet)
 
 
 def test_no_stroke_is_left_that_does_harm() -> None:
-    easel, sheet = marker_easel(), laid_out(paper(), MEDIUM.side_px)
-    made = plan_goal(easel, sheet, cross(), 12).strokes
-    far = easel.scene(laid_out(paper(), MEDIUM.side_px))  # on a blank goal, every stroke does harm
-    assert len(without_harmful(made, sheet, far, PLANNER)) == 0
-    near = easel.scene(laid_out(cross(), MEDIUM.side_px))
-    kept = without_harmful(made, sheet, near, PLANNER)
-    assert (contributions(kept, sheet, near, PLANNER) >= 0).all()
+    """On a blank goal, every stroke would."""
+    easel, sheet = marker_easel(), laid_out(cross(), MEDIUM.side_px)
+    grey = np.full_like(paper(), 245)
+    assert len(plan_goal(easel, sheet, grey, 12).strokes) == 0  # a pen cannot lighten what is there
 
 
 def test_equal_seeds_give_equal_plans_and_others_others() -> None:
     sheet = laid_out(paper(), MEDIUM.side_px)
     one, again, other = (plan_goal(seeded(marker_easel(), s), sheet, cross(), 8).sheet for s in (1, 1, 2))
-    assert torch.equal(one, again) and not torch.equal(one, other)
+    assert np.array_equal(one, again) and not np.array_equal(one, other)
 
 
 def test_pictures_come_back_from_the_sheet() -> None:

@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from pentimento.contracts.ranges import at_least
 from pentimento.copainting.evaluation.cases import Case
@@ -130,7 +128,7 @@ def answer_on_canvas(cases: Sequence[Case], task: Task, methods: Sequence[str], 
     captions = [case.caption for case in cases]
     begun = gather([submit(_begin, task, case, ORACLE in methods, i) for i, case in enumerate(cases)])
     sheets = [sheet for sheet, _ in begun]
-    canvases = np.stack([seen(torch.from_numpy(sheet), side) for sheet in sheets])
+    canvases = np.stack([seen(sheet, side) for sheet in sheets])
     papers = np.stack([task.blank] * len(cases))
     asked = {
         name: submit(_complete, folder, shown, captions, task.asking)
@@ -150,7 +148,7 @@ def answer_on_canvas(cases: Sequence[Case], task: Task, methods: Sequence[str], 
     if COPY in methods:
         goals[COPY] = canvases
     if ORACLE in methods:
-        goals[ORACLE] = np.stack([seen(torch.from_numpy(full), side) for _, full in begun])
+        goals[ORACLE] = np.stack([seen(full, side) for _, full in begun])
     plans = {
         name: [submit(_plan, task, sheet, goal, i) for i, sheet, goal in zip(numbers, sheets, pictures, strict=True)]
         for name, pictures in goals.items()
@@ -168,7 +166,7 @@ def answer_on_paper(cases: Sequence[Case], task: Task, submit: Submit) -> Answer
     """
     captions = [case.caption for case in cases]
     papers = np.stack([task.blank] * len(cases))
-    sheet = _sheet(task).numpy()
+    sheet = _sheet(task)
     asked = {
         BASE: submit(_complete, task.planners.base, papers, captions, task.asking),
         FINE_TUNED: submit(_complete, task.planners.fine_tuned, papers, captions, task.asking),
@@ -185,7 +183,7 @@ def answer_on_paper(cases: Sequence[Case], task: Task, submit: Submit) -> Answer
 
 def _answers(canvases: Pictures, goals: dict[str, Pictures], made: dict[str, list[Made]]) -> Answers:
     side = canvases.shape[1]
-    drawings = {name: np.stack([seen(torch.from_numpy(sheet), side) for sheet, _ in of]) for name, of in made.items()}
+    drawings = {name: np.stack([seen(sheet, side) for sheet, _ in of]) for name, of in made.items()}
     strokes = {name: [count for _, count in of] for name, of in made.items()}
     unchanged = [0] * len(canvases)
     return Answers(canvases, goals, drawings | {NO_CHANGE: canvases}, strokes | {NO_CHANGE: unchanged})
@@ -196,29 +194,29 @@ def _begin(task: Task, case: Case, in_full: bool, number: int) -> tuple[Light, L
     with_ = _seeded(task.begun_with, task.seed, number, 0)
     sheet = draw_scene(with_, _sheet(task), case.other_image, task.strokes.begun).sheet
     if not in_full:
-        return sheet.numpy(), sheet.numpy()
+        return sheet, sheet
     full = draw_scene(_seeded(task.easel, task.seed, number, 1), sheet, case.image, task.strokes.added).sheet
-    return sheet.numpy(), full.numpy()
+    return sheet, full
 
 
 def _draw(task: Task, sheet: Light, image: Pictures, number: int) -> Made:
     own = _seeded(task.easel, task.seed, number, 1)
-    made = draw_scene(own, torch.from_numpy(sheet), image, task.strokes.added)
-    return made.sheet.numpy(), len(made.strokes)
+    made = draw_scene(own, sheet, image, task.strokes.added)
+    return made.sheet, len(made.strokes)
 
 
 def _plan(task: Task, sheet: Light, goal: Pictures, number: int) -> Made:
     own = _seeded(task.easel, task.seed, number, 2)
-    made = plan_goal(own, torch.from_numpy(sheet), goal, task.strokes.added)
-    return made.sheet.numpy(), len(made.strokes)
+    made = plan_goal(own, sheet, goal, task.strokes.added)
+    return made.sheet, len(made.strokes)
 
 
 def _from_words(task: Task, sheet: Light, caption: str, number: int) -> Made:
     made = plan_text(
-        task.easel, torch.from_numpy(sheet), caption, _encoder(task.encoder), task.strokes.added,
+        task.easel, sheet, caption, _encoder(task.encoder), task.strokes.added,
         task.text_only.iterations, task.text_only.views, _seed(task.seed, number, 3),
     )  # fmt: skip
-    return made.sheet.numpy(), len(made.strokes)
+    return made.sheet, len(made.strokes)
 
 
 def _complete(folder: Path, inputs: Pictures, captions: Sequence[str], asking: Asking) -> Pictures:
@@ -236,7 +234,7 @@ def _encoder(folder: Path) -> Encoder:
     return Encoder.load(folder)
 
 
-def _sheet(task: Task) -> Tensor:
+def _sheet(task: Task) -> Light:
     return laid_out(task.blank, task.easel.medium.side_px)
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
@@ -19,10 +18,10 @@ from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_
 from pentimento.copainting.scenes.edits import without
 from pentimento.copainting.scenes.phrases import listed, phrase
 from pentimento.planning.config import PlannerConfig
-from pentimento.planning.painter import as_linear, observe, paint
-from pentimento.planning.strokes import StrokeTensors
+from pentimento.planning.strokes import Strokes
 from pentimento.robots.driver import Robot
 from pentimento.runner.observe import calibrate_camera
+from pentimento.runner.painter import as_linear, observe, paint
 
 Picture = NDArray[np.uint8]
 
@@ -138,7 +137,7 @@ def _look(robot: Robot, pixels_per_m: float) -> Picture:
 def _execute(
     robot: Robot,
     easel: Easel,
-    strokes: StrokeTensors,
+    strokes: Strokes,
     palette_srgb: NDArray[np.float64],
     aim: Picture,
     batch: int,
@@ -151,12 +150,12 @@ def _execute(
 
 
 def _trembling(
-    strokes: StrokeTensors, easel: Easel, config: PlannerConfig, tremor_m: float, generator: np.random.Generator
-) -> StrokeTensors:
+    strokes: Strokes, easel: Easel, config: PlannerConfig, tremor_m: float, generator: np.random.Generator
+) -> Strokes:
     """Strokes as a hand that trembles makes them, within what tool and sheet allow."""
     moved = strokes.pick(slice(None))
     moved.inherited = None
-    moved.middle_m += torch.tensor(generator.normal(0, tremor_m, moved.middle_m.shape), dtype=torch.float32)
+    moved.middle_m += generator.normal(0, tremor_m, moved.middle_m.shape).astype(np.float32)
     moved.keep_within(easel.tool, (easel.medium.side_m, easel.medium.side_m), config.edge_m)
     return moved
 

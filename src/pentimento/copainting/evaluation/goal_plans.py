@@ -7,22 +7,24 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float, to_uint8
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import above_zero
 from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
+from pentimento.objectives.settings import style_of
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.planner import plan
-from pentimento.planning.relocate import contributions
-from pentimento.planning.scene import Scene, render_fixed, scene_with
-from pentimento.planning.strokes import StrokeTensors, no_strokes
+from pentimento.planning.relocate import without_harmful
+from pentimento.planning.render_plan import render_plan
+from pentimento.planning.scene import Scene, scene_with
+from pentimento.planning.strokes import Strokes, no_strokes
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.stroke_dynamics.extended import StrokeModel, read_stroke_model
+from pentimento.stroke_dynamics.planned import TorchBrush
 
+Light = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 
 
@@ -60,17 +62,19 @@ class Easel:
             brings = brings if self.medium.ink is None else "none: null it"
             raise ConfigError(f"The medium has ink {self.medium.ink!r}, but the {self.tool.name} brings {brings}.")
 
-    def scene(self, target: Tensor) -> Scene:
+    def scene(self, target: Light) -> Scene:
         """A target [S, S, 3], linear light, on a sheet at a session's start."""
-        return scene_with(self.model, self.tool, (self.medium.side_m, self.medium.side_m), target)
+        side, planner = self.medium.side_m, self.medium.planner
+        brush = TorchBrush(self.model, self.tool, planner.path_points)
+        return scene_with(brush, self.tool, (side, side), target, style_of(planner))
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
     """A plan and what it will look like."""
 
-    strokes: StrokeTensors
-    sheet: Tensor
+    strokes: Strokes
+    sheet: Light
     """What the sheet will look like when the strokes are made; linear light [S, S, 3]."""
     palette_srgb: NDArray[np.float64]
     """[K, 3] paints to lay out, or the tool's own ink."""
@@ -86,7 +90,7 @@ def load_easel(medium: Medium, stroke_model: Path) -> Easel:
     return Easel(medium, load_tool(medium.tool), read_stroke_model(stroke_model))
 
 
-def plan_goal(easel: Easel, sheet: Tensor, goal: Picture, strokes: int) -> Drawn:
+def plan_goal(easel: Easel, sheet: Light, goal: Picture, strokes: int) -> Drawn:
     """Draw a goal picture, uint8 [H, W, 3], on a sheet [S, S, 3] (linear light) with `strokes` strokes at most.
 
     Strokes without which the plan would come nearer to the goal are left out of it; a goal that the sheet shows already
@@ -97,7 +101,7 @@ def plan_goal(easel: Easel, sheet: Tensor, goal: Picture, strokes: int) -> Drawn
     return _drawn(easel, sheet, laid_out(goal, easel.medium.side_px), strokes)
 
 
-def draw_scene(easel: Easel, sheet: Tensor, image: Picture, strokes: int) -> Drawn:
+def draw_scene(easel: Easel, sheet: Light, image: Picture, strokes: int) -> Drawn:
     """Draw a scene's picture, uint8 [H, W, 3], over what the sheet shows already.
 
     A tool with its own ink draws its tones, as in synthesis, a tool that dips its colours. Ink that is on the sheet is
@@ -105,54 +109,36 @@ def draw_scene(easel: Easel, sheet: Tensor, image: Picture, strokes: int) -> Dra
     """
     light, medium = laid_out(image, easel.medium.side_px), easel.medium
     if medium.ink is not None:
-        tones = ink_tones(light.double().numpy(), medium.planner.pixels_per_m, medium.ink)
-        light = torch.minimum(torch.tensor(tones, dtype=torch.float32), sheet)
+        tones = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink)
+        light = np.minimum(tones.astype(np.float32), sheet)
     return _drawn(easel, sheet, light, strokes)
 
 
-def _drawn(easel: Easel, sheet: Tensor, target: Tensor, strokes: int) -> Drawn:
+def _drawn(easel: Easel, sheet: Light, target: Light, strokes: int) -> Drawn:
     scene, config = easel.scene(target), easel.medium.planner
     made, palette = plan(sheet, scene, strokes, config, _unheard)
     made = without_harmful(made, sheet, scene, config)
-    return Drawn(made, foretold(made, sheet, scene, config.path_points), palette)
+    return Drawn(made, foretold(made, sheet, scene), palette)
 
 
-def without_harmful(strokes: StrokeTensors, sheet: Tensor, scene: Scene, config: PlannerConfig) -> StrokeTensors:
-    """The strokes but those whose absence lowers the error.
-
-    A goal that needs few strokes is not spoilt by the many that were allowed. Of strokes that do harm together, each
-    round leaves out the worst half, since without them the others may be needed.
-    """
-    while len(strokes):
-        strokes.inherited = None
-        worth = contributions(strokes, sheet, scene, config)
-        harmful = np.flatnonzero(worth < 0)
-        if not len(harmful):
-            break
-        worst = harmful[np.argsort(worth[harmful], kind="stable")][: (len(harmful) + 1) // 2]
-        strokes = strokes.pick(torch.from_numpy(np.setdiff1d(np.arange(len(strokes)), worst)))
-    strokes.inherited = None
-    return strokes
-
-
-def foretold(strokes: StrokeTensors, sheet: Tensor, scene: Scene, path_points: int) -> Tensor:
+def foretold(strokes: Strokes, sheet: Light, scene: Scene) -> Light:
     """What a sheet [S, S, 3] will look like after strokes; linear light."""
-    return torch.from_numpy(np.asarray(render_fixed(strokes, sheet, scene, path_points), dtype=np.float32)).clamp(0, 1)
+    return np.clip(render_plan(strokes, sheet, scene), 0.0, 1.0)
 
 
-def laid_out(picture: Picture, side_px: int) -> Tensor:
+def laid_out(picture: Picture, side_px: int) -> Light:
     """A square picture, uint8 [H, W, 3], as linear light [side_px, side_px, 3]: averaged down, or interpolated up."""
     light = srgb_to_linear(to_float(picture))
     if light.shape[:2] != (side_px, side_px):
         smaller = side_px < light.shape[0]
         way = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
         light = np.asarray(cv2.resize(light, (side_px, side_px), interpolation=way), dtype=np.float32)
-    return torch.from_numpy(np.clip(light, 0, 1))
+    return np.clip(light, 0, 1)
 
 
-def seen(sheet: Tensor, side_px: int) -> Picture:
+def seen(sheet: Light, side_px: int) -> Picture:
     """A sheet [S, S, 3] (linear light) as a camera of `side_px` pixels sees it, uint8 [side_px, side_px, 3]."""
-    light = sheet.numpy()
+    light = sheet
     if light.shape[0] != side_px:
         light = np.asarray(cv2.resize(light, (side_px, side_px), interpolation=cv2.INTER_AREA), dtype=np.float32)
     return to_uint8(linear_to_srgb(np.clip(light, 0, 1)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pentimento.copainting.evaluation.codraw import Turn
 from pentimento.copainting.evaluation.goal_plans import seen
 from pentimento.copainting.evaluation.measures import as_tensor, changed_share, surviving_ink
-from pentimento.planning.painter import as_linear
+from pentimento.runner.painter import as_linear
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.scores import clip_score
 

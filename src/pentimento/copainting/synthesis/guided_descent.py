@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.planning.config import Log, PlannerConfig
-from pentimento.planning.descent import half_cosine
-from pentimento.planning.objectives.weighted import Objective, Term, WeightedObjective
-from pentimento.planning.scene import Scene, inherit, objective_for, render_plan
-from pentimento.planning.strokes import StrokeTensors
+from pentimento.planning.descent import descend
+from pentimento.planning.model import Objective
+from pentimento.planning.objective import Term, WeightedObjective
+from pentimento.planning.scene import Scene, objective_for
+from pentimento.planning.strokes import Strokes
 
-_BETAS = (0.85, 0.97)
-"""Adam's memory, short as the descent is."""
+Light = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Guidance:
 
 
 def descend_guided(
-    strokes: StrokeTensors,
-    canvas: Tensor,
+    strokes: Strokes,
+    canvas: Light,
     scene: Scene,
     config: PlannerConfig,
     meaning: Objective,
@@ -52,27 +52,6 @@ def descend_guided(
     """
     own = Term("planned", 1.0, objective_for(scene, config))
     objective = WeightedObjective((own, Term("meaning", guidance.weight, meaning)))
-    rates = config.learning_rates
-    groups = [
-        (strokes.middle_m, rates.middle_m),
-        (strokes.theta_rad, rates.theta_rad),
-        (strokes.length_m, rates.length_m),
-        (strokes.bend_m, rates.bend_m),
-        (strokes.press_m, rates.press_m),
-    ]
-    strokes.inherited = inherit(strokes, scene, config.path_points)
-    for tensor, _ in groups:
-        tensor.requires_grad_(True)
-    optimiser = torch.optim.Adam([{"params": [tensor], "lr": rate} for tensor, rate in groups], betas=_BETAS)
-    for iteration in range(guidance.iterations):
-        share = half_cosine(iteration, guidance.iterations, guidance.rate, 0.0)
-        for group, (_, rate) in zip(optimiser.param_groups, groups, strict=True):
-            group["lr"] = share * rate
-        optimiser.zero_grad()
-        loss = objective(render_plan(strokes, canvas, scene, config.path_points))
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        strokes.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
-        log("guided", float(loss.detach()), iteration)
-    for tensor, _ in groups:
-        tensor.requires_grad_(False)
+    way = descend(strokes, canvas, scene, config, objective, guidance.iterations, False, guidance.rate)
+    for iteration, value in enumerate(way):
+        log("guided", value, iteration)

@@ -26,10 +26,13 @@ from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
 from pentimento.copainting.scenes.phrases import phrase
 from pentimento.copainting.synthesis.guided_descent import Guidance, descend_guided
 from pentimento.copainting.synthesis.partials import Partial, PartialsConfig, partials
+from pentimento.objectives.settings import style_of
+from pentimento.objectives.torch_objective import TorchObjective
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.planner import plan
-from pentimento.planning.scene import Scene, inherit, render_plan, scene_with
-from pentimento.planning.strokes import StrokeTensors
+from pentimento.planning.render_plan import render_plan
+from pentimento.planning.scene import Scene, inherit, scene_with
+from pentimento.planning.strokes import Strokes
 from pentimento.planning.target import fit_to_canvas
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.semantics.encoder import Encoder
@@ -37,8 +40,10 @@ from pentimento.semantics.objective import SemanticObjective
 from pentimento.semantics.saliency import saliency
 from pentimento.semantics.scores import clip_score
 from pentimento.stroke_dynamics.extended import StrokeModel, read_stroke_model
+from pentimento.stroke_dynamics.planned import TorchBrush
 
 FloatArray = NDArray[np.float64]
+Light = NDArray[np.float32]
 Image = NDArray[np.uint8]
 Row = dict[str, Any]
 
@@ -117,22 +122,19 @@ class PlannedPainting:
     """A plan with the scene that it is for."""
 
     scene: Scene
-    canvas: Tensor
+    canvas: Light
     """[H, W, 3], linear light: the sheet before it."""
-    strokes: StrokeTensors
+    strokes: Strokes
     """With what they inherit where they stand in the whole plan: left alone, they look as they do in the full one."""
-    path_points: int
 
     def picture(self, kept: NDArray[np.bool_], shape: tuple[int, int]) -> Image:
         """The painting with only these strokes, sRGB [H, W, 3] of ``shape``: light averaged over pixels."""
-        with torch.no_grad():
-            chosen = self.strokes.pick(torch.from_numpy(np.flatnonzero(kept)))
-            light = render_plan(chosen, self.canvas, self.scene, self.path_points).clamp(0, 1).numpy()
-        return resized(light, shape)
+        light = render_plan(self.strokes.pick(kept), self.canvas, self.scene)
+        return resized(np.clip(light, 0.0, 1.0), shape)
 
     def points_m(self) -> NDArray[np.float32]:
         """[S, N, 2] places along the strokes, canvas frame."""
-        return np.asarray(self.strokes.paths(self.path_points)[..., 1:3].detach().numpy())
+        return self.strokes.paths(self.scene.brush.path_points)[..., 1:3]
 
 
 def plan_painting(painter: Painter, picture: Image, seed: int, canvas: Image | None = None) -> PlannedPainting:
@@ -142,16 +144,18 @@ def plan_painting(painter: Painter, picture: Image, seed: int, canvas: Image | N
     """
     setting = painter.setting
     config = replace(setting.planner, seed=seed)
-    target = torch.tensor(aim(picture, setting), dtype=torch.float32)
-    scene = scene_with(painter.model, painter.tool, setting.canvas_m, target)
+    target = aim(picture, setting).astype(np.float32)
+    brush = TorchBrush(painter.model, painter.tool, config.path_points)
+    scene = scene_with(brush, painter.tool, setting.canvas_m, target, style_of(config))
     sheet = _sheet(setting) if canvas is None else fit_to_canvas(canvas, setting.planned_px)
-    before = torch.tensor(sheet, dtype=torch.float32)
+    before = sheet.astype(np.float32)
     strokes, _ = plan(before, scene, setting.strokes, config, _unheard)
     if setting.guidance is not None and len(strokes) > 0:
-        meaning = SemanticObjective(painter.encoder, target, setting.guidance.views, seed)
+        seen = SemanticObjective(painter.encoder, torch.from_numpy(target), setting.guidance.views, seed)
+        meaning = TorchObjective(seen)
         descend_guided(strokes, before, scene, config, meaning, setting.guidance, _unheard)
-    strokes.inherited = inherit(strokes, scene, config.path_points)
-    return PlannedPainting(scene, before, strokes, config.path_points)
+    strokes.inherited = inherit(strokes, scene)
+    return PlannedPainting(scene, before, strokes)
 
 
 def aim(picture: Image, setting: Setting) -> FloatArray:

@@ -7,8 +7,8 @@ import torch
 from torch import Tensor, nn
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.planning.objectives.style import StyleObjective
-from pentimento.planning.objectives.vgg import load_vgg16
+from pentimento.objectives.style import StyleObjective
+from pentimento.objectives.vgg import load_vgg16
 from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
 CHANNELS = (64, 64, "M", 128, 128, "M", 256, 256, 256, "M", 512, 512, 512, "M", 512, 512, 512, "M")

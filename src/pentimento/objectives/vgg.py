@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn.functional import conv2d, max_pool2d
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.planning.objectives.features import cell_grid, cell_means
+from pentimento.objectives.features import cell_grid, cell_means
 from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
 BLOCKS: tuple[dict[int, tuple[int, int]], ...] = (

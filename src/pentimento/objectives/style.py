@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pentimento.planning.objectives.earth_movers import best_partners, fair_prices, mean_way, ways_between
+from pentimento.objectives.earth_movers import best_partners, fair_prices, mean_way, ways_between
 
 Features = Callable[[Tensor], Tensor]
 """An image [H, W, 3] in linear light to a set [cells, D] of local features, differentiable."""

@@ -15,6 +15,13 @@ T = TypeVar("T")
 _SIZE = 512
 
 
+def soft_blobs(height: int, width: int, seed: int, dtype: torch.dtype = torch.float32) -> Tensor:
+    """Soft blobs of colour."""
+    rng = np.random.default_rng(seed)
+    soft = cv2.GaussianBlur(rng.normal(size=(height, width, 3)), (0, 0), 2.0)
+    return torch.tensor(0.5 + 0.4 * soft / np.abs(soft).max(), dtype=dtype)
+
+
 def equal_palette_crops(size: int) -> dict[str, list[Tensor]]:
     """Four crops [size, size, 3] in linear light, without overlap, of each texture."""
     rng = np.random.default_rng(0)

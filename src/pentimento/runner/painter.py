@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from pentimento.contracts.colour import srgb_to_linear, to_float
-from pentimento.contracts.covariates import Memory, fresh_memory
+from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float, to_uint8
+from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.config import Log, PlannerConfig
 from pentimento.planning.descent import optimise
-from pentimento.planning.scene import Scene, render_plan
-from pentimento.planning.strokes import StrokeTensors, to_planned
+from pentimento.planning.memory import Start
+from pentimento.planning.render_plan import render_plan
+from pentimento.planning.scene import Scene
+from pentimento.planning.strokes import Strokes, to_planned
 from pentimento.robots.driver import Robot
 from pentimento.runner.act import Session, execute
 from pentimento.runner.observe import CameraCalibration, calibrate_camera, rectify
-from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
+Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
@@ -43,7 +43,7 @@ class Painting:
 def paint(
     robot: Robot,
     scene: Scene,
-    strokes: StrokeTensors,
+    strokes: Strokes,
     palette_srgb: FloatArray,
     batch: int,
     replan: bool,
@@ -53,7 +53,7 @@ def paint(
     """Execute a plan in batches of ``batch`` strokes with a photograph after each.
 
     With ``replan``, the remaining strokes are optimised on each photograph; without, the plan stays as it is. A scene
-    whose model is extended by causes with memory goes on from what tool and canvas have been through.
+    whose brush inherits from stroke to stroke goes on from what tool and canvas have been through.
     ``log("deviation", value, strokes made)`` is called after each batch.
     """
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
@@ -62,34 +62,31 @@ def paint(
     photos = [observe(robot, calibration, config.pixels_per_m)]
     left = strokes.pick(slice(None))
     left.inherited = None
-    first = foretell(left, photos[0], scene, config)
+    first = foretell(left, photos[0], scene)
     executed: list[PlannedStroke] = []
     deviation = [0.0]
     while len(left) > 0:
-        now = to_planned(left.pick(slice(0, batch)), scene.tool, config.path_points)
+        now = to_planned(left.pick(slice(0, batch)), scene.tool, scene.brush.path_points)
         memory, _ = execute(robot, scene.tool, now, palette_srgb, memory, session)
         executed += now
-        scene = _going_on(scene, memory, robot.clock_s - session.started_s, len(executed))
+        scene = replace(scene, start=Start(memory, robot.clock_s - session.started_s, len(executed)))
         left = left.pick(slice(batch, None))
         left.inherited = None  # what was foreseen has happened, or something else
         photos.append(observe(robot, calibration, config.pixels_per_m))
         if replan and len(left) > 0:
-            optimise(
-                left, as_linear(photos[-1]), scene, config, config.iterations_replan, False, config.replan_rate,
-                _unheard, 0,
-            )  # fmt: skip
-            left.inherited = None
-        foretold = foretell(left, photos[-1], scene, config)
-        deviation.append(float((foretold - first).square().mean()))
+            replan_rest(left, photos[-1], scene, config)
+        foretold = foretell(left, photos[-1], scene)
+        deviation.append(float(np.square(foretold - first).mean()))
         log("deviation", deviation[-1], len(executed))
-    return Painting(executed, photos, deviation, _as_image(first))
+    return Painting(executed, photos, deviation, to_uint8(first))
 
 
-def _going_on(scene: Scene, memory: Memory, clock_s: float, made: int) -> Scene:
-    """The scene for the strokes that are left."""
-    if scene.extension is None:
-        return scene
-    return replace(scene, extension=replace(scene.extension, memory=memory, clock_s=clock_s, made=made))
+def replan_rest(left: Strokes, photo: Image, scene: Scene, config: PlannerConfig) -> None:
+    """Move the strokes that are left, in place, to make the best of the canvas as it is, sRGB [H, W, 3]."""
+    optimise(
+        left, as_linear(photo), scene, config, config.iterations_replan, False, config.replan_rate, _unheard, 0
+    )  # fmt: skip
+    left.inherited = None  # they are looked at anew after the next strokes
 
 
 def observe(robot: Robot, calibration: CameraCalibration, pixels_per_m: float) -> Image:
@@ -97,19 +94,14 @@ def observe(robot: Robot, calibration: CameraCalibration, pixels_per_m: float) -
     return rectify(robot.photo(), calibration, (0.0, 0.0, *robot.canvas_size_m), pixels_per_m)
 
 
-def as_linear(photo: Image) -> Tensor:
+def as_linear(photo: Image) -> Array:
     """A photograph as the canvas to plan on, linear light [H, W, 3]."""
-    return torch.tensor(srgb_to_linear(to_float(photo)), dtype=torch.float32)
+    return srgb_to_linear(to_float(photo))
 
 
-def foretell(strokes: StrokeTensors, photo: Image, scene: Scene, config: PlannerConfig) -> Tensor:
+def foretell(strokes: Strokes, photo: Image, scene: Scene) -> Array:
     """What the canvas will look like after the strokes, sRGB [H, W, 3]."""
-    with torch.no_grad():
-        return linear_to_srgb(render_plan(strokes, as_linear(photo), scene, config.path_points))
-
-
-def _as_image(srgb: Tensor) -> Image:
-    return (srgb.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+    return linear_to_srgb(render_plan(strokes, as_linear(photo), scene))
 
 
 def _unheard(_name: str, _value: float, _step: int) -> None:

@@ -1,0 +1,114 @@
+"""What the drivers of arms have in common: poses between poses, the tool's centre, and a rest that is waited for."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.robots.machine import MachineError
+from pentimento.robots.rig import Rig, lengths, rotation_of
+
+FloatArray = NDArray[np.float64]
+
+START_M, START_RAD = 0.002, 0.02
+"""So far may the tip stand from a way's first pose; a jump beyond it would be made at the arm's own speed."""
+
+
+def tool_of(rig: Rig) -> tuple[FloatArray, FloatArray]:
+    """The tip in the flange's (or hand's) frame, from a rig's [machine]: place [3] in metres, roll, pitch, yaw [3]."""
+    where = f"[machine] of rig {rig.name}"
+    centre = lengths(rig.machine["tool_centre"], 3, f"tool_centre in {where}")
+    turn = lengths(rig.machine["tool_turn"], 3, f"tool_turn in {where}", "rad")
+    return np.array(centre), np.array(turn)
+
+
+def pose_from(place_m: FloatArray, turn_rad: FloatArray) -> FloatArray:
+    """Pose [4, 4] of a place [3] and roll, pitch, yaw [3] (R = Rz Ry Rx)."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_of(*(float(angle) for angle in turn_rad))
+    pose[:3, 3] = place_m
+    return pose
+
+
+def roll_pitch_yaw(rotation: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw [3] of a rotation [3, 3]: the inverse of rig.rotation_of, with the pitch within ±90°."""
+    pitch = np.arcsin(np.clip(-rotation[2, 0], -1.0, 1.0))
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
+    return np.array([roll, pitch, yaw])
+
+
+def quaternion(rotation: FloatArray) -> FloatArray:
+    """Unit quaternion [4] (x, y, z, w) of a rotation [3, 3]."""
+    vector = cv2.Rodrigues(rotation)[0].ravel()
+    angle = float(np.linalg.norm(vector))
+    axis = vector / angle if angle > 0 else vector
+    return np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
+
+
+def resampled(times_s: FloatArray, poses: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
+    """The way at even times, a period apart or a little less, both ends included: times [M] and poses [M, 4, 4].
+
+    Places are interpolated linearly, rotations about the axis from one to the next.
+    """
+    count = int(np.ceil(times_s[-1] / period_s)) + 1
+    even_s = np.linspace(0.0, times_s[-1], max(count, 2))
+    before = np.clip(np.searchsorted(times_s, even_s, side="right") - 1, 0, len(times_s) - 2)
+    share = (even_s - times_s[before]) / (times_s[before + 1] - times_s[before])
+    ways = np.zeros((len(even_s), 4, 4))
+    ways[:, 3, 3] = 1.0
+    places = poses[:, :3, 3]
+    ways[:, :3, 3] = places[before] + share[:, None] * (places[before + 1] - places[before])
+    turns = np.array([cv2.Rodrigues(a[:3, :3].T @ b[:3, :3])[0].ravel() for a, b in pairwise(poses)])
+    for index, (step, part) in enumerate(zip(before, share, strict=True)):
+        ways[index, :3, :3] = poses[step, :3, :3] @ cv2.Rodrigues(part * turns[step])[0]
+    return even_s, ways
+
+
+def velocities(times_s: FloatArray, poses: FloatArray) -> FloatArray:
+    """Velocities [N, 6] along a way, m/s and rad/s in the robot's frame: central differences, rest at both ends."""
+    found = np.zeros((len(times_s), 6))
+    for i in range(1, len(times_s) - 1):
+        span_s = times_s[i + 1] - times_s[i - 1]
+        found[i, :3] = (poses[i + 1, :3, 3] - poses[i - 1, :3, 3]) / span_s
+        found[i, 3:] = cv2.Rodrigues(poses[i + 1, :3, :3] @ poses[i - 1, :3, :3].T)[0].ravel() / span_s
+    return found
+
+
+def check_start(here: FloatArray, start: FloatArray, who: str) -> None:
+    """Raise MachineError unless a way's first pose [4, 4] is where the tip stands."""
+    apart_m = float(np.linalg.norm(here[:3, 3] - start[:3, 3]))
+    apart_rad = float(np.linalg.norm(cv2.Rodrigues(here[:3, :3].T @ start[:3, :3])[0]))
+    if not (apart_m <= START_M and apart_rad <= START_RAD):
+        raise MachineError(
+            f"The {who}'s tip stands {1000 * apart_m:.1f} mm and {np.degrees(apart_rad):.1f} degrees from where the "
+            "next motion begins; was it moved by hand? The motion was not begun."
+        )
+
+
+def measured_at(times_s: FloatArray, seen_s: list[float], seen: list[FloatArray]) -> FloatArray:
+    """Poses [N, 4, 4] at the way's times, from those that were seen on its way; NaN where nothing was seen.
+
+    Places are interpolated; a rotation is that of the sight before.
+    """
+    poses = np.full((len(times_s), 4, 4), np.nan)
+    if len(seen) < 2:
+        return poses
+    at, places = np.array(seen_s), np.array(seen)
+    nearest = np.clip(np.searchsorted(at, times_s, side="right") - 1, 0, len(at) - 1)
+    poses[:] = places[nearest]
+    for axis in range(3):
+        poses[:, axis, 3] = np.interp(times_s, at, places[:, axis, 3])
+    return poses
+
+
+def number(value: Any, low: float, high: float, where: str) -> float:
+    """A number of a rig file within its range; ConfigError names the entry."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise ConfigError(f"{where} is {value!r}; it is a number from {low:g} to {high:g}.")
+    return float(value)

@@ -1,0 +1,129 @@
+"""G-code for pen plotters: a timed way of the tip becomes lines of millimetres and millimetres a minute.
+
+Only what every GRBL-like controller reads: G21, G90, G94, G1, G4, M3, M5. Each line is a straight piece with its own
+feed, so that the machine takes the times that the path has, as far as its own accelerations allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.errors import ConfigError
+from pentimento.robots.machine import positions_only
+from pentimento.robots.rig import Rig, check_keys
+
+FloatArray = NDArray[np.float64]
+
+PREAMBLE = ("G21", "G90", "G94")
+"""Millimetres, absolute places, feeds in millimetres a minute."""
+_SERVO_S = 0.25
+"""Given to a servo to raise or lower the pen."""
+_UPRIGHT = 1e-3  # greatest slope of the canvas's normal against the machine's z
+
+
+@dataclass(frozen=True)
+class Pen:
+    """How the plotter raises its pen: by its z axis, or by a servo on the spindle's output."""
+
+    kind: Literal["z", "servo"]
+    up: int = 0
+    down: int = 0
+    paper_z_m: float = 0.0
+    """Height of the sheet in the machine's frame; a servo pen is down where the tip is commanded at or below it."""
+
+
+def pen_of(machine: Mapping[str, Any], rig: Rig) -> Pen:
+    """The pen from a rig's [machine] table. Raises ConfigError for a bad one, and for a canvas that is not level."""
+    where = f"[machine] of rig {rig.name}"
+    if max(abs(turn) for turn in rig.turn_rad[:2]) > _UPRIGHT:
+        raise ConfigError(f"The rig {rig.name}: a plotter's canvas is level; set roll and pitch of its turn to 0 deg.")
+    kind, servo = machine.get("pen"), {key: machine.get(key) for key in ("servo_up", "servo_down")}
+    if kind == "z" and not any(value is not None for value in servo.values()):
+        return Pen("z", paper_z_m=rig.origin_m[2])
+    if kind == "servo" and all(isinstance(value, int) and 0 <= value <= 1000 for value in servo.values()):
+        return Pen("servo", servo["servo_up"] or 0, servo["servo_down"] or 0, rig.origin_m[2])
+    raise ConfigError(
+        f'{where}: pen is {kind!r} with {servo}; it is "z", or "servo" with servo_up and servo_down from 0 to 1000.'
+    )
+
+
+def gcode_of(times_s: FloatArray, places_m: FloatArray, pen: Pen) -> Iterator[str]:
+    """Lines for the way from places_m[0] through places_m[N, 3] (robot's frame) at times_s[N].
+
+    The first place is where the tip stands already; it makes no line. A servo pen is raised and lowered where the
+    way crosses the sheet's height.
+    """
+    if pen.kind == "z":
+        for (t0, p0), (t1, p1) in pairwise(zip(times_s, places_m, strict=True)):
+            yield _line(p1, np.linalg.norm(p1 - p0), t1 - t0, with_z=True)
+        return
+    down = bool(places_m[0, 2] <= pen.paper_z_m)
+    for (t0, p0), (t1, p1) in pairwise(zip(times_s, places_m, strict=True)):
+        lands = bool(p1[2] <= pen.paper_z_m)
+        length_m = np.linalg.norm((p1 - p0)[:2])
+        if lands == down:
+            if length_m > 0:
+                yield _line(p1, length_m, t1 - t0, with_z=False)
+            continue
+        share = (p0[2] - pen.paper_z_m) / (p0[2] - p1[2])
+        if length_m > 0 and share > 0:
+            yield _line(p0 + share * (p1 - p0), share * length_m, share * (t1 - t0), with_z=False)
+        yield from servo_lines(pen, lands)
+        down = lands
+        if length_m > 0 and share < 1:
+            yield _line(p1, (1 - share) * length_m, (1 - share) * (t1 - t0), with_z=False)
+
+
+def servo_lines(pen: Pen, down: bool) -> tuple[str, str]:
+    """Lower or raise a servo's pen, and give it the time."""
+    return f"M3 S{pen.down if down else pen.up}", f"G4 P{_SERVO_S:g}"
+
+
+def _line(place_m: FloatArray, length_m: Any, duration_s: Any, with_z: bool) -> str:
+    """One straight piece. Places to a micrometre, feeds to a tenth of a millimetre a minute."""
+    x, y, z = (f"{1000 * float(value):.3f}" for value in place_m)
+    feed = max(60_000 * float(length_m) / float(duration_s), 0.1)
+    return f"G1 X{x} Y{y}" + (f" Z{z}" if with_z else "") + f" F{feed:.1f}"
+
+
+class GcodeFile:
+    """A Machine (see machine.py) that writes what a plotter would be sent into a file; nothing moves."""
+
+    def __init__(self, path: Path, pen: Pen, start_m: FloatArray) -> None:
+        """`start_m` [3]: where the tip is taken to stand, in the robot's frame, with the pen up."""
+        self._path, self._pen, self._here = path, pen, np.array(start_m, dtype=np.float64)
+        x, y, z = (f"{1000 * value:.3f}" for value in self._here)
+        rise = [f"G1 Z{z} F600"] if pen.kind == "z" else list(servo_lines(pen, down=False))
+        self._lines = [*PREAMBLE, *rise, f"G1 X{x} Y{y} F3000"]
+
+    def where(self) -> FloatArray:
+        return positions_only(self._here)
+
+    def follow(self, times_s: FloatArray, poses: FloatArray) -> FloatArray:
+        places_m = poses[:, :3, 3]
+        self._lines += gcode_of(times_s, places_m, self._pen)
+        self._here = places_m[-1].copy()
+        return np.full(poses.shape, np.nan)
+
+    def halt(self) -> None:
+        """Nothing to do: nothing moves."""
+
+    def close(self) -> None:
+        """Write the file, whole or not at all."""
+        atomic_write(self._path, "\n".join((*self._lines, "M5", "")).encode("ascii"))
+
+
+def connect(rig: Rig) -> GcodeFile:
+    """The entry point `gcode`: a file instead of a machine. The rig's [machine] has `file` and the pen."""
+    optional = frozenset({"servo_up", "servo_down"})
+    check_keys(rig.machine, frozenset({"file", "pen"}), optional, f"[machine] of rig {rig.name}")
+    above = rig.canvas_to_robot @ np.array([0.0, 0.0, rig.travel_height_m, 1.0])
+    return GcodeFile(Path(rig.machine["file"]), pen_of(rig.machine, rig), above[:3])

@@ -1,0 +1,219 @@
+"""A pen plotter with a GRBL 1.1 controller on a serial port.
+
+One line is sent at a time and its "ok" awaited: the controller buffers motions itself, and after an error nothing
+that was planned behind it is executed. GRBL has no checksums; a way therefore ends with a look at where the machine
+really is. (Protocol: the GRBL project's wiki, "Grbl v1.1 Interface".)
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.robots.gcode import PREAMBLE, gcode_of, pen_of, servo_lines
+from pentimento.robots.machine import HaltedError, MachineError, positions_only
+from pentimento.robots.rig import Rig, check_keys
+from pentimento.robots.serial_line import SerialLine
+
+FloatArray = NDArray[np.float64]
+
+HOLD, RESET, ASK = b"!", b"\x18", b"?"
+"""Bytes that GRBL acts on at once."""
+ANSWER_S = 2.0
+"""A line that is not answered for so long beyond the motions that it may wait for is lost."""
+REST_S = 1.0
+"""For the deceleration after a feed hold."""
+_POLL_S = 0.02
+_PLACE_M = 5e-5  # GRBL's steps are finer, and lost ones coarser
+_QUIET_S = 0.1
+_WAKE_S = 4.0  # an Arduino starts its boot loader when its port is opened
+_STATUS = re.compile(r"<(?P<state>\w+)(?::(?P<phase>\d+))?\|(?P<kind>[MW])Pos:(?P<place>[-\d.,]+)(?:\|.*)?>")
+_OFFSET = re.compile(r"\|WCO:([-\d.,]+)")
+_NEEDED = {"13": ("0", "it must report millimetres"), "32": ("0", "laser mode changes what M3 does")}
+_ERRORS = {"9": "it is locked after an alarm", "15": "a place beyond its travel", "22": "a feed is missing"}
+
+
+class GrblPlotter:
+    """A Machine (see machine.py). Its frame is the controller's work coordinates, in metres here."""
+
+    def __init__(self, line: SerialLine, rig: Rig) -> None:
+        """Wake the controller and check that it is ready and reads millimetres. Raises MachineError if not."""
+        self._line, self._pen = line, pen_of(rig.machine, rig)
+        self._up_z_m = self._pen.paper_z_m + rig.travel_height_m
+        self._servo_z_m = self._up_z_m
+        self._halted = threading.Event()
+        self._talking = threading.Lock()
+        self._offset_m: FloatArray | None = None
+        with self._talking:
+            line.send_byte(RESET)
+            self._await_greeting(_WAKE_S)
+            while line.receive(_QUIET_S) is not None:  # one that has just been powered greets twice
+                pass
+            self._check_settings(self._command("$$", ANSWER_S))
+            state = self._status()[0]
+            if state != "Idle":
+                raise MachineError(
+                    f"The plotter on {line.port} is in state {state} and not Idle; home or unlock it by hand, and set "
+                    "its work zero again."
+                )
+            self._prepare()
+
+    def where(self) -> FloatArray:
+        """The tip's place; the height of a servo's pen is not measured but known from the last order."""
+        with self._talking:
+            place_m = self._status()[2]
+        if self._pen.kind == "servo":
+            place_m[2] = self._servo_z_m
+        return positions_only(place_m)
+
+    def follow(self, times_s: FloatArray, poses: FloatArray) -> FloatArray:
+        places_m = poses[:, :3, 3]
+        # An "ok" may have to wait until the motions before it have made room in the queue.
+        longest_s = float(np.diff(times_s).max())
+        with self._talking:
+            for line in gcode_of(times_s, places_m, self._pen):
+                self._command(line, ANSWER_S + longest_s)
+            # A dwell is answered when all motions before it are done; they may take longer than asked for.
+            self._command("G4 P0.01", ANSWER_S + 2 * float(times_s[-1]))
+            self._servo_z_m = float(places_m[-1, 2])
+            self._check_arrival(places_m[-1])
+        return np.full(poses.shape, np.nan)
+
+    def halt(self) -> None:
+        """Feed hold, so that no step is lost; then a soft reset, which empties the queue; a servo's pen goes up."""
+        self._halted.set()
+        self._line.send_byte(HOLD)
+        if not self._talking.acquire(timeout=REST_S):
+            raise MachineError(f"The conversation with the plotter on {self._line.port} did not end at its halt.")
+        try:
+            self._halted.clear()
+            self._await_rest()
+            self._line.send_byte(RESET)
+            self._await_greeting(ANSWER_S)
+            self._command("$X", ANSWER_S)  # unlocks the plotter where it is in alarm, so that the pen can be raised
+            self._prepare()
+        finally:
+            self._talking.release()
+
+    def close(self) -> None:
+        with self._talking:
+            self._command("M5", ANSWER_S)
+        self._line.close()
+
+    def _prepare(self) -> None:
+        """What a reset undoes: the modes, and a servo's pen."""
+        for command in PREAMBLE:
+            self._command(command, ANSWER_S)
+        if self._pen.kind == "servo":
+            for command in servo_lines(self._pen, down=False):
+                self._command(command, ANSWER_S)
+            self._servo_z_m = self._up_z_m
+
+    def _command(self, command: str, within_s: float) -> list[str]:
+        """Send a line and wait for its "ok"; returns what came before it."""
+        if self._halted.is_set():
+            raise HaltedError(f"The plotter on {self._line.port} was halted.")
+        self._line.send(command)
+        answers: list[str] = []
+        deadline_s = time.monotonic() + within_s
+        while time.monotonic() < deadline_s:
+            answer = self._line.receive(_POLL_S)
+            if self._halted.is_set():
+                raise HaltedError(f"The plotter on {self._line.port} was halted.")
+            if answer is None:
+                continue
+            if answer == "ok":
+                return answers
+            if answer.startswith(("error:", "ALARM:", "Grbl ")):
+                meaning = _ERRORS.get(answer.removeprefix("error:"), "see GRBL's list of error and alarm codes")
+                raise MachineError(
+                    f"The plotter on {self._line.port} answered {answer!r} to {command!r} ({meaning}); the rest of "
+                    "the motion was not sent."
+                )
+            answers.append(answer)
+        raise MachineError(
+            f"The plotter on {self._line.port} did not answer {command!r} within {within_s:.1f} s; the line or its "
+            "answer is lost, and the rest of the motion was not sent. Check the cable."
+        )
+
+    def _status(self) -> tuple[str, str | None, FloatArray]:
+        """State, its phase, and the place in work coordinates [3], metres."""
+        deadline_s = time.monotonic() + ANSWER_S
+        self._line.send_byte(ASK)
+        while time.monotonic() < deadline_s:
+            match = _STATUS.fullmatch(self._line.receive(_POLL_S) or "")
+            if match is None:
+                continue
+            place_m = _metres(match["place"])
+            if offset := _OFFSET.search(match[0]):
+                self._offset_m = _metres(offset[1])
+            if match["kind"] == "W":
+                return match["state"], match["phase"], place_m
+            if self._offset_m is not None:
+                return match["state"], match["phase"], place_m - self._offset_m
+            self._line.send_byte(ASK)  # the offset comes with every few reports
+        raise MachineError(f"The plotter on {self._line.port} does not say where it is; check the cable.")
+
+    def _await_rest(self) -> None:
+        deadline_s = time.monotonic() + REST_S
+        while time.monotonic() < deadline_s:
+            state, phase, _ = self._status()
+            if state in ("Idle", "Alarm") or (state == "Hold" and phase == "0"):
+                return
+            time.sleep(_POLL_S)
+        raise MachineError(f"The plotter on {self._line.port} did not come to rest within {REST_S:g} s of a feed hold.")
+
+    def _await_greeting(self, within_s: float) -> None:
+        deadline_s = time.monotonic() + within_s
+        while time.monotonic() < deadline_s:
+            greeting = self._line.receive(_POLL_S) or ""
+            if greeting.startswith("Grbl 1.1"):
+                return
+            if greeting.startswith("Grbl"):
+                raise MachineError(f"The plotter on {self._line.port} runs {greeting!r}; this driver knows Grbl 1.1.")
+        raise MachineError(
+            f"Nobody on {self._line.port} answered as GRBL within {within_s:g} s; check the port, the rate and the "
+            "power."
+        )
+
+    def _check_settings(self, lines: list[str]) -> None:
+        settings = dict(line[1:].split("=", 1) for line in lines if line.startswith("$") and "=" in line)
+        for number, (needed, reason) in _NEEDED.items():
+            found = settings.get(number)
+            if found is None or found.split()[0] != needed:
+                raise MachineError(
+                    f"The plotter on {self._line.port} has ${number}={found}, and {reason}; "
+                    f"send ${number}={needed} to it."
+                )
+
+    def _check_arrival(self, place_m: FloatArray) -> None:
+        """GRBL cannot tell a garbled line from a true one, but it knows where it is."""
+        axes = slice(0, 3 if self._pen.kind == "z" else 2)
+        here_m = self._status()[2]
+        if np.abs(here_m - place_m)[axes].max() > _PLACE_M:
+            raise MachineError(
+                f"The plotter on {self._line.port} stands at {np.round(1000 * here_m[axes], 3).tolist()} mm and not at "
+                f"{np.round(1000 * place_m[axes], 3).tolist()} mm: a line was lost or garbled on its way. "
+                "Check the cable."
+            )
+
+
+def connect(rig: Rig) -> GrblPlotter:
+    """The entry point `grbl`. The rig's [machine] has `port`, `baud` and the pen."""
+    optional = frozenset({"servo_up", "servo_down"})
+    check_keys(rig.machine, frozenset({"port", "baud", "pen"}), optional, f"[machine] of rig {rig.name}")
+    pen_of(rig.machine, rig)  # before the port is opened
+    line = SerialLine(rig.machine["port"], rig.machine["baud"])
+    try:
+        return GrblPlotter(line, rig)
+    except BaseException:
+        line.close()
+        raise
+
+
+def _metres(text: str) -> FloatArray:
+    return np.array([float(value) / 1000 for value in text.split(",")[:3]])

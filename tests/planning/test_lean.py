@@ -1,0 +1,56 @@
+"""The planner plans, in paints and in ink, where nothing heavy is installed."""
+
+import subprocess
+import sys
+
+from tests.imports import ROOT
+
+PLAN = """
+import sys
+for heavy in ("torch", "sklearn", "scipy", "skimage", "pandas", "matplotlib", "PIL", "onnxruntime"):
+    sys.modules[heavy] = None  # an import of it is an ImportError
+from dataclasses import replace
+import numpy as np
+from pentimento.contracts.errors import ConfigError, ImageError
+from pentimento.planning.config import ObjectivesConfig, StyleConfig
+from pentimento.planning.palette import PaletteChoice
+from pentimento.planning.planner import plan
+from pentimento.planning.render_plan import render_plan
+from pentimento.planning.scene import objective_for, scene_with
+from pentimento.planning.target import load_photograph
+from pentimento.robots.tools import load_tool
+import pentimento.runner.painter
+from tests.runner.line_brush import LineBrush, easel
+
+blank, target = np.ones((40, 60, 3), np.float32), np.ones((40, 60, 3), np.float32)
+target[10:30, 15:45] = [0.6, 0.1, 0.1]
+paints = replace(
+    easel().planner, palette=PaletteChoice("plan", 2, None, None), iterations_free=6, iterations_palette=6,
+    relocate_every=3, relocate_share=0.2,
+)
+for name, config in (("round_brush", paints), ("marker", easel(6).planner)):
+    tool = load_tool(name)
+    scene = scene_with(LineBrush(), tool, (0.12, 0.08), target)
+    strokes, palette = plan(blank, scene, 12, config, lambda *_: None)
+    objective = objective_for(scene, config)
+    assert objective(render_plan(strokes, blank, scene))[0] < 0.95 * objective(blank)[0], name
+    assert len(strokes) == 12 and 1 <= len(palette) <= 2
+styled = replace(config, objectives=ObjectivesConfig(1.0, StyleConfig(0.1, "retina", "local", None)))
+try:
+    plan(blank, scene, 4, styled, lambda *_: None)
+except ConfigError as error:
+    assert "only the workshop has" in str(error)
+else:
+    raise AssertionError("a style was planned for, and nobody could see it")
+try:
+    load_photograph("coffee")
+except ImageError as error:
+    assert "pentimento[train]" in str(error)
+else:
+    raise AssertionError("a sample photograph was there without scikit-image")
+"""
+
+
+def test_plans_need_nothing_heavy() -> None:
+    done = subprocess.run([sys.executable, "-c", PLAN], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

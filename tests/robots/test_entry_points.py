@@ -1,0 +1,24 @@
+"""Each declared driver is there, takes a rig, and says which keys its table has."""
+
+import importlib
+import tomllib
+
+import pytest
+
+from pentimento.contracts.errors import ConfigError
+from tests.imports import ROOT
+from tests.robots.machines import make_rig
+
+GROUP = "pentimento.robots"
+DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"][GROUP]
+
+
+def test_the_drivers_of_this_project_are_declared() -> None:
+    assert set(DECLARED) == {"gcode", "grbl", "xarm", "franka"}
+
+
+@pytest.mark.parametrize("name", ["gcode", "grbl", "xarm", "franka"])
+def test_a_driver_refuses_a_table_of_another_machine_before_it_connects(name: str) -> None:
+    module, _, function = DECLARED[name].partition(":")
+    with pytest.raises(ConfigError, match=r"\[machine\] of rig bench: missing keys .*, unknown keys \['engine'\]"):
+        getattr(importlib.import_module(module), function)(make_rig(machine={"engine": "steam"}))

@@ -1,0 +1,81 @@
+"""The driver in docs/writing_a_driver.md, as it stands there, on a device that is not there."""
+
+import re
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.robots.hardware import HardwareRobot
+from pentimento.robots.machine import MachineError
+from pentimento.robots.motion import timed_path
+from pentimento.robots.tools import load_tool
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from tests.imports import ROOT
+from tests.robots.machines import make_rig
+
+PAGE = (ROOT / "docs/writing_a_driver.md").read_text()
+RIG = make_rig(palette=None, machine={"address": "here"})
+
+
+class Device:
+    """Centimetres; refuses the place of its number `refuses`."""
+
+    def __init__(self) -> None:
+        self.at, self.went, self.refuses, self.frozen = (35.0, 15.0, 8.0), [], -1, 0
+
+    def place(self) -> tuple[float, float, float]:
+        return self.at
+
+    def go(self, x: float, y: float, z: float, seconds: float) -> bool:
+        self.went.append((x, y, z, seconds))
+        if len(self.went) == self.refuses:
+            return False
+        self.at = (x, y, z)
+        return True
+
+    def freeze(self) -> None:
+        self.frozen += 1
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture
+def driver(monkeypatch: pytest.MonkeyPatch) -> tuple[types.ModuleType, Device]:
+    device = Device()
+    package = types.ModuleType("doodle")
+    package.open = lambda address: device  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "doodle", package)
+    found = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert found
+    module = types.ModuleType("my_package.doodle")
+    exec(compile(found[1], "docs/writing_a_driver.md", "exec"), module.__dict__)
+    return module, device
+
+
+def test_it_paints_lifts_and_refuses(driver: tuple[types.ModuleType, Device]) -> None:
+    module, device = driver
+    tool = load_tool("marker")
+    guard = GuardedRobot(HardwareRobot(module.connect(RIG), RIG, lambda _: None), envelope_for(tool, (0.3, 0.2)))
+    guard.change_tool(tool)
+    s = np.linspace(0, 1, 8)
+    path = timed_path(np.column_stack((0.1 + 0.02 * s, 0.1 + 0 * s, 0 * s, 0 * s)), 0.06)
+    guard.move(path)
+    low = np.array([place for place in device.went if place[2] < 5.0 + 1e-6])
+    # canvas (x, y, z) -> robot (0.4 − y, 0.1 + x, 0.05 + z), in centimetres
+    assert low[:, 0] == pytest.approx(np.full(len(low), 30.0)) and low[-1, 1] == pytest.approx(22.0)
+    assert device.at[2] == pytest.approx(8.0)
+    device.refuses = len(device.went) + 70
+    with pytest.raises(MachineError, match="refused a place"):
+        guard.move(path)
+    assert device.frozen and device.at[2] == pytest.approx(8.0) and guard.stopped is not None
+
+
+def test_without_its_package_it_says_what_to_install(
+    driver: tuple[types.ModuleType, Device], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "doodle", None)
+    with pytest.raises(ConfigError, match="pip install doodle"):
+        driver[0].connect(RIG)
