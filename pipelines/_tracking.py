@@ -57,6 +57,10 @@ class Run:
             if isinstance(value, int | float):
                 self.log(name, value)
 
+    def tag(self, name: str, value: str) -> None:
+        """Say something of the run by which it can be found."""
+        self._client.set_tag(self.id, name, value)
+
     def log_picture(self, path: Path) -> None:
         """Keep a copy of a picture with the run."""
         self._client.log_artifact(self.id, str(path), "pictures")

@@ -1,0 +1,50 @@
+"""Put everything that execution needs into a bundle: graphs compared with PyTorch, tools, envelopes, manifest."""
+
+import argparse
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from pentimento.copainting.goal.planner import load_goal_planner
+from pentimento.deploy.bundle import DeployConfig, Models, write_bundle
+from pentimento.runner.bundle import MANIFEST, open_bundle
+from pentimento.semantics.encoder import Encoder
+from pentimento.stroke_dynamics.extended import read_stroke_model
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main
+from pipelines._tracking import input_digest, tracked_run
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: the bundle."""
+    config = load_section(Path("params.yaml"), "deploy", DeployConfig)
+    single_threaded()
+    strokes = {f"stroke_{tool}": arguments.models / f"stroke_{tool}/weights" for tool in arguments.tools}
+    inputs = {**strokes, "semantics": arguments.semantics, "goal": arguments.goal}
+    with (
+        tracked_run("deploy", None, asdict(config), inputs) as run,
+        output_folder(arguments.out) as out,
+    ):
+        models = Models(
+            strokes={tool: read_stroke_model(strokes[f"stroke_{tool}"]) for tool in arguments.tools},
+            encoder=Encoder.load(arguments.semantics),
+            encoder_folder=arguments.semantics,
+            goal=load_goal_planner(arguments.goal),
+            goal_folder=arguments.goal,
+            digests={name: input_digest(path) for name, path in inputs.items()},
+        )
+        write_bundle(out, models, config)
+        open_bundle(out)  # what the runner would refuse is not handed on
+        run.log_metrics(json.loads((out / "metrics.json").read_text()))
+        run.tag("manifest", hashlib.sha256((out / MANIFEST).read_bytes()).hexdigest())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="deploy", description=__doc__)
+    parser.add_argument("--models", required=True, type=Path, help="folder of stroke_<tool>")
+    parser.add_argument("--tools", required=True, nargs="+", help="whose models are there")
+    parser.add_argument("--semantics", required=True, type=Path)
+    parser.add_argument("--goal", required=True, type=Path, help="the goal planner")
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,153 @@
+"""The goal planner's parts as graphs, with what a sampler must know; ``runner.sampler`` asks them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from diffusers import DDIMScheduler
+from torch import Tensor, nn
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.copainting.goal.planner import GoalPlanner
+from pentimento.deploy.graphs import Graph, compared, generator
+from pentimento.deploy.tracing import export_module
+from pentimento.runner.bundle import GoalFacts, WordsFacts
+
+_UNITS = {
+    "tokens": "token numbers, filled up with ends",
+    "states": "hidden states of the text encoder",
+    "pictures": "sRGB from -1 to 1, [B, 3, H, W]",
+    "latents": "latents; for goal_decode divided by their scaling",
+    "noisy": "latents under way, then those of the canvas",
+    "timestep": "of the noise schedule",
+    "told": "what the network foretells, see the facts",
+}
+_BATCHES = (1, 3, 6)
+
+
+def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
+    """``goal_text``, ``goal_encode``, ``goal_denoise`` and ``goal_decode``, each with an open number of pictures.
+
+    Raises:
+        ParityError: a graph does not compute what PyTorch does.
+    """
+    side, channels = _side_px(planner), planner.vae.config.latent_channels
+    small = side // planner.vae_scale_factor
+    length, width = planner.tokenizer.model_max_length, planner.text_encoder.config.hidden_size
+    planner.text_encoder.set_attn_implementation("eager")
+
+    def examples(name: str, batch: int) -> list[Tensor]:
+        numbers = generator(name, batch)
+        match name:
+            case "goal_text":
+                tokens = torch.randint(0, planner.tokenizer.eos_token_id, (batch, length), generator=numbers)
+                tokens[:, length // 2 :] = planner.tokenizer.eos_token_id
+                return [tokens]
+            case "goal_encode":
+                return [2 * torch.rand(batch, 3, side, side, generator=numbers) - 1]
+            case "goal_decode":
+                return [torch.randn(batch, channels, small, small, generator=numbers)]
+        noisy = torch.randn(batch, 2 * channels, small, small, generator=numbers)
+        timestep = torch.randint(0, planner.scheduler.config.num_train_timesteps, (1,), generator=numbers)
+        return [noisy, timestep, torch.randn(batch, length, width, generator=numbers)]
+
+    parts: tuple[tuple[str, nn.Module, list[str], str], ...] = (
+        ("goal_text", _Read(planner.text_encoder), ["tokens"], "states"),
+        ("goal_encode", _Encode(planner.vae), ["pictures"], "latents"),
+        ("goal_denoise", _Denoise(planner.unet), ["noisy", "timestep", "states"], "told"),
+        ("goal_decode", _Decode(planner.vae), ["latents"], "pictures"),
+    )
+    graphs = {}
+    for name, part, inputs, output in parts:
+        part.eval().requires_grad_(False)
+        free = [dict[int, str]() if key == "timestep" else {0: "pictures_at_once"} for key in inputs]
+        made = export_module(part, examples(name, 2), inputs, [output], free)
+        compare = [examples(name, batch) for batch in _BATCHES]
+        graphs[name] = compared(name, made, _one(part), compare, _UNITS, tolerance, ("goal",))
+    return graphs
+
+
+def goal_facts(
+    planner: GoalPlanner, words: WordsFacts, steps: int, image_guidance: float, text_guidance: float
+) -> GoalFacts:
+    """What a sampler must know of a goal planner.
+
+    Raises:
+        ConfigError: its noise schedule is of a kind that the runner's sampler does not know.
+    """
+    scheduler = planner.scheduler
+    config = scheduler.config
+    known = isinstance(scheduler, DDIMScheduler) and not config.thresholding and not config.clip_sample
+    if not known or config.timestep_spacing not in ("trailing", "leading"):
+        raise ConfigError(
+            f"The goal planner's noise schedule ({type(scheduler).__name__}, {config.timestep_spacing}) is none that "
+            "the runner samples: use DDIM with trailing or leading steps, without thresholding or clipping."
+        )
+    return GoalFacts(
+        side_px=_side_px(planner),
+        latent_channels=planner.vae.config.latent_channels,
+        latent_step_px=planner.vae_scale_factor,
+        scaling=planner.vae.config.scaling_factor,
+        alphas_cumprod=tuple(scheduler.alphas_cumprod.tolist()),
+        final_alpha=float(scheduler.final_alpha_cumprod),
+        prediction=config.prediction_type,
+        spacing=config.timestep_spacing,
+        offset=config.steps_offset,
+        steps=steps,
+        image_guidance=image_guidance,
+        text_guidance=text_guidance,
+        words=words,
+    )
+
+
+def _side_px(planner: GoalPlanner) -> int:
+    return int(planner.unet.config.sample_size * planner.vae_scale_factor)
+
+
+def _one(part: nn.Module) -> Any:
+    def function(*arguments: Tensor) -> tuple[Tensor]:
+        with torch.no_grad():
+            return (part(*arguments),)
+
+    return function
+
+
+class _Read(nn.Module):
+    def __init__(self, text_encoder: nn.Module) -> None:
+        super().__init__()
+        self.text_encoder = text_encoder
+
+    def forward(self, tokens: Tensor) -> Tensor:
+        states: Tensor = self.text_encoder(tokens)[0]
+        return states
+
+
+class _Encode(nn.Module):
+    def __init__(self, vae: Any) -> None:
+        super().__init__()
+        self.vae = vae
+
+    def forward(self, pictures: Tensor) -> Tensor:
+        mode: Tensor = self.vae.encode(pictures).latent_dist.mode()
+        return mode
+
+
+class _Decode(nn.Module):
+    def __init__(self, vae: Any) -> None:
+        super().__init__()
+        self.vae = vae
+
+    def forward(self, latents: Tensor) -> Tensor:
+        pictures: Tensor = self.vae.decode(latents, return_dict=False)[0]
+        return pictures
+
+
+class _Denoise(nn.Module):
+    def __init__(self, unet: nn.Module) -> None:
+        super().__init__()
+        self.unet = unet
+
+    def forward(self, noisy: Tensor, timestep: Tensor, states: Tensor) -> Tensor:
+        told: Tensor = self.unet(noisy, timestep, encoder_hidden_states=states, return_dict=False)[0]
+        return told

@@ -1,0 +1,250 @@
+"""What an ONNX file says of itself, read without a runtime: versions, operators' domains, tensors, inputs and outputs.
+
+A graph comes from elsewhere, and a runtime opens what a graph names: other files (external data), operators of other
+domains (plug-ins). So a file is read first as plain protocol buffers, field by field, and one with anything that is not
+known here is refused. The field numbers are those of onnx.proto (https://github.com/onnx/onnx).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import prod
+from typing import Final, TypeAlias
+
+from pentimento.contracts.errors import ContractError
+
+Field: TypeAlias = "tuple[int, int | memoryview]"
+
+_DEEPEST: Final = 8  # graphs within graphs, as of If and Loop
+_ITEM_BYTES: Final = {1: 4, 2: 1, 3: 1, 4: 2, 5: 2, 6: 4, 7: 8, 9: 1, 10: 2, 11: 8, 12: 4, 13: 8, 16: 2}
+"""By data type: float, (u)int8/16/32/64, bool, half, double, bfloat16. Texts and complex numbers are none of ours."""
+_TYPED_DATA: Final = (4, 5, 7, 10, 11)  # numbers stored one by one and not as raw bytes
+
+
+@dataclass
+class Header:
+    """What there is to judge a graph by."""
+
+    ir_version: int = 0
+    opsets: dict[str, int] = field(default_factory=dict)
+    """Version by domain; "" is ONNX's own."""
+    inputs: dict[str, tuple[int | str, ...]] = field(default_factory=dict)
+    """Shape by name, in order; an open size is a name."""
+    outputs: dict[str, tuple[int | str, ...]] = field(default_factory=dict)
+    largest_tensor_bytes: int = 0
+    """Of all that are stored."""
+    external_data: bool = False
+    """Whether a tensor lies in another file."""
+
+
+def read_header(data: bytes) -> Header:
+    """Of a file's content.
+
+    Raises:
+        ContractError: it is no ONNX model, or has what is not known here: functions, operators of other domains, sparse
+            tensors, fields of a later version, tensors whose size is not what they say.
+    """
+    header = Header()
+    graphs = 0
+    for number, value in _fields(memoryview(data)):
+        match number:
+            case 1:
+                header.ir_version = _whole(value)
+            case 7:
+                graphs += 1
+                _read_graph(_message(value), header, 0)
+            case 8:
+                domain, version = "", 0
+                for part, content in _fields(_message(value)):
+                    if part == 1:
+                        domain = _text(content)
+                    elif part == 2:
+                        version = _whole(content)
+                    else:
+                        _unknown("the operator set", part)
+                header.opsets[domain] = version
+            case 2 | 3 | 4 | 5 | 6 | 14:  # who made it, and remarks
+                pass
+            case _:
+                _unknown("the model", number)
+    if graphs != 1:
+        raise ContractError(f"The file holds {graphs} graphs; an ONNX model has one.")
+    return header
+
+
+def _read_graph(graph: memoryview, header: Header, depth: int) -> None:
+    if depth > _DEEPEST:
+        raise ContractError(f"Graphs stand within graphs more than {_DEEPEST} deep; none of ours does.")
+    for number, value in _fields(graph):
+        match number:
+            case 1:
+                _read_node(_message(value), header, depth)
+            case 5:
+                _read_tensor(_message(value), header)
+            case 11 | 12 if depth == 0:
+                name, shape = _read_value(_message(value))
+                (header.inputs if number == 11 else header.outputs)[name] = shape
+            case 2 | 10 | 11 | 12 | 13 | 16:  # its name, remarks, and the types of values within it
+                pass
+            case _:
+                _unknown("the graph", number)
+
+
+def _read_node(node: memoryview, header: Header, depth: int) -> None:
+    for number, value in _fields(node):
+        match number:
+            case 5:
+                _read_attribute(_message(value), header, depth)
+            case 7:
+                if _text(value) not in ("", "ai.onnx"):
+                    raise ContractError(
+                        f"An operator is of the domain {_text(value)!r}; a graph may only use ONNX's own operators."
+                    )
+            case 1 | 2 | 3 | 4 | 6 | 9:
+                pass
+            case _:
+                _unknown("an operator", number)
+
+
+def _read_attribute(attribute: memoryview, header: Header, depth: int) -> None:
+    for number, value in _fields(attribute):
+        match number:
+            case 5 | 10:
+                _read_tensor(_message(value), header)
+            case 6 | 11:
+                _read_graph(_message(value), header, depth + 1)
+            case 1 | 2 | 3 | 4 | 7 | 8 | 9 | 13 | 20:
+                pass
+            case _:
+                _unknown("an attribute", number)
+
+
+def _read_tensor(tensor: memoryview, header: Header) -> None:
+    dims: list[int] = []
+    kind, raw, typed = 0, None, False
+    for number, value in _fields(tensor):
+        match number:
+            case 1:
+                dims += _whole_numbers(value)
+            case 2:
+                kind = _whole(value)
+            case 9:
+                raw = _message(value)
+            case 13:
+                header.external_data = True
+            case 14:
+                header.external_data |= _whole(value) != 0
+            case 8 | 12 | 16:
+                pass
+            case _ if number in _TYPED_DATA:
+                typed = True
+            case _:
+                _unknown("a tensor", number)
+    if kind not in _ITEM_BYTES or any(size < 0 or size >= 2**63 for size in dims):
+        raise ContractError(f"A tensor has the data type {kind} and the shape {dims}; it is none of ours.")
+    size = prod(dims) * _ITEM_BYTES[kind]
+    header.largest_tensor_bytes = max(header.largest_tensor_bytes, size)
+    if not header.external_data and not typed and (0 if raw is None else len(raw)) != size:
+        raise ContractError(
+            f"A tensor of the shape {dims} needs {size} bytes and has {0 if raw is None else len(raw)}."
+        )
+
+
+def _read_value(value_info: memoryview) -> tuple[str, tuple[int | str, ...]]:
+    name, shape = "", tuple[int | str, ...]()
+    for number, value in _fields(value_info):
+        if number == 1:
+            name = _text(value)
+        elif number == 2:
+            for kind, content in _fields(_message(value)):
+                if kind != 1:
+                    raise ContractError(f"The value {name!r} is no tensor; all that go in and come out are.")
+                shape = _read_shape(_message(content))
+    return name, shape
+
+
+def _read_shape(tensor_type: memoryview) -> tuple[int | str, ...]:
+    sizes: list[int | str] = []
+    for number, value in _fields(tensor_type):
+        if number == 2:
+            for _, dimension in _fields(_message(value)):
+                size: int | str = ""
+                for part, content in _fields(_message(dimension)):
+                    if part in (1, 2):
+                        size = _whole(content) if part == 1 else _text(content)
+                sizes.append(size)
+    return tuple(sizes)
+
+
+def _fields(message: memoryview) -> Iterator[Field]:
+    """Number and content of each field, in order."""
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        match key & 7:
+            case 0:
+                value, at = _varint(message, at)
+                yield key >> 3, value
+                continue
+            case 1:
+                length = 8
+            case 2:
+                length, at = _varint(message, at)
+            case 5:
+                length = 4
+            case _:
+                raise ContractError("The file is no ONNX model: it is not written as protocol buffers are.")
+        if at + length > len(message):
+            raise ContractError("The file is no whole ONNX model: it ends in the middle of a field.")
+        yield key >> 3, message[at : at + length]
+        at += length
+
+
+def _varint(message: memoryview, at: int) -> tuple[int, int]:
+    value = 0
+    for shift in range(0, 70, 7):
+        if at >= len(message):
+            break
+        byte = message[at]
+        at += 1
+        value |= (byte & 127) << shift
+        if byte < 128:
+            return value, at
+    raise ContractError("The file is no ONNX model: a number in it does not end.")
+
+
+def _whole_numbers(value: int | memoryview) -> list[int]:
+    """One number, or several packed into bytes."""
+    if isinstance(value, int):
+        return [value]
+    numbers, at = [], 0
+    while at < len(value):
+        number, at = _varint(value, at)
+        numbers.append(number)
+    return numbers
+
+
+def _whole(value: int | memoryview) -> int:
+    if not isinstance(value, int):
+        raise ContractError("The file is no ONNX model: bytes stand where a number belongs.")
+    return value
+
+
+def _message(value: int | memoryview) -> memoryview:
+    if isinstance(value, int):
+        raise ContractError("The file is no ONNX model: a number stands where bytes belong.")
+    return value
+
+
+def _text(value: int | memoryview) -> str:
+    try:
+        return bytes(_message(value)).decode()
+    except UnicodeDecodeError as error:
+        raise ContractError(f"The file is no ONNX model: a name in it is no text ({error}).") from error
+
+
+def _unknown(where: str, number: int) -> None:
+    raise ContractError(
+        f"There is a field {number} of {where} that this version does not know; export the graph again."
+    )

@@ -1,0 +1,46 @@
+"""How an encoder looks at a picture: resized to its square, and from a few other angles. Inputs of exported graphs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+
+_SHARPNESS = -0.5
+"""Of the cubic (Keys 1981), as antialiased resizing has it in PyTorch and Pillow."""
+_TURN_RAD, _SCALE, _SHIFT = 0.12, 0.1, 0.1
+"""The most by which a view is turned, scaled, and shifted as a share of half the picture; ``semantics.objective``."""
+
+
+def random_views(count: int, rng: np.random.Generator) -> Array:
+    """[count, 2, 3] small turns, scales and shifts, in coordinates that run from -1 to 1 over a picture."""
+    return views_of(rng.uniform(-1, 1, (4, count)).astype(np.float32))
+
+
+def views_of(drawn: Array) -> Array:
+    """[V, 2, 3] for numbers [4, V] from -1 to 1: turn, scale, shift across, shift down."""
+    turn, scale = _TURN_RAD * drawn[0], 1 + _SCALE * drawn[1]
+    cos, sin = scale * np.cos(turn), scale * np.sin(turn)
+    rows = [np.stack([cos, -sin, _SHIFT * drawn[2]], 1), np.stack([sin, cos, _SHIFT * drawn[3]], 1)]
+    return np.stack(rows, 1).astype(np.float32)
+
+
+def resizing_matrix(size: int, new_size: int) -> Array:
+    """[new_size, size] by which antialiased bicubic resizing turns a line of pixels into another."""
+    ratio = size / new_size
+    wide = max(ratio, 1.0)
+    centers = ratio * (np.arange(new_size) + 0.5)
+    first = np.maximum((centers - 2 * wide + 0.5).astype(int), 0)
+    last = np.minimum((centers + 2 * wide + 0.5).astype(int), size)
+    pixel = np.arange(size)
+    weights = _cubic((pixel - centers[:, None] + 0.5) / wide)
+    weights[(pixel < first[:, None]) | (pixel >= last[:, None])] = 0.0
+    return np.asarray(weights / weights.sum(1, keepdims=True), dtype=np.float32)
+
+
+def _cubic(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    a, x = _SHARPNESS, np.abs(x)
+    near = ((a + 2) * x - (a + 3)) * x * x + 1
+    far = (((x - 5) * x + 8) * x - 4) * a
+    return np.where(x < 1, near, np.where(x < 2, far, 0.0))

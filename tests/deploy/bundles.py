@@ -1,0 +1,70 @@
+"""A bundle small enough for tests: of untrained models with much that can be exported, made once for all tests."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import torch
+
+from pentimento.copainting.goal.planner import save_goal_planner
+from pentimento.deploy.bundle import Asking, DeployConfig, Models, SettingConfig, write_bundle
+from pentimento.planning.fitted import Pace, Span
+from pentimento.semantics.encoder import Encoder, new_model
+from pentimento.stroke_dynamics.extended import StrokeModel
+from pentimento.stroke_dynamics.mechanisms import VOCABULARY
+from pentimento.stroke_dynamics.simulation import Mechanism
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
+from tests.runner.tiny_bundle import CANVAS_M, PLANNER
+
+CONFIG = DeployConfig(
+    tolerance=1e-4,
+    views=1,
+    asking=Asking(2, 1.0, 5.0),
+    settings={"small": SettingConfig("marker", CANVAS_M, 6, 3, False, PLANNER)},
+)
+BRUSH = f"marker_{PLANNER.path_points}"
+DIGESTS = {"stroke_marker": "1", "semantics": "2", "goal": "3"}
+
+
+def mechanism(cause: str, values: list[float], reference: dict[str, float]) -> Mechanism:
+    """One of the vocabulary."""
+    kind = {kind.cause: kind for kind in VOCABULARY}[cause]
+    return kind(torch.tensor(values), reference)
+
+
+def stroke_model() -> StrokeModel:
+    """Its ink runs down, it stirs wet paint, and its camera sees a gradient of light."""
+    mechanisms = (
+        mechanism("ink_depletion", [0.2, 0.1], {"column": 0.0, "since": 0.05}),
+        mechanism("wet_mixing", [0.3, 0.1], {"usual_age_s": 60.0}),
+        mechanism("illumination_gradient", [0.02, 0.01, 0.03, -0.02], {"x_m": 0.03, "y_m": 0.02, "half_m": 0.03}),
+    )
+    parameters = Traj2StrokeParameters((1.01, 0.99), (1e-4, -1e-4), 0.3, 1e-3, 0.2, 0.9)
+    fitted = {"ink_since_reload_m": Span(0.0, 0.05, 0.1), "wet_age_s": Span(1.0, 60.0, 300.0)}
+    return StrokeModel(parameters, mechanisms, fitted, Pace(2.0, 5.0))
+
+
+@cache
+def small_bundle() -> tuple[Path, Models]:
+    """The bundle's folder and what it was made of. The folder is nobody's to change."""
+    torch.set_num_threads(1)
+    folder = Path(tempfile.mkdtemp(prefix="bundle-"))
+    models = small_models(folder)
+    (folder / "bundle").mkdir()
+    write_bundle(folder / "bundle", models, CONFIG)
+    return folder / "bundle", models
+
+
+def small_models(folder: Path) -> Models:
+    """An untrained encoder and goal planner, saved in the folder, too."""
+    tokenizer = small_encoder().tokenizer
+    # Of convolutions alone, as the pipeline's own.
+    encoder, goal = Encoder(new_model(replace(ENCODER, image_layers=0), tokenizer, 0), tokenizer), small_planner()
+    (folder / "encoder").mkdir()
+    encoder.save(folder / "encoder")
+    save_goal_planner(goal, folder / "goal")
+    return Models({"marker": stroke_model()}, encoder, folder / "encoder", goal, folder / "goal", DIGESTS)

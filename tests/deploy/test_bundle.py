@@ -1,0 +1,58 @@
+"""A written bundle opens, agrees with the models that it came from, and is the same when it is written again."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pentimento.deploy.stroke_graphs import MARKS, STROKES
+from pentimento.planning.model import Marks
+from pentimento.planning.strokes import Strokes
+from pentimento.robots.tools import load_tool
+from pentimento.runner.bundle import open_bundle
+from pentimento.runner.safety import envelope_for
+from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle
+from tests.runner.tiny_bundle import CANVAS_M
+
+pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
+
+
+def test_it_opens_and_says_how_well_each_graph_agrees() -> None:
+    folder, _ = small_bundle()
+    manifest = open_bundle(folder).manifest
+    assert {f"{BRUSH}_marks", f"{BRUSH}_pull", f"{BRUSH}_gain", "semantic", "text", "caption", "goal_denoise"} <= set(
+        manifest.graphs
+    )
+    for name, graph in manifest.graphs.items():
+        assert max(graph.parity.values()) <= CONFIG.tolerance, name
+        assert set(graph.models) <= set(DIGESTS)
+    assert manifest.models == DIGESTS
+    assert manifest.settings["small"].envelope == envelope_for(load_tool("marker"), CANVAS_M)
+
+
+def test_its_facts_are_those_of_the_models() -> None:
+    folder, models = small_bundle()
+    manifest = open_bundle(folder).manifest
+    goal, brush = manifest.goal, manifest.brushes[BRUSH]
+    assert (goal.side_px, goal.latent_step_px, goal.latent_channels, goal.prediction) == (16, 2, 4, "sample")
+    assert goal.alphas_cumprod[-1] == 0 and np.all(np.diff(goal.alphas_cumprod) < 0)
+    assert goal.alphas_cumprod == pytest.approx(models.goal.scheduler.alphas_cumprod.tolist())
+    assert brush.fitted == models.strokes["marker"].fitted and brush.pace == models.strokes["marker"].pace
+    assert brush.picks_up and brush.has_gain
+
+
+def test_its_card_lists_every_graph_and_no_file_names_a_place_or_a_time() -> None:
+    folder, models = small_bundle()
+    card = (folder / "card.md").read_text()
+    manifest = open_bundle(folder).manifest
+    assert all(f"| {name} |" in card for name in manifest.graphs)
+    for name in ("card.md", "manifest.json", "metrics.json"):
+        text = (folder / name).read_text()
+        assert str(models.goal_folder.parent) not in text and "T00:" not in text
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["largest_difference"] == max(max(g.parity.values()) for g in manifest.graphs.values())
+
+
+def test_ports_bear_the_names_of_the_planners_arrays() -> None:
+    assert [*STROKES] == [name for name in Strokes.__dataclass_fields__ if name != "inherited"]
+    assert [*MARKS] == [name if name != "color" else "paint" for name in Marks._fields]

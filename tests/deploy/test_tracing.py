@@ -1,0 +1,67 @@
+"""Exported graphs: gradients inside, open sizes, the same bytes again, and nothing of where they were made."""
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from pentimento.deploy.graphs import ParityError, compared, generator, relative_difference, session
+from pentimento.deploy.tracing import IR_VERSION, OPSET, export
+from pentimento.runner.onnx_header import read_header
+
+WEIGHT = torch.linspace(-1, 1, 6).reshape(2, 3)
+UNITS = {"x": "1", "value": "1", "slope": "1"}
+
+
+def value_and_slope(x: Tensor) -> tuple[Tensor, Tensor]:
+    """Σ tanh(W xᵢ)², with its gradient; the weight is used twice."""
+    leaf = x.detach().requires_grad_(True)
+    with torch.enable_grad():
+        value = torch.tanh(leaf @ WEIGHT.T).square().sum() + (leaf @ WEIGHT.T).sum()
+    return value.detach(), torch.autograd.grad(value, leaf)[0]
+
+
+def rows(count: int) -> Tensor:
+    return torch.randn(count, 3, generator=generator("rows", count))
+
+
+def test_a_gradient_is_exported_with_an_open_size() -> None:
+    model = export(value_and_slope, [rows(7)], ["x"], ["value", "slope"], [{0: "rows"}])
+    graph = compared("tanh", model, value_and_slope, [[rows(1)], [rows(4)], [rows(50)]], UNITS, 1e-5, ("m",))
+    assert graph.inputs[0].shape == ("rows", 3) and graph.outputs[1].shape == ("rows", 3)
+    assert set(graph.parity) == {"value", "slope"} and max(graph.parity.values()) < 1e-5
+    header = read_header(graph.content)
+    assert (header.opsets, header.ir_version) == ({"": OPSET}, IR_VERSION)
+
+
+def test_the_same_function_gives_the_same_bytes_and_names_no_place() -> None:
+    one, again = (export(value_and_slope, [rows(2)], ["x"], ["value", "slope"]) for _ in range(2))
+    content = one.SerializeToString(deterministic=True)
+    assert content == again.SerializeToString(deterministic=True)
+    assert not any(word in content for word in (b"/", b".py", b"torch."))
+    stored = [array.raw_data for array in one.graph.initializer if len(array.raw_data) == 24]
+    assert len(stored) == len(set(stored))  # each array once
+
+
+def test_a_graph_that_computes_something_else_is_not_deployed() -> None:
+    model = export(value_and_slope, [rows(2)], ["x"], ["value", "slope"])
+
+    def other(x: Tensor) -> tuple[Tensor, Tensor]:
+        value, slope = value_and_slope(x)
+        return value, 1.001 * slope
+
+    with pytest.raises(ParityError, match=r"graph tanh gives slope with a relative difference of 0\.00"):
+        compared("tanh", model, other, [[rows(2)]], UNITS, 1e-4, ())
+    assert compared("tanh", model, other, [[rows(2)]], UNITS, 1e-2, ()).parity["slope"] == pytest.approx(1e-3, rel=0.01)
+    assert session(model.SerializeToString()).get_inputs()[0].shape == [2, 3]
+
+
+def test_the_difference_is_relative_and_knows_no_mercy_for_shapes_and_nan() -> None:
+    wanted = np.array([3.0, 4.0], np.float32)
+    assert relative_difference(wanted, wanted) == 0
+    assert relative_difference(wanted * 1.5, wanted) == pytest.approx(0.5)
+    assert relative_difference(1000 * wanted * 1.5, 1000 * wanted) == pytest.approx(0.5)
+    assert relative_difference(np.full(2, 0.5), np.zeros(2)) == pytest.approx(0.5**0.5)
+    assert relative_difference(wanted[:1], wanted) == np.inf
+    assert relative_difference(np.array([3.0, np.nan]), wanted) == np.inf
+    assert relative_difference(np.array([3.0, np.nan]), np.array([3.0, np.nan])) == 0

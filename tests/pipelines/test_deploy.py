@@ -1,0 +1,91 @@
+"""The stage deploy: from folders of models to a bundle that opens, and a run that is found by its manifest's hash."""
+
+import argparse
+import hashlib
+import json
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from pentimento.deploy.bundle import DeployConfig, Models
+from pentimento.deploy.graphs import ParityError
+from pentimento.runner.bundle import BundleError, open_bundle
+from pentimento.runner.plain import to_plain
+from pentimento.stroke_dynamics.extended import model_files
+from pipelines import deploy
+from pipelines._tracking import EXPERIMENT, input_digest
+from tests.deploy.bundles import CONFIG, small_bundle
+
+pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Models and params.yaml; the export itself is made once for all tests."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    _, models = small_bundle()
+    weights = tmp_path / "models/stroke_marker/weights"
+    weights.mkdir(parents=True)
+    for name, value in model_files(models.strokes["marker"]).items():
+        (weights / name).write_text(json.dumps(value))
+    shutil.copytree(models.encoder_folder, tmp_path / "semantics")
+    shutil.copytree(models.goal_folder, tmp_path / "goal")
+    YAML(typ="safe").dump({"deploy": to_plain(CONFIG)}, Path("params.yaml"))
+    return tmp_path
+
+
+def run() -> Path:
+    deploy.main(
+        argparse.Namespace(
+            models=Path("models"), tools=["marker"], semantics=Path("semantics"), goal=Path("goal"), out=Path("bundle")
+        )
+    )
+    return Path("bundle")
+
+
+def test_the_stage_hands_models_and_settings_on_and_tags_its_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mlflow import MlflowClient
+
+    given: list[tuple[Models, DeployConfig]] = []
+
+    def copied(out: Path, models: Models, config: DeployConfig) -> None:
+        given.append((models, config))
+        shutil.copytree(small_bundle()[0], out, dirs_exist_ok=True)
+
+    monkeypatch.setattr(deploy, "write_bundle", copied)
+    out = run()
+    models, config = given[0]
+    assert config == CONFIG
+    assert asdict(models.strokes["marker"].parameters) == asdict(small_bundle()[1].strokes["marker"].parameters)
+    assert models.encoder.digest == small_bundle()[1].encoder.digest
+    assert models.digests["semantics"] == input_digest(Path("semantics"))
+    assert set(models.digests) == {"stroke_marker", "semantics", "goal"}
+    client = MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
+    experiment = client.get_experiment_by_name(EXPERIMENT)
+    assert experiment is not None
+    (tracked,) = client.search_runs([experiment.experiment_id])
+    assert tracked.data.tags["manifest"] == open_bundle(out).digest
+    assert tracked.data.tags["manifest"] == hashlib.sha256((out / "manifest.json").read_bytes()).hexdigest()
+    assert tracked.data.metrics["largest_difference"] <= CONFIG.tolerance
+
+
+def test_a_bundle_that_the_runner_would_refuse_is_not_handed_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def spoilt(out: Path, _models: Models, _config: DeployConfig) -> None:
+        shutil.copytree(small_bundle()[0], out, dirs_exist_ok=True)
+        (out / "more.txt").write_text("")
+
+    monkeypatch.setattr(deploy, "write_bundle", spoilt)
+    with pytest.raises(BundleError, match="does not list"):
+        run()
+    assert not Path("bundle").exists()
+
+
+def test_a_graph_beyond_its_tolerance_fails_the_stage(folder: Path) -> None:
+    YAML(typ="safe").dump({"deploy": to_plain(CONFIG) | {"tolerance": 1e-12}}, Path("params.yaml"))
+    with pytest.raises(ParityError, match="above the tolerance of 1e-12"):
+        run()
+    assert not Path("bundle").exists()
