@@ -9,6 +9,7 @@ from pentimento.report.copainting import read_copainting
 from pentimento.report.diagnoses import read_diagnosis
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
+from pentimento.report.performances import read_performances
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main
 from pipelines._tracking import tracked_run
@@ -26,7 +27,7 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"gap.{tool}": arguments.gap / tool for tool in arguments.tools}
     inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
     inputs |= {f"evaluation.{setting}": arguments.evaluations / setting for setting in arguments.evaluated}
-    inputs["benchmarks"] = arguments.benchmarks
+    inputs |= {"performances": arguments.performances, "benchmarks": arguments.benchmarks}
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         files = build_report(
             [read_painting(setting, folder) for setting, folder in paintings.items()],
@@ -35,6 +36,7 @@ def main(arguments: argparse.Namespace) -> None:
             config,
             [read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
             [read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
+            read_performances(arguments.performances),
         )
         for name, data in files.items():
             (out / name).write_bytes(data)
@@ -48,6 +50,7 @@ if __name__ == "__main__":
     parser.add_argument("--gap", required=True, type=Path, help="folder of a diagnosis for each tool")
     parser.add_argument("--paintings", required=True, type=Path)
     parser.add_argument("--evaluations", required=True, type=Path, help="folder of an evaluation for each setting")
+    parser.add_argument("--performances", required=True, type=Path, help="what the runner painted from the bundle")
     parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")

@@ -1,0 +1,40 @@
+"""The runner's paintings on the page."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import encode_png
+from pentimento.report.html import Album
+from pentimento.report.performances import performances_section, read_performances
+from pentimento.report.wording import percent
+
+PICTURE = encode_png(np.full((4, 6, 3), 200, np.uint8))
+
+
+def write(folder: Path, name: str, words: str | None) -> dict[str, object]:
+    (folder / name).mkdir()
+    for part in ("goal", "plan", "canvas"):
+        (folder / name / f"{part}.png").write_bytes(PICTURE)
+    told: dict[str, object] = {
+        "setting": "colour", "words": words, "strokes": 40, "error": {"plan": 0.004, "canvas": 0.0055},
+    }  # fmt: skip
+    return told if words else told | {"workshop": {"strokes": 42, "error": 0.005}}
+
+
+def test_each_painting_is_shown_with_its_goal_and_beside_the_workshop_s(tmp_path: Path) -> None:
+    metrics = {"cat": write(tmp_path, "cat", None), "hut": write(tmp_path, "hut", "a hut & a <tree>")}
+    (tmp_path / "metrics.json").write_text(json.dumps(metrics))
+    album = Album()
+    html = performances_section(read_performances(tmp_path), album)
+    assert set(album.files) == {f"runner_{n}_{p}.png" for n in ("cat", "hut") for p in ("goal", "plan", "canvas")}
+    assert "a hut &amp; a &lt;tree&gt;" in html and "<tree>" not in html
+    assert percent(0.0055 / 0.005 - 1) in html
+
+
+def test_a_folder_without_paintings_is_named_with_its_stage(tmp_path: Path) -> None:
+    with pytest.raises(ContractError, match="run_bundle"):
+        read_performances(tmp_path)
