@@ -219,7 +219,7 @@ def blank_sheet(pairs: pa.Table, shape: tuple[int, ...]) -> Pictures:
 
 def _scored(answers: Answers, cases: Sequence[Case], judges: Judges) -> dict[str, Columns]:
     captions, asked = [case.caption for case in cases], [case.objects for case in cases]
-    return score(answers, captions, asked, [case.other_objects for case in cases], judges)
+    return score(answers, captions, asked, [case.room for case in cases], judges)
 
 
 def _kinds(table: pa.Table) -> tuple[str, ...]:

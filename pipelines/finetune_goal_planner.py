@@ -2,11 +2,14 @@
 
 import argparse
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from diffusers import AutoencoderKL
 
 from pentimento.contracts.copaintings import CONTRACT
 from pentimento.contracts.errors import ContractError
@@ -16,13 +19,14 @@ from pentimento.contracts.tables import read_table
 from pentimento.copainting.goal.completion_scores import score_planner
 from pentimento.copainting.goal.guidance_grid import Sampling, guidance_grid
 from pentimento.copainting.goal.latent_pairs import encode_pairs
-from pentimento.copainting.goal.planner import load_goal_planner, save_goal_planner
+from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
 from pentimento.copainting.goal.training import GoalTraining, train_goal_planner
-from pentimento.copainting.scenes.edits import pairs_of
+from pentimento.copainting.goal.vae import DecoderConfig, train_decoder
+from pentimento.copainting.scenes.edits import Pair, pairs_of
 from pentimento.copainting.scratch import scratch_folder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import input_digest, tracked_run
+from pipelines._tracking import Run, input_digest, tracked_run
 
 SCRATCH = Path(".pentimento/training")
 
@@ -32,6 +36,8 @@ class FinetuneGoalPlanner:
     """Section `finetune_goal_planner` of params.yaml."""
 
     training: GoalTraining
+    decoder: DecoderConfig | None
+    """Of the autoencoder, trained further on the setting's paintings before the UNet is; null keeps the base's."""
     sampling: Sampling
     threads: int
     """PyTorch's; another number may give other last digits."""
@@ -59,7 +65,10 @@ def main(arguments: argparse.Namespace) -> None:
         if not held_out:
             raise ContractError(f"{arguments.copaintings} has no pair of the split val; synthesise more scenes.")
         before = score_planner(planner, held_out, config.sampling)
-        losses = train_goal_planner(planner, encode_pairs(planner, training), config.training, scratch, run.log)
+        if config.decoder is not None:
+            planner.register_modules(vae=_with_decoder(planner, training, config, scratch, run))
+        pairs = encode_pairs(planner, training)
+        losses = train_goal_planner(planner, pairs, config.training, scratch / "steps", run.log)
         grid = guidance_grid(planner, held_out[: config.sampling.shown], config.sampling)
         metrics: dict[str, Any] = {
             "held_out": {
@@ -79,6 +88,19 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(metrics)
         run.log_picture(out / "guidance.png")
     shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _with_decoder(
+    planner: GoalPlanner, pairs: Sequence[Pair], config: FinetuneGoalPlanner, scratch: Path, run: Run
+) -> AutoencoderKL:
+    """The planner's autoencoder with a decoder that learned the pairs' pictures; finished work is not done again."""
+    assert config.decoder is not None
+    if not (scratch / "vae").is_dir():
+        pictures = {picture.tobytes(): picture for pair in pairs for picture in (pair.input, pair.target)}
+        with output_folder(scratch / "vae") as folder:
+            train_decoder(planner.vae, np.stack([*pictures.values()]), config.decoder, config.training.seed, run.log)
+            planner.vae.save_pretrained(folder)
+    return AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
 
 
 if __name__ == "__main__":

@@ -3,26 +3,36 @@
 import argparse
 import shutil
 import signal
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
+from pentimento.contracts import copaintings
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT, SPLITS
+from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import read_table
+from pentimento.copainting.scenes.collage import pairs_shown
+from pentimento.copainting.scenes.halves import half_scenes
 from pentimento.copainting.scratch import scratch_folder
+from pentimento.copainting.synthesis.beside import beside_pairs
 from pentimento.copainting.synthesis.dataset_card import dataset_card
 from pentimento.copainting.synthesis.kept_pairs import keep_pairs, threshold_of
-from pentimento.copainting.synthesis.pairs import Setting, load_painter
+from pentimento.copainting.synthesis.pairs import Setting, load_painter, sayable
 from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.copainting.synthesis.preview import preview
 from pentimento.copainting.synthesis.score_filter import Threshold
 from pentimento.copainting.synthesis.shards import Job, paint_shards
+from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
@@ -49,6 +59,10 @@ class SynthesizeCopaintings:
     """Section `synthesize_copaintings` of params.yaml."""
 
     scenes: SceneCounts
+    halves: SceneCounts
+    """Beside them, scenes with one thing in one half of the sheet, of the table's first with one thing."""
+    beside: int
+    """Pairs that ask for such a thing beside another that is there, for each of them, at most."""
     scenes_per_shard: int
     """What one worker paints at a time, and what is lost of its work when it is killed."""
     workers: int
@@ -61,6 +75,7 @@ class SynthesizeCopaintings:
 
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes_per_shard", "workers")
+        at_least(self, 0, "beside")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -75,7 +90,8 @@ def main(arguments: argparse.Namespace) -> None:
     single_threaded()
     stroke_model = arguments.models / f"stroke_{setting.tool}" / "weights"
     inputs = {"scenes": arguments.scenes, "stroke_model": stroke_model, "semantics": arguments.semantics}
-    what = {"scenes": asdict(config.scenes), "scenes_per_shard": config.scenes_per_shard}
+    what = {"scenes": asdict(config.scenes), "halves": asdict(config.halves), "beside": config.beside}
+    what["scenes_per_shard"] = config.scenes_per_shard
     what |= {"partials": asdict(config.partials), "setting": asdict(setting)}
     digests = {name: input_digest(path) for name, path in inputs.items()}
     scratch = scratch_folder(SCRATCH, f"synthesize_copaintings@{arguments.setting}", what, digests)
@@ -85,16 +101,22 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         load_painter(arguments.setting, setting, stroke_model, arguments.semantics)  # its errors before any work
-        scenes = chosen(arguments.scenes, config.scenes)
-        rows, step = scenes.to_pylist(), config.scenes_per_shard
+        table = read_table(arguments.scenes, CONTRACT).table
+        scenes = chosen(table, config.scenes, arguments.scenes)
+        halves = halves_of(table, config.halves, setting.planner.seed)
+        rows, half_rows, step = scenes.to_pylist(), halves.to_pylist(), config.scenes_per_shard
+        from_blank = replace(config.partials, random=0, salient_shares=(), semantic=0)
         jobs = [
-            Job(arguments.setting, setting, config.partials, stroke_model, arguments.semantics, rows[i : i + step])
-            for i in range(0, len(rows), step)
+            Job(arguments.setting, setting, partials, stroke_model, arguments.semantics, of[i : i + step])
+            for of, partials in ((rows, config.partials), (half_rows, from_blank))
+            for i in range(0, len(of), step)
         ]
         files = paint_shards(jobs, scratch, config.workers, config.scheduler, _begin_work, run.log)
         encoder = Encoder.load(arguments.semantics)
         least = threshold_of(config.threshold, encoder, files)
-        metrics = keep_pairs(files, least, out) | {"scenes": len(rows)}
+        of_halves = files[len(files) - -(-len(half_rows) // step) :]
+        files += write_beside(of_halves, half_rows, table, setting, least, config.beside, scratch)
+        metrics = keep_pairs(files, least, out) | {"scenes": len(rows) + len(half_rows)}
         card = dataset_card(arguments.setting, setting, config.threshold, metrics, scenes, encoder.digest)
         (out / "README.md").write_text(card)
         write_png(out / "preview.png", preview(rows[:_SHOWN], files))
@@ -104,13 +126,12 @@ def main(arguments: argparse.Namespace) -> None:
     shutil.rmtree(scratch, ignore_errors=True)
 
 
-def chosen(folder: Path, counts: SceneCounts) -> pa.Table:
-    """The scenes to paint, split by split.
+def chosen(table: pa.Table, counts: SceneCounts, folder: Path) -> pa.Table:
+    """The scenes of `folder` to paint, split by split.
 
     Raises:
         ContractError: they lack ids or splits, or there is none of a split that is asked for.
     """
-    table = read_table(folder, CONTRACT).table
     for name in ("scene_id", "split"):
         if name not in table.column_names or table[name].null_count:
             raise ContractError(f"The scenes in {folder} lack {name}, which co-paintings carry on; use build_scenes.")
@@ -124,6 +145,40 @@ def chosen(folder: Path, counts: SceneCounts) -> pa.Table:
     if not together.num_rows:
         raise ContractError("synthesize_copaintings.scenes asks for no scene at all; raise a count.")
     return together
+
+
+def halves_of(table: pa.Table, counts: SceneCounts, seed: int) -> pa.Table:
+    """The half scenes to paint, split by split."""
+    parts = [
+        half_scenes(table.filter(pc.equal(table["split"], split)), count, seed)
+        for split, count in asdict(counts).items()
+    ]
+    return pa.concat_tables(parts)
+
+
+def write_beside(
+    files: Sequence[Path],
+    halves: Sequence[Mapping[str, Any]],
+    table: pa.Table,
+    setting: Setting,
+    least: float,
+    number: int,
+    scratch: Path,
+) -> list[Path]:
+    """A shard, if any, of pairs that ask for one thing beside another, of those painted halves that score enough."""
+    painted = [row for file in files for row in read_table(file, copaintings.CONTRACT).table.to_pylist()]
+    good = [row for row in painted if row["clip_score"] >= least]
+    trained = table.filter(pc.equal(table["split"], "train"))
+    kinds = trained["objects"].to_pylist() if "objects" in table.column_names else []
+    together = pairs_shown(of or () for of in kinds)
+    wordings = partial(sayable, tool=load_tool(setting.tool))
+    by_id = {row["scene_id"]: row for row in halves}
+    made = beside_pairs(good, by_id, wordings, together, number, setting.planner.seed)
+    if not made:
+        return []
+    file = scratch / "part-beside.parquet"
+    pq.write_table(pa.Table.from_pylist(made, schema=arrow_schema(copaintings.CONTRACT)), file, compression="zstd")
+    return [file]
 
 
 def _begin_work() -> None:

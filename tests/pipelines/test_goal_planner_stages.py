@@ -45,7 +45,12 @@ PRETRAIN: dict[str, Any] = {
     "sampling": SAMPLING,
     "threads": 1,
 }  # fmt: skip
-FINETUNE: dict[str, Any] = {"training": TRAINING | {"train_text": False}, "sampling": SAMPLING, "threads": 1}
+FINETUNE: dict[str, Any] = {
+    "training": TRAINING | {"train_text": False},
+    "decoder": {"steps": 3, "batch": 2, "learning_rate": 1e-3},
+    "sampling": SAMPLING,
+    "threads": 1,
+}
 
 
 @pytest.fixture
@@ -166,7 +171,7 @@ def test_a_base_in_the_published_layout_is_fine_tuned_by_one_setting(folder: Pat
     torch.manual_seed(0)
     published_layout(folder / "published")
     training = TRAINING | {"steps": 2, "train_text": False, "lora": lora}
-    write_params({"from_pretrained": "published"}, {"training": training})
+    write_params({"from_pretrained": "published"}, {"training": training, "decoder": None})
     base, fine = load_goal_planner(pretrain()), load_goal_planner(finetune())
     assert base.unet.config.in_channels == fine.unet.config.in_channels == 8
     first, second = (p.unet.state_dict() for p in (base, fine))

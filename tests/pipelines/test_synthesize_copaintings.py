@@ -90,6 +90,22 @@ def test_pairs_are_kept_by_score_and_the_numbers_are_those_of_the_table(folder: 
     assert not list(SCRATCH.rglob("*.parquet"))  # scratch is gone when the work is done
 
 
+def test_half_scenes_are_painted_and_asked_for_beside_each_other(folder: Path) -> None:
+    table = read_table(Path("scenes"), scenes.CONTRACT).table
+    plain = table.drop_columns(["objects"])  # no example shows two kinds together, so none might meet
+    write_table(Path("scenes"), plain, scenes.CONTRACT, "# Card")
+    write_params(halves={"train": 4, "val": 0, "test": 0}, beside=1)
+    out = run("out")
+    rows = read_table(out, copaintings.CONTRACT).table.to_pylist()
+    halves = [row for row in rows if "/" in row["scene_id"]]
+    assert {row["strategy"] for row in halves} == {"all", "beside"} and {row["split"] for row in halves} == {"train"}
+    there = {row["plan_id"] for row in halves if row["strategy"] == "all"}
+    asked = [row for row in halves if row["strategy"] == "beside"]
+    assert asked and all(set(row["plan_id"].split(" + ")) <= there for row in asked)
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["scenes"] == metrics["paintings"] == 9 and metrics["strategies"]["beside"]["pairs"] == len(asked)
+
+
 def test_a_threshold_between_the_scores_leaves_out_what_is_below(folder: Path) -> None:
     every = read_table(run("every"), copaintings.CONTRACT).table
     scores = sorted(every["clip_score"].to_pylist())

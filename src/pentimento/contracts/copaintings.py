@@ -9,7 +9,7 @@ from pentimento.contracts import scenes
 from pentimento.contracts.images import decode_png, encode_png
 from pentimento.contracts.schema import IMAGE, TableContract, arrow_schema, known, needed
 
-STRATEGIES: Final = ("all", "random", "salient", "semantic")
+STRATEGIES: Final = ("all", "random", "salient", "semantic", "beside")
 SPLITS: Final = ("train", "val", "test")
 
 CONTRACT: Final = TableContract(
@@ -18,13 +18,18 @@ CONTRACT: Final = TableContract(
     columns=(
         needed("scene_id", pa.string(), "which scene"),
         needed("setting", pa.string(), "paints and tool, e.g. marker"),
-        needed("strategy", pa.string(), "which strokes were removed", choices=STRATEGIES),
+        needed(
+            "strategy",
+            pa.string(),
+            "which strokes are missing: those removed, or those of a thing beside",
+            choices=STRATEGIES,
+        ),
         known("region", pa.int32(), "label of the region that was removed (semantic); null otherwise"),
         needed("seed", pa.int64(), "seed of the plan and of the removal"),
-        needed("caption", pa.string(), "of the scene"),
+        needed("caption", pa.string(), "of the scene, or of what is missing"),
         needed("partial", IMAGE, "PNG of the painting without the removed strokes", "", "image"),
         needed("full", IMAGE, "PNG of the full painting", "", "image"),
-        needed("plan_id", pa.string(), "which plan painted it"),
+        needed("plan_id", pa.string(), "which plan painted it; two, where one thing is beside another"),
         needed("kept", pa.list_(pa.bool_()), "for each stroke of the plan, whether the partial shows it"),
         needed("clip_score", pa.float32(), "of the full painting against the caption"),
         needed("scorer", pa.string(), "digest of the model that scored"),

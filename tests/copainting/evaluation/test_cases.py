@@ -39,6 +39,10 @@ def test_the_canvas_leaves_room_for_what_is_asked_for() -> None:
             for image in (case.image, case.other_image)
         ]
         assert all(mark.any() for mark in marks)
+        rows, columns = np.nonzero(marks[0])
+        assert case.room is not None
+        side = case.image.shape[0]
+        assert abs(columns.mean() / side - case.room.x) < 0.2 and abs(rows.mean() / side - case.room.y) < 0.2
         overlaps.append((marks[0] & marks[1]).sum() / min(mark.sum() for mark in marks))
     assert max(overlaps) < 0.2
 
@@ -56,7 +60,7 @@ def test_on_paper_the_prompts_are_the_tables_first() -> None:
     table = scenes.example_table(6)
     cases = paper_cases(table, 4)
     assert [case.scene_id for case in cases] == table["scene_id"].to_pylist()[:4]
-    assert all(not case.other_objects and (case.other_image == 255).all() for case in cases)
+    assert all(not case.other_objects and case.room is None and (case.other_image == 255).all() for case in cases)
 
 
 def test_a_caption_without_colours_is_preferred() -> None:

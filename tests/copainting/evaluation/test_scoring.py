@@ -6,6 +6,7 @@ import torch
 
 from pentimento.copainting.evaluation.answers import Answers
 from pentimento.copainting.evaluation.scoring import Judges, comparisons, correlations, found, score, summary
+from pentimento.copainting.scenes.collage import HALVES, close_up
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
 
@@ -29,7 +30,7 @@ def table_of(judges: Judges) -> dict[str, dict[str, np.ndarray]]:
     drawings = dict.fromkeys(("base", "fine_tuned", "oracle", "copy_input", "no_change"), NOISE)
     counts = {name: [3, 5] for name in drawings}
     answers = Answers(NOISE, goals, drawings, counts)
-    return score(answers, CAPTIONS, [("cup",), ("tree",)], [("sun",), ()], judges)
+    return score(answers, CAPTIONS, [("cup",), ("tree",)], [HALVES[0][0], None], judges)
 
 
 def test_gaps_belong_to_methods_with_a_goal_and_scores_to_the_drawing(judges: Judges) -> None:
@@ -49,12 +50,21 @@ def test_fine_tuning_that_reaches_the_oracle_closes_the_gap(judges: Judges) -> N
     assert "delta_pix_ratio" not in made  # over nothing
 
 
-def test_what_is_present_widens_what_counts_as_found(judges: Judges) -> None:
-    everything = [KINDS, KINDS]
-    assert found(judges, NOISE, [("cup",), ()], everything)[0] == 1  # as many best ones as there are kinds
-    assert np.isnan(found(judges, NOISE, [("cup",), ()], everything)[1])
-    alone = [found(judges, NOISE[:1], [(kind,)], [()])[0] for kind in KINDS]
-    assert sorted(alone) == [0, 0, 1]  # one kind is the best
+def test_one_kind_is_the_best_and_all_are_among_as_many(judges: Judges) -> None:
+    assert found(judges, NOISE, [KINDS, ()], [None, None])[0] == 1
+    assert np.isnan(found(judges, NOISE, [KINDS, ()], [None, None])[1])
+    alone = [found(judges, NOISE[:1], [(kind,)], [None])[0] for kind in KINDS]
+    assert sorted(alone) == [0, 0, 1]
+
+
+def test_what_stands_in_the_other_half_changes_nothing(judges: Judges) -> None:
+    left = HALVES[0][0]
+    crowded = np.random.default_rng(1).integers(0, 256, (8, 16, 16, 3)).astype(np.uint8)
+    alone = crowded.copy()
+    alone[:, :, 10:] = 255
+    asked = [("cup",)] * 8
+    assert (found(judges, crowded, asked, [left] * 8) == found(judges, alone, asked, [left] * 8)).all()
+    assert (close_up(crowded[0], left) == close_up(alone[0], left)).all()
 
 
 def test_correlations_are_pearsons(judges: Judges) -> None:

@@ -9,12 +9,14 @@ import torch
 from pentimento.contracts import scenes
 from pentimento.contracts.images import decode_png
 from pentimento.copainting.goal.vae import (
+    DecoderConfig,
     VaeConfig,
     as_model_input,
     as_pictures,
     encode,
     ink_after_round_trip,
     round_trip,
+    train_decoder,
     train_vae,
     vae_pictures,
 )
@@ -42,6 +44,18 @@ def test_training_lowers_the_error_and_sets_the_scale(drawn: list[np.ndarray]) -
     assert float((latents * vae.config.scaling_factor).std()) == pytest.approx(1, abs=0.05)
     again = train_vae(pictures, CONFIG, 0, lambda *_: None)
     assert all(torch.equal(a, b) for a, b in zip(vae.state_dict().values(), again.state_dict().values(), strict=True))
+
+
+def test_a_decoder_that_learns_on_makes_its_pictures_better_of_the_same_latents(drawn: list[np.ndarray]) -> None:
+    vae = train_vae(vae_pictures(drawn, 0), CONFIG, 0, lambda *_: None)
+    pictures = vae_pictures(drawn, 1)[16:32]  # pen drawings
+    latents, before = encode(vae, pictures), round_trip(vae, pictures)
+    steps: list[int] = []
+    train_decoder(vae, pictures, DecoderConfig(25, 4, 1e-3), 0, lambda _name, _value, step: steps.append(step))
+    assert steps == list(range(25)) and torch.equal(encode(vae, pictures), latents)
+    errors = [np.abs(made.astype(float) - pictures).mean() for made in (before, round_trip(vae, pictures))]
+    assert errors[1] < 0.9 * errors[0]
+    assert not any(parameter.requires_grad for parameter in vae.parameters())
 
 
 def test_an_untrained_autoencoder_loses_lines_and_says_so(drawn: list[np.ndarray]) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pentimento.copainting.scenes.collage import HALVES, Half, pairs_shown, put, random_halves
+from pentimento.copainting.scenes.collage import HALVES, Half, close_up, pairs_shown, put, random_halves
 
 WHITE = np.full((40, 40, 3), 255, np.uint8)
 
@@ -33,6 +33,16 @@ def test_what_is_outside_is_untouched_and_no_thing_changes_nothing() -> None:
     image, regions = square(12)
     same, nowhere = put(WHITE, image, np.zeros_like(regions), HALVES[0][0], np.random.default_rng(1))
     assert (same == WHITE).all() and not nowhere.any()
+
+
+@pytest.mark.parametrize("half", [half for both in HALVES for half in both])
+def test_a_close_up_shows_all_that_was_put_there_and_larger(half: Half) -> None:
+    for seed in range(5):
+        sheet, there = put(WHITE, *square(17), half, np.random.default_rng(seed))
+        near = close_up(sheet, half)
+        assert near.shape == sheet.shape
+        dark = (near < 128).mean() / (sheet < 128).mean()
+        assert there.any() and dark == pytest.approx((40 / 23) ** 2, rel=0.12)
 
 
 def test_halves_face_each_other() -> None:

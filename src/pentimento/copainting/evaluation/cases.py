@@ -33,6 +33,8 @@ class Case:
     other_image: Picture
     """What the canvas holds a drawing of."""
     other_objects: tuple[str, ...]
+    room: Half | None
+    """The half of the sheet that was left free for what the prompt asks for; None: nothing began the sheet."""
 
 
 def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) -> list[Case]:
@@ -64,7 +66,7 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
         cases.append(
             Case(
                 row.scene_id, row.caption, row.objects, _in_half(row, ours, generator),
-                _in_half(other, theirs, generator), other.objects,
+                _in_half(other, theirs, generator), other.objects, ours,
             )
         )  # fmt: skip
     return cases
@@ -79,7 +81,7 @@ def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
     rows = [_read(row, number) for number, row in enumerate(held_out.slice(0, max(count, 2)).to_pylist())]
     _check(rows)
     return [
-        Case(row.scene_id, row.caption, row.objects, row.image, np.full_like(row.image, 255), ())
+        Case(row.scene_id, row.caption, row.objects, row.image, np.full_like(row.image, 255), (), None)
         for row in rows[:count]
     ]  # fmt: skip
 

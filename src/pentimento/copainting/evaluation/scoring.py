@@ -13,6 +13,7 @@ from scipy.stats import pearsonr
 from pentimento.copainting.evaluation.answers import BASE, COPY, FINE_TUNED, NO_CHANGE, ORACLE, Answers
 from pentimento.copainting.evaluation.intervals import difference, gap_closed, mean_estimate, ratio, resamples
 from pentimento.copainting.evaluation.measures import as_tensor, changed_share, delta_pix, delta_sem, surviving_ink
+from pentimento.copainting.scenes.collage import Half, close_up
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.scores import clip_score, object_scores, recognised
 
@@ -34,13 +35,14 @@ class Judges:
 
 
 def score(
-    answers: Answers, captions: Sequence[str], asked: Sequence[Sequence[str]], present: Sequence[Sequence[str]],
+    answers: Answers, captions: Sequence[str], asked: Sequence[Sequence[str]], rooms: Sequence[Half | None],
     judges: Judges,
 ) -> dict[str, Columns]:  # fmt: skip
     """Columns [B] by name for each method; NaN where a number does not exist.
 
     `clip_score` and `judge_score` are cosines of the foretold drawing with the prompt. `objects` is the share of the
-    kinds asked for that the judge finds in the drawing, among as many best ones as were asked for or `present` before.
+    kinds asked for that the judge finds in the drawing, in the half of the sheet that was left free for them (`rooms`;
+    None: on all of it).
     `delta_pix` and `delta_sem` are between goal and drawing. `goal_keeps` is the share of the canvas's ink that the
     goal shows, `drawing_keeps` that the drawing shows. `changed` is the share of pixels that the drawing changed.
     """
@@ -52,7 +54,7 @@ def score(
         table[method] = {
             "clip_score": clip_score(judges.main, shown, captions).double().numpy(),
             "judge_score": clip_score(judges.judge, shown, captions).double().numpy(),
-            "objects": found(judges, drawings, asked, present) if judges.kinds else nothing,
+            "objects": found(judges, drawings, asked, rooms) if judges.kinds else nothing,
             "delta_pix": nothing if goals is None else delta_pix(goals, drawings),
             "delta_sem": nothing if goals is None else delta_sem(judges.main, goals, drawings),
             "goal_keeps": nothing if goals is None else surviving_ink(answers.canvases, goals),
@@ -64,21 +66,16 @@ def score(
 
 
 def found(
-    judges: Judges, drawings: Pictures, asked: Sequence[Sequence[str]], present: Sequence[Sequence[str]]
+    judges: Judges, drawings: Pictures, asked: Sequence[Sequence[str]], rooms: Sequence[Half | None]
 ) -> FloatArray:
-    """Share [B] of the kinds asked for that the judge finds; NaN where none was asked for.
+    """Share [B] of the kinds asked for that the judge finds among its best as many; NaN where none was asked for.
 
-    A canvas with other things on it has more to be found: the best k kinds count, with k the number of different kinds
-    that were asked for or are present.
+    Where a half of the sheet was left free, the judge looks at that half alone. It names what a picture shows most
+    plainly: of the whole sheet that would often be what stood there before, however well the other thing is drawn.
     """
-    together = [tuple(dict.fromkeys([*wanted, *there])) for wanted, there in zip(asked, present, strict=True)]
-    hits = recognised(object_scores(judges.judge, as_tensor(drawings), judges.kinds), judges.kinds, together)
-    return np.array(
-        [
-            np.mean([hit for kind, hit in zip(all_, of, strict=True) if kind in wanted]) if wanted else np.nan
-            for all_, of, wanted in zip(together, hits, asked, strict=True)
-        ]
-    )
+    seen = [drawing if room is None else close_up(drawing, room) for drawing, room in zip(drawings, rooms, strict=True)]
+    hits = recognised(object_scores(judges.judge, as_tensor(np.stack(seen)), judges.kinds), judges.kinds, asked)
+    return np.array([np.mean(of) if of else np.nan for of in hits])
 
 
 def summary(table: Mapping[str, Columns], seed: int) -> dict[str, dict[str, Any]]:

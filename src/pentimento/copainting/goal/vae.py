@@ -51,6 +51,19 @@ class VaeConfig:
         above_zero(self, "learning_rate")
 
 
+@dataclass(frozen=True)
+class DecoderConfig:
+    """How a decoder is trained further, for pictures of one kind."""
+
+    steps: int
+    batch: int
+    learning_rate: float
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "steps", "batch")
+        above_zero(self, "learning_rate")
+
+
 def build_vae(config: VaeConfig, side_px: int) -> AutoencoderKL:
     """The untrained autoencoder; its latents are `side_px` / 2^(resolutions - 1) wide."""
     levels = len(config.channels)
@@ -86,19 +99,32 @@ def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Lo
         shown = as_model_input(pictures[chosen.numpy()])
         latents = vae.encode(shown).latent_dist
         again = vae.decode(latents.mean + latents.std * torch.randn(latents.mean.shape, generator=generator)).sample
-        error = again - shown
-        loss = error.abs().mean() + 0.5 * error.square().mean() + _KL_WEIGHT * latents.kl().mean()
-        for group in optimizer.param_groups:
-            group["lr"] = config.learning_rate * min(1.0, (step + 1) / _WARM_UP) * (1 - step / config.steps)
-        optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(vae.parameters(), 1.0)
-        optimizer.step()
+        loss = _unlikeness(again, shown) + _KL_WEIGHT * latents.kl().mean()
+        _descend(optimizer, loss, config, step)
         log("vae_loss", float(loss.detach()), step)
     vae.eval().requires_grad_(False)
     spread = float(encode(vae, pictures[:: max(1, len(pictures) // 256)]).std())
     vae.register_to_config(scaling_factor=round(1 / spread, 4))
     return vae
+
+
+def train_decoder(vae: AutoencoderKL, pictures: NDArray[np.uint8], config: DecoderConfig, seed: int, log: Log) -> None:
+    """Train an autoencoder's decoder further, in place, on pictures uint8 [N, H, W, 3]; the latents stay what they are.
+
+    As Stable Diffusion's own decoder was trained further for faces: what the UNet has learned of the latents holds,
+    and lines come back as the tool draws them. `log("decoder_loss", value, step)` as it goes.
+    """
+    learning = [*vae.post_quant_conv.parameters(), *vae.decoder.parameters()]
+    for parameter in learning:
+        parameter.requires_grad_(True)
+    optimizer = torch.optim.AdamW(learning, config.learning_rate, betas=(0.9, 0.99), weight_decay=0.0)
+    for step in range(config.steps):
+        chosen = torch.randint(0, len(pictures), (config.batch,), generator=generator_for(seed, step))
+        shown = pictures[chosen.numpy()]
+        loss = _unlikeness(vae.decode(encode(vae, shown)).sample, as_model_input(shown))
+        _descend(optimizer, loss, config, step)
+        log("decoder_loss", float(loss.detach()), step)
+    vae.requires_grad_(False)
 
 
 @torch.no_grad()
@@ -137,6 +163,21 @@ def ink_after_round_trip(
         shares = {"recall": ink_recall(pictures, again), "precision": ink_recall(again, pictures)}
         scores[name] = {kind: None if math.isnan(share) else share for kind, share in shares.items()}
     return scores
+
+
+def _unlikeness(made: Tensor, shown: Tensor) -> Tensor:
+    error = made - shown
+    return error.abs().mean() + 0.5 * error.square().mean()
+
+
+def _descend(optimizer: torch.optim.Optimizer, loss: Tensor, config: VaeConfig | DecoderConfig, step: int) -> None:
+    """One step; after a warm-up the learning rate falls to 0."""
+    for group in optimizer.param_groups:
+        group["lr"] = config.learning_rate * min(1.0, (step + 1) / _WARM_UP) * (1 - step / config.steps)
+    optimizer.zero_grad()
+    loss.backward()  # type: ignore[no-untyped-call]
+    torch.nn.utils.clip_grad_norm_([p for group in optimizer.param_groups for p in group["params"]], 1.0)
+    optimizer.step()
 
 
 def _drawings(scenes: Sequence[NDArray[np.uint8]], seed: int, use: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

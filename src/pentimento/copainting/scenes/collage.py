@@ -61,6 +61,16 @@ def put(
     return mixed, share[..., 0] >= 0.5
 
 
+def close_up(sheet: NDArray[np.uint8], half: Half) -> NDArray[np.uint8]:
+    """The square about a half's middle that holds whatever `put` put there, as large as the sheet [H, W, 3] itself."""
+    height, width = sheet.shape[:2]
+    rows, columns = (round((_SHARES[1] + 2 * _SLACK) * side) for side in (height, width))
+    top = int(np.clip(round(half.y * height - rows / 2), 0, height - rows))
+    left = int(np.clip(round(half.x * width - columns / 2), 0, width - columns))
+    part = np.ascontiguousarray(sheet[top : top + rows, left : left + columns])
+    return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+
+
 def pairs_shown(objects: Iterable[Sequence[str]]) -> set[frozenset[str]]:
     """Which kinds of things some scene shows together: sets of two, or of one that is there twice."""
     return {

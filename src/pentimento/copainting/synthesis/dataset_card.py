@@ -44,9 +44,10 @@ on with a painting that someone has begun.
 Each scene was planned with up to {setting.strokes} strokes of the {setting.tool} on a blank sheet of
 {setting.canvas_m[0] * 1e3:g} x {setting.canvas_m[1] * 1e3:g} mm, through the stroke model that the robot's own strokes
 were diagnosed with; the pictures are what that model foretells, not photographs. Partial paintings are the same plans
-with strokes removed.
+with strokes removed; or (`beside`) two plans, each of one thing in its half of the sheet, of which the first is there
+already and the second is asked for.
 
-| removed | pairs | share of strokes that stay | mean squared difference to the full one |
+| missing | pairs | share of strokes that stay | mean squared difference to the full one |
 |---|---|---|---|
 {strategies}
 

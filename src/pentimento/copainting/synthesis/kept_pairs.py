@@ -64,8 +64,8 @@ def keep_pairs(files: Sequence[Path], least: float, out: Path) -> dict[str, Any]
         table = read_table(file, CONTRACT).table
         good = table.filter(pc.greater_equal(table["clip_score"], pa.scalar(least, pa.float32())))
         scores += table["clip_score"].to_pylist()
-        paintings |= set(table["plan_id"].to_pylist())
-        kept_paintings |= set(good["plan_id"].to_pylist())
+        paintings |= _planned(table)
+        kept_paintings |= _planned(good)
         splits.update(good["split"].to_pylist())
         for row in good.select(["strategy", "kept", "partial", "full"]).to_pylist():
             before, after = (decode_png(row[name]["bytes"]).astype(np.float64) / 255 for name in ("partial", "full"))
@@ -96,3 +96,8 @@ def keep_pairs(files: Sequence[Path], least: float, out: Path) -> dict[str, Any]
             if stay[strategy]
         },
     }
+
+
+def _planned(table: pa.Table) -> set[str]:
+    """The plans that were made; pairs of one thing beside another are of two of them."""
+    return set(table.filter(pc.not_equal(table["strategy"], pa.scalar("beside")))["plan_id"].to_pylist())
