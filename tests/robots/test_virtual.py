@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pentimento.contracts.errors import ContractError
+from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.robots.driver import MissingAbilityError, Robot
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
-from pentimento.robots.virtual import VirtualRobot
+from pentimento.robots.virtual import VirtualRobot, virtual_robot
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 
@@ -62,3 +62,10 @@ def test_what_the_studio_lacks_is_said(robot: VirtualRobot) -> None:
         as_robot.change_tool(load_tool("marker"))
     with pytest.raises(ContractError, match="Paint 7"):
         as_robot.dip(7)
+
+
+def test_a_world_can_be_given_a_sheet_of_another_size() -> None:
+    robot = virtual_robot("marker", (0.08, 0.06), seed=1)
+    assert robot.canvas_size_m == (0.08, 0.06)
+    with pytest.raises(ConfigError):
+        virtual_robot("nowhere", (0.08, 0.06), seed=1)

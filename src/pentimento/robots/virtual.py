@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +12,18 @@ from pentimento.contracts.photo import Photo
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.tools import Tool
 from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
 
 FloatArray = NDArray[np.float64]
+
+
+def virtual_robot(world: str, canvas_size_m: tuple[float, float], seed: int) -> VirtualRobot:
+    """The robot of a world, by its name or file, before a sheet of this size.
+
+    Raises ConfigError if there is no such world.
+    """
+    known = load_world(world)
+    return VirtualRobot(Studio(replace(known, paper=replace(known.paper, size_m=canvas_size_m)), seed))
 
 
 class VirtualRobot:
