@@ -190,3 +190,14 @@ def test_rounds_that_make_no_sense_are_refused(more: tuple[str, ...], tmp_path: 
 def test_a_kind_that_there_is_not_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SystemExit):
         main(["diagnose", str(tmp_path), "--out", str(tmp_path / "out"), "--kind", "sculptures"])
+
+
+def test_prints_for_a_rig_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", "plotter", "prints", "--calibration", str(tmp_path)]) == 0
+    named = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert sorted(named) == sorted(tmp_path.iterdir()) and len(named) == 10
+
+
+def test_a_rig_without_a_camera_has_no_lens_to_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", "plotter", "lens", "--calibration", str(tmp_path)]) == 1
+    assert "camera" in capsys.readouterr().err

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pentimento.contracts.errors import PentimentoError
 
@@ -46,15 +46,130 @@ def main(arguments: list[str] | None = None) -> int:
     )
     diagnose.add_argument("--seed", type=int, default=0, help="of splits, bootstraps and the studio")
     diagnose.set_defaults(run=_diagnose)
+    _add_run(commands)
+    _add_calibrate(commands)
     chosen = parser.parse_args(arguments)
-    if chosen.collect < 0 or (chosen.world is not None and chosen.collect == 0):
+    if chosen.run is _diagnose and (chosen.collect < 0 or (chosen.world is not None and chosen.collect == 0)):
         parser.error("--collect takes a number of rounds, 1 or more, and --world needs it.")
+    if chosen.run is _run and (chosen.bundle is None) == (chosen.resume is None):
+        parser.error("give a bundle to begin a painting, or --resume FOLDER to go on with one.")
+    if chosen.run is _run and chosen.bundle is not None and chosen.out is None:
+        parser.error("--out FOLDER says where the painting is kept.")
     try:
         chosen.run(chosen)
-    except (PentimentoError, OSError) as error:
-        print(f"pentimento: {error}", file=sys.stderr)
-        return 1
+    except (PentimentoError, OSError, KeyboardInterrupt) as error:
+        sentence = str(error) or "interrupted."
+        print("\n".join([f"pentimento: {sentence}", *getattr(error, "__notes__", [])]), file=sys.stderr)
+        return 130 if isinstance(error, KeyboardInterrupt) else 1
     return 0
+
+
+def _add_run(commands: Any) -> None:
+    """The subcommand ``run``; see docs/running.md."""
+    run = commands.add_parser("run", help="paint beside a person from a bundle: plan, paint, look, replan")
+    run.add_argument("bundle", type=Path, nargs="?", help="folder of a bundle, as `deploy` writes it")
+    run.add_argument(
+        "--robot", default="virtual", metavar="ROBOT",
+        help="virtual (default; virtual:WORLD names the studio's world), svg (a drawing on file), gcode (a file), "
+        "gcode:PORT (a plotter), or the name or path of a rig file",
+    )  # fmt: skip
+    run.add_argument(
+        "--setting", help="of the bundle: tool, canvas and planner; by default the one whose tool brings its ink"
+    )
+    goal = run.add_mutually_exclusive_group()
+    goal.add_argument("--goal-image", type=Path, metavar="FILE", help="paint this picture")
+    goal.add_argument(
+        "--goal-text", metavar="WORDS", help="paint this; without any goal, what is on the canvas is completed"
+    )
+    run.add_argument("--strokes", type=_count, metavar="N", help="at most; by default the setting's")
+    run.add_argument(
+        "--batch", type=_count, metavar="N", help="strokes between two replannings; by default the setting's"
+    )
+    run.add_argument("--seed", type=int, metavar="N", help="of plan, goal and studio; by default the setting's")
+    run.add_argument("--out", type=Path, metavar="FOLDER", help="a new folder for the painting")
+    run.add_argument("--resume", type=Path, metavar="FOLDER", help="go on with a painting, however it ended")
+    run.add_argument(
+        "--execute", action="store_true",
+        help="let hardware move, which needs a fresh calibration; without it, hardware is rehearsed in the studio",
+    )  # fmt: skip
+    run.add_argument(
+        "--calibration", type=Path, default=Path("calibration"), metavar="FOLDER", help="of the rig (calibration)"
+    )
+    run.add_argument("--page", action="store_true", help="serve a page with the painting on this computer alone")
+    run.set_defaults(run=_run)
+
+
+def _add_calibrate(commands: Any) -> None:
+    """The subcommand ``calibrate``; see docs/on_a_robot.md."""
+    calibrate = commands.add_parser("calibrate", help="measure a rig: its lens, canvas, colours, and where it touches")
+    calibrate.add_argument("rig", help="name or file of the rig")
+    calibrate.add_argument("kind", choices=("prints", "lens", "canvas", "colour", "touch"), help="in this order")
+    calibrate.add_argument("--tool", default="marker", help="for the touch: name or file of the tool in the holder")
+    calibrate.add_argument(
+        "--calibration", type=Path, default=Path("calibration"), metavar="FOLDER", help="to write into"
+    )
+    calibrate.set_defaults(run=_calibrate)
+
+
+def _calibrate(arguments: argparse.Namespace) -> None:
+    from pentimento.robots.hardware import ask_at_terminal
+    from pentimento.robots.rig import load_rig
+    from pentimento.runner.calibrate_command import calibrate_rig, told, write_prints, yes_at_terminal
+
+    if arguments.kind == "prints":
+        for path in write_prints(arguments.calibration, load_rig(arguments.rig).canvas_size_m):
+            print(path)
+        return
+    found = calibrate_rig(
+        arguments.rig, arguments.kind, arguments.tool, arguments.calibration, ask_at_terminal, yes_at_terminal
+    )
+    print(told(found))
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{number} is less than 1")
+    return number
+
+
+def _tell_address(address: str) -> None:
+    print(f"The page is {address}", flush=True)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    from pentimento.runner.commission import Wanted, read_commission
+    from pentimento.runner.control import Control
+    from pentimento.runner.keyboard import at_terminal, ended_by_signal
+    from pentimento.runner.progress import Progress
+    from pentimento.runner.run import commission_of, run
+    from pentimento.runner.state import has_state
+
+    folder: Path = arguments.out if arguments.resume is None else arguments.resume
+    if arguments.resume is not None:
+        commission = read_commission(folder)
+    else:
+        picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
+        wanted = picture or Wanted("words", arguments.goal_text or "")
+        commission = commission_of(
+            arguments.bundle, arguments.setting, arguments.robot, arguments.execute, wanted, arguments.strokes,
+            arguments.batch, arguments.seed,
+        )  # fmt: skip
+    control, progress = Control(), Progress()
+    keyboard = at_terminal(control, progress)
+    page = _tell_address if arguments.page else None
+    try:
+        with ended_by_signal():
+            state = run(
+                commission, folder, arguments.resume is not None, arguments.calibration, keyboard.ask, page,
+                control, progress,
+            )  # fmt: skip
+    except (PentimentoError, OSError, KeyboardInterrupt) as error:
+        if has_state(folder):
+            error.add_note(f"Go on with: pentimento run --resume {folder}")
+        raise
+    progress.say("")
+    print(f"{state.sentence} The painting is in {folder}.")
 
 
 def _diagnose(arguments: argparse.Namespace) -> None:
