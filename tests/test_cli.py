@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,7 @@ from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner import collect
+from pentimento.runner import calibrate_command, collect
 from pentimento.runner.design import CollectionConfig, Command
 from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
@@ -120,6 +122,14 @@ def test_a_base_that_is_no_stroke_model_is_refused_at_once(tmp_path: Path, capsy
     assert not (tmp_path / "out").exists()
 
 
+def test_without_the_workshop_diagnose_says_what_to_install(tmp_path: Path) -> None:
+    lean = "import sys; sys.modules['torch'] = None; from pentimento.cli import main; sys.exit(main(sys.argv[1:]))"
+    arguments = ["diagnose", str(tmp_path), "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-c", lean, *arguments], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and not (tmp_path / "out").exists()
+    assert len(done.stderr.splitlines()) == 1 and "torch is missing" in done.stderr and "'.[train]'" in done.stderr
+
+
 def test_a_table_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(tmp_path / "nowhere.parquet"), "--out", str(tmp_path / "out")]) == 1
     assert "nowhere.parquet" in capsys.readouterr().err
@@ -201,3 +211,14 @@ def test_prints_for_a_rig_are_written(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_rig_without_a_camera_has_no_lens_to_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "plotter", "lens", "--calibration", str(tmp_path)]) == 1
     assert "camera" in capsys.readouterr().err
+
+
+def test_a_calibration_without_anybody_to_answer_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def nobody(*_: object) -> None:
+        raise EOFError
+
+    monkeypatch.setattr(calibrate_command, "calibrate_rig", nobody)
+    assert main(["calibrate", "plotter", "touch"]) == 1
+    assert "at a terminal" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
     diagnose.add_argument(
         "--world", help="the studio's world for --collect: a name or a TOML file; by default named like the tool"
     )
-    diagnose.add_argument("--seed", type=int, default=0, help="of splits, bootstraps and the studio")
+    diagnose.add_argument("--seed", type=_seed, default=0, help="of splits, bootstraps and the studio")
     diagnose.set_defaults(run=_diagnose)
     _add_run(commands)
     _add_calibrate(commands)
@@ -55,11 +55,12 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("give a bundle to begin a painting, or --resume FOLDER to go on with one.")
     if chosen.run is _run and chosen.bundle is not None and chosen.out is None:
         parser.error("--out FOLDER says where the painting is kept.")
+    if chosen.run is _run and chosen.resume is not None and (given := _of_a_new_painting(chosen)):
+        parser.error(f"--resume goes on as the painting was begun, and cannot change {', '.join(given)}; leave it out.")
     try:
         chosen.run(chosen)
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
-        sentence = str(error) or "interrupted."
-        print("\n".join([f"pentimento: {sentence}", *getattr(error, "__notes__", [])]), file=sys.stderr)
+        print("\n".join([f"pentimento: {_sentence(error)}", *getattr(error, "__notes__", [])]), file=sys.stderr)
         return 130 if isinstance(error, KeyboardInterrupt) else 1
     return 0
 
@@ -69,7 +70,7 @@ def _add_run(commands: Any) -> None:
     run = commands.add_parser("run", help="paint beside a person from a bundle: plan, paint, look, replan")
     run.add_argument("bundle", type=Path, nargs="?", help="folder of a bundle, as `deploy` writes it")
     run.add_argument(
-        "--robot", default="virtual", metavar="ROBOT",
+        "--robot", metavar="ROBOT",
         help="virtual (default; virtual:WORLD names the studio's world), svg (a drawing on file), gcode (a file), "
         "gcode:PORT (a plotter), or the name or path of a rig file",
     )  # fmt: skip
@@ -79,13 +80,16 @@ def _add_run(commands: Any) -> None:
     goal = run.add_mutually_exclusive_group()
     goal.add_argument("--goal-image", type=Path, metavar="FILE", help="paint this picture")
     goal.add_argument(
-        "--goal-text", metavar="WORDS", help="paint this; without any goal, what is on the canvas is completed"
+        "--goal-text",
+        type=_words,
+        metavar="WORDS",
+        help="paint this; without any goal, what is on the canvas is completed",
     )
     run.add_argument("--strokes", type=_count, metavar="N", help="at most; by default the setting's")
     run.add_argument(
         "--batch", type=_count, metavar="N", help="strokes between two replannings; by default the setting's"
     )
-    run.add_argument("--seed", type=int, metavar="N", help="of plan, goal and studio; by default the setting's")
+    run.add_argument("--seed", type=_seed, metavar="N", help="of plan, goal and studio; by default the setting's")
     run.add_argument("--out", type=Path, metavar="FOLDER", help="a new folder for the painting")
     run.add_argument("--resume", type=Path, metavar="FOLDER", help="go on with a painting, however it ended")
     run.add_argument(
@@ -120,17 +124,54 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         for path in write_prints(arguments.calibration, load_rig(arguments.rig).canvas_size_m):
             print(path)
         return
-    found = calibrate_rig(
-        arguments.rig, arguments.kind, arguments.tool, arguments.calibration, ask_at_terminal, yes_at_terminal
-    )
+    try:
+        found = calibrate_rig(
+            arguments.rig, arguments.kind, arguments.tool, arguments.calibration, ask_at_terminal, yes_at_terminal
+        )
+    except EOFError as error:
+        raise ConfigError(
+            "A calibration needs a person's answers, and nobody is there; run it at a terminal."
+        ) from error
     print(told(found))
 
 
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{number} is less than 1")
+def _of_a_new_painting(chosen: argparse.Namespace) -> list[str]:
+    """The options given that say how a painting is begun."""
+    names = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "seed", "out", "execute")
+    return [f"--{name.replace('_', '-')}" for name in names if getattr(chosen, name) not in (None, False)]
+
+
+def _sentence(error: BaseException) -> str:
+    """What an error says; of the system's own, which file (where it names one) and why, without its number."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}." if error.filename is None else f"{error.filename}: {error.strerror}."
+    return str(error) or "interrupted."
+
+
+def _whole(text: str, least: int) -> int:
+    try:
+        number = int(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from error
+    if number < least:
+        raise argparse.ArgumentTypeError(f"{number} is less than {least}")
     return number
+
+
+def _count(text: str) -> int:
+    return _whole(text, 1)
+
+
+def _seed(text: str) -> int:
+    return _whole(text, 0)
+
+
+def _words(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:  # bytes that the terminal's encoding has no letters for
+        raise argparse.ArgumentTypeError("it is not text in UTF-8") from error
+    return text
 
 
 def _tell_address(address: str) -> None:
@@ -152,8 +193,8 @@ def _run(arguments: argparse.Namespace) -> None:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
         wanted = picture or Wanted("words", arguments.goal_text or "")
         commission = commission_of(
-            arguments.bundle, arguments.setting, arguments.robot, arguments.execute, wanted, arguments.strokes,
-            arguments.batch, arguments.seed,
+            arguments.bundle, arguments.setting, arguments.robot or "virtual", arguments.execute, wanted,
+            arguments.strokes, arguments.batch, arguments.seed,
         )  # fmt: skip
     control, progress = Control(), Progress()
     keyboard = at_terminal(control, progress)
@@ -165,7 +206,7 @@ def _run(arguments: argparse.Namespace) -> None:
                 control, progress,
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
-        if has_state(folder):
+        if has_state(folder) and not isinstance(error, ContractError):  # what is damaged cannot be gone on with
             error.add_note(f"Go on with: pentimento run --resume {folder}")
         raise
     progress.say("")
@@ -175,9 +216,18 @@ def _run(arguments: argparse.Namespace) -> None:
 def _diagnose(arguments: argparse.Namespace) -> None:
     from pentimento.contracts.strokes import CONTRACT
     from pentimento.contracts.tables import CheckedTable, read_table
-    from pentimento.gap.rounds import diagnose_in_rounds
-    from pentimento.gap.write import write_diagnosis
-    from pentimento.stroke_dynamics.traj2stroke import read_parameters
+
+    try:
+        from pentimento.gap.rounds import diagnose_in_rounds
+        from pentimento.gap.write import write_diagnosis
+        from pentimento.stroke_dynamics.traj2stroke import read_parameters
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("pentimento"):
+            raise
+        raise ConfigError(
+            f"To diagnose, the workshop has to be installed, and {error.name} is missing: a robot's computer needs "
+            "none of it. Where the pipeline runs, install it with: pip install '.[train]'."
+        ) from error
 
     def left_out(checked: CheckedTable) -> str | None:
         """What the contract's check left out, as a sentence."""

@@ -9,7 +9,7 @@ from pentimento.contracts.errors import CalibrationError, ConfigError, ContractE
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
-from pentimento.runner.commission import Commission, Wanted, read_commission, write_commission
+from pentimento.runner.commission import Commission, Wanted, alone_in, read_commission, write_commission
 from pentimento.runner.opening import Opened, open_robot, rig_named
 
 CANVAS_M = (0.1, 0.08)
@@ -88,6 +88,14 @@ def test_a_folder_holds_one_painting(tmp_path: Path) -> None:
     write_commission(tmp_path, COMMISSION)
     with pytest.raises(ContractError, match="--resume"):
         write_commission(tmp_path, COMMISSION)
+
+
+def test_a_folder_has_one_painter_at_a_time(tmp_path: Path) -> None:
+    write_commission(tmp_path, COMMISSION)
+    with alone_in(tmp_path), pytest.raises(ContractError, match="Another process"), alone_in(tmp_path):
+        pass
+    with alone_in(tmp_path):
+        pass  # the first has ended
 
 
 def test_folders_without_a_commission_are_refused(tmp_path: Path) -> None:

@@ -120,7 +120,59 @@ def test_a_folder_holds_one_painting(
     arguments = ["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(tmp_path / "out")]
     assert main(arguments) == 0
     assert main(arguments) == 1
-    assert "--resume" in capsys.readouterr().err
+    assert capsys.readouterr().err.count("--resume") == 1
+
+
+def test_a_picture_that_cannot_be_read_leaves_no_folder_behind(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cut.jpg").write_bytes(b"\xff\xd8 and no more")
+    for name in ("cut.jpg", "nowhere.jpg"):
+        out = tmp_path / "out"
+        assert main(["run", str(bundle), "--goal-image", str(tmp_path / name), "--out", str(out)]) == 1
+        assert name in capsys.readouterr().err and not out.exists()
+
+
+def test_a_file_is_no_folder_for_a_painting(
+    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    for out in (file, file / "below"):
+        assert main(["run", str(bundle), "--goal-image", str(picture), "--out", str(out)]) == 1
+        assert "a file is in its place" in capsys.readouterr().err
+    assert main(["run", "--resume", str(file)]) == 1
+    assert "no painting" in capsys.readouterr().err and file.read_text() == "mine"
+
+
+def test_a_damaged_state_is_not_advised_to_be_gone_on_with(
+    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
+    (out / "state.npz").write_bytes(b"torn")
+    assert main(["run", "--resume", str(out)]) == 1
+    said = capsys.readouterr().err
+    assert "damaged" in said and "--resume" not in said
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(
+    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "canvas.png").write_bytes(b"mine")
+    arguments = ["--robot", "svg", "--goal-image", str(picture), "--out", str(tmp_path)]
+    assert main(["run", str(bundle), *arguments]) == 1
+    assert "other files" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["canvas.png"]
+
+
+def test_a_goal_that_is_there_already_needs_no_stroke_and_that_is_said(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_png(tmp_path / "blank.png", np.full((80, 80, 3), 255, np.uint8))
+    arguments = ["--robot", "svg", "--goal-image", str(tmp_path / "blank.png"), "--out", str(tmp_path / "out")]
+    assert main(["run", str(bundle), *arguments]) == 0
+    assert "No stroke was made" in capsys.readouterr().out
 
 
 def test_a_bundle_that_was_changed_is_refused_before_anything_is_written(
@@ -186,7 +238,13 @@ def test_a_rigs_own_limits_are_kept(
         ["b", "--resume", "o"],
         ["b"],
         ["b", "--out", "o", "--strokes", "0"],
+        ["b", "--out", "o", "--strokes", "many"],
+        ["b", "--out", "o", "--seed", "-1"],
         ["b", "--out", "o", "--goal-text", "a", "--goal-image", "f"],
+        ["b", "--out", "o", "--goal-text", "\udcff"],  # a byte that is no UTF-8, as Python hands it over
+        ["--resume", "o", "--strokes", "3"],
+        ["--resume", "o", "--execute"],
+        ["--resume", "o", "--robot", "virtual"],
     ],
 )
 def test_commands_that_say_too_little_or_too_much(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:

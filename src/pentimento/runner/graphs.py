@@ -5,11 +5,11 @@ Every graph runs on the processor, its sums in one order for a given number of t
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, ContractError
@@ -22,6 +22,10 @@ from pentimento.runner.pairing import MOST_CELLS, best_partners, ways_between
 from pentimento.runner.sampler import Networks, NoiseSchedule
 from pentimento.runner.tokenizer import Tokenizer, read_tokenizer
 from pentimento.runner.views import random_views, resizing_matrix
+
+# Before it is imported, when it would write an identifier of this computer into the user's home.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+import onnxruntime
 
 Array = NDArray[np.float32]
 

@@ -20,7 +20,7 @@ from pentimento.planning.memory import Start
 from pentimento.planning.target import load_photograph
 from pentimento.robots.rig import Rig
 from pentimento.runner.bundle import Bundle, Setting, open_bundle
-from pentimento.runner.commission import Commission, Wanted, write_commission
+from pentimento.runner.commission import Commission, Wanted, alone_in, write_commission
 from pentimento.runner.control import Control
 from pentimento.runner.easel import Easel, error
 from pentimento.runner.goal import goal_from_picture, goal_from_words
@@ -57,8 +57,11 @@ def commission_of(
     Raises:
         BundleError: the bundle is refused, or has no such setting.
         ConfigError: it has several that one could begin with, and none is named.
+        ImageError: the picture that is wanted cannot be read.
     """
     opened = open_bundle(bundle)
+    if wanted.kind == "picture":
+        read_image(Path(wanted.value))  # a slip in its name leaves no folder behind
     # A tool with its own ink needs no paints laid out, so it is what one begins with.
     names = sorted(name for name, tool in opened.tools.items() if tool.color_srgb is not None) or sorted(opened.tools)
     if setting is None and len(names) > 1:
@@ -105,31 +108,31 @@ def run(
     if resume and has_state(folder) and (state := load_state(folder)).phase == "done":
         return state
     if not resume:
-        folder.mkdir(parents=True, exist_ok=True)
         write_commission(folder, commission)
-    opened = open_robot(
-        commission.robot, tool, canvas_size_m, folder, commission.seed, commission.execute, calibration, ask
-    )
-    served = None if page is None else Page(folder, control)
-    try:
-        if page is not None and served is not None:
-            page(served.address)
-        graphs = Graphs(bundle, _threads())
-        easel = _easel(graphs, setting, commission, canvas_size_m)
-        envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
-        guarded = GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits))
-        pace = Pace(commission.batch, opened.reach_s, opened.sees, opened.clock_goes_on)
-        sitting = Sitting(guarded, easel, pace, folder, control, _tell(served, progress), opened.calibrated)
-        if not has_state(folder):
-            begin(sitting, _goal_for(commission.wanted, graphs, easel, commission.seed), commission.strokes,
-                  _told(progress, easel.planner))  # fmt: skip
-        state = carry_on(sitting)
-        _sum_up(folder, easel, state)
-        return state
-    finally:
-        if served is not None:
-            served.close()
-        opened.close()
+    with alone_in(folder):
+        opened = open_robot(
+            commission.robot, tool, canvas_size_m, folder, commission.seed, commission.execute, calibration, ask
+        )
+        served = None if page is None else Page(folder, control)
+        try:
+            if page is not None and served is not None:
+                page(served.address)
+            graphs = Graphs(bundle, _threads())
+            easel = _easel(graphs, setting, commission, canvas_size_m)
+            envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
+            guarded = GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits))
+            pace = Pace(commission.batch, opened.reach_s, opened.sees, opened.clock_goes_on)
+            sitting = Sitting(guarded, easel, pace, folder, control, _tell(served, progress), opened.calibrated)
+            if not has_state(folder):
+                begin(sitting, _goal_for(commission.wanted, graphs, easel, commission.seed), commission.strokes,
+                      _told(progress, easel.planner))  # fmt: skip
+            state = carry_on(sitting)
+            _sum_up(folder, easel, state)
+            return state
+        finally:
+            if served is not None:
+                served.close()
+            opened.close()
 
 
 def _tell(page: Page | None, progress: Progress) -> Callable[[State], None]:

@@ -206,7 +206,9 @@ class _Painting:
                 return self.state
             self.recording.next_batch()
             self._replan(touched=word == "your turn")
-        self._keep(phase="done", sentence=f"{self.state.made} strokes are made.")
+        made = f"{self.state.made} strokes are made."
+        none = "No stroke was made: none that the plan may use brings the canvas nearer to its goal."
+        self._keep(phase="done", sentence=made if self.state.made else none)
         return self.state
 
     def _batch(self) -> Word | None:
