@@ -29,6 +29,7 @@ HEAVY |= {
     "sklearn",
     "torch",
     "transformers",
+    "trimesh",
 }
 TRACKING = {"mlflow", "dvc"}
 
@@ -42,6 +43,7 @@ WORKSHOP = {
     "gap",
     "deploy",
     "report",
+    "sculpting_goals",
 }
 # A model must not look at the hidden truth: no part of the workshop knows the studio.
 ALLOWED = {
@@ -99,11 +101,11 @@ def test_only_the_tracking_module_knows_mlflow() -> None:
     assert knowing <= {"_tracking.py"}
 
 
-def test_in_robots_only_the_virtual_robot_knows_the_studio_and_all_know_only_safety_of_the_runner() -> None:
+def test_in_robots_only_the_virtual_robots_know_the_studio_and_all_know_only_safety_of_the_runner() -> None:
     for file in (ROOT / "src/pentimento/robots").rglob("*.py"):
         runner = {name for name in imported_names(file) if name.startswith("pentimento.runner.")}
         assert all(name.startswith("pentimento.runner.safety") for name in runner), file
-        assert "studio" not in packages_imported(file) or file.name == "virtual.py", file
+        assert "studio" not in packages_imported(file) or file.name in ("virtual.py", "sculpting_virtual.py"), file
 
 
 def test_only_the_studio_opens_world_files() -> None:

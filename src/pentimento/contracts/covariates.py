@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from pentimento.contracts.colour import srgb_to_linear
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_pixel
 
@@ -26,6 +27,10 @@ Footprint = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray, FloatA
 CELL_M: Final = 0.002
 DEFAULT_MARK_WIDTH_M: Final = 0.004
 """Width of a mark where the tool's nominal width is not known."""
+CARRIED: Final = ("carried_share", "carried_red", "carried_green", "carried_blue")
+"""What a tool has taken up since it was loaded, and the colour of that in linear light: its own where nothing was."""
+_SETTING_S: Final = 60.0
+"""Age at which paint is taken up half as readily as fresh paint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +65,10 @@ class Memory:
     """[rows, columns] of `CELL_M`, row 0 at the top: when it was last painted; NaN = blank."""
     ink: FloatArray
     """[rows, columns]: covered share of the cell, 0..1."""
+    color: FloatArray
+    """[rows, columns, 3], linear light: of the paint that was last laid there; 0 where blank."""
+    carried: FloatArray
+    """[4]: what the tool has taken up since it was loaded (`taken_along`)."""
 
 
 def fresh_memory(
@@ -78,19 +87,20 @@ def fresh_memory(
         )
     shape = (math.ceil(height_m / CELL_M - 1e-6), math.ceil(width_m / CELL_M - 1e-6))
     unknown = np.full(3, np.nan)
-    return Memory(canvas_size_m, mark_width_m, 0, 0, 0.0, tool_age_m, unknown, np.full(shape, np.nan), np.zeros(shape))
+    blank = np.full(shape, np.nan), np.zeros(shape), np.zeros((*shape, 3))
+    return Memory(canvas_size_m, mark_width_m, 0, 0, 0.0, tool_age_m, unknown, *blank, np.zeros(4))
 
 
 def new_sheet(memory: Memory) -> Memory:
     """The same session with a blank canvas."""
     blank = np.full_like(memory.painted_at_s, np.nan)
-    return replace(memory, painted_at_s=blank, ink=np.zeros_like(memory.ink))
+    return replace(memory, painted_at_s=blank, ink=np.zeros_like(memory.ink), color=np.zeros_like(memory.color))
 
 
 def without_canvas(memory: Memory) -> Memory:
     """The same tool and no look at the canvas: wet ages are NaN, and all else is told much faster."""
     nothing = np.zeros((0, 0))
-    return replace(memory, painted_at_s=nothing, ink=nothing)
+    return replace(memory, painted_at_s=nothing, ink=nothing, color=np.zeros((0, 0, 3)))
 
 
 def covariates(memory: Memory, stroke: StrokeEvent) -> dict[str, int | float | list[float]]:
@@ -123,9 +133,10 @@ def _after(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> Memory:
     loaded = _dipped(memory) if stroke.dip else memory
     length_m = drawn_length_m(stroke.path)
     rows, columns, covered, when_s = footprint
-    painted_at_s, ink = memory.painted_at_s.copy(), memory.ink.copy()
+    painted_at_s, ink, color = memory.painted_at_s.copy(), memory.ink.copy(), memory.color.copy()
     np.fmax.at(painted_at_s, (rows, columns), when_s)
     np.maximum.at(ink, (rows, columns), covered)
+    color[rows, columns] = srgb_to_linear(np.asarray(stroke.color_srgb, dtype=np.float64))
     return replace(
         loaded,
         since_reload=loaded.since_reload + 1,
@@ -134,7 +145,29 @@ def _after(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> Memory:
         last_color_srgb=np.array(stroke.color_srgb, dtype=np.float64),
         painted_at_s=painted_at_s,
         ink=ink,
+        color=color,
+        carried=_taken_along(loaded, memory, stroke, footprint)[1],
     )
+
+
+def carried_paint(memory: Memory, stroke: StrokeEvent) -> dict[str, float]:
+    """Columns `CARRIED` for a stroke that is about to be made: which paint the tool carries in its middle."""
+    loaded = _dipped(memory) if stroke.dip else memory
+    told, _ = _taken_along(loaded, memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
+    return dict(zip(CARRIED, told.tolist(), strict=True))
+
+
+def _taken_along(
+    loaded: Memory, memory: Memory, stroke: StrokeEvent, footprint: Footprint
+) -> tuple[FloatArray, FloatArray]:
+    rows, columns, covered, _ = footprint
+    place = np.zeros_like(memory.ink)
+    np.maximum.at(place, (rows, columns), covered)
+    over = place * memory.ink
+    crossed = (over[..., None] * memory.color).sum((0, 1)) / max(over.sum(), 1e-12)
+    share = float(over.sum() / max(place.sum(), 1e-12))
+    own = srgb_to_linear(np.asarray(stroke.color_srgb, dtype=np.float64))
+    return taken_along(loaded.carried, share, crossed, _wet_age_s(memory, footprint, stroke.t_start_s), own)
 
 
 def _covariates(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> dict[str, int | float | list[float]]:
@@ -182,7 +215,7 @@ def _wet_age_s(memory: Memory, footprint: Footprint, t_s: float) -> float:
 
 
 def _dipped(memory: Memory) -> Memory:
-    return replace(memory, since_reload=0, reload_id=memory.reload_id + 1, ink_since_reload_m=0.0)
+    return replace(memory, since_reload=0, reload_id=memory.reload_id + 1, ink_since_reload_m=0.0, carried=np.zeros(4))
 
 
 def _checked(path: FloatArray) -> FloatArray:
@@ -224,3 +257,22 @@ def _resampled(points: FloatArray, spacing_m: float) -> FloatArray:
         return points
     at = np.linspace(0.0, along[-1], count)
     return np.stack([np.interp(at, along, points[:, i]) for i in range(5)], axis=1)
+
+
+def taken_along(
+    state: FloatArray, share: float, crossed: FloatArray, age_s: float, own: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What a tool carries in the middle of a stroke, [4] as `CARRIED` says, and its state after it.
+
+    Args:
+        state: [4] taken up so far since the tool was loaded: how much, and that times its colour; zeros for none.
+        share: of the stroke's path that lies over paint.
+        crossed: [3] linear light, of that paint.
+        age_s: since it was painted; NaN = blank.
+        own: [3] linear light, of the paint that was loaded.
+    """
+    taken = share / (1.0 + max(age_s, 0.0) / _SETTING_S) if math.isfinite(age_s) else 0.0
+    more = taken * np.concatenate([[1.0], crossed])
+    middle = state + more / 2
+    mixed = middle[1:] / middle[0] if middle[0] > 0 else own
+    return np.concatenate([middle[:1], mixed]), state + more

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from pentimento.contracts.frames import canvas_to_stroke, image_shape, pixel_to_canvas
-from pentimento.contracts.images import encode_png
+from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.schema import IMAGE, TableContract, arrow_schema, known, needed, vector
 
 KINDS: Final = ("push", "pinch")
@@ -78,8 +78,8 @@ def _example_row(order: int, seed: int) -> dict[str, Any]:
         "kind": "push",
         "action": action.tolist(),
         "window_m": _WINDOW_M.tolist(),
-        "before": {"bytes": _height_png(before), "path": None},
-        "after": {"bytes": _height_png(after), "path": None},
+        "before": {"bytes": encode_height_png(before, _HEIGHT_PER_UNIT_M), "path": None},
+        "after": {"bytes": encode_height_png(after, _HEIGHT_PER_UNIT_M), "path": None},
         "height_per_unit_m": _HEIGHT_PER_UNIT_M,
         "surface_height_m": _SURFACE_M,
         "speed_m_s": 0.02,
@@ -107,7 +107,3 @@ def _dent_m(action: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     deepening = 0.3 + 0.7 * along / max(length_m, 1e-6)
     rim = 0.15 * np.exp(-(((distance - 1.4) / 0.3) ** 2))
     return np.asarray(depth_m * deepening * (rim - np.sqrt(np.clip(1.0 - distance**2, 0.0, None))))
-
-
-def _height_png(height_m: npt.NDArray[np.float64]) -> bytes:
-    return encode_png(np.rint(np.clip(height_m / _HEIGHT_PER_UNIT_M, 1, 65535)).astype(np.uint16))

@@ -16,6 +16,10 @@ class Item(IntEnum):
     STROKE = 4
     PHOTO = 5
     TABLE = 6
+    SLAB = 7
+    PUSH = 8
+    SCAN = 9
+    ROOM = 10
 
 
 def item_rng(seed: int, kind: Item, index: int) -> np.random.Generator:

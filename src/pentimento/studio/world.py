@@ -5,12 +5,11 @@ key that the file does not set from another world file of the same folder. Lengt
 seconds, angles radians.
 """
 
-import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Literal, get_type_hints
 
-from pentimento.contracts.errors import ConfigError
+from pentimento.studio.sections import check_keys, parse_section, read_sections, world_path
 
 WORLDS = Path(__file__).with_name("worlds")
 
@@ -144,62 +143,8 @@ def load_world(name_or_path: str | Path) -> World:
 
     Raises ConfigError where the file is missing, or a key is missing, unknown or of the wrong type.
     """
-    path = Path(name_or_path)
-    if path.suffix != ".toml":
-        path = WORLDS / f"{name_or_path}.toml"
-    sections = _read_sections(path, ())
+    path = world_path(name_or_path, WORLDS)
+    sections = read_sections(path, WORLDS)
     types = get_type_hints(World)
-    _check_keys(sections, types, f"world file {path}", "section")
-    return World(**{key: _parse_section(types[key], sections[key], f"[{key}] of {path}") for key in types})
-
-
-def _read_sections(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
-    if path in seen:
-        raise ConfigError(f"World file {path} is its own base; remove one `base` line from the circle.")
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        known = ", ".join(sorted(p.stem for p in WORLDS.glob("*.toml")))
-        raise ConfigError(
-            f"There is no world file {path}; give the path of a .toml file or one of: {known}."
-        ) from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"World file {path} is not valid TOML: {error}.") from error
-    base = document.pop("base", None)
-    if base is None:
-        return document
-    merged = _read_sections(path.parent / base, (*seen, path))
-    for key, section in document.items():
-        if not isinstance(section, dict):
-            raise ConfigError(f"World file {path} has a key '{key}' outside a section; move it into a [section].")
-        merged[key] = {**merged.get(key, {}), **section}
-    return merged
-
-
-def _parse_section(section_type: Any, section: Any, where: str) -> Any:
-    if not isinstance(section, dict):
-        raise ConfigError(f"{where} is not a section; write its keys below a line [name].")
-    types = get_type_hints(section_type)
-    _check_keys(section, {f.name: None for f in fields(section_type)}, where, "key")
-    return section_type(**{key: _parse_value(types[key], section[key], f"'{key}' in {where}") for key in types})
-
-
-def _check_keys(given: dict[str, Any], expected: dict[str, Any], where: str, noun: str) -> None:
-    if unknown := sorted(set(given) - set(expected)):
-        raise ConfigError(f"Unknown {noun} {', '.join(unknown)} in {where}; known are: {', '.join(expected)}.")
-    if missing := [key for key in expected if key not in given]:
-        raise ConfigError(f"Missing {noun} {', '.join(missing)} in {where}; add it.")
-
-
-def _parse_value(kind: Any, value: Any, where: str) -> Any:
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin is Literal and value in arguments:
-        return value
-    if origin is tuple and isinstance(value, list) and len(value) == len(arguments):
-        return tuple(_parse_value(k, v, where) for k, v in zip(arguments, value, strict=True))
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind in (int, str) and isinstance(value, kind) and not isinstance(value, bool):
-        return value
-    name = kind.__name__ if isinstance(kind, type) else str(kind)
-    raise ConfigError(f"The value {value!r} of {where} is not a {name}; correct it.")
+    check_keys(sections, types, f"world file {path}", "section")
+    return World(**{key: parse_section(types[key], sections[key], f"[{key}] of {path}") for key in types})

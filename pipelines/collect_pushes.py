@@ -1,0 +1,99 @@
+"""Stage collect_pushes: the robot presses into its clay and scans it, or a table measured elsewhere is taken in."""
+
+import argparse
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.tables import read_table, write_shards
+from pentimento.push_dynamics.measured import load_pushes
+from pentimento.robots.end_effectors import load_end_effector
+from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.runner.collect_pushes import collect_pushes
+from pentimento.runner.push_design import PushCollectionConfig
+from pentimento.runner.push_figures import repeat_floor_mm2, volume_figures
+from pentimento.runner.push_safety import GuardedSculptingRobot, push_envelope_for
+from pipelines._config import entry_of, load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import Run, tracked_run
+
+
+@dataclass(frozen=True)
+class CollectPushes:
+    """Section `collect_pushes` of params.yaml."""
+
+    source: dict[str, str | None]
+    """For each material a table in the pushes contract (a file or a folder of shards), or null: the studio."""
+    world: dict[str, str]
+    """For each material the studio's clay world: a name or a TOML file."""
+    end_effector: dict[str, str]
+    """For each material the end-effector that presses it: a name or a TOML file."""
+    collection: PushCollectionConfig
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out` as shards of the pushes contract, with `metrics.json`."""
+    config = load_section(Path("params.yaml"), "collect_pushes", CollectPushes)
+    single_threaded()
+    material = arguments.material
+    source = entry_of(config.source, material, "collect_pushes.source")
+    world = entry_of(config.world, material, "collect_pushes.world")
+    end_effector = entry_of(config.end_effector, material, "collect_pushes.end_effector")
+    inputs = {} if source is None else {"source": Path(source)}
+    with (
+        tracked_run("collect_pushes", material, asdict(config), inputs) as run,
+        output_folder(arguments.out) as out,
+    ):
+        quarantined = 0
+        if source is None:
+            table = _collect(material, world, end_effector, config.collection, run)
+            origin = f"Made by the robot with the {end_effector} in the studio, clay world `{world}`."
+        else:
+            checked = read_table(Path(source), CONTRACT)
+            table, quarantined = checked.table, len(checked.quarantined)
+            if table.num_rows == 0:
+                raise ContractError(f"{source} holds no pushes; name another table in collect_pushes.source.")
+            origin = f"Measured elsewhere: `{Path(source).name}`, {quarantined} rows quarantined."
+        metrics = {"rows": table.num_rows, "quarantined": quarantined, **_figures(table)}
+        write_shards(out, table, CONTRACT)
+        (out / "README.md").write_text(f"# Pushes into {material}\n\n{origin} {table.num_rows} rows.\n")
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+
+
+def _collect(material: str, world: str, end_effector_name: str, config: PushCollectionConfig, run: Run) -> pa.Table:
+    robot = virtual_sculpting_robot(world, config.scan_pixels, config.seed)
+    end_effector = load_end_effector(end_effector_name)
+    guarded = GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m))
+    rows = collect_pushes(guarded, end_effector, material, config, run.log)
+    schema = arrow_schema(CONTRACT, include_optional=set(rows[0]))
+    for name in sorted(rows[0].keys() - set(schema.names)):
+        schema = schema.append(pa.field(name, pa.float32()))  # covariates of the room's sensors
+    return pa.Table.from_pylist(rows, schema=schema)
+
+
+def _figures(table: pa.Table) -> dict[str, Any]:
+    """What the measured data say about themselves, after the repairs that every reader of the table makes."""
+    samples, repairs = load_pushes(table)
+    resets = samples.covariates.get("reset_id", np.full(len(samples.action), np.nan))
+    figures = volume_figures(samples.before, samples.after, samples.known, resets)
+    floor = repeat_floor_mm2(samples.before, samples.after, samples.known, samples.action_id)
+    return {
+        "hole_share": repairs.holes,
+        "left_out": len(repairs.bad) + len(repairs.copies),
+        **figures,
+        **({} if floor is None else {"repeat_floor_mm2": floor}),
+    }
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="collect_pushes", description=__doc__)
+    parser.add_argument("--material", required=True)
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,170 @@
+"""What to press to learn a material: a design in which no cause of an error can hide behind another.
+
+Place, direction, length, depth, speed, dwell and retract speed are drawn jointly at random. The material is
+smoothed after every few pushes, so that pushes meet fresh and worked material alike; a share of them is aimed at
+what was pressed before. Some actions are repeated, each time as the first push into freshly smoothed material, so
+that their repeats differ by noise and by slow drifts alone (GAP.md, rules 6 and 8).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.robots.end_effectors import EndEffector
+from pentimento.robots.sculpting import span_m
+
+FloatArray = NDArray[np.float64]
+
+_TRIES = 300
+_BESIDE_M = 0.008
+_ORDERED = 1  # a kind of random choice, beside those of an action's own
+
+
+@dataclass(frozen=True)
+class PushCollectionConfig:
+    """What the robot presses to learn a material."""
+
+    pushes: int
+    """Rows, repeats included."""
+    repeated: int
+    """So many actions are made ``times`` times; the noise floor is read off them."""
+    times: int
+    per_smoothing: tuple[int, int]
+    """Least and greatest number of pushes between two smoothings."""
+    returning: float
+    """Share of the other pushes that are aimed at what was pressed since the smoothing."""
+    edge_m: float
+    """Pushes, and a gripper's fingers, keep this far from the slab's edge."""
+    scan_pixels: int
+    """Of a scan, along the slab's longer side."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "pushes", "times")
+        at_least(self, 8, "scan_pixels")
+        at_least(self, 0, "repeated", "returning", "edge_m", "seed")
+        above_zero(self, "scan_pixels")
+        if self.repeated * self.times > self.pushes:
+            raise ValueError(f"repeated is {self.repeated}; {self.times} times as many rows are more than pushes.")
+        if self.returning > 1:
+            raise ValueError(f"returning is {self.returning}; it is a share of the pushes, at most 1.")
+        if not 1 <= self.per_smoothing[0] <= self.per_smoothing[1]:
+            raise ValueError(
+                f"per_smoothing is {list(self.per_smoothing)}; give the least number, from 1, and the most."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PushCommand:
+    """One push to be made."""
+
+    action_id: int
+    """Commands of one value repeat the same action, speeds and dwell."""
+    smooth: bool
+    """Whether the material is smoothed before it."""
+    action: FloatArray
+    """[5] of the ``pushes`` contract."""
+    speed_m_s: float
+    dwell_s: float
+    retract_speed_m_s: float
+
+
+def design_pushes(
+    end_effector: EndEffector, area_m: tuple[float, float], config: PushCollectionConfig
+) -> list[PushCommand]:
+    """``config.pushes`` commands in their order; each action is drawn from (seed, action) alone.
+
+    Raises:
+        ContractError: no push of the end-effector fits on the slab.
+    """
+    singles = config.pushes - config.repeated * config.times
+    chooser = np.random.default_rng([config.seed, 0, _ORDERED])
+    sizes = _group_sizes(config, chooser)
+    repeats = chooser.permutation(np.repeat(np.arange(singles, singles + config.repeated), config.times))
+    first_of = dict(zip(chooser.permutation(len(sizes))[: len(repeats)].tolist(), repeats.tolist(), strict=True))
+    commands: list[PushCommand] = []
+    next_single = 0
+    for group, size in enumerate(sizes):
+        pressed: list[FloatArray] = []
+        for place in range(size):
+            if place == 0 and group in first_of:
+                command = _drawn(first_of[group], True, end_effector, area_m, config, [])
+            else:
+                command = _drawn(next_single, place == 0, end_effector, area_m, config, pressed)
+                next_single += 1
+            pressed.append(command.action)
+            commands.append(command)
+    return commands
+
+
+def _group_sizes(config: PushCollectionConfig, rng: np.random.Generator) -> list[int]:
+    """Numbers of pushes between smoothings: within ``per_smoothing``, but as many groups as there are repeats."""
+    low, high = config.per_smoothing
+    repeats = config.repeated * config.times
+    sizes: list[int] = []
+    while sum(sizes) < config.pushes:
+        sizes.append(int(rng.integers(low, high + 1)))
+    sizes[-1] -= sum(sizes) - config.pushes
+    if len(sizes) < repeats:
+        sizes = [len(part) for part in np.array_split(np.arange(config.pushes), repeats)]
+    return sizes
+
+
+def _drawn(
+    action_id: int,
+    smooth: bool,
+    end_effector: EndEffector,
+    area_m: tuple[float, float],
+    config: PushCollectionConfig,
+    pressed: list[FloatArray],
+) -> PushCommand:
+    rng = np.random.default_rng([config.seed, action_id])
+    about = None
+    if pressed and rng.random() < config.returning:
+        about = _along(pressed[int(rng.integers(len(pressed)))], rng.random(), end_effector)
+    action = _action(rng, end_effector, area_m, config, about)
+    speed, retract = (
+        float(np.exp(rng.uniform(*np.log(bounds))))
+        for bounds in (end_effector.speed_range_m_s, end_effector.retract_speed_range_m_s)
+    )
+    dwell = float(rng.uniform(*end_effector.dwell_range_s))
+    return PushCommand(action_id, smooth, action, speed, dwell, retract)
+
+
+def _along(action: FloatArray, share: float, end_effector: EndEffector) -> FloatArray:
+    """A place [2] on the way of an earlier push, or in the middle of a pinch."""
+    way = share * action[3] if end_effector.kind == "push" else 0.0
+    return np.array([action[0] + way * math.cos(action[2]), action[1] + way * math.sin(action[2])])
+
+
+def _action(
+    rng: np.random.Generator,
+    end_effector: EndEffector,
+    area_m: tuple[float, float],
+    config: PushCollectionConfig,
+    about: FloatArray | None,
+) -> FloatArray:
+    low, high = np.full(2, config.edge_m), np.array(area_m) - config.edge_m
+    for attempt in range(_TRIES if np.all(low < high) else 0):
+        theta = rng.uniform(-np.pi, np.pi)
+        length, depth = rng.uniform(*end_effector.travel_m), rng.uniform(*end_effector.depth_m)
+        # A place at the edge may leave no room: then it is anywhere.
+        if about is not None and attempt < _TRIES // 2:
+            middle = about + _BESIDE_M * rng.standard_normal(2)
+        else:
+            middle = rng.uniform(low, high)
+        way = length * np.array([math.cos(theta), math.sin(theta)]) if end_effector.kind == "push" else np.zeros(2)
+        action = np.array([*(middle - 0.5 * way), theta, length, depth])
+        places = span_m(end_effector.kind, action, end_effector.opening_m)
+        if np.all(places >= low) and np.all(places <= high):
+            return action
+    raise ContractError(
+        f"The {end_effector.name} finds no room for a push on {area_m} m: shorten travel in its file or lower "
+        "collect_pushes.edge_m."
+    )

@@ -1,0 +1,178 @@
+"""What a hidden world of clay consists of, and how it is read from a world file (TOML).
+
+As in `studio/world.py`: one table for each section of `ClayWorld`, `base = "other.toml"` beside them, metres,
+seconds, radians. `[tools.NAME]` is one end-effector of the rack.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.studio.sections import check_keys, parse_section, read_sections, world_path
+
+CLAY_WORLDS = Path(__file__).with_name("worlds")
+
+
+@dataclass(frozen=True)
+class Slab:
+    """The material in its tray, as smoothing leaves it."""
+
+    size_m: tuple[float, float]
+    height_m: float  # above the table
+    cells: int  # of the height field along the longer side; raised where the scanner is finer
+    height_spread_m: float  # between two smoothings
+    undulation_m: float  # slow waves that smoothing leaves (standard deviation)
+    roughness_m: float  # grain (standard deviation)
+
+
+@dataclass(frozen=True)
+class Material:
+    """How the material answers. What an effect of the vocabulary does is given for its strength 1."""
+
+    name: str
+    hardness_pa: float  # pressure that a deep tool meets
+    firming_m: float  # penetration over which the pressure builds up
+    mottle: float  # relative spread of the hardness over the slab
+    mottle_m: float
+    rim_m: float  # distance over which displaced material heaps up beside the tool
+    bow_wave: float  # 0: rims all round, 1: all displaced material ahead of and beside a moving tool
+    steepest: float  # slope that no surface of it keeps
+    tear_m: float  # roughness that the tool leaves behind it
+    rebound_m: float  # springback: height that deep dents recover
+    rebound: float  # springback: share that shallow dents recover
+    setting_s: float  # springback: dwell after which a part of it is gone
+    crush: float  # volume_loss: share of the displaced volume that fresh material swallows
+    crushing_strain: float  # volume_loss: plastic strain after which it swallows half as much
+    repose: float  # slope_slide: slope that it comes to rest at
+    avalanche: float  # slope_slide: slope that sets it off, over `repose`
+    far_share: float  # far_field: share of the displaced volume that comes up far away
+    far_m: float
+    hardening: float  # work_hardening: relative gain of hardness that worked material approaches
+    hardening_strain: float
+    pull_m: float  # adhesion_lift: height of the peak that a fast retract draws
+    pull_speed_m_s: float
+    drying: float  # stiffness_drift: relative gain of hardness that old material approaches
+    drying_s: float
+    softening_per_k: float  # stiffness_drift: relative loss of hardness for each degree above 21
+    swelling: float  # humidity_softening: relative change of hardness between dry and damp air
+    wake: float  # speed_footprint: relative widening of the tool's footprint between slow and fast travel
+    creep: float  # dwell_creep: relative loss of hardness for each e-fold of dwell beyond a second
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Errors of the arm, and what of the slab and the arm gives way elastically."""
+
+    give_m_per_n: float
+    contact_error_m: float  # of the surface's height at the start of a push (standard deviation)
+    repeatability_m: float
+    encoder_noise_m: float
+    travel_s: float  # between two pushes
+    offset_m: float  # height_offset
+    offset_tilt_m: tuple[float, float]  # height_offset: gained from the centre to the right and to the upper border
+    backlash_m: tuple[float, float]  # tool_backlash: play of each axis
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """A structured-light scanner: a camera straight above, a projector at its side."""
+
+    name: str
+    pixels: int  # along the longer side of the slab
+    noise_m: float  # on a level surface
+    slope_noise: float  # growth of the noise with the squared slope
+    step_m: float  # depth resolution
+    elevation_rad: float  # of the projector above the table
+    azimuth_rad: float  # from where it shines: 0 = from the right (+x), pi/2 = from the top (+y)
+    grazing: float  # cosine between light and surface below which nothing is seen
+    dropout: float  # share of pixels lost at random on a level surface
+    tilt: tuple[float, float]  # of the table in the scan, per axis
+    lift_m: float  # of the table at the origin in the scan
+    plane_error: float  # relative error with which the scanner knows this plane
+    scan_s: float
+
+
+@dataclass(frozen=True)
+class Room:
+    """The air. Both wander slowly, and the room's sensors see them with a little noise."""
+
+    temperature_c: float
+    temperature_swing_k: float
+    humidity: float  # relative, 0..1
+    humidity_swing: float
+    period_s: float
+
+
+@dataclass(frozen=True)
+class ClayEffects:
+    """Strength of each cause, 0 none and 1 believable: the gap finder's vocabulary, then three outside it."""
+
+    springback: float
+    volume_loss: float
+    slope_slide: float
+    far_field: float
+    work_hardening: float
+    adhesion_lift: float
+    stiffness_drift: float
+    height_offset: float
+    tool_backlash: float
+    humidity_softening: float  # hardness follows the air's humidity
+    speed_footprint: float  # a faster tool leaves a wider groove
+    dwell_creep: float  # a tool that rests sinks deeper
+
+
+@dataclass(frozen=True)
+class ToolShape:
+    """The true shape of an end-effector, which stands upright; x is its direction of travel at yaw 0."""
+
+    half_length_m: float  # along travel
+    half_width_m: float  # across
+    rounding_m: float  # radius of the lower edges; a ball's is its half length and half width
+    shank: float  # steepness of the sides above the rounding
+    give_m_per_pa: float  # compliance of its surface
+    spread_m: float  # a gripper's distance between its two fingers' faces when open; 0 for a single tool
+
+
+@dataclass(frozen=True)
+class ClayWorld:
+    """Everything that is true of the clay and unknown to the robot."""
+
+    slab: Slab
+    material: Material
+    arm: Arm
+    scanner: Scanner
+    room: Room
+    effects: ClayEffects
+    tools: dict[str, ToolShape]
+
+
+def load_clay_world(name_or_path: str | Path) -> ClayWorld:
+    """World from a world file: a name such as `foam` (shipped), or the path of a `.toml` file.
+
+    Raises ConfigError where the file is missing, or a key is missing, unknown or of the wrong type.
+    """
+    path = world_path(name_or_path, CLAY_WORLDS)
+    sections = read_sections(path, CLAY_WORLDS)
+    types = get_type_hints(ClayWorld)
+    check_keys(sections, types, f"world file {path}", "section")
+    tools = _rack(sections.pop("tools"), path)
+    del types["tools"]
+    parts: dict[str, Any] = {key: parse_section(types[key], sections[key], f"[{key}] of {path}") for key in types}
+    return _possible(ClayWorld(**parts, tools=tools), path)
+
+
+def _rack(tools: dict[str, Any], path: Path) -> dict[str, ToolShape]:
+    return {name: parse_section(ToolShape, tool, f"[tools.{name}] of {path}") for name, tool in tools.items()}
+
+
+def _possible(world: ClayWorld, path: Path) -> ClayWorld:
+    if min(*world.slab.size_m, world.slab.height_m) <= 0 or min(world.slab.cells, world.scanner.pixels) < 8:
+        raise ConfigError(
+            f"World file {path}: the slab is {world.slab.size_m} m by {world.slab.height_m} m high in "
+            f"{world.slab.cells} cells, scanned in {world.scanner.pixels} pixels; sizes are above 0, counts at least 8."
+        )
+    negative = [name for name, strength in vars(world.effects).items() if strength < 0]
+    if negative:
+        raise ConfigError(f"World file {path}: the strength of {', '.join(negative)} is below 0; 0 switches it off.")
+    return world

@@ -1,0 +1,75 @@
+"""The stage collect_pushes: made in the studio, or taken in from elsewhere."""
+
+import argparse
+import json
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from ruamel.yaml import YAML
+
+import pipelines.collect_pushes as stage
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.pushes import CONTRACT, example_table
+from pentimento.contracts.tables import read_table, write_table
+
+COLLECTION = {
+    "pushes": 12,
+    "repeated": 2,
+    "times": 2,
+    "per_smoothing": [3, 4],
+    "returning": 0.5,
+    "edge_m": "30 mm",
+    "scan_pixels": 64,
+    "seed": 1,
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    return tmp_path
+
+
+def collect(folder: Path, source: Path | None = None) -> dict[str, float]:
+    section = {
+        "source": {"sand": None if source is None else str(source)},
+        "world": {"sand": "sand"},
+        "end_effector": {"sand": "ball"},
+        "collection": COLLECTION,
+    }
+    YAML(typ="safe").dump({"collect_pushes": section}, folder / "params.yaml")
+    stage.main(argparse.Namespace(material="sand", out=folder / "pushes"))
+    metrics: dict[str, float] = json.loads((folder / "pushes/metrics.json").read_text())
+    return metrics
+
+
+def test_pushes_made_in_the_studio(folder: Path) -> None:
+    metrics = collect(folder)
+    table = read_table(folder / "pushes", CONTRACT).table
+    assert metrics["rows"] == table.num_rows == 12
+    assert set(table.column("material").to_pylist()) == {"sand"}
+    assert {"temperature_c", "humidity"} <= set(table.column_names)
+    assert 0 <= metrics["hole_share"] < 0.1
+    assert abs(metrics["volume_change_mean"]) < 0.002
+    assert abs(metrics["dent_volume_lost"]) < 0.4
+    assert 0.001 < metrics["repeat_floor_mm2"] < 0.1
+
+
+def test_pushes_measured_elsewhere_are_taken_in_with_their_bad_rows_counted(folder: Path) -> None:
+    rows = example_table(150).to_pylist()
+    rows[7]["action"] = [float("nan")] * 5
+
+    pq.write_table(pa.Table.from_pylist(rows, schema=example_table(1).schema), folder / "measured.parquet")
+    metrics = collect(folder, folder / "measured.parquet")
+    assert (metrics["rows"], metrics["quarantined"]) == (149, 1)
+    assert "repeat_floor_mm2" not in metrics
+    assert "measured.parquet" in (folder / "pushes/README.md").read_text()
+
+
+def test_an_empty_table_is_an_error(folder: Path) -> None:
+    write_table(folder / "none", example_table(0), CONTRACT, "none")
+    with pytest.raises(ContractError, match="holds no pushes"):
+        collect(folder, folder / "none")
