@@ -16,6 +16,7 @@ from pentimento.contracts.tables import read_table
 from pentimento.gap.diagnose import Diagnosis
 from pentimento.gap.measured import covariates_of
 from pentimento.gap.write import write_diagnosis
+from pentimento.stroke_dynamics.carried_paint import carried_paint
 from pentimento.stroke_dynamics.evaluation import score, score_model
 from pentimento.stroke_dynamics.extended import (
     MeasuredStrokes,
@@ -59,8 +60,10 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         table, fit = read_table(arguments.strokes, CONTRACT).table, config.joint_fit
         base = read_parameters(arguments.base / "parameters.json")
-        columns = {name: torch.tensor(v, dtype=torch.float32) for name, v in covariates_of(table).items()}
-        strokes = MeasuredStrokes(load_samples(table, fit.path_points, fit.pixels_per_m, fit.margin_m), columns)
+        samples = load_samples(table, fit.path_points, fit.pixels_per_m, fit.margin_m)
+        known = covariates_of(table) | carried_paint(table, samples)
+        columns = {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()}
+        strokes = MeasuredStrokes(samples, columns)
         training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
         found = write_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
         causes = _established(found)

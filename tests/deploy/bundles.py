@@ -9,6 +9,7 @@ from pathlib import Path
 
 import torch
 
+from pentimento.contracts.covariates import CARRIED
 from pentimento.copainting.goal.planner import save_goal_planner
 from pentimento.deploy.bundle import Asking, DeployConfig, Models, SettingConfig, write_bundle
 from pentimento.planning.fitted import Pace, Span
@@ -40,11 +41,12 @@ def stroke_model() -> StrokeModel:
     """Its ink runs down, it stirs wet paint, and its camera sees a gradient of light."""
     mechanisms = (
         mechanism("ink_depletion", [0.2, 0.1], {"column": 0.0, "since": 0.05}),
-        mechanism("wet_mixing", [0.3, 0.1], {"usual_age_s": 60.0}),
+        mechanism("wet_mixing", [0.3, 0.1, 0.5], {"usual_age_s": 60.0}),
         mechanism("illumination_gradient", [0.02, 0.01, 0.03, -0.02], {"x_m": 0.03, "y_m": 0.02, "half_m": 0.03}),
     )
     parameters = Traj2StrokeParameters((1.01, 0.99), (1e-4, -1e-4), 0.3, 1e-3, 0.2, 0.9)
     fitted = {"ink_since_reload_m": Span(0.0, 0.05, 0.1), "wet_age_s": Span(1.0, 60.0, 300.0)}
+    fitted |= {name: Span(0.0, 0.3, 1.0) for name in CARRIED}
     return StrokeModel(parameters, mechanisms, fitted, Pace(2.0, 5.0))
 
 

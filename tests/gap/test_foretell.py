@@ -9,7 +9,7 @@ import torch
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, weighted
+from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import BASE, Model, foretold_linear, identity, ink, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise, linearise_rows
 from pentimento.gap.measured import Measured, load_measured
@@ -91,17 +91,6 @@ def test_a_fit_never_ends_worse_than_it_began(measured: Measured) -> None:
     start = first_model(measured)
     losses = [float(mean_squared_error(residual(m, measured), measured).mean()) for m in (start, fit(start, measured))]
     assert losses[1] < losses[0]
-
-
-def test_weights_are_one_on_average_and_less_where_the_model_errs(measured: Measured) -> None:
-    model = fit(first_model(measured), measured)
-    weighed = weighted(measured, model, measured)
-    valid = measured.samples.valid.numpy() > 0
-    assert weighed.weight[valid].mean() == pytest.approx(1.0, rel=1e-4)
-    assert not weighed.weight[~valid].any()
-    squares = np.square(residual(model, measured)).sum(-1)
-    worst = squares > np.quantile(squares[valid], 0.99)
-    assert weighed.weight[worst & valid].mean() < weighed.weight[valid].mean()
 
 
 def test_numbers_and_vector_are_one(measured: Measured) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.fit import first_model
@@ -139,7 +140,8 @@ def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
 def test_paint_that_carries_is_asked_by_crossing_it(strokes: Measured) -> None:
     """On blank paper nothing can be said of it; where strokes are known to cross, the proposal crosses."""
     age = np.where(np.arange(len(strokes)) % 3 == 0, 20.0, np.nan)
-    wet = replace(strokes, covariates=strokes.covariates | {"wet_age_s": age})
+    clean = {name: np.zeros(len(strokes)) for name in CARRIED}
+    wet = replace(strokes, covariates=strokes.covariates | {"wet_age_s": age} | clean)
     kinds = {kind.cause: kind for kind in VOCABULARY}
     model = first_model(wet).plus(identity(kinds["wet_mixing"], wet.context))
     made = propose(model, wet, [("wet_mixing",)], 0, count=6)

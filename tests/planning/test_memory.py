@@ -5,7 +5,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.covariates import CARRIED, fresh_memory
 from pentimento.planning.fitted import Pace, Span
 from pentimento.planning.memory import Start, beyond_fit, commanded, foreseen, inherited
 from pentimento.planning.render_plan import Mishap, render_and_back, render_plan
@@ -34,6 +34,7 @@ BRUSH = load_tool("round_brush")
 PARAMETERS = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 2e-3, 0.2, 0.9)
 WIDE = Span(-1e6, 0.0, 1e6)
 ALL = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "order")
+PAINT = (*ALL, *CARRIED)
 RED, BLUE = np.array([0.5, 0.1, 0.1], np.float32), np.array([0.1, 0.1, 0.5], np.float32)
 WHITE = np.ones((200, 300, 3), np.float32)
 START = Start(fresh_memory(SIZE_M, BRUSH.nominal_width_m), 0.0, 0)
@@ -50,7 +51,7 @@ def row_of_strokes(count: int, apart_m: float = 0.02) -> Strokes:
 
 
 def brush(*mechanisms: Mechanism, fitted: dict[str, Span] | None = None) -> TorchBrush:
-    spans = {name: WIDE for name in ALL} if fitted is None else fitted
+    spans = {name: WIDE for name in PAINT} if fitted is None else fitted
     return TorchBrush(StrokeModel(PARAMETERS, mechanisms, spans, Pace(3.0, 5.0)), BRUSH, POINTS)
 
 
@@ -150,7 +151,7 @@ def test_an_extension_of_no_effect_changes_nothing() -> None:
         "half": 1.0, "spread": 1.0, "usual_age_s": 60.0, "bending_per_m": 50.0,
     } | {f"share_{k + 1}": 0.1 for k in range(5)}  # fmt: skip
     nothing = [kind(torch.zeros(len(kind.quantities)), reference) for kind in VOCABULARY]
-    extended = scene(*nothing, fitted={name: WIDE for name in (*ALL, "surface_level")})
+    extended = scene(*nothing, fitted={name: WIDE for name in (*PAINT, "surface_level")})
     canvas = np.random.default_rng(0).random((200, 300, 3), np.float32)
     mishap = Mishap(np.full((6, 1), 0.8, np.float32), np.full((6, 1, 2), 1e-3, np.float32))
     for befallen in (None, mishap):
@@ -169,6 +170,34 @@ def test_wet_paint_is_carried_over_and_dry_paint_is_not() -> None:
     }
     blueness = {usual_s: float((image[end][..., 2] - image[end][..., 0]).mean()) for usual_s, image in images.items()}
     assert blueness[1e3] > blueness[1e-3] + 0.01
+
+
+def test_paint_that_was_crossed_is_laid_on_blank_paper_until_the_next_dip() -> None:
+    """One red stroke; blue ones: across it, beside it, and beside it after a dip (the tool's fourth of a load)."""
+    strokes = row_of_strokes(7)
+    strokes.middle_m[1] = strokes.middle_m[0]
+    strokes = with_color(strokes, np.stack([RED] + 6 * [BLUE]))
+    seen = foreseen(strokes, BRUSH, brush(), START, PAINT)
+    np.testing.assert_array_equal(seen["since_reload"], [0, 0, 1, 2, 3, 0, 1])
+    share = seen["carried_share"]
+    assert share[0] == 0 and share[1] > 0.2  # of itself, in its middle: half
+    np.testing.assert_allclose(share[2:5], 2 * share[1], rtol=1e-5)
+    np.testing.assert_array_equal(share[5:], 0)
+    mixed = np.stack([seen[name] for name in CARRIED[1:]], axis=1)
+    np.testing.assert_allclose(mixed[1:5], strokes.color[[0] * 4], rtol=1e-4)
+    np.testing.assert_allclose(mixed[[0, 5, 6]], strokes.color[[0, 5, 6]], rtol=1e-4)
+    dirty, clean = (
+        render_plan(strokes.pick([2]), WHITE, scene(effect(WetMixing, {"usual_age_s": 60.0}, carried=amount)))
+        for amount in (1.0, 0.0)
+    )
+    np.testing.assert_array_equal(dirty, clean)  # alone in a plan nothing was crossed
+    dirty, clean = (
+        render_plan(strokes, WHITE, scene(effect(WetMixing, {"usual_age_s": 60.0}, carried=amount)))
+        for amount in (1.0, 0.0)
+    )
+    change = np.abs(dirty - clean).max(axis=(1, 2))  # [rows], row 0 at the top: the strokes lie one above the other
+    rows = np.rint((SIZE_M[1] - strokes.middle_m[:, 1]) * 1000 - 0.5).astype(int)
+    assert (change[rows[1:5]] > 0.05).all() and (change[rows[5:]] < 1e-6).all()
 
 
 def test_gradients_reach_the_strokes_through_what_extends_the_model() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import torch
 
+from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.errors import ContractError
 from pentimento.stroke_dynamics.extended import (
     MeasuredStrokes,
@@ -45,6 +46,10 @@ def observed(samples: StrokeSamples) -> MeasuredStrokes:
             "t_start_s": 10.0 * rows,
             "t_before_s": 10.0 * rows - torch.where(rows % 4 == 0, 8.0, 3.0),
             "wet_age_s": torch.where(rows % 3 == 0, 20.0 + rows, torch.nan),
+            "carried_share": 0.3 * (rows % 3),
+            "carried_red": 0.1 * (rows % 7),
+            "carried_green": 0.05 * (rows % 5),
+            "carried_blue": 0.2 * (rows % 4),
             "humidity": 0.4 + 0.01 * (rows % 5),
             "tool_age_m": 0.02 * rows,
         },
@@ -126,7 +131,8 @@ def test_only_what_a_mechanism_reads_is_spanned(made_by_truth: StrokeSamples) ->
         for kind in (InkDepletion, DryingShift, WetMixing, CanvasTilt)
     }
     assert read == {
-        InkDepletion: ["ink_since_reload_m"], DryingShift: ["t_start_s"], WetMixing: ["wet_age_s"], CanvasTilt: [],
+        InkDepletion: ["ink_since_reload_m"], DryingShift: ["t_start_s"], WetMixing: sorted((*CARRIED, "wet_age_s")),
+        CanvasTilt: [],
     }  # fmt: skip
     assert spans(["wet_age_s"], strokes)["wet_age_s"] == Span(20.0, 30.5, 41.0)  # of what is known
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.covariates import CARRIED, fresh_memory
 from pentimento.planning.fitted import Pace, Span
 from pentimento.planning.memory import commanded
 from pentimento.planning.render_plan import render_and_back
@@ -24,7 +24,9 @@ REFERENCE = {
     "column": 0.0, "since": 0.05, "speed_m_s": 0.05, "x_m": 0.06, "y_m": 0.04, "half_m": 0.06, "middle": 0.0,
     "half": 30.0, "spread": 1.0, "usual_age_s": 60.0, "bending_per_m": 50.0, "air": 0.0,
 } | {f"share_{k + 1}": 0.1 for k in range(5)}  # fmt: skip
-COLUMNS = ("since_reload", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "t_after_s", "order")
+COLUMNS = (
+    "since_reload", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "t_after_s", "order", *CARRIED,
+)  # fmt: skip
 FITTED = {name: Span(0.0, 1.0, 1e3) for name in (*COLUMNS, "surface_level", "humidity", "humidity_rel")}
 
 

@@ -22,7 +22,7 @@ def _sweep(capacity: float, roughness: float = 0.5, load: float = 1.0, wet_volum
         film, wet, np.ones((50, 100), np.float32), rng.random((50, 100), dtype=np.float32), roughness,
         centre, np.full(60, 0.002), np.tile(np.eye(2) * 8, (60, 1, 1)), np.zeros((60, 2)), np.ones(60),
         rng.uniform(-0.7, 0.7, (BRISTLES, 2)), np.zeros(BRISTLES), np.ones(BRISTLES), colour,
-        loads, belly, each, pool, 1.1, pickup, 0.0,
+        loads, np.full(BRISTLES, load), belly, each, pool, 1.1, pickup, 0.0,
     )  # fmt: skip
     return film, wet, loads, belly, colour
 
@@ -59,3 +59,11 @@ def test_wet_paint_goes_into_the_bristles_volume_for_volume() -> None:
     assert wet[25, 50, 1] < 5
     clean = _sweep(1e6, wet_volume=1.0, pickup=0.0)
     assert np.all(clean[4][:, 0] == 1.0)
+
+
+@pytest.mark.parametrize("load", [0.6, 0.9])
+def test_an_endless_load_stays_as_it_was_filled(load: float) -> None:
+    """What flows after replaces what was laid down: else every load would begin thin and grow."""
+    _, _, loads, belly, _ = _sweep(1e30, load=load)
+    np.testing.assert_array_equal(loads, load)
+    assert belly[0] == load

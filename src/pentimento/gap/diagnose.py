@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, weighted
+from pentimento.gap.fit import first_model, fit
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
@@ -22,7 +22,6 @@ from pentimento.gap.score import projected
 from pentimento.gap.search import Search, action_losses, find_large, paired_p, search
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
-from pentimento.gap.sway import with_sway
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -98,60 +97,53 @@ def diagnose(
     splits = split(measured, seed)
     plain = measured.pick(splits.discovery)
     first = fit(first_model(plain), plain)
-    weighed = weighted(measured, first, plain)
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0
-    found = find_large(first, weighed.pick(splits.discovery), share, vocabulary, seed, log)
+    found = find_large(first, measured.pick(splits.discovery), share, vocabulary, seed, log)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
         before = found.found
         unfound = [m for cause, m in found.observable.items() if cause not in before]
         habits, measured = learn_habits(measured, found.model, splits.discovery, unfound, seed)
-        weighed = weighted(measured, found.model, measured.pick(splits.discovery))
-        weighed = with_sway(weighed, found.model, splits.discovery)
-        found = search(found, weighed.pick(splits.discovery), seed, log)
+        found = search(found, measured.pick(splits.discovery), seed, log)
         if found.found == before:
             break
     test = measured.pick(splits.test)
-    known = weighed.pick(np.sort(np.concatenate(splits[:2])))
-    # What is measured is plain squared error, and so is what the last fits make small.
-    plainly = measured.pick(np.sort(np.concatenate(splits[:2])))
+    known = measured.pick(np.sort(np.concatenate(splits[:2])))
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
-    confirmed_p = {
-        m.cause: _confirmation(found, m, known.whole() if m.cause in found.large else known, fresh, seed) for m in named
-    }
+    confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
     lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
-    base = fit(found.base, plainly)
-    extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), plainly)
+    base = fit(found.base, known)
+    extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: Model, mechanism: Mechanism) -> Finding:
-        rest = fit(_without(model, [mechanism.cause], base), plainly)
+        rest = fit(_without(model, [mechanism.cause], base), known)
         fall = (action_losses(rest, test) - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
-            float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, plainly), step.rivals,
+            float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, known), step.rivals,
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
     idle = [f.cause for f in established if f.gain < _LEAST_GAIN]
     if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
-        extended = fit(_without(extended, idle, base), plainly)
+        extended = fit(_without(extended, idle, base), known)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
     # What is established itself is no other explanation of its neighbour.
     names_of = {f.cause for f in established}
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names_of)) for f in established)
     doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
-    suspected = tuple(finding(fit(extended.plus(m), plainly), m) for m in doubtful)
+    suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
     left, strength, names = unexplained(extended, known, seed)
     worth = generic(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]

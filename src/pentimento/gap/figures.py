@@ -15,9 +15,9 @@ from pentimento.gap.diagnose import Diagnosis
 from pentimento.gap.foretell import foretold
 from pentimento.gap.given import Given
 from pentimento.gap.imitation import ALIKE, Imitation
+from pentimento.gap.judged import STROKES, Judged, Kind, Surveyed
 from pentimento.gap.maps import ResidualMap
 from pentimento.gap.measured import Measured
-from pentimento.gap.modes import MODES
 from pentimento.gap.next_actions import Proposal
 from pentimento.gap.survey import Survey
 from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
@@ -33,7 +33,9 @@ _LEAST_TOP = 4.0  # of correlations in standard errors: where chance ends
 _QUESTIONS = (BLUE, OCHRE, _GREEN, "#7a4f86", "#a33a3a", "#555555")
 
 
-def residual_maps(base: ResidualMap, extended: ResidualMap, x_label: str, y_label: str, square: bool) -> bytes:
+def residual_maps(
+    base: ResidualMap, extended: ResidualMap, x_label: str, y_label: str, square: bool, unit: str = "sRGB"
+) -> bytes:
     """Mean and worst residual of both models; one symmetric scale for the means, one for the worst."""
     tall = base.mean.shape[0] / base.mean.shape[1] if square else 0.5
     with drawing():
@@ -58,11 +60,11 @@ def residual_maps(base: ResidualMap, extended: ResidualMap, x_label: str, y_labe
                 if not square:
                     for end in (0, 1):
                         axes.axvline(end, color=INK, lw=0.7, ls=":")
-            figure.colorbar(shown, ax=list(cells[:, column]), label="measured − foretold, sRGB", shrink=0.8)
+            figure.colorbar(shown, ax=list(cells[:, column]), label=f"measured − foretold, {unit}", shrink=0.8)
         return png(figure)
 
 
-def mode_heat(survey: Survey, structured: set[tuple[str, str]]) -> bytes:
+def mode_heat(survey: Surveyed, structured: set[tuple[str, str]]) -> bytes:
     """How strongly each mode of the residual goes with each covariate, for base and extended model."""
     with drawing():
         figure = Figure(figsize=(max(2.6 + 0.52 * len(survey.covariates), _PAGE_IN), 6.4), layout="constrained")
@@ -71,21 +73,21 @@ def mode_heat(survey: Survey, structured: set[tuple[str, str]]) -> bytes:
         top = max(float(np.max(strengths, initial=0.0)), _LEAST_TOP)
         for axes, name, strength in zip(cells, ("base", "extended"), strengths, strict=True):
             image = axes.imshow(strength, cmap="viridis", vmin=0, vmax=top, aspect="auto")
-            axes.set_yticks(range(len(MODES)), MODES)
+            axes.set_yticks(range(len(survey.modes)), survey.modes)
             axes.set_title(f"{name} model")
             _numbers(axes, strength, "{:.0f}", 0.6 * top)
             axes.tick_params(length=0)
             if name == "extended":
                 for mode, covariate in structured:
                     if covariate in survey.covariates:
-                        at = survey.covariates.index(covariate), MODES.index(mode)
+                        at = survey.covariates.index(covariate), survey.modes.index(mode)
                         axes.plot(*at, "s", ms=19, mfc="none", mec="#ff5a36", mew=2)
         cells[1].set_xticks(range(len(survey.covariates)), survey.covariates, rotation=55, ha="right")
         figure.colorbar(image, ax=list(cells), label="√n |correlation|", shrink=0.7)
         return png(figure)
 
 
-def dependence(survey: Survey) -> bytes:
+def dependence(survey: Surveyed) -> bytes:
     """Modes of the residual against covariates: means of bins with their 95 % bands, base and extended."""
     shown = survey.dependence
     columns = min(3, len(shown))
@@ -134,8 +136,8 @@ def imitation_heat(found: Imitation, named: Sequence[str]) -> bytes:
         return png(figure)
 
 
-def waterfall(diagnosis: Diagnosis, given_mse: float | None = None) -> bytes:
-    """From the base's error on sealed strokes through each extension to the floor; a given model's error before it."""
+def waterfall(diagnosis: Judged, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
+    """From the base's error on sealed rows through each extension to the floor; a given model's error before it."""
     base, extended = float(diagnosis.base_losses.mean()), float(diagnosis.extended_losses.mean())
     floor = diagnosis.floor
     above = base - (floor.mse if floor and floor.mse < base else 0.0)
@@ -172,7 +174,7 @@ def waterfall(diagnosis: Diagnosis, given_mse: float | None = None) -> bytes:
         if floor is not None:
             axes.axhspan(*floor.interval, color="#bdbdb6", alpha=0.4, lw=0)
         axes.set_xticks(range(len(bars)), [name for name, *_ in bars])
-        axes.set_ylabel("mean squared error, sRGB")
+        axes.set_ylabel(f"mean squared error, {kind.unit}")
         axes.margins(y=0.12)
         axes.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
         return png(figure)

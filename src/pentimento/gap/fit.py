@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model, foretold, ink, residual, weighted_error
+from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model, mean_squared_error, residual
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 
@@ -67,36 +65,8 @@ def first_model(measured: Measured) -> Model:
     return Model((low, high), np.array([start[name] for name in BASE]), np.zeros((measured.paints, 3)), ())
 
 
-def weighted(measured: Measured, model: Model, fitted: Measured) -> Measured:
-    """The strokes with weights: the inverse of the variance that pixels of the same steepness and depth of ink have
-    about the model, among the strokes that it was ``fitted`` to.
-
-    A rim that jitters is no better known for the quiet of the paper around it: unweighted, it would drown what happens
-    in the middle of a stroke.
-    """
-    features, squares, valid = _sources_of_error(model, fitted)
-    inside = features[:, valid].astype(np.float64)
-    amounts = nnls(inside @ inside.T, inside @ squares[valid].astype(np.float64))[0]
-    features, _, valid = _sources_of_error(model, measured)
-    variance = np.tensordot(amounts, features, 1)
-    variance = np.maximum(variance, _QUIETEST * float(variance[valid].mean()))
-    weight = valid / variance
-    return replace(measured, weight=(weight / weight[valid].mean()).astype(np.float32))
-
-
-def _sources_of_error(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """Where noise, jitter and texture would show [3, B, H, W]; squared error and which pixels count [B, H, W]."""
-    laid = ink(model, measured)
-    squares = np.square(residual(model, measured)).mean(-1)
-    down, right = np.gradient(foretold(model, measured), axis=(1, 2))
-    contrast = np.square(laid.paint - measured.samples.before_linear.numpy()).mean(-1)
-    jitter = np.square(down).mean(-1) + np.square(right).mean(-1)
-    texture = np.square(laid.imprint.coverage) * contrast
-    return np.stack([np.ones_like(jitter), jitter, texture]), squares, measured.samples.valid.numpy() > 0
-
-
 def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
-    """The model whose foretold photographs are nearest to the measured, by weighted mean squared error.
+    """The model whose foretold photographs are nearest to the measured, by mean squared error.
 
     What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
     """
@@ -192,4 +162,4 @@ def _longest_steps(model: Model) -> Array:
 
 
 def _loss(model: Model, measured: Measured) -> float:
-    return float(weighted_error(residual(model, measured), measured).mean())
+    return float(mean_squared_error(residual(model, measured), measured).mean())

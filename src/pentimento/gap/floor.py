@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ Array = NDArray[Any]
 
 
 class Floor(NamedTuple):
-    """Mean squared error, sRGB in [0, 1], of rows around the mean of their action."""
+    """Mean squared error of rows around the mean of their action: sRGB in [0, 1], or mm²."""
 
     mse: float
     interval: tuple[float, float]
@@ -27,14 +28,22 @@ def noise_floor(model: Model, measured: Measured, seed: int) -> Floor | None:
     Of the *residuals*, so that what differs between repeats and is foretold (ink used up, paint below) is not noise.
     """
     rest, valid = residual(model, measured), measured.samples.valid.numpy()
+    groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
+    return floor_of_repeats(rest, valid, [rows for rows in groups if (valid[rows] == valid[rows[0]]).all()], seed)
+
+
+def floor_of_repeats(rest: Array, valid: Array, groups: Sequence[Array], seed: int) -> Floor | None:
+    """``noise_floor`` from residuals [B, H, W, ...], 0 where not ``valid`` [B, H, W], and rows of one action each.
+
+    Pixels count that are valid in all of an action's rows.
+    """
     spreads = []
-    for action in np.unique(measured.action):
-        rows = np.flatnonzero(measured.action == action)
-        same_window = all((valid[r] == valid[rows[0]]).all() for r in rows)
-        if len(rows) < 2 or not same_window:
+    for rows in groups:
+        if len(rows) < 2:
             continue
-        pixels = valid[rows[0]].sum() * rest.shape[-1]
-        spreads.append(np.square(rest[rows] - rest[rows].mean(0)).sum() / (len(rows) - 1) / pixels)
+        seen = (valid[rows] > 0).all(0)
+        own = rest[rows][:, seen]
+        spreads.append(np.square(own - own.mean(0)).sum() / (len(rows) - 1) / own[0].size)
     if len(spreads) < 3:
         return None
     values = np.array(spreads)

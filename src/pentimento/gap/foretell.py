@@ -233,15 +233,6 @@ def foretold(model: Model, measured: Measured) -> Array:
 
 
 def mean_squared_error(residuals: Array, measured: Measured) -> Array:
-    """Of each row, over its window: sRGB in [0, 1], [B]."""
+    """Of each row, over its window: sRGB in [0, 1], [B]. What fits make small."""
     pixels = measured.samples.valid.numpy().sum((1, 2)) * 3
     return np.square(residuals).sum((1, 2, 3)) / pixels
-
-
-def weighted_error(residuals: Array, measured: Measured) -> Array:
-    """The same with each pixel's weight, [B]: what fits make small."""
-    pixels = measured.samples.valid.numpy().sum((1, 2)) * 3
-    whole = (np.square(residuals).sum(3) * measured.weight).sum((1, 2))
-    along = (residuals * measured.sway_depth).sum(3) * np.sqrt(measured.weight)
-    taken = np.einsum("bkhw,bhw->bk", measured.sway, along, optimize=True)
-    return (whole - np.square(taken).sum(1)) / pixels

@@ -41,12 +41,6 @@ def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
     return np.asarray(steep * (laid.paint - below) * laid.gain[..., None])
 
 
-def change_maps(model: Model, measured: Measured) -> Array:
-    """How the model's last numbers, which change the mark, change coverage, float32[P, B, H, W]."""
-    _, changes = _changes_of_mark(model, measured)
-    return change_of_coverage(ink(model, measured).imprint, changes)
-
-
 def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
     """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
     laid = ink(model, measured)
@@ -63,16 +57,10 @@ def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> A
     return np.asarray(change, dtype=np.float32)
 
 
-def weighted_slope(model: Model, measured: Measured) -> Array:
-    """Slope of the weighted photographs by coverage, float32[B, H, W, 3]; 0 in the padding."""
-    weight = (np.sqrt(measured.weight) * measured.samples.valid.numpy())[..., None]
-    return np.asarray(slope_by_coverage(ink(model, measured), measured) * weight)
-
-
 class Statistics(NamedTuple):
     """All that tests, held-out gains, bootstraps and designs need of n actions (GAP.md, rule 3).
 
-    Weighted, per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
+    Per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
     """
 
     curvature: Array  # [n, P, P] J^T J
@@ -82,7 +70,7 @@ class Statistics(NamedTuple):
 
 def linearise(model: Model, measured: Measured) -> Statistics:
     """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""
-    return Statistics(*(_by_action(values, measured.action) for values in linearise_rows(model, measured)))
+    return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
 
 
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
@@ -104,12 +92,11 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
     laid = ink(model, measured)
     linear = foretold_linear(laid, measured)
     valid = measured.samples.valid.numpy()
-    weight = np.sqrt(measured.weight) * valid
-    steepness = _srgb_slope(linear) * weight[..., None]
-    by_coverage = slope_by_coverage(laid, measured) * weight[..., None]
+    steepness = _srgb_slope(linear) * valid[..., None]
+    by_coverage = slope_by_coverage(laid, measured) * valid[..., None]
     by_paint = steepness * (laid.imprint.coverage * laid.gain)[..., None]
     by_gain = steepness * linear / laid.gain[..., None]
-    rest = (measured.samples.after.numpy() - linear_to_srgb(linear) - measured.habit) * weight[..., None]
+    rest = (measured.samples.after.numpy() - linear_to_srgb(linear) - measured.habit) * valid[..., None]
 
     number, changes = _changes_of_mark(model, measured)
     drawn = change_of_coverage(laid.imprint, changes)
@@ -125,24 +112,14 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
         depth = by_coverage[b][inked]
         curvature[b][np.ix_(of_mark, of_mark)] = (maps * np.square(depth).sum(1)) @ maps.T
         slope[b][of_mark] = maps @ (depth * rest[b][inked]).sum(1)
-        sway, sway_depth_b = measured.sway[b][:, inked], measured.sway_depth[b]
-        along = np.zeros((len(sway), len(model.vector)))
-        along[:, of_mark] = (sway * (depth * sway_depth_b[inked]).sum(1)) @ maps.T
         pictures = {
             p: by_paint[b] * paint[b] + (0 if gain is None else by_gain[b] * gain[b][..., None])
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
-        taken = measured.sway[b].reshape(len(sway), inked.size) @ (sway_depth_b * rest[b]).sum(-1).ravel()
-        energy[b] -= taken @ taken
         if not pictures:
-            curvature[b] -= along.T @ along
-            slope[b] -= taken @ along
             continue
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
-        along[:, index] += (
-            measured.sway[b].reshape(len(sway), inked.size) @ (whole * sway_depth_b).sum(-1).reshape(len(index), -1).T
-        )
         cross = maps @ (whole[:, inked] * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
         # A mechanism may act on the mark and on the paint: its two parts add up.
@@ -150,8 +127,6 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
         curvature[b][np.ix_(index, of_mark)] += cross.T
         curvature[b][np.ix_(index, index)] += flat @ flat.T
         slope[b][index] += flat @ rest[b].ravel()
-        curvature[b] -= along.T @ along
-        slope[b] -= taken @ along
     pixels = valid.sum((1, 2)) * 3
     return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
 
@@ -191,7 +166,7 @@ def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[t
     return changes
 
 
-def _by_action(values: Array, action: Array) -> Array:
+def by_action(values: Array, action: Array) -> Array:
     """Means over the rows of each action, in the order of the actions' numbers."""
     _, group, count = np.unique(action, return_inverse=True, return_counts=True)
     sums = np.zeros((len(count), *values.shape[1:]))

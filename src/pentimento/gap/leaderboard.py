@@ -6,18 +6,18 @@ from html import escape
 
 import numpy as np
 
-from pentimento.gap.diagnose import Diagnosis, Finding
+from pentimento.gap.diagnose import Finding
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.imitation import ALIKE
+from pentimento.gap.judged import Judged, Surveyed
 from pentimento.gap.score import Evidence
-from pentimento.gap.survey import Survey
 from pentimento.report.html import bar, table
 from pentimento.report.wording import decimal, percent
 
 _HEAD = ("cause", "verdict", "held-out gain", "95 %", "p", "quantities", "rivals and imitators", "found from")
 
 
-def leaderboard(diagnosis: Diagnosis, survey: Survey) -> str:
+def leaderboard(diagnosis: Judged, survey: Surveyed) -> str:
     """HTML: established, suspected, then all others by p; last those that these strokes cannot show."""
     rows = [_found(f, "established", survey) for f in diagnosis.established]
     rows += [_found(f, "suspected", survey) for f in diagnosis.suspected]
@@ -40,7 +40,7 @@ def leaderboard(diagnosis: Diagnosis, survey: Survey) -> str:
     return table(_HEAD, rows, caption, numbers_from=9)
 
 
-def _found(finding: Finding, verdict: str, survey: Survey) -> tuple[str, ...]:
+def _found(finding: Finding, verdict: str, survey: Surveyed) -> tuple[str, ...]:
     quantities = "<br>".join(
         f"{escape(name)}&nbsp;{_number(value).replace('-', '−')}&nbsp;±&nbsp;{_number(error, 1)}"
         for name, (value, error) in finding.values.items()
@@ -52,14 +52,14 @@ def _found(finding: Finding, verdict: str, survey: Survey) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _other(cause: str, evidence: Evidence, survey: Survey) -> tuple[str, ...]:
+def _other(cause: str, evidence: Evidence, survey: Surveyed) -> tuple[str, ...]:
     return (
         escape(cause), "", _share(evidence.gain), _between(evidence.gain_interval), _number(evidence.p_adjusted), "",
         _alike(cause, (), survey), _power(cause, survey),
     )  # fmt: skip
 
 
-def _alike(cause: str, rivals: tuple[str, ...], survey: Survey) -> str:
+def _alike(cause: str, rivals: tuple[str, ...], survey: Surveyed) -> str:
     said = [escape(rival) for rival in rivals]
     if cause in survey.imitation.causes:
         said += [
@@ -70,7 +70,7 @@ def _alike(cause: str, rivals: tuple[str, ...], survey: Survey) -> str:
     return ", ".join(said)
 
 
-def _power(cause: str, survey: Survey) -> str:
+def _power(cause: str, survey: Surveyed) -> str:
     smallest = survey.detectable.get(cause, np.inf)
     return percent(smallest) if smallest < 1 else "nothing"
 

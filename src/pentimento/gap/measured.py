@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts import images
+from pentimento.stroke_dynamics.carried_paint import carried_paint
 from pentimento.stroke_dynamics.photometry import srgb_to_linear
 from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
 from pentimento.stroke_dynamics.simulation import StrokeContext
@@ -40,12 +41,6 @@ class Measured:
     """int64[B]: which session and load of paint."""
     painted: Array
     """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
-    weight: Array
-    """float32[B, H, W]: of each pixel's error in fits, 1 on average over the windows; 0 in the padding."""
-    sway: Array
-    """float32[B, K, H, W]: what is not counted of each residual, along K directions (``sway``); K = 0 counts all."""
-    sway_depth: Array
-    """float32[B, H, W, 3]: of those directions in the photographs' channels."""
     habit: Array
     """float32[B, H, W, 3]: what is foretold beside what any model says (``habits``), sRGB."""
 
@@ -63,18 +58,13 @@ class Measured:
         columns = {name: torch.tensor(v, dtype=torch.float64)[:, None] for name, v in self.covariates.items()}
         return StrokeContext(self.samples.path[:, None].double(), columns)
 
-    def whole(self) -> Measured:
-        """The same with all of each residual counted."""
-        return replace(self, sway=self.sway[:, :0])
-
     def pick(self, rows: Array) -> Measured:
         """The strokes with these indices."""
         index = torch.as_tensor(np.asarray(rows))
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
             self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
-            block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
-            sway=self.sway[rows], sway_depth=self.sway_depth[rows], habit=self.habit[rows],
+            block=self.block[rows], painted=self.painted[rows], habit=self.habit[rows],
         )  # fmt: skip
 
 
@@ -94,16 +84,10 @@ def load_measured(table: pa.Table) -> Measured:
     if block.max() + 1 < _FEWEST_BLOCKS:  # a pen that is never dipped: each action by itself
         _, block = np.unique(samples.action.numpy(), return_inverse=True)
     painted = _painted(samples.before_linear.numpy())
-    weight = samples.valid.numpy().astype(np.float32)
     paint = paint.reshape(-1)
-    columns, paints = covariates_of(table), int(paint.max()) + 1
-    return Measured(samples, columns, paint, paints, block, painted, weight, *nothing_learnt(weight.shape))
-
-
-def nothing_learnt(shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """``sway``, ``sway_depth`` and ``habit`` for windows [B, H, W] of whose residuals everything counts."""
-    photographs = np.zeros((*shape, 3), np.float32)
-    return np.zeros((shape[0], 0, *shape[1:]), np.float32), photographs, photographs
+    columns, paints = covariates_of(table) | carried_paint(table, samples), int(paint.max()) + 1
+    nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
+    return Measured(samples, columns, paint, paints, block, painted, nothing_learnt)
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:

@@ -8,6 +8,7 @@ next is looked for: what merely goes along with it (time with wear, temperature 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -81,9 +82,33 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
     scores, energy = mode_scores(model, measured)
     columns = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
     columns |= path_covariates(measured)
+    error = float(linearise_rows(model, measured)[2].mean())
+    return structure(MODES, scores, energy, error, columns, measured.action, seed)
+
+
+def structure(
+    modes: Sequence[str],
+    scores: Array,
+    energy: Array,
+    error: float,
+    columns: Mapping[str, Array],
+    action: Array,
+    seed: int,
+) -> tuple[list[Unexplained], Array, list[str]]:
+    """``unexplained`` for amounts of any modes.
+
+    Args:
+        modes: names, [M].
+        scores: amount of each mode in each row's residual, in typical sizes, [B, M].
+        energy: what one typical size of each is worth in the row's error, [B, M].
+        error: mean over the rows.
+        columns: what the modes may depend on, [B] each, without gaps.
+        action: rows of one value repeat one command, [B].
+        seed: of the permutations.
+    """
     names = list(columns)
     if not names:
-        return [], np.zeros((len(MODES), 0)), []
+        return [], np.zeros((len(modes), 0)), []
     scores = scores - np.median(scores, axis=0)
     spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
     scores = np.clip(scores / spread, -4, 4)
@@ -94,7 +119,7 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
     while len(found) < _MOST:
         observed = _strength(left, basis)
         rng = np.random.default_rng([seed, 9, len(found)])
-        orders = permuted_actions(measured.action, _DRAWS, rng)
+        orders = permuted_actions(action, _DRAWS, rng)
         largest = np.array([_strength(left[order], basis).max() for order in orders])
         limit = np.quantile(largest, 1 - _P)
         c = int(np.argmax(observed.max(0)))
@@ -102,10 +127,10 @@ def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexp
         if not len(standing):
             break
         # Neighbouring modes answer to one cause: the one by which it would explain most of the picture.
-        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[c], model, measured) for m in standing]
+        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[c]) / error for m in standing]
         m = int(standing[int(np.argmax(gains))])
         p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
-        found.append(Unexplained(MODES[m], names[c], p, float(max(gains))))
+        found.append(Unexplained(modes[m], names[c], p, float(max(gains))))
         one = np.column_stack([np.ones(len(left)), basis[c]])
         left = left - one @ np.linalg.lstsq(one, left, rcond=None)[0]
     return found, np.sqrt(whole), names
@@ -131,11 +156,11 @@ def _strength(scores: Array, basis: Array) -> Array:
     return strength
 
 
-def _generic_gain(amount: Array, energy: Array, basis: Array, model: Model, measured: Measured) -> float:
+def _generic_gain(amount: Array, energy: Array, basis: Array) -> float:
+    """Mean error that a quadratic of the covariate would remove, to second order."""
     weight = np.sqrt(energy)
     fitted = basis @ np.linalg.lstsq(basis * weight[:, None], amount * weight, rcond=None)[0]
-    before = linearise_rows(model, measured)[2].mean()
-    return float((energy * (amount**2 - (amount - fitted) ** 2)).mean() / before)
+    return float((energy * (amount**2 - (amount - fitted) ** 2)).mean())
 
 
 def _standard(values: Array) -> Array:

@@ -21,6 +21,7 @@ from pentimento.gap.diagnose import Diagnosis
 from pentimento.gap.foretell import Model
 from pentimento.gap.imitation import Columns, Imitation, columns_of, imitation, pairs_alike
 from pentimento.gap.jacobian import Statistics, linearise_rows
+from pentimento.gap.judged import Judged
 from pentimento.gap.measured import Measured
 from pentimento.gap.pool import Action, as_measured, draw_sequence, in_turn, window_of
 from pentimento.gap.spans import Ranges, ranges_of
@@ -50,8 +51,8 @@ class Proposal(NamedTuple):
     """Of each pair: so far, and as it will be with these actions."""
 
 
-def questions(diagnosis: Diagnosis, found: Imitation) -> list[Question]:
-    """What the next strokes should decide.
+def questions(diagnosis: Judged, found: Imitation) -> list[Question]:
+    """What the next actions should decide.
 
     Named causes against their rivals and imitators; without any, the quantities of what is established; without that,
     the cause that the strokes spoke for most against what imitates it, or against the second.
@@ -95,19 +96,19 @@ def propose(model: Model, measured: Measured, asked: Sequence[Question], seed: i
     sequences = [draw_sequence(rng, ranges, measured, count) for _ in range(_SEQUENCES)]
     pool = [curvatures(actions, model, measured, ranges) for actions in sequences]
     says = np.stack([curvature for _, curvature in pool])  # [S, k, P, P]
-    chosen = _chosen(so_far, says, columns, asked)
+    chosen = best_of_turns(so_far, says, columns, asked)
     # A turn's ink and clock follow from the strokes before it, so that the sequence is looked at once more as a whole.
     actions, gathered = curvatures([sequences[s][turn] for turn, s in enumerate(chosen)], model, measured, ranges)
     hasty, quickly = curvatures([action._replace(wait_s=0.0) for action in actions], model, measured, ranges)
     if worth(so_far + quickly.sum(0), columns, asked) > worth(so_far + gathered.sum(0), columns, asked) - _FOR_WAITING:
         actions, gathered = hasty, quickly
     total = so_far + gathered.sum(0)
-    about = tuple(_about(total, one, columns, asked) for one in gathered)
+    about = tuple(says_most_about(total, one, columns, asked) for one in gathered)
     pairs = [(q[0], q[1]) for q in asked if len(q) == 2]
     return Proposal(tuple(actions), about, {p: (alike(so_far, columns, p), alike(total, columns, p)) for p in pairs})
 
 
-def _chosen(so_far: Array, says: Array, columns: Columns, asked: Sequence[Question]) -> list[int]:
+def best_of_turns(so_far: Array, says: Array, columns: Columns, asked: Sequence[Question]) -> list[int]:
     """For each turn, which sequence's action: one after another the best, then exchanged while anything improves."""
     turns = range(says.shape[1])
     chosen: list[int] = []
@@ -199,7 +200,7 @@ def _log_det(totals: Array, index: Array) -> Array:
     return log_det
 
 
-def _about(total: Array, says: Array, columns: Columns, asked: Sequence[Question]) -> Question:
+def says_most_about(total: Array, says: Array, columns: Columns, asked: Sequence[Question]) -> Question:
     """The question on which most is lost without the action."""
     lost = [worth(total, columns, [q]) - worth(total - says, columns, [q]) for q in asked]
     return asked[int(np.argmax(lost))]

@@ -11,6 +11,7 @@ from pentimento.gap import figures
 from pentimento.gap.diagnose import Diagnosis
 from pentimento.gap.given import Given
 from pentimento.gap.imitation import ALIKE, sentences
+from pentimento.gap.judged import Judged
 from pentimento.gap.leaderboard import leaderboard
 from pentimento.gap.maps import canvas_map, places_known, stroke_map
 from pentimento.gap.next_actions import Proposal
@@ -42,13 +43,19 @@ def build_page(
     album = Album()
     sections = [
         _summary(diagnosis, verdict, notes, given, album),
-        _section("causes", "Every cause, and what the strokes say of it", leaderboard(diagnosis, survey)),
+        section("causes", "Every cause, and what the strokes say of it", leaderboard(diagnosis, survey)),
         _strokes(diagnosis, survey, given, album),
         _residuals(survey, album),
         _modes(diagnosis, survey, album),
         _imitation(diagnosis, survey, album),
         _next(proposal, survey, album),
     ]
+    pictures = {f"figures/{name}": data for name, data in album.files.items()}
+    return pictures | {"report.html": html_page(lead(diagnosis), sections)}
+
+
+def html_page(said: str, sections: Sequence[str]) -> bytes:
+    """The page from its sections, after a first sentence; all HTML."""
     style = (files("pentimento.report") / "style.css").read_text(encoding="utf-8")
     page = f"""<!doctype html>
 <html lang="en">
@@ -63,7 +70,7 @@ def build_page(
 <body>
 <header>
 <h1>What the simulation gets wrong</h1>
-<p class="lead">{_lead(diagnosis)}</p>
+<p class="lead">{said}</p>
 </header>
 <main>
 {"".join(sections)}
@@ -71,11 +78,11 @@ def build_page(
 </body>
 </html>
 """
-    pictures = {f"figures/{name}": data for name, data in album.files.items()}
-    return pictures | {"report.html": page.encode("utf-8")}
+    return page.encode("utf-8")
 
 
-def _lead(diagnosis: Diagnosis) -> str:
+def lead(diagnosis: Judged) -> str:
+    """What was found, in a few words of HTML."""
     if diagnosis.established:
         return (
             escape(", ".join(finding.cause for finding in diagnosis.established).replace("_", " ").capitalize()) + "."
@@ -105,7 +112,7 @@ def _summary(
         f"searched, {len(splits.confirmation)} confirmed, {len(splits.test)} were sealed until the end."
     )
     left_out = "".join(f"<p>{escape(note)}</p>" for note in notes)
-    return _section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{left_out}{fall}")
+    return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{left_out}{fall}")
 
 
 def _strokes(diagnosis: Diagnosis, survey: Survey, given: Given | None, album: Album) -> str:
@@ -123,7 +130,7 @@ def _strokes(diagnosis: Diagnosis, survey: Survey, given: Given | None, album: A
             "The same with the <b>given model</b> in the base's place: where it misses and the base above does not, it "
             "needs no cause, only better calibration.",
         )  # fmt: skip
-    return _section("strokes", "Strokes before, after, and as foretold", sheet)
+    return section("strokes", "Strokes before, after, and as foretold", sheet)
 
 
 def _residuals(survey: Survey, album: Album) -> str:
@@ -150,12 +157,12 @@ def _residuals(survey: Survey, album: Album) -> str:
             "Maps of mean and worst residual over the canvas.",
             "The same residuals where the strokes lay: camera, light and table show here.",
         )  # fmt: skip
-    return _section("residuals", "Where the models are wrong", along + canvas)
+    return section("residuals", "Where the models are wrong", along + canvas)
 
 
 def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
     if not survey.covariates:
-        return _section(
+        return section(
             "modes", "What the residual depends on",
             "<p>Nothing that was recorded of every stroke varies: what the residual depends on cannot be asked.</p>",
         )  # fmt: skip
@@ -174,7 +181,7 @@ def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
         "95&nbsp;% bands that take each action as one witness. Ochre: base; blue: extended. Flat at 0 is a cause "
         "dealt with.",
     )  # fmt: skip
-    return _section("modes", "What the residual depends on", heat + curves)
+    return section("modes", "What the residual depends on", heat + curves)
 
 
 def _imitation(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
@@ -188,13 +195,13 @@ def _imitation(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
     )  # fmt: skip
     said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.imitation))
     alike = f"<ul>{said}</ul>" if said else "<p>No two causes imitate each other.</p>"
-    return _section("imitation", "What these strokes cannot tell apart", alike + heat)
+    return section("imitation", "What these strokes cannot tell apart", alike + heat)
 
 
 def _next(proposal: Proposal, survey: Survey, album: Album) -> str:
     title = "The next experiments"
     if not proposal.actions:
-        return _section("next", title, "<p>There is no pair of causes to tell apart and nothing to measure better.</p>")
+        return section("next", title, "<p>There is no pair of causes to tell apart and nothing to measure better.</p>")
     lines = album.plot(
         "next_actions.png", figures.proposal_lines(proposal, survey),
         "The proposed strokes on the canvas, numbered in their order.",
@@ -213,8 +220,9 @@ def _next(proposal: Proposal, survey: Survey, album: Album) -> str:
         for number, (action, question) in enumerate(zip(proposal.actions, proposal.question, strict=True), 1)
     ]
     list_of = table(("stroke", "dip first", "wait, s", "says most about"), times, "In the order of execution.", 9)
-    return _section("next", title, lines + alike + list_of)
+    return section("next", title, lines + alike + list_of)
 
 
-def _section(name: str, title: str, content: str) -> str:
+def section(name: str, title: str, content: str) -> str:
+    """A section of HTML."""
     return f'<section id="{name}"><h2>{title}</h2>{content}</section>'

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates, fresh_memory
+from pentimento.contracts.covariates import Memory, StrokeEvent, advance, carried_paint, covariates, fresh_memory
 from pentimento.gap.foretell import Model, foretold_linear, ink
-from pentimento.gap.measured import Measured, nothing_learnt
+from pentimento.gap.measured import Measured
 from pentimento.gap.spans import Ranges
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
@@ -94,7 +94,8 @@ def columns_at(action: Action, state: State, measured: Measured) -> dict[str, fl
     """What would be recorded beside the action: columns with memory advanced, all others as they were last."""
     row = {name: float(values[-1]) for name, values in measured.covariates.items()}
     start_s = state.clock_s + action.wait_s
-    told = covariates(state.memory, _event(action, start_s, measured))
+    event = _event(action, start_s, measured)
+    told = covariates(state.memory, event) | carried_paint(state.memory, event)
     known = {name: float(value) for name, value in told.items() if not isinstance(value, list)}
     known |= {"order": float(state.made), "t_start_s": start_s, "t_before_s": start_s}
     known["t_after_s"] = start_s + _duration_s(action)
@@ -177,16 +178,12 @@ def _on_paper(
         valid=valid,
         action=torch.arange(len(actions)),
     )
-    sway, depth, habit = nothing_learnt(tuple(valid.shape))
     return replace(
         template,
         samples=samples,
         covariates={name: np.array([row[name] for row in columns]) for name in measured.covariates},
         painted=np.zeros(valid.shape, np.float32),
-        weight=valid.numpy().copy(),
-        sway=sway,
-        sway_depth=depth,
-        habit=habit,
+        habit=np.zeros((*valid.shape, 3), np.float32),
     )
 
 

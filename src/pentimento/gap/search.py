@@ -1,8 +1,7 @@
 """Forward selection of causes: test all, refit the few that stand out, take the best, relinearise, look back.
 
-It is done twice. What scatters from stroke to stroke is taken out of residuals (``sway``) so that weak effects show;
-but one of many times its typical size would pass for scatter and go with it. Such causes are looked for first,
-with all of each residual counted, and must explain a good part of it.
+It is done twice. Large causes are looked for first: in a residual that holds them, what a tool does alike in every
+stroke (``habits``) cannot be learnt. The others are looked for with that in what is foretold.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model, identity, residual, weighted_error
+from pentimento.gap.foretell import Model, identity, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, score_tests
@@ -30,7 +29,7 @@ _WORSE_P = 0.05
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
-_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.006, 0.004
+_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
 _LARGE, _LARGE_OF_MISFIT = 2.0, 0.04
@@ -64,11 +63,11 @@ class Search:
     not_observable: dict[str, str]
     """Causes that they cannot show, and why."""
     floor: float
-    """The noise floor, weighted as errors are; 0 if it is unknown."""
+    """The noise floor, sRGB in [0, 1] squared; 0 if it is unknown."""
     gained: dict[str, float]
     """How much error each cause removed when it was found."""
     large: frozenset[str]
-    """Those that were found with all of each residual counted."""
+    """Those that were found first, by ``find_large``."""
 
     @property
     def found(self) -> frozenset[str]:
@@ -87,7 +86,6 @@ def find_large(
     """Extend the base, fitted from ``start``, by causes that explain a good part of what it leaves.
 
     Args:
-        measured: of whose residuals everything counts.
         noise_share: what of the base's error is the noise floor; 0 if that is unknown.
     """
     base = model = fit(start.plus(identity(UnevenEnds, measured.context)), measured)
@@ -110,14 +108,14 @@ def find_large(
         refits = _refits(model, short, observable, measured)
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         least = _LARGE_OF_MISFIT * (error - floor)
-        losses = {
-            c: each for c, each in losses.items() if is_large(refits[c].mechanisms[-1]) and error - each.mean() >= least
-        }
+        losses = {cause: each for cause, each in losses.items() if error - each.mean() >= least}
         if not losses:
             break
-        step = _best(evidence, losses, seed, log)
-        steps.append(step)
+        step = _best(evidence, losses, observable, seed, log)
         assert step.chosen is not None
+        if not is_large(refits[step.chosen].mechanisms[-1]):
+            break
+        steps.append(step)
         gained[step.chosen] = error - float(losses[step.chosen].mean())
         model = _without_idle(refits[step.chosen], frozenset(), measured, seed, log)
         error = float(action_losses(model, measured).mean())
@@ -126,14 +124,11 @@ def find_large(
 
 
 def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
-    """Go on with what was begun, by ``find_large`` or by this, with what scatters from stroke to stroke taken out."""
+    """Go on with what was begun, by ``find_large`` or by this, with the tool's habits in what is foretold."""
     model = fit(begun.model, measured)
-    plain = measured.whole()
     observable = begun.observable
     steps = [step for step in begun.steps if step.chosen]
     gained = dict(begun.gained)
-    weighed: dict[str, float] = {}
-    """The same as ``gained``, with what scatters taken out; of the causes that are found here."""
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes that would have to act with the wrong sign, or do too little."""
@@ -143,45 +138,49 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
         fresh = weigh(model, candidates, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
-        short = _shortlist(fresh, _LATER_P if number else _FIRST_P, _KIN_P, observable)
+        limit = _LATER_P if number else _FIRST_P
+        short = _shortlist(fresh, limit, _KIN_P, observable)
         if not short or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
         refits = _refits(model, short, observable, measured)
         dismissed |= set(short) - set(refits)
-        error = float(action_losses(model, plain).mean())
+        before = action_losses(model, measured)
+        error = float(before.mean())
         least = max(_LEAST_OF_FLOOR * (begun.floor or error), _LEAST_OF_MISFIT * (error - begun.floor))
-        sizes = weigh(model, [observable[cause] for cause in refits], plain, seed)
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         # Far from linear, a lag gains more than its first step foretells.
-        whole = action_losses(model, plain)
-        surely = {c: interval_of_mean(whole - action_losses(refit, plain), 999, seed)[0] for c, refit in refits.items()}
-        size = {cause: max(sizes[cause].gain * error, surely[cause]) for cause in refits}
-        seen = float(action_losses(model, measured).mean())
-        small = {
-            c
-            for c in refits
-            if size[c] < max(least, _enough(observable[c], observable, gained))
-            or fresh[c].gain * seen < _enough(observable[c], observable, weighed)
-        }
+        surely = {cause: interval_of_mean(before - after, 999, seed)[0] for cause, after in losses.items()}
+        size = {cause: max(fresh[cause].gain * error, surely[cause]) for cause in losses}
+        small = {c for c in losses if size[c] < max(least, _enough(observable[c], observable, gained))}
         dismissed |= small
-        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
-        if not losses:
-            continue
-        step = _best(evidence, losses, seed, log)
+        losses = {cause: after for cause, after in losses.items() if cause not in small}
+        if not any(_stands(fresh[cause], limit) for cause in losses):
+            continue  # those that were tried for the sake of a cause that is dismissed are not sure enough themselves
+        step = _best(evidence, losses, observable, seed, log)
         steps.append(step)
         assert step.chosen is not None
-        chosen = refits[step.chosen]
         gained[step.chosen] = size[step.chosen]
-        weighed[step.chosen] = max(fresh[step.chosen].gain * seen, seen - float(losses[step.chosen].mean()))
-        model = _without_idle(chosen, begun.large, measured, seed, log)
+        model = _without_idle(refits[step.chosen], begun.large, measured, seed, log)
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
 
 
-def _best(evidence: dict[str, Evidence], losses: Mapping[str, Array], seed: int, log: Callable[[str], None]) -> Step:
-    """The cause with the least loss, by the losses [n] of each one's refit."""
-    chosen = min(losses, key=lambda cause: float(losses[cause].mean()))
-    others = [cause for cause in losses if cause != chosen]
-    rivals = tuple(cause for cause in others if paired_p(losses[cause] - losses[chosen], seed) >= _WORSE_P)
+def _best(
+    evidence: dict[str, Evidence],
+    losses: Mapping[str, Array],
+    observable: Mapping[str, Mechanism],
+    seed: int,
+    log: Callable[[str], None],
+) -> Step:
+    """The simplest of the causes whose refit leaves no more error than the best one's, by losses [n] of each.
+
+    What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
+    causes that cannot be told apart, the one with the fewest is taken.
+    """
+    least = min(losses, key=lambda cause: float(losses[cause].mean()))
+    tied = [c for c in losses if c == least or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
+    chosen = min(tied, key=lambda c: (len(observable[c].quantities), float(losses[c].mean())))
+    rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
     return Step(evidence, chosen, rivals)
 
@@ -213,13 +212,17 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
     return evidence
 
 
+def _stands(evidence: Evidence, limit: float) -> bool:
+    return evidence.p_adjusted < limit and evidence.gain_interval[0] > 0
+
+
 def _shortlist(
     evidence: Mapping[str, Evidence], limit: float, kin_limit: float, observable: Mapping[str, Mechanism]
 ) -> list[str]:
     """Who is worth a refit: the best of those whose p is below ``limit``, those near to it, and those at its site whose
     p is at most ``kin_limit``: a large effect is far from linear, and a lag of centimetres looks like little from none.
     """
-    standing = [cause for cause, e in evidence.items() if e.p_adjusted < limit and e.gain_interval[0] > 0]
+    standing = [cause for cause, e in evidence.items() if _stands(e, limit)]
     if not standing:
         return []
     best = max(standing, key=lambda cause: evidence[cause].gain)
@@ -264,8 +267,8 @@ def is_large(mechanism: Mechanism) -> bool:
 
 
 def action_losses(model: Model, measured: Measured) -> Array:
-    """Weighted mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
-    rows = weighted_error(residual(model, measured), measured)
+    """Mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
+    rows = mean_squared_error(residual(model, measured), measured)
     _, group = np.unique(measured.action, return_inverse=True)
     return np.bincount(group, rows) / np.bincount(group)
 

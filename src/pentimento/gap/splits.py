@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.gap.measured import Measured
 
 Array = NDArray[Any]
 
 _FEWEST_ACTIONS = 12
 _FEWEST_REPEATED = 6
 _TEST, _CONFIRMATION = 0.2, 0.2
+
+
+class Actions(Protocol):
+    """Rows of a table, as far as their splitting goes."""
+
+    @property
+    def action(self) -> Array:
+        """int64[B]: rows of one value repeat one command."""
+
+    @property
+    def block(self) -> Array:
+        """int64[B]: what should stay together."""
 
 
 class Splits(NamedTuple):
@@ -25,11 +36,11 @@ class Splits(NamedTuple):
     test: Array
 
 
-def split(measured: Measured, seed: int) -> Splits:
+def split(measured: Actions, seed: int) -> Splits:
     """60 % of the actions find, 20 % confirm, 20 % are sealed.
 
-    Repeated actions are sealed first: the noise floor is read off them. Strokes between two dips stay together, as far
-    as their actions allow.
+    Repeated actions are sealed first: the noise floor is read off them. Blocks (strokes between two dips, pushes
+    between two smoothings) stay together, as far as their actions allow.
 
     Raises:
         ContractError: too few actions for three parts.

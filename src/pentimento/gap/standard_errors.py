@@ -9,9 +9,10 @@ would be had the action been left out,  h_i = (1 - A_i A^-1)^-1 g_i  (CR3: Bell 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pentimento.gap.foretell import Model
-from pentimento.gap.jacobian import linearise
+from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -26,7 +27,18 @@ def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -
         model: fitted to ``measured``.
         mechanism: the model's, by its cause.
     """
-    statistics = linearise(model, measured)
+    spread = covariance(linearise(model, measured))
+    number = [m.cause for m in model.mechanisms].index(mechanism.cause)
+    fitted = model.mechanisms[number]
+    at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
+    return {
+        q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
+        for i, (q, value) in enumerate(zip(fitted.quantities, fitted.values, strict=True))
+    }
+
+
+def covariance(statistics: Statistics) -> NDArray[np.float64]:
+    """Of all numbers of a fitted model, [P, P]."""
     curvature = statistics.curvature.sum(0)
     inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
     leverage = statistics.curvature @ inverse  # [n, P, P]
@@ -36,11 +48,4 @@ def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -
             for own, score in zip(leverage, statistics.slope, strict=True)
         ]
     )
-    spread = inverse @ (left_out.T @ left_out) @ inverse
-    number = [m.cause for m in model.mechanisms].index(mechanism.cause)
-    fitted = model.mechanisms[number]
-    at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
-    return {
-        q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
-        for i, (q, value) in enumerate(zip(fitted.quantities, fitted.values, strict=True))
-    }
+    return np.asarray(inverse @ (left_out.T @ left_out) @ inverse)

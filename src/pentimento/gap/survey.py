@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,6 +54,7 @@ class Survey(NamedTuple):
     """[modes, covariates] of the base's residual, correlation times the root of the number of strokes."""
     extended_strength: Array
     covariates: tuple[str, ...]
+    modes: tuple[str, ...]
     dependence: tuple[Dependence, ...]
     base_residual: Array
     """[B, H, W] of all strokes, measured less foretold, mean over the channels; NaN outside the windows."""
@@ -67,7 +69,7 @@ def survey(diagnosis: Diagnosis) -> Survey:
     columns = columns_of(full)
     covariates = covariates_shown(measured)
     amounts = {
-        name: _standing(mode_scores(model, measured)[0])
+        name: standing(mode_scores(model, measured)[0])
         for name, model in (("base", diagnosis.base), ("extended", diagnosis.extended))
     }
     strengths = {name: mode_strength(values, covariates) for name, values in amounts.items()}
@@ -80,7 +82,8 @@ def survey(diagnosis: Diagnosis) -> Survey:
         base_strength=strengths["base"],
         extended_strength=strengths["extended"],
         covariates=tuple(covariates),
-        dependence=_dependences(amounts["base"], amounts["extended"], covariates, strengths, measured.action),
+        modes=MODES,
+        dependence=dependences(MODES, amounts["base"], amounts["extended"], covariates, strengths, measured.action),
         base_residual=_signed(diagnosis.base, measured),
         extended_residual=_signed(diagnosis.extended, measured),
     )
@@ -133,15 +136,20 @@ def _signed(model: Model, measured: Measured) -> Array:
     return np.where(measured.samples.valid.numpy() > 0, rest, np.nan)
 
 
-def _standing(scores: Array) -> Array:
+def standing(scores: Array) -> Array:
     """Modes about their medians, in robust deviations."""
     centred = scores - np.median(scores, axis=0)
     deviations: Array = centred / (np.median(np.abs(centred), axis=0) * 1.4826 + 1e-12)
     return deviations
 
 
-def _dependences(
-    base: Array, extended: Array, covariates: dict[str, Array], strengths: dict[str, Array], action: Array
+def dependences(
+    modes: Sequence[str],
+    base: Array,
+    extended: Array,
+    covariates: dict[str, Array],
+    strengths: dict[str, Array],
+    action: Array,
 ) -> tuple[Dependence, ...]:
     """The strongest pairs of the base, and of what is left, each covariate at most twice."""
     names = list(covariates)
@@ -167,7 +175,7 @@ def _dependences(
             np.array([_mean_and_band(np.clip(amount[place == k, m], -6, 6), action[place == k]) for k in used])
             for amount in (base, extended)
         )
-        shown.append(Dependence(MODES[m], names[c], centre, of_base, of_extended))
+        shown.append(Dependence(modes[m], names[c], centre, of_base, of_extended))
     return tuple(shown)
 
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pentimento.gap.diagnose import Diagnosis, Finding
+from pentimento.gap.diagnose import Finding
+from pentimento.gap.judged import STROKES, Judged, Kind
 
 SCHEMA = 1
 NEXT_ACTIONS = "next_actions.parquet"
@@ -14,14 +15,15 @@ _SHOWN = 12
 
 
 def verdict(
-    diagnosis: Diagnosis,
+    diagnosis: Judged,
     rows: int,
     actions: int,
     shifted: float | None = None,
     notes: Sequence[str] = (),
     given_mse: float | None = None,
+    kind: Kind = STROKES,
 ) -> dict[str, Any]:
-    """What ``verdict.json`` holds. Errors are of sealed strokes: sRGB in [0, 1] squared, over the whole window.
+    """What ``verdict.json`` holds. Errors are of sealed rows, over the whole window: sRGB in [0, 1] squared, or mm².
 
     What is not known (a floor without repeats, a gap without a floor) is None.
 
@@ -31,13 +33,14 @@ def verdict(
         actions: how many different ones they are.
         shifted: share of the gap closed on an outside table.
         notes: sentences to go with the verdict's own: what was left out of the table.
-        given_mse: of a stroke model that was named, on the sealed strokes; becomes ``mse.given``.
+        given_mse: of a model that was named, on the sealed rows; becomes ``mse.given``.
+        kind: what the rows are.
     """
     floor, closed = diagnosis.floor, diagnosis.gap_closed
     extended = float(diagnosis.extended_losses.mean())
     made: dict[str, Any] = {
         "schema": SCHEMA,
-        "kind": "strokes",
+        "kind": kind.name,
         "rows": rows,
         "actions": actions,
         "mse": {
@@ -53,7 +56,12 @@ def verdict(
         "floor_reached": None if floor is None else floor.interval[0] <= extended <= floor.interval[1],
         "next_actions": NEXT_ACTIONS,
         "sentence": " ".join(
-            [sentence(diagnosis), *_of_a_given_model(diagnosis, given_mse), *_on_an_outside_table(shifted), *notes]
+            [
+                sentence(diagnosis, kind),
+                *_of_a_given_model(diagnosis, given_mse),
+                *_on_an_outside_table(shifted),
+                *notes,
+            ]
         ),
     }
     if given_mse is not None:
@@ -73,10 +81,10 @@ def _entry(finding: Finding) -> dict[str, Any]:
     }
 
 
-def sentence(diagnosis: Diagnosis) -> str:
+def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
     """One paragraph."""
     base, extended = diagnosis.base_losses.mean(), diagnosis.extended_losses.mean()
-    said = [f"On sealed strokes the base model misses by {base:.3g} (mean squared, sRGB)."]
+    said = [f"On sealed {kind.name} the base model misses by {base:.3g} (mean squared, {kind.unit})."]
     if diagnosis.established:
         named = "; ".join(_named(finding, diagnosis.floor is not None) for finding in diagnosis.established)
         said.append(f"Established: {named}. With that the error is {extended:.3g}.")
@@ -84,7 +92,7 @@ def sentence(diagnosis: Diagnosis) -> str:
         said.append("No known cause is established.")
     if diagnosis.suspected:
         causes = ", ".join(finding.cause for finding in diagnosis.suspected)
-        said.append(f"Suspected, not confirmed on strokes that had no part in the search: {causes}.")
+        said.append(f"Suspected, not confirmed on {kind.name} that had no part in the search: {causes}.")
     if diagnosis.floor is None:
         said.append("No action is repeated often enough, so the noise floor is unknown.")
     else:
@@ -100,7 +108,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     rivals = [(finding.cause, rival) for finding in diagnosis.established for rival in finding.rivals]
     if rivals:
         pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
-        said.append(f"To tell {pairs}, make the strokes of {NEXT_ACTIONS}.")
+        said.append(f"To tell {pairs}, make the {kind.name} of {NEXT_ACTIONS}.")
     return " ".join(said)
 
 
@@ -119,7 +127,7 @@ def _not_observable(reasons: dict[str, str]) -> list[str]:
     return [f"Not decided, because {reason}: {', '.join(causes)}." for reason, causes in by_reason.items()]
 
 
-def _of_a_given_model(diagnosis: Diagnosis, mse: float | None) -> list[str]:
+def _of_a_given_model(diagnosis: Judged, mse: float | None) -> list[str]:
     """How it stands to the finder's base, which differs from it in nothing but how free it is."""
     if mse is None:
         return []

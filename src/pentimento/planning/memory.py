@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
-from pentimento.contracts.covariates import Memory, StrokeEvent, covariates_and_advance, without_canvas
+from pentimento.contracts.covariates import (
+    CARRIED,
+    Memory,
+    StrokeEvent,
+    carried_paint,
+    covariates_and_advance,
+    without_canvas,
+)
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.fitted import Span
 from pentimento.planning.model import Brush
@@ -28,6 +35,7 @@ Array = NDArray[np.float32]
 
 _FORESEEN = (
     "since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "wet_age_s", "order", "t_start_s", "t_after_s",
+    *CARRIED,
 )  # fmt: skip
 _SHORTEST_M = 1e-9
 _NEARLY = 0.02
@@ -89,15 +97,17 @@ def foreseen(strokes: Strokes, tool: Tool, brush: Brush, start: Start, names: Co
     paths = commanded(strokes, tool, brush.path_points).astype(np.float64)
     colors = linear_to_srgb(strokes.color.astype(np.float64))
     pace, clock_s, memory = brush.pace, start.clock_s, start.memory
-    if "wet_age_s" not in wanted:
+    carries = not {*CARRIED}.isdisjoint(wanted)
+    if "wet_age_s" not in wanted and not carries:
         memory = without_canvas(memory)
     rows = []
     for order, (path, color) in enumerate(zip(paths, colors, strict=True), start=start.made):
         dip = needs_dip(tool, PlannedStroke(path, color, dip=False), memory)
         clock_s += pace.reach_s + (pace.dip_s if dip else 0.0)
         event = StrokeEvent(path, clock_s, dip, color)
+        carried = carried_paint(memory, event) if carries else {}
         row, memory = covariates_and_advance(memory, event)
-        rows.append(row | {"t_start_s": clock_s, "order": order})
+        rows.append(row | carried | {"t_start_s": clock_s, "order": order})
         clock_s += float(path[-1, 0])
     for row in rows:
         row["t_after_s"] = clock_s

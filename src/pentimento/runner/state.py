@@ -22,11 +22,11 @@ Picture = NDArray[np.uint8]
 
 Phase = Literal["painting", "paused", "your turn", "stopped", "done"]
 
-_SCHEMA: Final = 1
+_SCHEMA: Final = 2
 _NAME: Final = "state.npz"
 _STROKES: Final = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 _NUMBERS: Final = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "mark_width_m", "canvas_size_m")
-_ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink")
+_ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink", "color", "carried")
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ class Studio:
         self._gears = Gears()
         self._worn_m = 0.0
         bristles = world.tool.bristles
-        self._load, self._belly = np.zeros(bristles), np.zeros(1)
+        self._load, self._filled, self._belly = np.zeros(bristles), np.zeros(bristles), np.zeros(1)
         self._colour = np.zeros((bristles, 6))
         self._held = False
         self._place_sheet()
@@ -161,7 +161,8 @@ class Studio:
         old = np.clip(residue * world.effects.wet_mixing, 0, 1) if self._colour.any() else 0.0
         self._colour[:] = (1 - old) * mixed + old * self._colour
         fill = np.clip(0.9 + 0.08 * rng.standard_normal(world.tool.bristles), 0.5, 1.0)
-        self._load[:], self._belly[0] = fill, np.clip(0.95 + 0.03 * rng.standard_normal(), 0.8, 1.0)
+        self._load[:], self._filled[:] = fill, fill
+        self._belly[0] = np.clip(0.95 + 0.03 * rng.standard_normal(), 0.8, 1.0)
         self._held = True
 
     def _mark(self, moved: Drag) -> None:
@@ -185,7 +186,7 @@ class Studio:
             film, self._wet[window], liquid, self._grain[window], world.paper.grain,
             centre - low, moved.press_m, moved.frame * flip[:, None] * CELLS_PER_M, moved.outer * flip,
             moved.film, self._bundle.place, self._bundle.short_m, self._bundle.wetting,
-            self._colour, self._load, self._belly, bristle, volume * tool.belly,
+            self._colour, self._load, self._filled, self._belly, bristle, volume * tool.belly,
             tool.bristle_radius_m * CELLS_PER_M, world.paint.pickup * world.effects.wet_mixing, tool.swell,
         )  # fmt: skip
         spread(film, self._reach_cells(moved, window), self._grain[window])

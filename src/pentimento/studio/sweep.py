@@ -33,6 +33,7 @@ def sweep(
     wetting: Array,
     colour: Array,
     load: Array,
+    filled: Array,
     belly: Array,
     bristle_cells: Array,
     belly_cells: float,
@@ -47,7 +48,7 @@ def sweep(
     centre: float64[M,2] (column, row); frame: float64[M,2,2], outer: float64[M,2] as in `brush.Drag` but in
     (column, row); thickness: float64[M]; place, short_m, wetting: the bundle; colour: float64[B,6] K and S
     of what each bristle holds; load: float64[B] and belly: float64[1] shares of full, whose volumes are
-    `bristle_cells` (float64[B]) and `belly_cells`; pickup: share of the wet layer that one touch exchanges;
+    `bristle_cells` (float64[B]) and `belly_cells`; filled: float64[B] the load after the dip; pickup: share of the wet layer that one touch exchanges;
     swell: relative narrowing when emptied.
     """
     rows, columns = grain.shape
@@ -73,7 +74,7 @@ def sweep(
             touch = min(touch, 1.0)
             # A bristle that rolls on the spot still wets the sheet a little.
             rate = 1 - (1 - LEVELLING) ** (0.25 + min(way, 2.5))
-            need = 1 - load[b]
+            need = filled[b] - load[b]  # what has been laid down flows after
             if need > 0 and belly[0] > 0:
                 flow = need * FEED * min(way, 2.5) * belly[0] ** 0.7
                 flow = min(flow, belly[0] * belly_cells / bristle_cells[b])

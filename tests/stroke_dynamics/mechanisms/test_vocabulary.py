@@ -46,6 +46,10 @@ def context() -> StrokeContext:
         "t_start_s": 10 * number,
         "t_after_s": 10 * number + 2 + 3 * (number % 4),
         "wet_age_s": torch.where(number > 2, 5.0 * number, torch.nan),
+        "carried_share": 0.3 * (number % 3),
+        "carried_red": 0.1 * number,
+        "carried_green": 0.2 + 0.05 * number,
+        "carried_blue": 0.9 - 0.05 * number,
         "surface_level": number % 6,
         "humidity": 40.0 + 7 * (number % 4),
     }

@@ -14,7 +14,7 @@ class Latency(Mechanism):
 
     cause = "latency"
     site = "trajectory"
-    driver = "speed"
+    driver = "motion"
     quantities = (Quantity("time_s", "s", 0.05, signed=False),)
 
     @classmethod

@@ -12,7 +12,7 @@ class LensDistortion(Mechanism):
 
     cause = "lens_distortion"
     site = "camera"
-    driver = "place"
+    driver = "view"
     quantities = (Quantity("at_edge_m", "m", 0.0005),)
 
     @classmethod

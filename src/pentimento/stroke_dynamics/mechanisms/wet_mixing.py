@@ -1,7 +1,8 @@
 """Paint that is still wet below is stirred in and carried along.
 
 Of paint of the age t, the share (p + q t / t0) / (1 + t / t0) mixes: p of the freshest, q of what has long been there,
-t0 the usual age of paint that strokes cross.
+t0 the usual age of paint that strokes cross. What the tool has taken up since it was loaded (``carried_paint``), A,
+makes the share 1 - exp(-k A) of the paint that it lays down, also where nothing lies below.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from pentimento.contracts.covariates import CARRIED
 from pentimento.stroke_dynamics.mechanisms.geometry import column
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 
@@ -19,7 +21,11 @@ class WetMixing(Mechanism):
     cause = "wet_mixing"
     site = "composite"
     driver = "paint below"
-    quantities = (Quantity("pickup_of_fresh", "1", 0.3), Quantity("pickup_of_old", "1", 0.3))
+    quantities = (
+        Quantity("pickup_of_fresh", "1", 0.3),
+        Quantity("pickup_of_old", "1", 0.3),
+        Quantity("carried", "1", 0.3),
+    )
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
@@ -32,4 +38,7 @@ class WetMixing(Mechanism):
         age = column(context, "wet_age_s") / self.reference["usual_age_s"]
         known = torch.nan_to_num(age, nan=0.0)
         share = (self.values[0] + self.values[1] * known) / (1 + known)
-        return color, torch.where(torch.isfinite(age), share, 0.0)
+        stirred = torch.where(torch.isfinite(age), share, 0.0)
+        amount, *taken_up = (column(context, name) for name in CARRIED)
+        laid = 1 - torch.exp(-self.values[2] * amount)
+        return color + laid[..., None] * (torch.stack(taken_up, dim=-1) - color), stirred

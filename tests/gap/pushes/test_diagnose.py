@@ -1,0 +1,67 @@
+"""A matched world: the cause is named, its size is right, and the gap is closed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ContractError
+from pentimento.gap.judged import PUSHES
+from pentimento.gap.pushes.diagnose import diagnose, noise_floor
+from pentimento.gap.pushes.measured import measure
+from pentimento.gap.verdict import verdict
+from pentimento.push_dynamics.analytic import first_model
+from tests.gap.pushes.conftest import LOST, Played
+from tests.push_dynamics.played_pushes import blank
+
+
+def test_the_hidden_cause_is_named_and_nothing_else(lossy: Played) -> None:
+    assert [finding.cause for finding in lossy.diagnosis.established] == ["volume_loss"]
+
+
+def test_its_size_is_known_within_its_error(lossy: Played) -> None:
+    (found,) = lossy.diagnosis.established
+    value, error = found.values["lost_share"]
+    assert 0 < error < 0.1
+    assert value == pytest.approx(LOST, abs=max(4 * error, 0.05))
+
+
+def test_most_of_the_gap_is_closed_down_to_the_floor_of_the_repeats(lossy: Played) -> None:
+    found = lossy.diagnosis
+    assert found.floor is not None and found.gap_closed is not None
+    assert found.base_losses.mean() > 1.5 * found.floor.mse
+    assert found.gap_closed[0] > 0.8
+
+
+def test_the_sealed_pushes_had_no_part_in_it(lossy: Played) -> None:
+    splits, action = lossy.diagnosis.splits, lossy.measured.action
+    parts = [set(action[rows]) for rows in splits]
+    assert not parts[0] & parts[1] and not parts[0] & parts[2] and not parts[1] & parts[2]
+    assert len(lossy.diagnosis.base_losses) == len(parts[2])
+
+
+def test_the_floor_is_the_scatter_of_repeats() -> None:
+    samples = blank(12, 3)
+    rng = np.random.default_rng(0)
+    noisy = samples._replace(after=samples.after + 1e-4 * rng.standard_normal(samples.after.shape).astype(np.float32))
+    measured = measure(noisy, 0.006)
+    floor = noise_floor(first_model(measured.scene), measured, 0)
+    assert floor is not None
+    assert floor.mse == pytest.approx(0.01, rel=0.05)  # 0.1 mm of noise in the scan after; none in the one before
+
+
+def test_without_repeats_the_floor_is_unknown() -> None:
+    measured = measure(blank(12, 1), 0.006)
+    assert noise_floor(first_model(measured.scene), measured, 0) is None
+
+
+def test_too_few_actions_are_refused(lossy: Played) -> None:
+    few = lossy.measured.pick(np.flatnonzero(lossy.measured.action < 6))
+    with pytest.raises(ContractError, match="different actions"):
+        diagnose(few, (), 0, lambda line: None)
+
+
+def test_the_verdict_speaks_of_pushes_in_square_millimetres(lossy: Played) -> None:
+    made = verdict(lossy.diagnosis, len(lossy.measured), 35, kind=PUSHES)
+    assert made["kind"] == "pushes" and "mm²" in made["sentence"] and "strokes" not in made["sentence"]
+    assert made["established"][0]["parameters"]["lost_share"]["value"] > 0

@@ -1,0 +1,63 @@
+"""Statistics of pushes: second-order truth of the error, sway, and derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows, residual, weighted_error
+from pentimento.gap.pushes.measured import MeasuredPushes, measure
+from pentimento.gap.pushes.modes import MODES, AllModes, mode_scores
+from pentimento.gap.pushes.sway import with_sway
+from pentimento.push_dynamics.analytic import first_model
+from tests.push_dynamics.played_pushes import played
+
+
+@pytest.fixture(scope="module")
+def measured() -> MeasuredPushes:
+    return measure(played(actions=14, repeats=2), 0.006)
+
+
+def test_the_statistics_foretell_the_error_of_a_small_step(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    statistics = linearise(model, measured)
+    rng = np.random.default_rng(1)
+    step = 0.01 * rng.standard_normal(len(model.vector))
+    said = statistics.energy - 2 * statistics.slope @ step + np.einsum("p,npq,q->n", step, statistics.curvature, step)
+    found = action_losses(model.at(model.vector + step), measured)
+    assert np.allclose(said, found, rtol=0.02)
+    assert np.allclose(statistics.energy, action_losses(model, measured), rtol=1e-4)
+
+
+def test_holes_do_not_count(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    known = measured.samples.known.copy()
+    known[:, :, 40:] = False
+    part = replace(measured, samples=measured.samples._replace(known=known), weight=measured.weight * known)
+    spoilt = replace(part, after=np.where(known, part.after, 1.0).astype(np.float32))
+    for one, other in zip(linearise_rows(model, part), linearise_rows(model, spoilt), strict=True):
+        assert np.allclose(one, other, rtol=1e-5)
+
+
+def test_sway_takes_out_what_scatters_and_no_more(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    rows = np.arange(len(measured))
+    swayed = with_sway(measured, model, rows)
+    assert swayed.sway.shape[1] == len(MODES)
+    rest = residual(model, measured)
+    same = swayed.weight / measured.weight.clip(min=1e-9)
+    left = weighted_error(rest, swayed) / same.max((1, 2))
+    assert (left >= -1e-9).all() and (left <= weighted_error(rest, measured) * (1 + 1e-5)).all()
+    assert left.mean() < 0.9 * weighted_error(rest, measured).mean()
+
+
+@pytest.mark.parametrize(("mode", "amount"), [("depth", 0.2), ("width", -0.1), ("along", 0.001), ("volume", 0.2)])
+def test_a_push_that_differs_in_a_mode_scores_in_it(mode: str, amount: float, measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    values = amount * (np.arange(len(MODES)) == MODES.index(mode))
+    changed = model.plus(AllModes(values, {})).change(measured.scene)
+    played_out = replace(measured, after=measured.scene.before + changed)
+    scores = mode_scores(model, played_out)[0][:, MODES.index(mode)] * AllModes.quantities[MODES.index(mode)].typical
+    assert np.median(scores) == pytest.approx(amount, rel=0.25)
