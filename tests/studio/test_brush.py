@@ -31,7 +31,7 @@ def test_bundles_fill_their_cross_section(name: str) -> None:
     assert np.abs(bundle.place - bundle.place.mean(axis=0)).max() <= 1.15
 
 
-@pytest.mark.parametrize("bristles", [36, 37])
+@pytest.mark.parametrize("bristles", [36, 37, 38, 39])
 @pytest.mark.parametrize("name", ["round_brush", "flat_brush", "marker"])
 def test_a_print_lies_around_the_tip_at_every_press(name: str, bristles: int) -> None:
     tool = replace(load_world(name).tool, bristles=bristles)
@@ -42,6 +42,8 @@ def test_a_print_lies_around_the_tip_at_every_press(name: str, bristles: int) ->
         np.testing.assert_allclose(laid @ bundle.place, 0.0, atol=1e-9)
         touching = bundle.place[laid > 0]
         np.testing.assert_allclose(touching.min(0, initial=0), -touching.max(0, initial=0))
+        # Not askew either: whatever lies ahead on the left lies ahead on the right.
+        np.testing.assert_allclose(laid @ bundle.place.prod(axis=1), 0.0, atol=1e-9)
 
 
 def test_press_widens_a_round_brush_less_and_less() -> None:

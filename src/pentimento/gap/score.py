@@ -34,6 +34,8 @@ class Evidence(NamedTuple):
     """Mean squared error that it removes from held-out actions, per action, to second order."""
     gain_interval: tuple[float, float]
     """95 %."""
+    least_gain: float
+    """At 5 %, one-sided."""
 
 
 def project(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
@@ -129,9 +131,14 @@ def folds(block: Array, seed: int) -> Array:
 
 def interval_of_mean(values: Array, draws: int, seed: int) -> tuple[float, float]:
     """95 % of the mean, by resampling actions."""
+    return mean_and_bounds(values, draws, seed)[1]
+
+
+def mean_and_bounds(values: Array, draws: int, seed: int) -> tuple[float, tuple[float, float], float]:
+    """The mean, 95 % of it, and what it is at least (5 %, one-sided), by resampling actions."""
     index = np.random.default_rng([seed, 3]).integers(0, len(values), (draws, len(values)))
-    low, high = np.quantile(values[index].mean(1), [0.025, 0.975])
-    return float(low), float(high)
+    low, least, high = np.quantile(values[index].mean(1), [0.025, 0.05, 0.975])
+    return float(values.mean()), (float(low), float(high)), float(least)
 
 
 def _ridged(curvature: Array) -> Array:

@@ -18,7 +18,7 @@ from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, identity, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
-from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, score_tests
+from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, mean_and_bounds, score_tests
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
 
 Array = NDArray[Any]
@@ -208,12 +208,12 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
     evidence = {}
     for cause, columns in index.items():
         gains = held_out_gains(statistics, held, columns, blocks, seed) / error
-        evidence[cause] = Evidence(*tests[cause], float(gains.mean()), interval_of_mean(gains, 999, seed))
+        evidence[cause] = Evidence(*tests[cause], *mean_and_bounds(gains, 999, seed))
     return evidence
 
 
 def _stands(evidence: Evidence, limit: float) -> bool:
-    return evidence.p_adjusted < limit and evidence.gain_interval[0] > 0
+    return evidence.p_adjusted < limit and evidence.least_gain > 0
 
 
 def _shortlist(

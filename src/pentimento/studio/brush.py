@@ -57,38 +57,41 @@ class Drag:
 def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
     """Bristles over the tip's cross-section: a disc, or a rectangle with rounded corners for a flat tool.
 
-    The bundle is alike on both sides of its middle: each bristle has a twin opposite. At every press the print then
-    lies around the tip. One off its middle would draw as if it trailed, a cause that no world means to hide.
+    The bundle is alike to the left and right of its middle, and before and behind it: bristles are twins. At every
+    press the print then lies evenly around the tip. One off its middle would draw as if it trailed, and one askew as
+    if it cut corners: causes that no world means to hide.
     """
-    half = _scatter(tool, rng)
+    places, twin = _scatter(tool, rng)
+    first = places[np.unique(twin, return_index=True)[1]]
     # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
-    tuft = _smooth_noise(half, rng)
-    short = tool.dome_m * _rim_distance(tool, half) ** 2 - MENISCUS_M
-    short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(half)))
-    wetting = 0.85 * np.exp(0.45 * _smooth_noise(half, rng) + 0.3 * rng.standard_normal(len(half)))
-    twins = slice(tool.bristles % 2, None)  # of an odd number, the first stands in the middle
-    return Bundle(
-        np.concatenate([half, -half[twins]]),
-        np.concatenate([short, short[twins]]),
-        np.concatenate([wetting, wetting[twins]]),
-    )
+    tuft = _smooth_noise(first, rng)
+    short = tool.dome_m * _rim_distance(tool, first) ** 2 - MENISCUS_M
+    short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(first)))
+    wetting = 0.85 * np.exp(0.45 * _smooth_noise(first, rng) + 0.3 * rng.standard_normal(len(first)))
+    return Bundle(places, short[twin], wetting[twin])
 
 
-def _scatter(tool: Tool, rng: np.random.Generator) -> Array:
-    """Blue-noise-like places of one of each pair of twins, and first the middle if the tool's bristles are an odd
-    number: each is the one of a few candidates that is farthest from those before it and their twins.
+def _scatter(tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Blue-noise-like places [B, 2], and which set of twins each belongs to [B].
+
+    Twins are a place and its mirror images, four together. What of the tool's bristles is left over is one in the
+    middle, two on its broad axis, or both. Each set is the one of a few candidates that is farthest from those before
+    it and from itself.
     """
     aspect = tool.half_thickness_m / tool.half_width_m
-    places = np.zeros((-(-tool.bristles // 2), 2))
-    for i in range(tool.bristles % 2, len(places)):
-        candidates = rng.uniform(-1, 1, (24, 2))
+    mirrors = np.array([[1, 1], [-1, -1], [-1, 1], [1, -1]])
+    places, twin = np.zeros((0, 2)), np.zeros(0, dtype=int)
+    sizes = ([1] if tool.bristles % 2 else []) + ([2] if tool.bristles % 4 > 1 else []) + [4] * (tool.bristles // 4)
+    for number, size in enumerate(sizes):
+        candidates = rng.uniform(-1, 1, (24, 2)) * {1: (0, 0), 2: (1, 0), 4: (1, 1)}[size]
         candidates = candidates[_rim_distance(tool, candidates) <= 1][:6]
-        before = np.concatenate([places[:i], -places[:i]])
-        gap = (candidates[:, None, :] - before) * (1.0, aspect)
-        own = np.square(2 * candidates * (1.0, aspect)).sum(1, keepdims=True)  # to its own twin
-        nearest = np.min(np.concatenate([own, (gap**2).sum(axis=2)], axis=1), axis=1)
-        places[i] = candidates[int(np.argmax(nearest))]
-    return places
+        sets = candidates[:, None] * mirrors[:size]  # [C, size, 2]
+        others = np.concatenate([np.broadcast_to(places, (len(sets), *places.shape)), sets[:, 1:]], axis=1)
+        gaps = np.square((candidates[:, None] - others) * (1.0, aspect)).sum(axis=2)
+        best = int(np.argmax(gaps.min(axis=1, initial=np.inf)))
+        places = np.concatenate([places, sets[best]])
+        twin = np.concatenate([twin, np.full(size, number)])
+    return places, twin
 
 
 def _rim_distance(tool: Tool, place: Array) -> Array:

@@ -48,8 +48,8 @@ def sweep(
     centre: float64[M,2] (column, row); frame: float64[M,2,2], outer: float64[M,2] as in `brush.Drag` but in
     (column, row); thickness: float64[M]; place, short_m, wetting: the bundle; colour: float64[B,6] K and S
     of what each bristle holds; load: float64[B] and belly: float64[1] shares of full, whose volumes are
-    `bristle_cells` (float64[B]) and `belly_cells`; filled: float64[B] the load after the dip; pickup: share of the wet layer that one touch exchanges;
-    swell: relative narrowing when emptied.
+    `bristle_cells` (float64[B]) and `belly_cells`; filled: float64[B] the load after the dip; pickup: share of
+    the wet layer that one touch exchanges; swell: relative narrowing when emptied.
     """
     rows, columns = grain.shape
     before_x, before_y = np.empty(load.size), np.empty(load.size)
