@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pentimento.copainting.goal.planner import load_goal_planner
 from pentimento.deploy.bundle import DeployConfig, Models, write_bundle
+from pentimento.push_dynamics.push_model import read_push_model
 from pentimento.runner.bundle import MANIFEST, open_bundle
 from pentimento.semantics.encoder import Encoder
 from pentimento.stroke_dynamics.extended import read_stroke_model
@@ -21,7 +22,8 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "deploy", DeployConfig)
     single_threaded()
     strokes = {f"stroke_{tool}": arguments.models / f"stroke_{tool}/weights" for tool in arguments.tools}
-    inputs = {**strokes, "semantics": arguments.semantics, "goal": arguments.goal}
+    pushes = {f"push_{material}": arguments.models / f"push_{material}/weights" for material in arguments.materials}
+    inputs = {**strokes, **pushes, "semantics": arguments.semantics, "goal": arguments.goal}
     with (
         tracked_run("deploy", None, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
@@ -32,6 +34,7 @@ def main(arguments: argparse.Namespace) -> None:
             encoder_folder=arguments.semantics,
             goal=load_goal_planner(arguments.goal),
             goal_folder=arguments.goal,
+            pushes={material: read_push_model(pushes[f"push_{material}"]) for material in arguments.materials},
             digests={name: input_digest(path) for name, path in inputs.items()},
         )
         write_bundle(out, models, config)
@@ -42,8 +45,9 @@ def main(arguments: argparse.Namespace) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="deploy", description=__doc__)
-    parser.add_argument("--models", required=True, type=Path, help="folder of stroke_<tool>")
+    parser.add_argument("--models", required=True, type=Path, help="folder of stroke_<tool> and push_<material>")
     parser.add_argument("--tools", required=True, nargs="+", help="whose models are there")
+    parser.add_argument("--materials", nargs="*", default=[], help="whose push models are there")
     parser.add_argument("--semantics", required=True, type=Path)
     parser.add_argument("--goal", required=True, type=Path, help="the goal planner")
     parser.add_argument("--out", required=True, type=Path)

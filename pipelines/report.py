@@ -10,6 +10,7 @@ from pentimento.report.diagnoses import read_diagnosis
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
 from pentimento.report.performances import read_performances
+from pentimento.report.sculpting import read_sculpture
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main
 from pipelines._tracking import tracked_run
@@ -27,6 +28,10 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"gap.{tool}": arguments.gap / tool for tool in arguments.tools}
     inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
     inputs |= {f"evaluation.{setting}": arguments.evaluations / setting for setting in arguments.evaluated}
+    sculpted = {name: arguments.models / f"push_{name}_base/weights" for name in arguments.sculpted}
+    inputs |= {f"sculpture.{material}": arguments.sculptures / material for material in sculpted}
+    inputs |= {f"push_model.{material}": path for material, path in sculpted.items()}
+    inputs |= {f"gap.push_{material}": arguments.gap / f"push_{material}" for material in sculpted}
     inputs |= {"performances": arguments.performances, "benchmarks": arguments.benchmarks}
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         files = build_report(
@@ -37,6 +42,10 @@ def main(arguments: argparse.Namespace) -> None:
             [read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
             [read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
             read_performances(arguments.performances),
+            [
+                read_sculpture(name, arguments.sculptures / name, weights, arguments.gap / f"push_{name}")
+                for name, weights in sculpted.items()
+            ],
         )
         for name, data in files.items():
             (out / name).write_bytes(data)
@@ -51,9 +60,11 @@ if __name__ == "__main__":
     parser.add_argument("--paintings", required=True, type=Path)
     parser.add_argument("--evaluations", required=True, type=Path, help="folder of an evaluation for each setting")
     parser.add_argument("--performances", required=True, type=Path, help="what the runner painted from the bundle")
+    parser.add_argument("--sculptures", required=True, type=Path, help="folder of a sculpture for each material")
     parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")
     parser.add_argument("--evaluated", required=True, nargs="+", help="settings of co-painting, likewise")
+    parser.add_argument("--sculpted", required=True, nargs="+", help="materials, likewise")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +15,10 @@ from pentimento.contracts.errors import ConfigError, ContractError, PentimentoEr
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from pentimento.contracts.tables import CheckedTable
     from pentimento.gap.diagnose import Diagnosis
 
-_KINDS = ("strokes",)
+_KINDS = ("strokes", "pushes")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -24,11 +26,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="pentimento", description="Robots that learn their own brushes.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     diagnose = commands.add_parser(
-        "diagnose", help="what a simulation gets wrong about measured strokes, and why (needs pentimento[train])"
+        "diagnose",
+        help="what a simulation gets wrong about measured strokes or pushes, and why (needs pentimento[train])",
     )
-    diagnose.add_argument("rows", type=Path, help="a table in the strokes contract: a file, or a folder of shards")
+    diagnose.add_argument(
+        "rows", type=Path, help="a table in the strokes or the pushes contract: a file, or a folder of shards"
+    )
     diagnose.add_argument("--out", required=True, type=Path, help="folder for verdict.json, report.html and more")
-    diagnose.add_argument("--kind", choices=_KINDS, default="strokes", help="what the rows are")
+    diagnose.add_argument("--kind", choices=_KINDS, help="what the rows are; by default told by the table's columns")
     diagnose.add_argument(
         "--base", type=Path, metavar="FILE",
         help="parameters.json of a stroke model, whose error is told beside that of the finder's own base",
@@ -214,13 +219,46 @@ def _run(arguments: argparse.Namespace) -> None:
 
 
 def _diagnose(arguments: argparse.Namespace) -> None:
-    from pentimento.contracts.strokes import CONTRACT
-    from pentimento.contracts.tables import CheckedTable, read_table
+    if (arguments.kind or _kind_of(arguments.rows)) == "pushes":
+        _diagnose_pushes(arguments)
+    else:
+        _diagnose_strokes(arguments)
 
+
+def _kind_of(rows: Path) -> str:
+    """What a table holds, by its columns; one that cannot be read is left to its reader, who says why."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    files = sorted(rows.glob("*.parquet")) if rows.is_dir() else [rows]
     try:
-        from pentimento.gap.rounds import diagnose_in_rounds
-        from pentimento.gap.write import write_diagnosis
-        from pentimento.stroke_dynamics.traj2stroke import read_parameters
+        columns = pq.read_schema(files[0]).names if files else []
+    except (OSError, pa.ArrowException):
+        columns = []
+    return "pushes" if "action" in columns and "path" not in columns else "strokes"
+
+
+def _diagnose_pushes(arguments: argparse.Namespace) -> None:
+    from pentimento.contracts.pushes import CONTRACT
+    from pentimento.contracts.tables import read_table
+
+    given = {"--base": arguments.base, "--collect": arguments.collect, "--world": arguments.world}
+    if strange := [name for name, value in given.items() if value]:
+        raise ConfigError(f"{', '.join(strange)} is for strokes, and {arguments.rows} holds pushes; leave it out.")
+    with _workshop():
+        from pentimento.gap.pushes.write import write_push_diagnosis
+    checked = read_table(arguments.rows, CONTRACT)
+    outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
+    write_push_diagnosis(checked.table, arguments.out, arguments.seed, _progress, outside, _left_out(checked))
+    print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
+    print(f"The report is {arguments.out / 'report.html'}.")
+
+
+@contextmanager
+def _workshop() -> Iterator[None]:
+    """For imports of the workshop: where it is not installed, say how to."""
+    try:
+        yield
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("pentimento"):
             raise
@@ -229,19 +267,29 @@ def _diagnose(arguments: argparse.Namespace) -> None:
             "none of it. Where the pipeline runs, install it with: pip install '.[train]'."
         ) from error
 
-    def left_out(checked: CheckedTable) -> str | None:
-        """What the contract's check left out, as a sentence."""
-        if not checked.quarantined:
-            return None
-        reasons = "; ".join(f"row {bad.row}: {bad.reason}" for bad in checked.quarantined[:8])
-        return f"{len(checked.quarantined)} rows break the contract and are left out ({reasons})."
 
+def _left_out(checked: CheckedTable) -> str | None:
+    """What the contract's check left out, as a sentence."""
+    if not checked.quarantined:
+        return None
+    reasons = "; ".join(f"row {bad.row}: {bad.reason}" for bad in checked.quarantined[:8])
+    return f"{len(checked.quarantined)} rows break the contract and are left out ({reasons})."
+
+
+def _diagnose_strokes(arguments: argparse.Namespace) -> None:
+    from pentimento.contracts.strokes import CONTRACT
+    from pentimento.contracts.tables import read_table
+
+    with _workshop():
+        from pentimento.gap.rounds import diagnose_in_rounds
+        from pentimento.gap.write import write_diagnosis
+        from pentimento.stroke_dynamics.traj2stroke import read_parameters
     checked = read_table(arguments.rows, CONTRACT)
     given = None if arguments.base is None else read_parameters(arguments.base)
     outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
 
     def diagnosed(table: pa.Table, added: str | None) -> Diagnosis:
-        notes = [line for line in (left_out(checked), added) if line]
+        notes = [line for line in (_left_out(checked), added) if line]
         found = write_diagnosis(
             table, arguments.out, arguments.seed, _progress, outside, " ".join(notes) or None, given
         )

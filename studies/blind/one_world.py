@@ -78,13 +78,13 @@ def opened(path: Path, seal: str) -> dict[str, Any]:
     return truth
 
 
-def verdict_by_table(table: Path, *options: str) -> dict[str, Any]:
-    """What a process of its own, given a folder with the table alone, says.
+def verdict_by_table(table: Path, *options: str, module: str = "studies.blind.verdict_of") -> dict[str, Any]:
+    """What a process of its own, given a folder with the table alone, says; `module` is what it runs.
 
     Raises NoVerdict with its last words if it says nothing.
     """
     out = table.with_name("verdict.json")
-    command = [sys.executable, "-m", "studies.blind.verdict_of", table.name, out.name, *options]
+    command = [sys.executable, "-m", module, table.name, out.name, *options]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
     try:
         done = subprocess.run(
@@ -101,7 +101,7 @@ def verdict_by_table(table: Path, *options: str) -> dict[str, Any]:
 def _first(series: Series, sketch: Sketch, truth: Truth, shown: Path) -> dict[str, Any]:
     options: list[str] = []
     if series.shifted:
-        _write(shown / "shifted.parquet", shifted_table(sketch, truth))
+        write_parquet(shown / "shifted.parquet", shifted_table(sketch, truth))
         options = ["--test", "shifted.parquet"]
     if series.second == "more actions":
         options = ["--next-actions", "next_actions.parquet"]
@@ -122,11 +122,12 @@ def _second(
         case "doubled effect":
             assert doubled is not None
             table = doubled
-    _write(again, table)
+    write_parquet(again, table)
     return verdict_by_table(again, *(["--without", sketch.causes[0]] if series.second == "deleted candidate" else []))
 
 
-def _write(path: Path, table: pa.Table) -> None:
+def write_parquet(path: Path, table: pa.Table) -> None:
+    """A table as a file, whole or not there."""
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     atomic_write(path, buffer.getvalue())

@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from pentimento.contracts.atomic import atomic_write
 from studies.blind.one_world import ROOT, judged
@@ -58,7 +58,15 @@ def lines_of(path: Path) -> list[Line]:
     return list(known.values())
 
 
-def missing(series: Series, count: int, lines: Sequence[Line]) -> Iterator[int]:
+class Named(Protocol):
+    """A series, as far as this goes."""
+
+    @property
+    def name(self) -> str:
+        """In the lines."""
+
+
+def missing(series: Named, count: int, lines: Sequence[Line]) -> Iterator[int]:
     """Indices of worlds to be made next, in order, for as long as those that may still come to something are too few.
 
     `lines` is looked at anew each time; the caller adds a line {"series", "index"} for each world under way.
@@ -77,7 +85,7 @@ def missing(series: Series, count: int, lines: Sequence[Line]) -> Iterator[int]:
 def run(commit: str, share: float, path: Path, workers: int) -> None:
     """Make and judge what is missing of a `share` of the table, and append it to `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    _mend(path)
+    mend(path)
     lines = [line for line in lines_of(path) if "failed" not in line]
     for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"  # inherited by the workers, which are fresh processes, and by theirs
@@ -120,7 +128,7 @@ def _in_scratch(series: Series, index: int, commit: str) -> Line:
         return judged(series, index, commit, Path(folder))
 
 
-def _mend(path: Path) -> None:
+def mend(path: Path) -> None:
     """Drop a last line that was cut off."""
     if path.exists():
         data = path.read_bytes()

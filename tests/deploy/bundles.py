@@ -11,8 +11,11 @@ import torch
 
 from pentimento.contracts.covariates import CARRIED
 from pentimento.copainting.goal.planner import save_goal_planner
-from pentimento.deploy.bundle import Asking, DeployConfig, Models, SettingConfig, write_bundle
+from pentimento.deploy.bundle import Asking, ClayConfig, DeployConfig, Models, SettingConfig, write_bundle
 from pentimento.planning.fitted import Pace, Span
+from pentimento.push_dynamics.param2deform import Param2Deform
+from pentimento.push_dynamics.pose import Crop
+from pentimento.push_dynamics.push_model import PushFacts, PushModel
 from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.stroke_dynamics.extended import StrokeModel
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
@@ -26,9 +29,10 @@ CONFIG = DeployConfig(
     views=1,
     asking=Asking(2, 1.0, 5.0),
     settings={"small": SettingConfig("marker", CANVAS_M, 6, 3, False, PLANNER)},
+    clays={"foam": ClayConfig((0.0, 0.0, 0.1, 0.08), (40, 50))},
 )
 BRUSH = f"marker_{PLANNER.path_points}"
-DIGESTS = {"stroke_marker": "1", "semantics": "2", "goal": "3"}
+DIGESTS = {"stroke_marker": "1", "semantics": "2", "goal": "3", "push_foam": "4"}
 
 
 def mechanism(cause: str, values: list[float], reference: dict[str, float]) -> Mechanism:
@@ -69,4 +73,16 @@ def small_models(folder: Path) -> Models:
     (folder / "encoder").mkdir()
     encoder.save(folder / "encoder")
     save_goal_planner(goal, folder / "goal")
-    return Models({"marker": stroke_model()}, encoder, folder / "encoder", goal, folder / "goal", DIGESTS)
+    return Models(
+        {"marker": stroke_model()}, encoder, folder / "encoder", goal, folder / "goal", {"foam": push_model()}, DIGESTS
+    )
+
+
+def push_model() -> PushModel:
+    """An untrained one, in which the tool presses."""
+    torch.manual_seed(0)
+    model = PushModel(PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 1))
+    for member in model.members:
+        assert isinstance(member, Param2Deform)
+        member.tool.data[:, 4] = 0.8
+    return model.eval().requires_grad_(False)

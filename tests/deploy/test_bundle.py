@@ -8,8 +8,11 @@ import pytest
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
 from pentimento.planning.model import Marks
 from pentimento.planning.strokes import Strokes
+from pentimento.push_dynamics.planned import planned_clay
 from pentimento.robots.tools import load_tool
 from pentimento.runner.bundle import open_bundle
+from pentimento.runner.graphs import Graphs
+from pentimento.runner.push_graphs import GraphClay
 from pentimento.runner.safety import envelope_for
 from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle
 from tests.runner.tiny_bundle import CANVAS_M
@@ -39,6 +42,20 @@ def test_its_facts_are_those_of_the_models() -> None:
     assert goal.alphas_cumprod == pytest.approx(models.goal.scheduler.alphas_cumprod.tolist())
     assert brush.fitted == models.strokes["marker"].fitted and brush.pace == models.strokes["marker"].pace
     assert brush.picks_up and brush.has_gain
+
+
+def test_a_push_model_plans_from_the_bundle_as_in_pytorch() -> None:
+    folder, models = small_bundle()
+    bundle = open_bundle(folder)
+    facts = bundle.manifest.clays["clay_foam"]
+    assert (facts.end_effector, facts.kind, facts.shape) == ("ball", "push", (40, 50))
+    assert "end_effectors/ball.toml" in bundle.contents
+    height = (0.04 + 5e-4 * np.random.default_rng(0).standard_normal(facts.shape)).astype(np.float32)
+    action = np.array([[0.05, 0.04, 0.7, 0.015, 0.006]])
+    window = np.array(CONFIG.clays["foam"].window_m)
+    carried = GraphClay(Graphs(bundle), "clay_foam", facts).after(height, action)
+    np.testing.assert_allclose(carried, planned_clay(models.pushes["foam"], window).after(height, action), atol=1e-7)
+    assert (carried[0] - height).min() < -1e-3
 
 
 def test_its_card_lists_every_graph_and_no_file_names_a_place_or_a_time() -> None:

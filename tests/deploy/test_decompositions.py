@@ -65,6 +65,18 @@ def test_looking_from_elsewhere_and_its_gradient_reach_over_the_edge_too() -> No
     torch.testing.assert_close(found, expected)
 
 
+@pytest.mark.parametrize(("padding", "number"), [("zeros", 0), ("border", 1)])
+def test_looking_from_a_place_that_moves_has_a_gradient_too(padding: str, number: int) -> None:
+    image = random(2, 3, 7, 11).requires_grad_()
+    grid = (3 * random(2, 9, 5, 2) - 1.5).requires_grad_()  # a third of the samples is beyond the edge
+    seen = grid_sample(image, grid, mode="bilinear", padding_mode=padding, align_corners=False)
+    cotangent = random(*seen.shape)
+    expected = torch.autograd.grad(seen, (image, grid), cotangent)
+    decomposed = exportable(Resizing())[ATEN.grid_sampler_2d_backward.default]
+    found = decomposed(cotangent, image, grid, 0, number, False, [True, True])
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=1e-5)
+
+
 @pytest.mark.parametrize("size", [(6, 8), (7, 9)])
 def test_the_gradient_of_means_over_squares_at_odd_edges_too(size: tuple[int, int]) -> None:
     image = random(3, 1, *size).requires_grad_()

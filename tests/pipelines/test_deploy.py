@@ -12,6 +12,7 @@ from ruamel.yaml import YAML
 
 from pentimento.deploy.bundle import DeployConfig, Models
 from pentimento.deploy.graphs import ParityError
+from pentimento.push_dynamics.push_model import write_push_model
 from pentimento.runner.bundle import BundleError, open_bundle
 from pentimento.runner.plain import to_plain
 from pentimento.stroke_dynamics.extended import model_files
@@ -32,6 +33,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     weights.mkdir(parents=True)
     for name, value in model_files(models.strokes["marker"]).items():
         (weights / name).write_text(json.dumps(value))
+    clay = tmp_path / "models/push_foam/weights"
+    clay.mkdir(parents=True)
+    write_push_model(models.pushes["foam"], clay)
     shutil.copytree(models.encoder_folder, tmp_path / "semantics")
     shutil.copytree(models.goal_folder, tmp_path / "goal")
     YAML(typ="safe").dump({"deploy": to_plain(CONFIG)}, Path("params.yaml"))
@@ -41,7 +45,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def run() -> Path:
     deploy.main(
         argparse.Namespace(
-            models=Path("models"), tools=["marker"], semantics=Path("semantics"), goal=Path("goal"), out=Path("bundle")
+            models=Path("models"),
+            tools=["marker"],
+            materials=["foam"],
+            semantics=Path("semantics"),
+            goal=Path("goal"),
+            out=Path("bundle"),
         )
     )
     return Path("bundle")
@@ -61,9 +70,10 @@ def test_the_stage_hands_models_and_settings_on_and_tags_its_run(folder: Path, m
     models, config = given[0]
     assert config == CONFIG
     assert asdict(models.strokes["marker"].parameters) == asdict(small_bundle()[1].strokes["marker"].parameters)
+    assert models.pushes["foam"].facts == small_bundle()[1].pushes["foam"].facts
     assert models.encoder.digest == small_bundle()[1].encoder.digest
     assert models.digests["semantics"] == input_digest(Path("semantics"))
-    assert set(models.digests) == {"stroke_marker", "semantics", "goal"}
+    assert set(models.digests) == {"stroke_marker", "push_foam", "semantics", "goal"}
     client = MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
     experiment = client.get_experiment_by_name(EXPERIMENT)
     assert experiment is not None

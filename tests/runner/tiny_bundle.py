@@ -81,6 +81,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         encoder=EncoderFacts(16, 8, 1, words),
         goal=GoalFacts(16, 4, 2, 0.8, (0.9, 0.5, 0.0), 1.0, "sample", "trailing", 0, 2, 1.0, 5.0, words),
         styles={},
+        clays={},
     )
     for name, data in contents.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

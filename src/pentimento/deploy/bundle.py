@@ -10,16 +10,22 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pentimento.contracts.frames import image_shape
+from pentimento.contracts.frames import pixels_per_m as image_scale
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.deploy.card import bundle_card
 from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
 from pentimento.deploy.graphs import Graph
 from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
+from pentimento.deploy.push_graphs import clay_graphs
 from pentimento.deploy.stroke_graphs import brush_graphs
 from pentimento.deploy.tracing import IR_VERSION, OPSET
 from pentimento.planning.config import PlannerConfig
+from pentimento.push_dynamics.planned import planned_clay
+from pentimento.push_dynamics.push_model import PushModel
 from pentimento.robots.tools import load_tool
 from pentimento.runner.bundle import (
     MANIFEST,
@@ -34,6 +40,7 @@ from pentimento.runner.bundle import (
     WordsFacts,
 )
 from pentimento.runner.plain import to_plain
+from pentimento.runner.push_graphs import ClayFacts
 from pentimento.runner.safety import envelope_for
 from pentimento.semantics.encoder import Encoder
 from pentimento.stroke_dynamics.extended import StrokeModel
@@ -54,6 +61,19 @@ class SettingConfig:
 
     def __post_init__(self) -> None:
         at_least(self, 1, "strokes", "batch")
+
+
+@dataclass(frozen=True)
+class ClayConfig:
+    """What the scanner of a sculpting robot sees."""
+
+    window_m: tuple[float, float, float, float]
+    """Canvas frame."""
+    shape: tuple[int, int]
+    """Of its height maps, [H, W]."""
+
+    def __post_init__(self) -> None:
+        image_scale(self.shape, self.window_m)
 
 
 @dataclass(frozen=True)
@@ -78,6 +98,8 @@ class DeployConfig:
     """Of a picture that an encoder judges, moved at random, beside the plain one."""
     asking: Asking
     settings: dict[str, SettingConfig]
+    clays: dict[str, ClayConfig]
+    """By material."""
 
     def __post_init__(self) -> None:
         above_zero(self, "tolerance")
@@ -96,8 +118,10 @@ class Models:
     encoder_folder: Path
     goal: GoalPlanner
     goal_folder: Path
+    pushes: Mapping[str, PushModel]
+    """By material."""
     digests: Mapping[str, str]
-    """By which the pipeline knows each: ``stroke_<tool>``, ``semantics``, ``goal``."""
+    """By which the pipeline knows each: ``stroke_<tool>``, ``semantics``, ``goal``, ``push_<material>``."""
 
 
 def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest:
@@ -109,7 +133,8 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     """
     brushes, graphs = _brushes(models, config)
     styles, style_parts = _styles(config)
-    graphs |= style_parts
+    clays, clay_parts = _clays(models, config)
+    graphs |= style_parts | clay_parts
     graphs |= encoder_graphs(models.encoder, config.views, config.tolerance)
     graphs |= goal_graphs(models.goal, config.tolerance)
     encoder_words = WordsFacts(
@@ -124,7 +149,9 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         contents[words.vocabulary] = (source / "vocab.json").read_bytes()
         contents[words.merges] = (source / "merges.txt").read_bytes()
     for setting in config.settings.values():
-        contents[f"tools/{setting.tool}.toml"] = _tool_file(setting.tool)
+        contents[f"tools/{setting.tool}.toml"] = _robot_file("tools", setting.tool)
+    for clay in clays.values():
+        contents[f"end_effectors/{clay.end_effector}.toml"] = _robot_file("end_effectors", clay.end_effector)
     entries = {name: _entry(name, graph, config.tolerance) for name, graph in graphs.items()}
     encoder = EncoderFacts(
         models.encoder.image_px, models.encoder.model.config.projection_dim, config.views, encoder_words
@@ -146,6 +173,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         encoder=encoder,
         goal=goal,
         styles=styles,
+        clays=clays,
     )
     for name, data in {**contents, MANIFEST: _json(to_plain(manifest))}.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -184,6 +212,17 @@ def _styles(config: DeployConfig) -> tuple[dict[str, StyleFacts], dict[str, Grap
     return facts, graphs
 
 
+def _clays(models: Models, config: DeployConfig) -> tuple[dict[str, ClayFacts], dict[str, Graph]]:
+    facts: dict[str, ClayFacts] = {}
+    graphs: dict[str, Graph] = {}
+    for material, clay in config.clays.items():
+        name, model = f"clay_{material}", models.pushes[material]
+        planned = planned_clay(model, np.array(clay.window_m))
+        facts[name], made = clay_graphs(name, planned, model.facts, clay.shape, config.tolerance, (f"push_{material}",))
+        graphs |= made
+    return facts, graphs
+
+
 def _setting(config: SettingConfig) -> Setting:
     tool = load_tool(config.tool)
     return Setting(
@@ -201,8 +240,8 @@ def _entry(name: str, graph: Graph, tolerance: float) -> GraphEntry:
     return GraphEntry(f"graphs/{name}.onnx", graph.inputs, graph.outputs, graph.parity, tolerance, graph.models)
 
 
-def _tool_file(name: str) -> bytes:
-    return (resources.files("pentimento.robots") / "tools" / f"{name}.toml").read_bytes()
+def _robot_file(folder: str, name: str) -> bytes:
+    return (resources.files("pentimento.robots") / folder / f"{name}.toml").read_bytes()
 
 
 def _length(tokenizer: Any) -> int:

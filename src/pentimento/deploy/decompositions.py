@@ -18,7 +18,7 @@ from torch.nn.functional import avg_pool2d
 Decomposition = Callable[..., Any]
 
 constant_pad_nd = torch.ops.aten.constant_pad_nd
-_BILINEAR, _BORDER = 0, 1  # as PyTorch numbers the modes of grid_sample
+_BILINEAR, _ZEROS, _BORDER = 0, 0, 1  # as PyTorch numbers the modes of grid_sample
 
 
 @dataclass
@@ -173,24 +173,54 @@ def _affine_grid(matrices: Tensor, size: Sequence[int], align_corners: bool) -> 
 
 def _grid_sampler_backward(
     gradient: Tensor, image: Tensor, grid: Tensor, mode: int, padding: int, align_corners: bool, wanted: Sequence[bool]
-) -> tuple[Tensor, None]:
-    """∂loss/∂image of bilinear sampling: each sample's gradient goes to the four pixels that it was read from."""
-    _require(mode == _BILINEAR and padding == _BORDER and not align_corners and not wanted[1], "this grid_sample")
+) -> tuple[Tensor | None, Tensor | None]:
+    """∂loss/∂image and ∂loss/∂grid of bilinear sampling: each sample was read from four pixels."""
+    _require(mode == _BILINEAR and padding in (_ZEROS, _BORDER) and not align_corners, "this grid_sample")
     batch, channels, height, width = image.shape
-    x = (((grid[..., 0] + 1) * width - 1) / 2).clamp(min=0.0).clamp(max=width - 1)
-    y = (((grid[..., 1] + 1) * height - 1) / 2).clamp(min=0.0).clamp(max=height - 1)
-    left, top = x.floor(), y.floor()
-    near = ((left.long(), 1 - (x - left)), (top.long(), 1 - (y - top)))
-    far = (((near[0][0] + 1).clamp(max=width - 1), x - left), ((near[1][0] + 1).clamp(max=height - 1), y - top))
+    free_x, free_y = ((grid[..., 0] + 1) * width - 1) / 2, ((grid[..., 1] + 1) * height - 1) / 2
+    # Beyond the image there are copies of its edge, or one ring of zeros and then nothing.
+    ring = 1 if padding == _ZEROS else 0
+    x = free_x.clamp(min=-float(ring)).clamp(max=width - 1 + ring)
+    y = free_y.clamp(min=-float(ring)).clamp(max=height - 1 + ring)
+    columns, rows = _two_beside(x, width, ring), _two_beside(y, height, ring)
     first = (torch.arange(batch) * (height * width))[:, None, None]
     samples = gradient.permute(0, 2, 3, 1)
+    pixels = image.permute(0, 2, 3, 1).reshape(-1, channels)
     back = torch.zeros(batch * height * width, channels)
-    for row, row_share in (near[1], far[1]):
-        for column, column_share in (near[0], far[0]):
+    to_x, to_y = torch.zeros_like(x), torch.zeros_like(y)
+    for row, row_share, row_slope in rows:
+        for column, column_share, column_slope in columns:
             pixel = (first + row * width + column).reshape(-1)
-            given = (samples * (row_share * column_share)[..., None]).reshape(-1, channels)
-            back = back.index_put((pixel,), given, accumulate=True)
-    return back.reshape(batch, height, width, channels).permute(0, 3, 1, 2), None
+            if wanted[0]:
+                given = (samples * (row_share * column_share)[..., None]).reshape(-1, channels)
+                back = back.index_put((pixel,), given, accumulate=True)
+            if wanted[1]:
+                along = (samples * pixels[pixel].reshape(samples.shape)).sum(-1)
+                to_x = to_x + along * row_share * column_slope
+                to_y = to_y + along * column_share * row_slope
+    to_image = back.reshape(batch, height, width, channels).permute(0, 3, 1, 2) if wanted[0] else None
+    if not wanted[1]:
+        return to_image, None
+    to_x = to_x * (free_x == x) * (width / 2)
+    to_y = to_y * (free_y == y) * (height / 2)
+    return to_image, torch.stack([to_x, to_y], dim=-1)
+
+
+def _two_beside(place: Tensor, size: int, ring: int) -> list[tuple[Tensor, Tensor, Tensor]]:
+    """The two pixels of a line on both sides of each place: index, share, and how the share grows with the place.
+
+    A pixel of the ring of zeros has neither, and stands as any other.
+    """
+    first = place.floor()
+    part = place - first
+    found = []
+    for pixel, share, slope in ((first, 1 - part, -1.0), (first + 1, part, 1.0)):
+        slopes = torch.full_like(place, slope)
+        if ring:
+            there = (pixel >= 0) & (pixel <= size - 1)
+            share, slopes = share * there, slopes * there
+        found.append((pixel.clamp(min=0.0).clamp(max=size - 1).long(), share, slopes))
+    return found
 
 
 def _require(met: bool, what: str) -> None:

@@ -15,6 +15,7 @@ from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs
 from pentimento.report.painting_words import summary
 from pentimento.report.paintings import hero, painting_section
 from pentimento.report.performances import PerformanceInputs, performances_section
+from pentimento.report.sculpting import SculptureInputs, sculpting_section
 from pentimento.report.tools import tool_section
 from pentimento.report.wording import tool_name
 
@@ -42,11 +43,12 @@ def build_report(
     diagnoses: Sequence[DiagnosisInputs] = (),
     evaluations: Sequence[CopaintingInputs] = (),
     performances: Sequence[PerformanceInputs] = (),
+    sculptures: Sequence[SculptureInputs] = (),
 ) -> dict[str, bytes]:
     """The report's files by name: `index.html`, which holds every picture, and the pictures beside it.
 
-    The first painting opens the page. Equal inputs give equal bytes. Without diagnoses, evaluations of co-painting, or
-    paintings of the runner, their section is left out.
+    The first painting opens the page. Equal inputs give equal bytes. Without diagnoses, evaluations of co-painting,
+    sculptures, or paintings of the runner, their section is left out.
     """
     album = Album()
     body = f"""<header>
@@ -55,7 +57,7 @@ def build_report(
 {hero(paintings[0], config.frame_ms, album)}
 {row([summary(painting) for painting in paintings])}
 </header>
-<nav aria-label="Sections"><ul>{_links(paintings, tools, diagnoses, evaluations, performances)}</ul></nav>
+<nav aria-label="Sections"><ul>{_links(paintings, tools, diagnoses, evaluations, performances, sculptures)}</ul></nav>
 <main>
 {"".join(painting_section(painting, config.frame_ms, album) for painting in paintings)}
 <section id="tools">
@@ -65,6 +67,7 @@ def build_report(
 {"".join(tool_section(tool, config.strokes.shown, album) for tool in tools)}
 {diagnoses_section(diagnoses, album) if diagnoses else ""}
 {copainting_section(evaluations, album) if evaluations else ""}
+{"".join(sculpting_section(sculpture, album) for sculpture in sculptures)}
 {benchmark_section(benchmarks, album)}
 {_text("closing.html")}
 {performances_section(performances, album) if performances else ""}
@@ -93,11 +96,13 @@ def _links(
     diagnoses: Sequence[DiagnosisInputs],
     evaluations: Sequence[CopaintingInputs],
     performances: Sequence[PerformanceInputs],
+    sculptures: Sequence[SculptureInputs],
 ) -> str:
     links = [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in paintings]
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in tools]
     links += [("gap", "What was wrong")] if diagnoses else []
     links += [("copainting", "Drawing with a person")] if evaluations else []
+    links += [(f"sculpting-{sculpture.material}", f"Sculpting in {sculpture.material}") for sculpture in sculptures]
     links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
     links += [("runner", "On the robot")] if performances else []
     return "".join(f'<li><a href="#{escape(target)}">{escape(text)}</a></li>' for target, text in links)

@@ -23,6 +23,7 @@ from pentimento.planning.fitted import Pace, Span
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.runner.onnx_header import Header, read_header
 from pentimento.runner.plain import from_plain
+from pentimento.runner.push_graphs import ClayFacts
 from pentimento.runner.safety import SafetyEnvelope, envelope_for
 
 SCHEMA: Final = 1
@@ -178,6 +179,8 @@ class Manifest:
     encoder: EncoderFacts
     goal: GoalFacts
     styles: dict[str, StyleFacts]
+    clays: dict[str, ClayFacts]
+    """Push models by the names of their graphs; each one's end-effector is in ``end_effectors/<name>.toml``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,8 +369,11 @@ def _check_parts(folder: Path, manifest: Manifest) -> None:
         graphs |= {f"{name}_marks", f"{name}_pull"} | ({f"{name}_gain"} if brush.has_gain else set())
     for name in manifest.styles:
         graphs |= {f"{name}_features", f"{name}_pull"}
+    for name in manifest.clays:
+        graphs |= {f"{name}_after", f"{name}_pull"}
     words = (manifest.encoder.words, manifest.goal.words)
     files = {file for entry in words for file in (entry.vocabulary, entry.merges)}
+    files |= {f"end_effectors/{clay.end_effector}.toml" for clay in manifest.clays.values()}
     lacking = [*sorted(graphs - set(manifest.graphs)), *sorted(files - set(manifest.files))]
     lacking += [setting.brush for setting in manifest.settings.values() if setting.brush not in manifest.brushes]
     lacking += [model for graph in manifest.graphs.values() for model in graph.models if model not in manifest.models]

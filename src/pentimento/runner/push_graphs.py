@@ -24,6 +24,8 @@ class ClayFacts:
     kind: Literal["push", "pinch"]
     window_m: tuple[float, float, float, float]
     """What the height maps cover, canvas frame."""
+    shape: tuple[int, int]
+    """Of the height maps, [H, W]."""
     longest_m: float
     """Length of travel (pinch: closing) beyond which the model has seen nothing."""
     deepest_m: float
@@ -50,20 +52,24 @@ class GraphClay:
         """See ``planning.sculptor.model.PushModel``.
 
         Raises:
-            ContractError: a height that is not finite.
+            ContractError: heights of another shape, or that are not finite.
         """
         if len(actions) == 0:
             return np.empty((0, *height_m.shape), dtype=np.float32)
-        made: Array = self._ask(f"{self._name}_after", _whole(height_m), np.asarray(actions, dtype=np.float32))[0]
+        given = np.asarray(actions, dtype=np.float32)
+        made: Array = self._ask(f"{self._name}_after", self._checked(height_m), given)[0]
         return made
 
     def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
         """See ``planning.sculptor.model.PushModel``.
 
         Raises:
-            ContractError: a height that is not finite.
+            ContractError: heights of another shape, or that are not finite.
         """
-        height, given = _whole(height_m).copy(), np.array(action, dtype=np.float32)  # both may change before the pull
+        height, given = (
+            self._checked(height_m).copy(),
+            np.array(action, dtype=np.float32),
+        )  # both may change before the pull
 
         def pull(cotangent: Array) -> tuple[Array, FloatArray]:
             back = np.asarray(cotangent, dtype=np.float32)
@@ -72,8 +78,12 @@ class GraphClay:
 
         return self._ask(f"{self._name}_after", height, given[None])[0][0], pull
 
-
-def _whole(height_m: Array) -> Array:
-    if not np.isfinite(height_m).all():
-        raise ContractError("The height map has holes (NaN) or infinite heights; fill them before planning.")
-    return np.asarray(height_m, dtype=np.float32)
+    def _checked(self, height_m: Array) -> Array:
+        if height_m.shape != self._facts.shape:
+            raise ContractError(
+                f"The height map is {list(height_m.shape)} and the push model was exported for "
+                f"{list(self._facts.shape)} over {list(self._facts.window_m)} m: scan as it says, or export it anew."
+            )
+        if not np.isfinite(height_m).all():
+            raise ContractError("The height map has holes (NaN) or infinite heights; fill them before planning.")
+        return np.asarray(height_m, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Statistics of pushes: second-order truth of the error, sway, and derivatives."""
+"""Statistics of pushes: second-order truth of the error, weights, and modes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows, residual, weighted_error
+from pentimento.gap.pushes.fit import equalised
+from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
 from pentimento.gap.pushes.modes import MODES, AllModes, mode_scores
-from pentimento.gap.pushes.sway import with_sway
 from pentimento.push_dynamics.analytic import first_model
 from tests.push_dynamics.played_pushes import played
 
@@ -35,22 +35,19 @@ def test_holes_do_not_count(measured: MeasuredPushes) -> None:
     model = first_model(measured.scene)
     known = measured.samples.known.copy()
     known[:, :, 40:] = False
-    part = replace(measured, samples=measured.samples._replace(known=known), weight=measured.weight * known)
+    part = replace(measured, samples=measured.samples._replace(known=known))
     spoilt = replace(part, after=np.where(known, part.after, 1.0).astype(np.float32))
     for one, other in zip(linearise_rows(model, part), linearise_rows(model, spoilt), strict=True):
         assert np.allclose(one, other, rtol=1e-5)
 
 
-def test_sway_takes_out_what_scatters_and_no_more(measured: MeasuredPushes) -> None:
+def test_weights_make_pushes_equal_and_count_in_the_statistics(measured: MeasuredPushes) -> None:
     model = first_model(measured.scene)
-    rows = np.arange(len(measured))
-    swayed = with_sway(measured, model, rows)
-    assert swayed.sway.shape[1] == len(MODES)
-    rest = residual(model, measured)
-    same = swayed.weight / measured.weight.clip(min=1e-9)
-    left = weighted_error(rest, swayed) / same.max((1, 2))
-    assert (left >= -1e-9).all() and (left <= weighted_error(rest, measured) * (1 + 1e-5)).all()
-    assert left.mean() < 0.9 * weighted_error(rest, measured).mean()
+    even = equalised(measured, model)
+    spread = [action_losses(model, pushes) for pushes in (measured, even)]
+    assert spread[1].std() / spread[1].mean() < 0.7 * spread[0].std() / spread[0].mean()
+    assert even.weight.mean() == pytest.approx(1.0)
+    assert np.allclose(linearise(model, even).energy, spread[1], rtol=1e-4)
 
 
 @pytest.mark.parametrize(("mode", "amount"), [("depth", 0.2), ("width", -0.1), ("along", 0.001), ("volume", 0.2)])

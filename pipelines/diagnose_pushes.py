@@ -1,0 +1,112 @@
+"""Find what an analytic push model gets wrong about one material, name the causes, and extend the network by them."""
+
+import argparse
+import json
+import shutil
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.ranges import at_least
+from pentimento.contracts.tables import read_table
+from pentimento.gap.pushes.cross_fitted import CrossFitted, averaged, cross_fit
+from pentimento.gap.pushes.measured import PIXELS_PER_M
+from pentimento.gap.pushes.write import write_push_diagnosis
+from pentimento.push_dynamics.analytic_correction import FILE, correction_as_json
+from pentimento.push_dynamics.evaluation import predict
+from pentimento.push_dynamics.measured import load_pushes
+from pentimento.push_dynamics.push_model import read_push_model, write_push_model
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import tracked_run
+
+
+@dataclass(frozen=True)
+class DiagnosePushes:
+    """Section `diagnose_pushes` of params.yaml."""
+
+    seed: int
+    """Of splits and bootstraps."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "seed")
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--gap`: the verdict and what belongs to it; and `--out`: the push model to plan with, metrics.json."""
+    config = load_section(Path("params.yaml"), "diagnose_pushes", DiagnosePushes)
+    single_threaded()
+    inputs = {"pushes": arguments.pushes, "base": arguments.base}
+    with (
+        tracked_run("diagnose_pushes", arguments.material, asdict(config), inputs) as run,
+        output_folder(arguments.gap) as gap,
+        output_folder(arguments.out) as out,
+    ):
+        table = read_table(arguments.pushes, CONTRACT).table
+        found = write_push_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
+        (samples, _), network = load_pushes(table), read_push_model(arguments.base)
+        unseen = arguments.base / "held_out_actions.json"
+        held_out = np.array(json.loads(unseen.read_text()))
+        if not np.isin(held_out, samples.action_id).any():
+            raise ContractError(f"None of the actions in {unseen} is among the pushes: train the base on them.")
+        predicted = averaged(predict(network, samples).numpy(), samples.pixels_per_m)
+        fitted = cross_fit(found, load_pushes(table, PIXELS_PER_M)[0], predicted, held_out, config.seed)
+        write_push_model(network, out)
+        shutil.copyfile(unseen, out / unseen.name)
+        if fitted.correction is not None:
+            write_json(out / FILE, correction_as_json(fitted.correction))
+        metrics = _verdict_metrics(gap / "verdict.json") | _cross_fit_metrics(fitted)
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+        print(_said(fitted), file=sys.stderr)
+
+
+def _verdict_metrics(path: Path) -> dict[str, Any]:
+    """The numbers of a verdict; what is unknown (a floor without repeats) is left out."""
+    verdict = json.loads(path.read_text())
+    mse = {f"{name}_mm2": verdict["mse"][name] for name in ("base", "extended", "floor")}
+    metrics: dict[str, Any] = {
+        "mse": {name: value for name, value in mse.items() if value is not None},
+        "established": len(verdict["established"]),
+        "suspected": len(verdict["suspected"]),
+        "unexplained": len(verdict["unexplained"]),
+    }
+    if verdict["gap_closed"]["test"] is not None:
+        metrics["gap_closed"] = verdict["gap_closed"]["test"]
+    return metrics
+
+
+def _cross_fit_metrics(fitted: CrossFitted) -> dict[str, Any]:
+    alone, planned = fitted.held_out
+    made: dict[str, Any] = {
+        "correction_kept": fitted.correction is not None,
+        "held_out": {"network_mm2": alone, "planned_mm2": planned},
+    }
+    if fitted.deciding is not None:
+        made["deciding"] = {"network_mm2": fitted.deciding[0], "corrected_mm2": fitted.deciding[1]}
+    return made
+
+
+def _said(fitted: CrossFitted) -> str:
+    if fitted.deciding is None:
+        return "No established cause is hidden from the network: it stays as it is."
+    alone, with_it = fitted.deciding
+    causes = ", ".join(fitted.causes)
+    if fitted.correction is None:
+        return f"Corrected by {causes} the network fares no better ({alone:.4g}, then {with_it:.4g} mm²): it stays."
+    return f"Corrected by {causes} the network's error on held-out pushes falls from {alone:.4g} to {with_it:.4g} mm²."
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="diagnose_pushes", description=__doc__)
+    parser.add_argument("--material", required=True)
+    parser.add_argument("--pushes", required=True, type=Path)
+    parser.add_argument("--base", required=True, type=Path, help="the push model of train_push_dynamics")
+    parser.add_argument("--gap", required=True, type=Path, help="folder for the verdict")
+    parser.add_argument("--out", required=True, type=Path, help="folder for the push model that is planned with")
+    stage_main(main, parser)

@@ -1,0 +1,250 @@
+"""Sculpt goals one after another in the same clay: plan, push, look, replan, and measure what came of it."""
+
+import argparse
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.height_maps import encode_height_png
+from pentimento.contracts.images import write_png
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.tables import write_shards
+from pentimento.planning.sculptor.config import SculptorConfig
+from pentimento.planning.sculptor.goal import GoalFit, GoalSettings, fit_goal
+from pentimento.planning.sculptor.model import PushModel
+from pentimento.planning.sculptor.objective import ClayObjective
+from pentimento.planning.sculptor.plan import PushPlan, plan
+from pentimento.planning.sculptor.rollout import Foresight
+from pentimento.push_dynamics.analytic_correction import corrected
+from pentimento.push_dynamics.planned import planned_members
+from pentimento.push_dynamics.push_model import read_push_model
+from pentimento.report.pictures import time_lapse
+from pentimento.robots.end_effectors import EndEffector, load_end_effector
+from pentimento.robots.sculpting import SculptingRobot
+from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.runner.act import Session
+from pentimento.runner.push_act import HEIGHT_PER_UNIT_M
+from pentimento.runner.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.runner.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
+from pentimento.sculpting_goals.measures import met, read_by
+from pentimento.sculpting_goals.reading import LetterReader
+from pentimento.sculpting_goals.shading import photograph
+from pentimento.sculpting_goals.sources import relief_of
+from pipelines._config import entry_of, load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import Run, tracked_run
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One goal."""
+
+    source: str
+    """letter:<text>, shape:<name>, or a file; see sculpting_goals.sources."""
+    reach_m: float
+    """Its deepest place lies so far below the clay's mean height; a goal after another must be deeper to cover it."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One sculpture."""
+
+    world: str
+    """The studio's."""
+    end_effector: str
+    goals: tuple[Wanted, ...]
+    """In this order, in the same clay."""
+    share: float
+    """Of the area's side that a goal covers."""
+    soften_m: float
+    """Edges of goals are as soft as this, about a third of what the end-effector rounds off."""
+    fit: GoalSettings
+    depth_model: str | None
+    """For pictures: folder of a depth model of transformers, or null for a plain relief."""
+
+
+@dataclass(frozen=True)
+class Sculpt:
+    """Section `sculpt` of params.yaml."""
+
+    actions: int
+    """For each goal, at most."""
+    scan_pixels: int
+    execution: Execution
+    planner: SculptorConfig
+    reader_letters: str
+    """The reader of what was sculpted tells these apart; it is asked only about letters among them."""
+    reader_examples: int
+    """Renderings of each, to train it on."""
+    frame_ms: int
+    seed: int
+    """Of the studio."""
+    settings: dict[str, Setting]
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "actions", "reader_examples")
+        at_least(self, 2, "scan_pixels")
+        above_zero(self, "frame_ms")
+        at_least(self, 0, "seed")
+        if len(set(self.reader_letters)) < 2:
+            raise ValueError(f"reader_letters is {self.reader_letters!r}; a reader tells at least two letters apart.")
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: the pushes table, plans, height maps, pictures and metrics.json of one material."""
+    config = load_section(Path("params.yaml"), "sculpt", Sculpt)
+    setting = entry_of(config.settings, arguments.material, "sculpt.settings")
+    single_threaded()
+    with (
+        tracked_run("sculpt", arguments.material, asdict(config), {"push_model": arguments.model}) as run,
+        output_folder(arguments.out) as out,
+    ):
+        end_effector = load_end_effector(setting.end_effector)
+        robot = _robot(setting, end_effector, config)
+        window_m = robot.scan().window_m
+        model = read_push_model(arguments.model)
+        if model.facts.contexts[0] != (arguments.material, end_effector.name):
+            raise ConfigError(
+                f"{arguments.model} was trained on {' with '.join(model.facts.contexts[0])}, and params.yaml: "
+                f"sculpt.settings asks for {arguments.material} with {end_effector.name}; train it on that."
+            )
+        members = tuple(corrected(member, arguments.model) for member in planned_members(model, window_m))
+        reader = LetterReader(config.reader_letters, config.reader_examples, config.seed)
+        session = Session(f"sculpture-{arguments.material}-{config.seed}", robot.clock_s)
+        rows: list[dict[str, Any]] = []
+        frames: list[NDArray[np.uint8]] = []
+        goals: dict[str, Any] = {}
+        for number, wanted in enumerate(setting.goals):
+            name = f"{number}_{_name(wanted)}"
+            folder = out / name
+            folder.mkdir()
+            height, _ = seen_m(robot.scan())
+            fit = _goal(wanted, height, setting, config, robot)
+            foretold = _foretold(height, fit, members, end_effector, robot, config, number)
+            made = sculpt(
+                robot, end_effector, arguments.material, fit.height_m, members, config.planner, config.execution,
+                config.actions, session, number, partial(_log_as, run, name),
+            )  # fmt: skip
+            _pictures(folder, window_m, fit, foretold, made)
+            rows += made.rows
+            frames += [photograph(each, window_m, 2) for each in made.heights_m[:: config.execution.batch]]
+            metrics = _metrics(wanted, fit, foretold, made, config, reader, setting, window_m)
+            write_json(folder / "metrics.json", metrics)
+            goals[name] = metrics
+            run.log_picture(out / f"{name}.png")
+        if rows:
+            (out / "pushes").mkdir()
+            write_shards(out / "pushes", _table(rows), CONTRACT)
+        (out / "time_lapse.gif").write_bytes(time_lapse(frames, config.frame_ms))
+        write_json(out / "metrics.json", goals)
+        run.log_metrics(goals)
+
+
+def _robot(setting: Setting, end_effector: EndEffector, config: Sculpt) -> SculptingRobot:
+    robot = virtual_sculpting_robot(setting.world, config.scan_pixels, config.seed)
+    return GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m))
+
+
+def _goal(wanted: Wanted, height: Array, setting: Setting, config: Sculpt, robot: SculptingRobot) -> GoalFit:
+    soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
+    depth_model = None if setting.depth_model is None else Path(setting.depth_model)
+    shape = (height.shape[0], height.shape[1])
+    relief = relief_of(wanted.source, shape, setting.share, soften_px, depth_model)
+    return fit_goal(relief, height, replace(setting.fit, reach_m=wanted.reach_m))
+
+
+def _foretold(
+    height: Array,
+    fit: GoalFit,
+    members: tuple[PushModel, ...],
+    end_effector: EndEffector,
+    robot: SculptingRobot,
+    config: Sculpt,
+    number: int,
+) -> PushPlan:
+    """A plan of all actions at once, chosen one by one from the first tries: what would be done without looking."""
+    objective = ClayObjective(fit.height_m, members[0].window_m, config.planner.weights)
+    foresight = Foresight(members, objective, config.planner.caution)
+    reach = reach_for(end_effector, robot.area_m, config.planner.edge_m)
+    whole = replace(config.planner, horizon=config.actions, rounds=0, refine="none")
+    return plan(height, foresight, reach, whole, config.actions, (number, 0))
+
+
+def _metrics(
+    wanted: Wanted,
+    fit: GoalFit,
+    foretold: PushPlan,
+    made: Sculpture,
+    config: Sculpt,
+    reader: LetterReader,
+    setting: Setting,
+    window_m: NDArray[np.float64],
+) -> dict[str, Any]:
+    objective = ClayObjective(fit.height_m, window_m, config.planner.weights)
+    off_mm2 = float(np.square(1e3 * (made.heights_m[1:] - made.foreseen_m)).mean()) if len(made.actions) else 0.0
+    metrics: dict[str, Any] = {
+        "source": wanted.source,
+        "actions": len(made.actions),
+        "stopped": made.stopped,
+        "helped": made.helped,
+        "holes_filled": made.holes,
+        "goal": {name: value for name, value in vars(fit).items() if name != "height_m"},
+        "foretold_off_mm2": off_mm2,
+        "curve": {
+            "error_3d_mm2": objective.error_3d_mm2(made.heights_m),
+            "visual_error": objective.visual_error(made.heights_m),
+        },
+        **met(objective, made.heights_m, foretold.foreseen_m[-1]),
+    }
+    letter = wanted.source.removeprefix("letter:")
+    if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
+        metrics["read"] = read_by(reader, made.heights_m[-1], fit.height_m, setting.fit.border)
+        metrics["read"]["right"] = metrics["read"]["clay"] == letter
+    return metrics
+
+
+def _pictures(folder: Path, window_m: NDArray[np.float64], fit: GoalFit, foretold: PushPlan, made: Sculpture) -> None:
+    """Photographs and height maps of the clay before, the goal, the plan and the clay after; all four beside it."""
+    heights = (made.heights_m[0], fit.height_m, foretold.foreseen_m[-1], made.heights_m[-1])
+    shown = dict(zip(("before", "goal", "plan", "result"), heights, strict=True))
+    for name, height in shown.items():
+        write_png(folder / f"{name}.png", photograph(height, window_m))
+        (folder / f"{name}_height.png").write_bytes(encode_height_png(height, HEIGHT_PER_UNIT_M))
+    row = np.hstack([photograph(height, window_m) for height in shown.values()])
+    write_png(folder.parent / f"{folder.name}.png", row)
+    write_json(folder / "plan.json", {"actions": foretold.actions, "values": foretold.values})
+
+
+def _table(rows: list[dict[str, Any]]) -> pa.Table:
+    schema = arrow_schema(CONTRACT, include_optional=set(rows[0]))
+    for name in sorted(rows[0].keys() - set(schema.names)):
+        schema = schema.append(pa.field(name, pa.float32()))  # covariates of the room's sensors
+    return pa.Table.from_pylist(rows, schema=schema)
+
+
+def _name(wanted: Wanted) -> str:
+    """Of a goal's folder."""
+    kind, _, name = wanted.source.partition(":")
+    return name if kind in ("letter", "shape") and name.isalnum() else Path(wanted.source).stem
+
+
+def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
+    run.log(f"{name}.{kind}", value, step)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="sculpt", description=__doc__)
+    parser.add_argument("--material", required=True)
+    parser.add_argument("--model", required=True, type=Path, help="weights of a push model of that material")
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

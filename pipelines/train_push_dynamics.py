@@ -1,0 +1,80 @@
+"""Train param2deform on one material's pushes, and score it beside what is trivial and what repeats say is possible."""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pentimento.contracts.images import write_png
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.push_dynamics.evaluation import predict, scores
+from pentimento.push_dynamics.measured import PushSamples, load_pushes
+from pentimento.push_dynamics.pictures import comparison
+from pentimento.push_dynamics.push_model import PushModel, write_push_model
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, split_by_action, train
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import tracked_run
+
+_SHOWN = 8
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: the model, metrics.json, curve.json, held_out_actions.json, held_out.png."""
+    config = load_section(Path("params.yaml"), "train_push_dynamics", TrainingConfig)
+    single_threaded()
+    with (
+        tracked_run("train_push_dynamics", arguments.material, asdict(config), {"pushes": arguments.pushes}) as run,
+        output_folder(arguments.out) as out,
+    ):
+        checked = read_table(arguments.pushes, CONTRACT)
+        samples, repairs = load_pushes(checked.table)
+        for sentence in repairs.sentences():
+            print(sentence, file=sys.stderr)
+        training, held_out = split_by_action(samples, config.held_out, config.seed)
+        crop = crop_for(samples, config)
+        curve: list[float] = []
+
+        def log(name: str, value: float, step: int) -> None:
+            run.log(name, value, step)
+            curve.append(value)
+
+        context = (str(samples.material[0]), str(samples.tool[0]))
+        kind: Literal["push", "pinch"] = "push" if samples.kind[0] == "push" else "pinch"
+        model = train(in_pose(training, crop), kind, [context], crop, config, log)
+        metrics = scores(model, training, held_out, samples) | {
+            "pushes": {
+                "training": len(training.before),
+                "held_out": len(held_out.before),
+                "quarantined": len(checked.quarantined) + len(repairs.bad),
+                "copies": len(repairs.copies),
+                "tilted": repairs.tilted,
+                "holes": repairs.holes,
+            }
+        }
+        write_push_model(model, out)
+        write_json(out / "metrics.json", metrics)
+        write_json(out / "curve.json", {"epoch": list(range(len(curve))), "loss": curve})
+        write_json(out / "held_out_actions.json", sorted(set(held_out.action_id.tolist())))
+        write_png(out / "held_out.png", _picture(model, held_out))
+        run.log_metrics(json.loads((out / "metrics.json").read_text()))
+        run.log_picture(out / "held_out.png")
+
+
+def _picture(model: PushModel, held_out: PushSamples) -> np.ndarray:
+    """Held-out pushes, spread over the recording."""
+    some = held_out.pick(np.unique(np.linspace(0, len(held_out.before) - 1, _SHOWN).round().astype(int)))
+    return comparison(some.before, some.after, predict(model, some).numpy(), some.known, some.pixels_per_m)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="train_push_dynamics", description=__doc__)
+    parser.add_argument("--material", required=True)
+    parser.add_argument("--pushes", required=True, type=Path)
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,80 @@
+"""A push model as graphs: clay after alternative pushes, and the way back from clay after one push."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from pentimento.deploy.graphs import Graph, compared, generator
+from pentimento.deploy.tracing import export
+from pentimento.push_dynamics.planned import TorchClay
+from pentimento.push_dynamics.push_model import PushFacts
+from pentimento.runner.push_graphs import ClayFacts
+
+_EXAMPLE_ACTIONS = 7  # unlike every other size, so that the exporter takes it for none of them
+_COMPARED_WITH = (1, 2, 12)
+_UNITS = {
+    "height_m": "m above the table, without holes; row 0 is the top",
+    "actions": "m, m, rad, m, m, canvas frame",
+    "action": "m, m, rad, m, m, canvas frame",
+    "after_m": "m above the table",
+    "of_after": "d loss / d after_m",
+    "to_height": "d loss / d height_m",
+    "to_action": "d loss / d action",
+}
+
+
+def clay_graphs(
+    name: str, clay: TorchClay, facts: PushFacts, shape: tuple[int, int], tolerance: float, models: tuple[str, ...]
+) -> tuple[ClayFacts, dict[str, Graph]]:
+    """What a runner plans pushes with, for height maps [H, W] of this shape over the clay's window.
+
+    Raises:
+        ParityError: a graph does not compute what PyTorch does.
+    """
+
+    def after(height: Tensor, actions: Tensor) -> tuple[Tensor]:
+        return (clay.foretold(height.expand(actions.shape[0], -1, -1), actions),)
+
+    def pull(height: Tensor, action: Tensor, cotangent: Tensor) -> tuple[Tensor, ...]:
+        leaves = [argument.detach().requires_grad_(True) for argument in (height, action)]
+        with torch.enable_grad():
+            made = clay.foretold(leaves[0][None], leaves[1][None])[0]
+        return torch.autograd.grad(made, leaves, cotangent)
+
+    def examples(count: int) -> list[Tensor]:
+        numbers = generator(name, count)
+        rough = 0.04 + 2e-3 * torch.nn.functional.avg_pool2d(torch.randn(1, *shape, generator=numbers), 5, 1, 2)[0]
+        low, high = torch.tensor(clay.window_m, dtype=torch.float32).view(2, 2)
+        unit = torch.rand(count, 5, generator=numbers)
+        place, turn = low + (high - low) * unit[:, :2], torch.pi * (2 * unit[:, 2:3] - 1)
+        reach = unit[:, 3:] * torch.tensor([facts.longest_m, facts.deepest_m])
+        return [rough, torch.cat([place, turn, reach], dim=1)]
+
+    def pulled(count: int) -> list[Tensor]:
+        height, actions = examples(count)
+        return [height, actions[0], torch.randn(shape, generator=generator(name, count + 1))]
+
+    graphs = {
+        f"{name}_after": compared(
+            f"{name}_after",
+            export(after, examples(_EXAMPLE_ACTIONS), ["height_m", "actions"], ["after_m"], [{}, {0: "pushes"}]),
+            after,
+            [examples(count) for count in _COMPARED_WITH],
+            _UNITS,
+            tolerance,
+            models,
+        ),
+        f"{name}_pull": compared(
+            f"{name}_pull",
+            export(pull, pulled(1), ["height_m", "action", "of_after"], ["to_height", "to_action"]),
+            pull,
+            [pulled(count) for count in _COMPARED_WITH],
+            _UNITS,
+            tolerance,
+            models,
+        ),
+    }
+    x_min, y_min, x_max, y_max = (float(edge) for edge in clay.window_m)
+    window = (x_min, y_min, x_max, y_max)
+    return ClayFacts(clay.end_effector, facts.kind, window, shape, facts.longest_m, facts.deepest_m), graphs

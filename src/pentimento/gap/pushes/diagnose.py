@@ -1,0 +1,167 @@
+"""From a table of pushes to what is wrong with the analytic model: find, confirm, measure on sealed pushes, say what is
+left. As on strokes (``gap/diagnose.py``), and with the same statistics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.diagnose import Finding
+from pentimento.gap.floor import Floor, floor_of_repeats
+from pentimento.gap.modes import Unexplained
+from pentimento.gap.pushes.fit import equalised, fit
+from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
+from pentimento.gap.pushes.measured import MeasuredPushes
+from pentimento.gap.pushes.modes import unexplained
+from pentimento.gap.pushes.search import Search, search
+from pentimento.gap.pushes.splits import split_pushes
+from pentimento.gap.score import projected
+from pentimento.gap.search import paired_p
+from pentimento.gap.splits import Splits
+from pentimento.gap.standard_errors import covariance
+from pentimento.push_dynamics.analytic import AnalyticPush, first_model, typical
+from pentimento.push_dynamics.mechanisms import Mechanism
+
+Array = NDArray[Any]
+
+_CONFIRMED_P = 0.4
+_DRAWS = 1999
+_LEAST_GAIN, _LEAST_OF_FLOOR = 0.01, 0.03
+"""Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing, however sure it is."""
+_SMALLEST_GAP = 0.1
+"""Of the gap: below it a resampled gap is no measure for anything."""
+
+
+@dataclass(frozen=True)
+class PushDiagnosis:
+    """Everything that the verdict and the report say."""
+
+    splits: Splits
+    measured: MeasuredPushes
+    search: Search
+    extended: AnalyticPush
+    """The base with the established causes, fitted to all but the sealed pushes."""
+    base: AnalyticPush
+    """The same without them."""
+    established: tuple[Finding, ...]
+    suspected: tuple[Finding, ...]
+    floor: Floor | None
+    base_losses: Array
+    """Of each sealed action, mm²."""
+    extended_losses: Array
+    unexplained: tuple[Unexplained, ...]
+    mode_strength: Array
+    covariates: tuple[str, ...]
+
+    @property
+    def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
+        """(base - extended) / (base - floor) on sealed pushes, and 95 % of it; None without a floor."""
+        if self.floor is None or self.base_losses.mean() <= self.floor.mse:
+            return None
+        fall = self.base_losses - self.extended_losses
+        gap = self.base_losses - self.floor.mse
+        drawn = np.random.default_rng(11).integers(0, len(gap), (_DRAWS, len(gap)))
+        shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), _SMALLEST_GAP * gap.mean())
+        low, high = np.quantile(shares, [0.025, 0.975])
+        return float(fall.mean() / gap.mean()), (float(low), float(high))
+
+
+def diagnose(
+    measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
+) -> PushDiagnosis:
+    """Diagnose measured pushes.
+
+    Raises:
+        ContractError: too few actions.
+    """
+    splits = split_pushes(measured, seed)
+    plain = measured.pick(splits.discovery)
+    first = fit(first_model(plain.scene), plain)
+    weighed = equalised(measured, first)
+    noise = noise_floor(first, measured, seed)
+    error = float(mean_squared_error(residual(first, plain), plain).mean())
+    weighed_error = float(action_losses(first, weighed.pick(splits.discovery)).mean())
+    floor_share = min(noise.mse / error, 1.0) * weighed_error if noise else 0.0
+    found = search(first, weighed.pick(splits.discovery), floor_share, vocabulary, seed, log)
+    test = measured.pick(splits.test)
+    seen = np.sort(np.concatenate(splits[:2]))
+    known, plainly = weighed.pick(seen), measured.pick(seen)
+    fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
+    named = list(found.model.mechanisms)
+    confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
+    lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
+    base = fit(found.base, plainly)
+    extended = base if len(lost) == len(named) else fit(found.model.without(*lost), plainly)
+    floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
+    base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
+    above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
+    chosen = {step.chosen: step for step in found.steps if step.chosen}
+
+    def finding(model: AnalyticPush, mechanism: Mechanism) -> Finding:
+        rest = fit(model.without(mechanism.cause), plainly)
+        fall = (action_losses(rest, test) - action_losses(model, test)) / above
+        drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
+        low, high = np.quantile(drawn, [0.025, 0.975])
+        step = chosen[mechanism.cause]
+        return Finding(
+            mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
+            float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism.cause, plainly),
+            step.rivals,
+        )  # fmt: skip
+
+    established = tuple(finding(extended, m) for m in extended.mechanisms)
+    least = max(_LEAST_GAIN, _LEAST_OF_FLOOR * floor.mse / above if floor else 0.0)
+    idle = [f.cause for f in established if f.gain < least]
+    if idle:  # confirmed, and of no use on pushes that nothing was fitted to: the others are valued without it
+        extended = fit(extended.without(*idle), plainly)
+        extended_losses = action_losses(extended, test)
+        established = tuple(finding(extended, m) for m in extended.mechanisms)
+    # What is established itself is no other explanation of its neighbour.
+    names = {f.cause for f in established}
+    established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names)) for f in established)
+    doubtful = [m for m in named if m.cause not in names]
+    suspected = tuple(finding(fit(extended.plus(m), plainly), m) for m in doubtful)
+    left, strength, covariates = unexplained(extended, known, seed)
+    return PushDiagnosis(
+        splits, measured, found, extended, base, established, suspected, floor, base_losses, extended_losses,
+        tuple(left), strength, tuple(covariates),
+    )  # fmt: skip
+
+
+def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:
+    """What even a perfect model would miss, from repeated actions (GAP.md, rule 6), mm²; None where none is repeated.
+
+    Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
+    """
+    groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
+    window = measured.samples.window_m
+    aligned = [rows for rows in groups if np.ptp(window[rows], axis=0).max() < measured.scene.pixel_m / 2]
+    return floor_of_repeats(residual(model, measured), measured.valid, aligned, seed)
+
+
+def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes) -> dict[str, tuple[float, float]]:
+    """Each quantity of a fitted mechanism with its cluster-robust standard error, in its unit, by name."""
+    spread = np.diag(covariance(linearise(model, measured)))
+    fitted = next(m for m in model.mechanisms if m.cause == cause)
+    errors = np.sqrt(np.maximum(spread[model.columns_of(cause)], 0.0)) * typical(fitted)
+    return {
+        q.name: (float(value), float(error))
+        for q, value, error in zip(fitted.quantities, fitted.values, errors, strict=True)
+    }
+
+
+def _confirmation(found: Search, mechanism: Mechanism, known: MeasuredPushes, fresh: Array, seed: int) -> float:
+    """One-sided p that pushes which were not searched do not ask for the cause, as it was found: sign flips of their
+    scores in its direction.
+    """
+    statistics = linearise(found.model, known)
+    columns = found.model.columns_of(mechanism.cause)
+    rest = np.setdiff1d(np.arange(len(found.model.vector)), columns)
+    slope, curvature = projected(statistics, rest, columns)
+    values = found.model.vector[columns]
+    return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, values))[fresh], seed)

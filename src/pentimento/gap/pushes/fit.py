@@ -1,0 +1,157 @@
+"""Least squares on pushes: Gauss-Newton with Levenberg's damping on the sum over actions, and weights of pushes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.jacobian import Statistics
+from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
+from pentimento.gap.pushes.measured import MeasuredPushes
+from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
+
+Array = NDArray[Any]
+
+_HOLD = 0.003
+"""Of the error: what a number costs that lies as far from its start as is likely."""
+_LIKELY = {
+    "log_radius": 1.0,
+    "log_gain": 0.3,
+    "log_gain_by_depth": 0.2,
+    "log_edge": 1.0,
+    "log_aspect": 0.3,
+    "kept": 0.3,
+    "log_rims": 0.5,
+    "far_rim": 0.5,
+    "along_mm": 1.0,
+    "lean": 1.0,
+    "heap": 1.0,
+    "end_lift": 0.3,
+    "end_pull": 0.3,
+    "log_blur": 0.7,
+}
+_RANGE = {
+    "log_radius": (-2.0, 3.0),
+    "log_gain": (-1.5, 1.5),
+    "log_gain_by_depth": (-1.0, 1.0),
+    "log_edge": (-2.0, 0.3),
+    "log_aspect": (-1.5, 1.5),
+    "kept": (0.05, 1.5),
+    "log_rims": (-1.2, 0.7),
+    "far_rim": (-1.5, 2.5),
+    "along_mm": (-3.0, 3.0),
+    "lean": (-3.0, 3.0),
+    "heap": (-4.0, 4.0),
+    "end_lift": (-3.0, 3.0),
+    "end_pull": (-3.0, 3.0),
+    "log_blur": (float(np.log(0.3)), float(np.log(4.0))),
+}
+_PROFILE_LIKELY_MM = 4.0
+_PROFILE_RANGE_MM = (-5.0, 60.0)
+_RIDGE = 1e-8
+_ENOUGH = 5e-4
+"""Relative fall of the error below which a fit has ended."""
+_LONGEST = 0.5
+"""How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
+_MOST_UNEQUAL = 8.0
+
+
+def fit(model: AnalyticPush, measured: MeasuredPushes, iterations: int = 30) -> AnalyticPush:
+    """The model whose foretold heights are nearest to the measured, by weighted mean squared error.
+
+    What the pushes leave open is held near the plainest base: a ball, rims all round, a hard edge.
+    """
+    start = _start(measured)
+    loss = _loss(model, measured)
+    hold = _hold(model, loss)
+    loss += _cost(model.vector, start, hold)
+    damping = 1e-3
+    low, high = _bounds(model)
+    reach = np.concatenate([np.full(len(BASE), _LONGEST), np.full(len(model.vector) - len(BASE), 2 * _LONGEST)])
+    reach[[BASE.index(name) for name in PROFILE]] = 2.0
+    for _ in range(iterations):
+        near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
+        statistics = linearise(model, measured)
+        improved = False
+        for _ in range(6):
+            candidate = model.at(_step(model.vector, statistics, damping, start, hold, *near))
+            new = _loss(candidate, measured) + _cost(candidate.vector, start, hold)
+            if new < loss:
+                improved = True
+                break
+            damping = max(damping * 10, 1e-3)
+        if not improved:
+            break
+        gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
+        if gained < _ENOUGH:
+            break
+    return model
+
+
+def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
+    """The pushes with weights: the inverse of each one's error about the model, within bounds, 1 on average.
+
+    A deep push that meets an old groove is wrong by tens of times what a shallow one is: unweighted, few such pushes
+    would say all.
+    """
+    error = mean_squared_error(residual(model, measured), measured)
+    weight = np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MOST_UNEQUAL, _MOST_UNEQUAL)
+    return replace(measured, weight=weight / weight.mean())
+
+
+def _start(measured: MeasuredPushes) -> Array:
+    return first_model(measured.scene).base
+
+
+def _hold(model: AnalyticPush, loss: float) -> Array:
+    """Curvature [P, P] of what holds the base where pushes leave it open."""
+    hold = np.zeros((len(model.vector), len(model.vector)))
+    for i, name in enumerate(BASE):
+        likely = _PROFILE_LIKELY_MM * KNOTS[PROFILE.index(name)] if name in PROFILE else _LIKELY[name]
+        hold[i, i] = 1 / likely**2
+    return _HOLD * loss * hold
+
+
+def _cost(vector: Array, start: Array, hold: Array) -> float:
+    away = vector.copy()
+    away[: len(start)] -= start
+    return float(away @ hold @ away)
+
+
+def _step(
+    now: Array, statistics: Statistics, damping: float, start: Array, hold: Array, low: Array, high: Array
+) -> Array:
+    """All numbers after a damped Gauss-Newton step; those that would leave their range stay at its end."""
+    away = now.copy()
+    away[: len(start)] -= start
+    curvature = statistics.curvature.mean(0) + hold
+    slope = statistics.slope.mean(0) - hold @ away
+    diagonal = np.diag(curvature)
+    damped = curvature + np.diag(damping * diagonal + _RIDGE * diagonal.max() + 1e-15)
+    new, free = now, np.ones(len(slope), bool)
+    for _ in range(len(slope)):
+        moved = new[~free] - now[~free]
+        step = np.linalg.solve(damped[np.ix_(free, free)], slope[free] - damped[np.ix_(free, ~free)] @ moved)
+        new = new.copy()
+        new[free] = now[free] + step
+        outside = free & ((new < low) | (new > high))
+        if not outside.any():
+            break
+        new = np.clip(new, low, high)
+        free &= ~outside
+    return new
+
+
+def _bounds(model: AnalyticPush) -> tuple[Array, Array]:
+    """Where the model's numbers mean something."""
+    low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
+    for i, name in enumerate(BASE):
+        low[i], high[i] = _PROFILE_RANGE_MM if name in PROFILE else _RANGE[name]
+    return low, high
+
+
+def _loss(model: AnalyticPush, measured: MeasuredPushes) -> float:
+    return float(action_losses(model, measured).mean())

@@ -1,0 +1,93 @@
+"""How what the analytic model foretells changes with each of its numbers, summed up by action (GAP.md, rule 3).
+
+Differences, each from the stage on at which its number acts: what a number of the surface does needs no second look at
+the contact.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.jacobian import Statistics, by_action
+from pentimento.gap.pushes.measured import MeasuredPushes
+from pentimento.push_dynamics.analytic import BASE, CONTACT, KEPT, AnalyticPush, keep, settle, touch
+from pentimento.push_dynamics.analytic_scene import PushScene
+
+Array = NDArray[Any]
+
+_STEP = 0.005
+_ROWS_AT_ONCE = 24
+MM = 1e3
+
+
+def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Measured less foretold, millimetres float32[B, H, W]; 0 where nothing was measured."""
+    missed = measured.after - measured.scene.before - model.change(measured.scene)
+    return np.where(measured.valid, missed * np.float32(MM), 0)
+
+
+def mean_squared_error(residuals: Array, measured: MeasuredPushes) -> Array:
+    """Of each row, over what was measured of its window: mm², [B]."""
+    return np.asarray(np.square(residuals).sum((1, 2)) / measured.valid.sum((1, 2)))
+
+
+def action_losses(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Weighted mean squared error of each action over its rows, mm², in the order of the actions' numbers."""
+    rows = measured.weight * mean_squared_error(residual(model, measured), measured)
+    return by_action(rows, measured.action)
+
+
+def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
+    """Jacobian of the foretold heights in all numbers of the model, summed up by action."""
+    return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
+
+
+def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+    """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], over its number of measured pixels; mm²."""
+    parts = [
+        _row_statistics(model, measured.pick(np.arange(first, min(first + _ROWS_AT_ONCE, len(measured)))))
+        for first in range(0, len(measured), _ROWS_AT_ONCE)
+    ]
+    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return curvature, slope, energy
+
+
+def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
+    """Of the change of height by each number of ``model.vector``, metres float32[P, B, H, W]."""
+    contact = touch(model, scene)
+    kept = keep(model, scene, contact)
+    still = settle(model, scene, kept)
+    stages = [_stage(name) for name in BASE]
+    stages += [{"command": 0, "material": 1, "surface": 2}[m.site] for m in model.mechanisms for _ in m.quantities]
+    found = np.empty((len(stages), *still.shape), dtype=np.float32)
+    for p, stage in enumerate(stages):
+        moved = model.at(model.vector + _STEP * (np.arange(len(stages)) == p))
+        match stage:
+            case 0:
+                done = keep(moved, scene, touch(moved, scene))
+            case 1:
+                done = keep(moved, scene, contact)
+            case _:
+                done = kept
+        found[p] = (settle(moved, scene, done) - still) / np.float32(_STEP)
+    return found
+
+
+def _stage(name: str) -> int:
+    return 0 if name in CONTACT else 1 if name in KEPT else 2
+
+
+def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+    root = np.sqrt(measured.weight)[:, None, None].astype(np.float32) * measured.valid
+    rows = len(measured)
+    slopes = derivatives(model, measured.scene) * (root * np.float32(MM))
+    slopes = slopes.reshape(len(slopes), rows, -1).transpose(1, 0, 2)  # [B, P, H W]
+    rest = (residual(model, measured) * root).reshape(rows, -1)
+    curvature = slopes @ slopes.transpose(0, 2, 1)
+    slope = np.einsum("bpn,bn->bp", slopes, rest)
+    energy = np.square(rest).sum(1)
+    pixels = measured.valid.sum((1, 2)).astype(np.float64)
+    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels

@@ -1,0 +1,190 @@
+"""Forward selection of causes on pushes: test all, refit the few that stand out, take the best, relinearise, look back.
+
+As on strokes (``gap/search.py``), in one pass: pushes have no habits that are learnt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.jacobian import action_losses, linearise
+from pentimento.gap.pushes.measured import MeasuredPushes
+from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.gap.search import Step, paired_p
+from pentimento.push_dynamics.analytic import AnalyticPush, identity
+from pentimento.push_dynamics.mechanisms import Mechanism
+from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
+
+Array = NDArray[Any]
+
+_DRAWS = 4999
+_FIRST_P, _LATER_P = 0.02, 0.01
+_WORSE_P = 0.05
+_SHORTLIST = 0.3  # of the best gain
+_MOST_REFITS = 4
+_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.03, 0.01
+"""Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
+like a cause."""
+_BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.7
+"""Of the largest gain so far: what a further cause must add."""
+_MOST_CAUSES, _MOST_STEPS = 6, 9
+
+
+@dataclass(frozen=True)
+class Search:
+    """What came of it."""
+
+    base: AnalyticPush
+    model: AnalyticPush
+    steps: tuple[Step, ...]
+    observable: dict[str, Mechanism]
+    """Each cause that these pushes can show, as it changes nothing yet."""
+    not_observable: dict[str, str]
+    """Causes that they cannot show, and why."""
+
+    @property
+    def found(self) -> frozenset[str]:
+        """The causes of the model."""
+        return frozenset(m.cause for m in self.model.mechanisms)
+
+
+def observable_causes(
+    measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]]
+) -> tuple[dict[str, Mechanism], dict[str, str]]:
+    """Causes that these pushes can show, each as it changes nothing yet; and those that they cannot, with why."""
+    seen: dict[str, Mechanism] = {}
+    unseen: dict[str, str] = {}
+    for kind in vocabulary:
+        try:
+            seen[kind.cause] = identity(kind, measured.scene)
+        except NotObservable as reason:
+            unseen[kind.cause] = str(reason)
+    return seen, unseen
+
+
+def search(
+    start: AnalyticPush,
+    measured: MeasuredPushes,
+    floor: float,
+    vocabulary: Sequence[type[Mechanism]],
+    seed: int,
+    log: Callable[[str], None],
+) -> Search:
+    """Extend the base, fitted from ``start``, by the causes that the pushes speak for.
+
+    Args:
+        floor: the noise floor, weighted as errors are; 0 if it is unknown.
+    """
+    base = model = fit(start, measured)
+    observable, unseen = observable_causes(measured, vocabulary)
+    plain = replace(measured, weight=np.ones(len(measured)))
+    steps: list[Step] = []
+    gained: dict[str, float] = {}
+    evidence: dict[str, Evidence] = {}
+    dismissed: set[str] = set()
+    """Causes that would have to act with the wrong sign, or do too little."""
+    while True:
+        taken = {m.cause for m in model.mechanisms}
+        candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
+        fresh = weigh(model, candidates, measured, seed + len(steps))
+        evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
+        short = _shortlist(fresh, _LATER_P if taken else _FIRST_P)
+        if not short or len(taken) == _MOST_CAUSES or len(steps) == _MOST_STEPS:
+            steps.append(Step(evidence, None, ()))
+            break
+        refits = {cause: fit(model.plus(observable[cause]), measured) for cause in short}
+        refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
+        dismissed |= set(short) - set(refits)
+        whole = action_losses(model, plain)
+        error = float(whole.mean())
+        least = max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor))
+        size = {cause: float((whole - action_losses(refit, plain)).mean()) for cause, refit in refits.items()}
+        small = {c for c in refits if size[c] < max(least, _enough(observable[c], observable, gained))}
+        dismissed |= small
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
+        if not losses:
+            continue
+        step = _best(evidence, losses, observable, seed, log)
+        steps.append(step)
+        assert step.chosen is not None
+        gained[step.chosen] = size[step.chosen]
+        model = _without_idle(refits[step.chosen], measured, seed, log)
+    return Search(base, model, tuple(steps), observable, unseen)
+
+
+def weigh(
+    model: AnalyticPush, candidates: Sequence[Mechanism], measured: MeasuredPushes, seed: int
+) -> dict[str, Evidence]:
+    """Evidence for each candidate at a fitted model."""
+    if not candidates:
+        return {}
+    statistics = linearise(model.plus(*candidates), measured)
+    held = np.arange(len(model.vector))
+    index, at = {}, len(held)
+    for mechanism in candidates:
+        index[mechanism.cause] = np.arange(at, at + len(mechanism.quantities))
+        at += len(mechanism.quantities)
+    tests = score_tests(statistics, held, index, _DRAWS, seed)
+    error = float(statistics.energy.mean())
+    _, first = np.unique(measured.action, return_index=True)
+    blocks = measured.block[first]
+    evidence = {}
+    for cause, columns in index.items():
+        gains = held_out_gains(statistics, held, columns, blocks, seed) / error
+        p, p_adjusted = tests[cause]
+        gain, interval, least = mean_and_bounds(gains, 999, seed)
+        evidence[cause] = Evidence(p, p_adjusted, gain, interval, least)
+    return evidence
+
+
+def is_physical(mechanism: Mechanism) -> bool:
+    """Whether all of its quantities have signs that they can have."""
+    return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
+
+
+def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
+    """Who is worth a refit: the best of those whose p is below ``limit``, and those near to it."""
+    standing = [cause for cause, e in evidence.items() if e.p_adjusted < limit and e.least_gain > 0]
+    if not standing:
+        return []
+    best = max(standing, key=lambda cause: evidence[cause].gain)
+    near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
+    return sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
+
+
+def _best(
+    evidence: dict[str, Evidence],
+    losses: Mapping[str, Array],
+    observable: Mapping[str, Mechanism],
+    seed: int,
+    log: Callable[[str], None],
+) -> Step:
+    """The simplest of the causes whose refit leaves no more error than the best one's, by losses [n] of each."""
+    least = min(losses, key=lambda cause: float(losses[cause].mean()))
+    tied = [c for c in losses if c == least or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
+    chosen = min(tied, key=lambda c: (len(observable[c].quantities), float(losses[c].mean())))
+    rivals = tuple(cause for cause in tied if cause != chosen)
+    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
+    return Step(evidence, chosen, rivals)
+
+
+def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
+    """How much error a further cause must remove, mm²."""
+    same = {cause: observable[cause].driver == mechanism.driver for cause in gained}
+    return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in gained.items()), default=0.0)
+
+
+def _without_idle(model: AnalyticPush, measured: MeasuredPushes, seed: int, log: Callable[[str], None]) -> AnalyticPush:
+    """The model less the mechanisms that it no longer needs, now that it has a new one."""
+    for mechanism in model.mechanisms[:-1]:
+        refit = fit(model.without(mechanism.cause), measured)
+        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
+            log(f"{mechanism.cause} is no longer needed")
+            return _without_idle(refit, measured, seed, log)
+    return model

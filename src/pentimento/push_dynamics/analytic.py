@@ -1,0 +1,221 @@
+"""An analytic model of a push: the swept tool, the indentation it leaves, rims, a heap in front; and named causes.
+
+The tip travels along u from 0 to L while it sinks from the surface at the start by g d u / L (thesis 7.3.2: the depth
+ramps linearly and is relative to the surface there). Its lower envelope over a place (u, v) is
+
+    E(u, v) = -m s + P(|(u - s, v)|),   m = g d / L,   s = clip(u + m R, 0, L),
+
+with the tool's profile P, a ball's of radius R near its tip and free further out, and s where that ball reaches lowest.
+What lies above E in ``before`` is pressed down: the model depends on the state. A share of it stays as an indentation;
+its volume comes up again in rims (spread by Gaussians of two widths, outside the contact) and a heap towards the
+travel; where the tool lifts off it may leave a peak. A blur ends it. All of these numbers are the base's nuisances
+(GAP.md, rule 2): free, so that no cause can explain a plain miscalibration. Mechanisms change the motion, what stays,
+or the surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.push_dynamics.analytic_scene import PushScene
+from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, peak, per_push
+from pentimento.push_dynamics.spread import spread
+
+Array = NDArray[Any]
+
+KNOTS = (0.85, 1.15, 1.6)
+"""Radii, in half-widths of the footprint, at which the profile may differ from a ball's; inside ``_ROUND`` it is one:
+were it free at its tip, it could pass for a tool that goes deeper by the same distance everywhere."""
+_ROUND = 0.6
+PROFILE = tuple(f"profile_{k}_mm" for k in range(len(KNOTS)))
+CONTACT = ("log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "along_mm")
+KEPT = ("kept", "log_rims")
+SURFACE = ("far_rim", "lean", "heap", "end_lift", "end_pull")
+BASE = (*CONTACT, *KEPT, *SURFACE, "log_blur")
+START = dict.fromkeys(BASE, 0.0) | {"kept": 0.9, "far_rim": 0.5, "log_blur": float(np.log(0.7))}
+EDGE_M = 0.0003
+"""Softness of the contact where ``log_edge`` is 0."""
+_NEAR, _FAR = 0.5, 1.1
+"""Widths of the rims, in half-widths of the footprint."""
+_DEEP_M = 0.005
+_LEAST_RIMS_M = 1e-9
+_USUAL_DEPTH = 0.6
+"""Of the deepest command: where a footprint has its usual half-width."""
+
+
+@dataclass(frozen=True)
+class AnalyticPush:
+    """All numbers of a model, in the order in which Jacobians list them: base, mechanisms."""
+
+    ball_radius_m: float
+    """R where ``log_radius`` is 0."""
+    base: Array
+    """float64[len(BASE)]"""
+    mechanisms: tuple[Mechanism, ...]
+
+    @cached_property
+    def vector(self) -> Array:
+        """All numbers; a mechanism's in units of what is typical."""
+        return np.concatenate([self.base, *(m.values / typical(m) for m in self.mechanisms)])
+
+    @property
+    def nuisances(self) -> int:
+        """How many come before the mechanisms' quantities."""
+        return len(self.base)
+
+    def at(self, vector: Array) -> AnalyticPush:
+        """The same model with other numbers."""
+        mechanisms, at = [], len(self.base)
+        for m in self.mechanisms:
+            mechanisms.append(type(m)(vector[at : at + len(m.quantities)] * typical(m), m.reference))
+            at += len(m.quantities)
+        return replace(self, base=vector[: len(self.base)], mechanisms=tuple(mechanisms))
+
+    @property
+    def at_work(self) -> tuple[Mechanism, ...]:
+        """The mechanisms that change anything."""
+        return tuple(m for m in self.mechanisms if not m.idle)
+
+    def plus(self, *mechanisms: Mechanism) -> AnalyticPush:
+        """With more mechanisms."""
+        return replace(self, mechanisms=(*self.mechanisms, *mechanisms))
+
+    def without(self, *causes: str) -> AnalyticPush:
+        """With fewer."""
+        return replace(self, mechanisms=tuple(m for m in self.mechanisms if m.cause not in causes))
+
+    def columns_of(self, cause: str) -> Array:
+        """Where a mechanism's quantities stand among all numbers.
+
+        Raises:
+            KeyError: the model has no such mechanism.
+        """
+        at = len(self.base)
+        for m in self.mechanisms:
+            if m.cause == cause:
+                return np.arange(at, at + len(m.quantities))
+            at += len(m.quantities)
+        raise KeyError(cause)
+
+    def change(self, scene: PushScene) -> Array:
+        """What the pushes do to the height, float32[B, H, W] metres."""
+        return settle(self, scene, keep(self, scene, touch(self, scene)))
+
+
+def first_model(scene: PushScene) -> AnalyticPush:
+    """The base before any fit: a ball that leaves a footprint of the usual half-width."""
+    deepest = float(np.quantile(scene.action[:, 4], 0.9))
+    radius = scene.half_width_m**2 / (2 * _USUAL_DEPTH * max(deepest, 1e-4))
+    return AnalyticPush(radius, np.array([START[name] for name in BASE]), ())
+
+
+def identity(kind: type[Mechanism], scene: PushScene) -> Mechanism:
+    """A mechanism that changes nothing yet.
+
+    Raises:
+        NotObservable: these pushes cannot show it.
+    """
+    return kind(np.zeros(len(kind.quantities)), kind.reference_of(scene))
+
+
+class Kept(NamedTuple):
+    """What the material keeps of a contact."""
+
+    contact: Contact
+    indentation_m: Array
+    """float32[B, H, W] downwards."""
+    near_m: Array
+    """float32[B, H, W]: the indentation spread by the narrow of the rims' two Gaussians."""
+    far_m: Array
+    """By the wide one."""
+
+
+def touch(model: AnalyticPush, scene: PushScene) -> Contact:
+    """Where the tool passes below the surface."""
+    number = _numbers(model)
+    still = np.zeros(len(scene))
+    motion = Motion(still, still, still, still, still)
+    for mechanism in model.at_work:
+        motion = mechanism.motion(motion, scene)
+    length, told = scene.action[:, 3], scene.action[:, 4]
+    gain = number["log_gain"] + number["log_gain_by_depth"] * (told / _DEEP_M - 1) + motion.log_depth
+    depth = told * np.exp(gain)
+    along = scene.along - per_push(motion.along_m + number["along_mm"] * 1e-3)
+    across = scene.across - per_push(motion.across_m)
+    slope = np.where(length > 1e-4, depth / np.maximum(length, 1e-4), 0.0)
+    # A push that does not travel goes down at once.
+    sunk = np.where(length > 1e-4, 0.0, depth)
+    radius = model.ball_radius_m * np.exp(number["log_radius"])
+    station = np.clip(along + per_push(slope * radius), 0.0, per_push(length))
+    ahead = (along - station) * np.float32(np.exp(number["log_aspect"]))
+    distance = np.sqrt(np.square(ahead) + np.square(across)) * per_push(np.exp(-motion.log_width))
+    more = np.array([0.0, *(number[name] for name in PROFILE)]) * 1e-3
+    shape = np.square(distance) / np.float32(2 * radius) + beside(
+        distance, np.array([_ROUND, *KNOTS]) * scene.half_width_m, more
+    )
+    envelope = shape - per_push(slope) * station - per_push(sunk + motion.lower_m)
+    edge = np.float32(EDGE_M * np.exp(number["log_edge"]))
+    ratio = np.clip((scene.before - envelope) / edge, -30, 30)
+    decayed = np.exp(-np.abs(ratio))
+    pressed = edge * (np.maximum(ratio, 0) + np.log1p(decayed))
+    pressed += np.maximum(scene.before - envelope - 30 * edge, 0)  # beyond the range of the exponential
+    inside = np.where(ratio >= 0, 1, decayed) / (1 + decayed)
+    contact_radius = per_push(np.maximum(np.sqrt(2 * radius * depth), scene.pixel_m))
+    beyond = (along - per_push(length)) / contact_radius
+    end = np.sqrt(np.square(beyond) + np.square(across / contact_radius))
+    middle = per_push(length / 2)
+    progress = np.clip((along - middle) / (middle + np.float32(scene.half_width_m)), -1, 1)
+    return Contact(pressed, inside, end, beyond, progress)
+
+
+def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
+    """How much of what is pressed stays so."""
+    kept = np.float32(_numbers(model)["kept"]) * contact.pressed_m
+    for mechanism in model.at_work:
+        kept = mechanism.kept(kept, contact, scene)
+    half_px = scene.half_width_m / scene.pixel_m * float(np.exp(_numbers(model)["log_rims"]))
+    return Kept(contact, kept, spread(kept, _NEAR * half_px), spread(kept, _FAR * half_px))
+
+
+def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
+    """What becomes of the displaced material: the whole change of height, float32[B, H, W] metres."""
+    number = {name: np.float32(value) for name, value in _numbers(model).items()}
+    contact, half_px = kept.contact, np.float32(scene.half_width_m / scene.pixel_m)
+    rims = (1 - number["far_rim"]) * kept.near_m + number["far_rim"] * kept.far_m
+    rims = rims + number["heap"] * _FAR * half_px * forward(kept.far_m, scene.action[:, 2])
+    # A moving tool carries material along: the rims are higher towards the end of travel.
+    rims = rims * np.exp(number["lean"] * contact.progress) * (1 - contact.inside)
+    # Volume balance: what is pressed down comes up again.
+    rims = rims * per_push(kept.indentation_m.sum((1, 2)) / np.maximum(rims.sum((1, 2)), _LEAST_RIMS_M))
+    lift = (number["end_lift"] + number["end_pull"] * contact.beyond_end) * np.float32(1e-3) * peak(contact)
+    settled = Settled(kept.indentation_m, rims, lift)
+    for mechanism in model.at_work:
+        settled = mechanism.settled(settled, contact, scene)
+    return spread(settled.lift_m + settled.rims_m - settled.indentation_m, float(np.exp(number["log_blur"])))
+
+
+def forward(maps: Array, heading_rad: Array) -> Array:
+    """Minus the slope of maps [B, H, W] along the travel, per pixel: positive ahead of a heap."""
+    down, right = np.gradient(maps, axis=(1, 2))
+    return per_push(np.sin(heading_rad)) * down - per_push(np.cos(heading_rad)) * right
+
+
+def beside(distance: Array, knots: Array, heights: Array) -> Array:
+    """The curve through knots at distances; level before the first, as steep beyond the last as before it, float32."""
+    last = (heights[-1] - heights[-2]) / (knots[-1] - knots[-2])
+    inner = np.interp(distance, knots, heights).astype(np.float32)
+    return inner + np.float32(max(last, 0.0)) * np.maximum(distance - np.float32(knots[-1]), 0)
+
+
+def typical(mechanism: Mechanism) -> Array:
+    """Typical sizes of its quantities."""
+    return np.array([quantity.typical for quantity in mechanism.quantities])
+
+
+def _numbers(model: AnalyticPush) -> dict[str, float]:
+    return dict(zip(BASE, map(float, model.base), strict=True))

@@ -1,0 +1,26 @@
+"""The vocabulary of causes: what a push model alone may get wrong, one module each."""
+
+from pentimento.push_dynamics.mechanisms.adhesion_lift import AdhesionLift
+from pentimento.push_dynamics.mechanisms.far_field import FarField
+from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
+from pentimento.push_dynamics.mechanisms.mechanism import Mechanism
+from pentimento.push_dynamics.mechanisms.slope_slide import SlopeSlide
+from pentimento.push_dynamics.mechanisms.springback import Springback
+from pentimento.push_dynamics.mechanisms.stiffness_drift import StiffnessDrift
+from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
+from pentimento.push_dynamics.mechanisms.volume_loss import VolumeLoss
+from pentimento.push_dynamics.mechanisms.work_hardening import WorkHardening
+
+__all__ = ["VOCABULARY", "Mechanism"]
+
+VOCABULARY: tuple[type[Mechanism], ...] = (
+    AdhesionLift,
+    FarField,
+    HeightOffset,
+    SlopeSlide,
+    Springback,
+    StiffnessDrift,
+    ToolBacklash,
+    VolumeLoss,
+    WorkHardening,
+)

@@ -1,0 +1,161 @@
+"""What a cause may change of a foretold push, and when.
+
+    command ── motion ──→ contact ── kept ──→ indentation ── settled ──→ rims and surface
+               (command)             (material)              (surface)
+
+A mechanism is one named cause of what the base alone gets wrong. It acts at its site; at all others it is the identity.
+With all of its quantities at zero it changes nothing, and what it does is smooth in them there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.push_dynamics.analytic_scene import PushScene
+from pentimento.stroke_dynamics.simulation import NotObservable, Quantity
+
+Array = NDArray[Any]
+
+_PEAK, _COLLAR = 0.4, 0.8
+"""Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
+
+Site = Literal["command", "material", "surface"]
+
+__all__ = [
+    "Contact",
+    "Mechanism",
+    "Motion",
+    "NotObservable",
+    "Quantity",
+    "Settled",
+    "Site",
+    "peak",
+    "per_push",
+    "recorded",
+]
+
+
+class Motion(NamedTuple):
+    """How the tool's path differs from its command, [B] each."""
+
+    along_m: Array
+    across_m: Array
+    lower_m: Array
+    """How much deeper it goes, at the start of travel as at the end."""
+    log_depth: Array
+    """How much deeper in proportion to its depth, as a logarithm."""
+    log_width: Array
+    """How much wider the tool seems, as a logarithm."""
+
+
+class Contact(NamedTuple):
+    """Where the tool passed below the surface, float32[B, H, W] each."""
+
+    pressed_m: Array
+    """How far below the surface in ``before`` its envelope went."""
+    inside: Array
+    """0 outside the contact, 1 inside, soft at the edge."""
+    from_end: Array
+    """Distance to the end of travel, in radii of the contact there."""
+    beyond_end: Array
+    """How far ahead of the end of travel, likewise."""
+    progress: Array
+    """-1 before the start of travel, 1 beyond its end."""
+
+
+class Settled(NamedTuple):
+    """Parts of the change of height, float32[B, H, W] each."""
+
+    indentation_m: Array
+    """What stays of ``pressed_m``, counted downwards."""
+    rims_m: Array
+    """Displaced material around it."""
+    lift_m: Array
+    """What else rises or falls."""
+
+
+class Mechanism:
+    """One cause."""
+
+    cause: ClassVar[str]
+    """Its name in the vocabulary."""
+    site: ClassVar[Site]
+    driver: ClassVar[str]
+    """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
+    quantities: ClassVar[tuple[Quantity, ...]]
+
+    def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
+        """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""
+        self.values, self.reference = values, reference
+
+    @property
+    def idle(self) -> bool:
+        """Whether it changes nothing, so that it need not be asked."""
+        return not bool(np.any(self.values))
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        """The constants that the effect is relative to.
+
+        Raises:
+            NotObservable: these pushes cannot show the effect: what it depends on was not recorded or not varied.
+        """
+        return {}
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        """How the tool moves; for the site command."""
+        return motion
+
+    def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
+        """What stays of the contact as indentation [B, H, W]; for the site material."""
+        return kept_m
+
+    def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
+        """Indentation, rims and the rest; for the site surface."""
+        return settled
+
+
+def recorded(scene: PushScene, *names: str) -> str:
+    """The first of these columns that is there for every push and varies.
+
+    Raises:
+        NotObservable: none of them.
+    """
+    for name in names:
+        values = scene.covariates.get(name)
+        if values is not None and bool(np.isfinite(values).all()) and varies(values):
+            return name
+    raise NotObservable(f"{' or '.join(names)} was not recorded for every push, or does not vary")
+
+
+def varies(values: Array) -> bool:
+    """Whether numbers differ by more than rounding."""
+    return float(np.ptp(values)) > 1e-3 * float(np.abs(values).max()) + 1e-12
+
+
+def column(scene: PushScene, name: str) -> Array:
+    """A column that an effect depends on, float64[B].
+
+    Raises:
+        NotObservable: it is not there.
+    """
+    if name not in scene.covariates:
+        raise NotObservable(f"{name} is not known of these pushes, and the mechanism depends on it")
+    return scene.covariates[name]
+
+
+def per_push(values: Array) -> Array:
+    """Numbers [B] for maps [B, H, W]."""
+    return np.asarray(values, dtype=np.float32)[:, None, None]
+
+
+def peak(contact: Contact) -> Array:
+    """What a tool draws up where it lifts off, out of what is around it: 1 in the middle, no volume, [B, H, W]."""
+    squared = np.square(contact.from_end)
+    inner = np.exp(squared * np.float32(-1 / (2 * _PEAK**2)))
+    collar = np.exp(squared * np.float32(-1 / (2 * _COLLAR**2))) * np.float32((_PEAK / _COLLAR) ** 2)
+    return (inner - collar) / np.float32(1 - (_PEAK / _COLLAR) ** 2)

@@ -1,0 +1,75 @@
+"""Part of the indentation recovers elastically: another share where it was compressed more, less of it where the tool
+rested longer, more until it is scanned.
+
+A share that is always the same is the base's ``kept``. With compression c, dwell t_d and time until the scan t_s,
+
+    kept' = kept * (1 + a (c / 5 mm - 1/2) + b log(t_d / t_d0) - d log(t_s / t_s0)).
+
+The footprint and the rims stay as wide as the contact was: that tells recovery from a tool that goes less deep.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.push_dynamics.analytic_scene import PushScene
+from pentimento.push_dynamics.mechanisms.mechanism import (
+    Array,
+    Contact,
+    Mechanism,
+    Quantity,
+    per_push,
+)
+
+_SHORTEST_S = 0.05
+_DEEP_M = 0.005
+_VARIED = 0.3
+"""Standard deviation of a logarithm: below it a time is always about the same."""
+
+
+class Springback(Mechanism):
+    """See above."""
+
+    cause = "springback"
+    site = "material"
+    driver = "rest"
+    quantities = (
+        Quantity("kept_by_compression", "1 per 5 mm", 0.2),
+        Quantity("kept_by_log_dwell", "1", 0.1),
+        Quantity("recovered_by_log_time", "1", 0.1),
+    )
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        usual = {}
+        for name, seconds in (("dwell_s", _dwell_s(scene)), ("until_scan_s", _until_scan_s(scene))):
+            if seconds is not None and np.isfinite(seconds).all():
+                logs = np.log(np.maximum(seconds, _SHORTEST_S))
+                if np.std(logs) > _VARIED:
+                    usual[name] = float(np.exp(logs.mean()))
+        return usual
+
+    def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
+        by_rest = np.zeros(len(scene))
+        for value, name, seconds, sign in (
+            (self.values[1], "dwell_s", _dwell_s(scene), 1),
+            (self.values[2], "until_scan_s", _until_scan_s(scene), -1),
+        ):
+            if name in self.reference and seconds is not None:
+                log = np.log(np.maximum(seconds, _SHORTEST_S) / self.reference[name])
+                by_rest = by_rest + sign * value * np.where(np.isfinite(log), log, 0.0)
+        by_compression = np.float32(self.values[0]) * (contact.pressed_m / np.float32(_DEEP_M) - np.float32(0.5))
+        return kept_m * (1 + per_push(by_rest) + by_compression)
+
+
+def _dwell_s(scene: PushScene) -> Array | None:
+    return scene.covariates.get("dwell_s")
+
+
+def _until_scan_s(scene: PushScene) -> Array | None:
+    """From the end of the push, of which its speed and its dwell tell when it was."""
+    known = scene.covariates
+    if not {"t_after_s", "t_start_s", "speed_m_s"} <= set(known):
+        return None
+    took = scene.action[:, 3] / np.maximum(known["speed_m_s"], 1e-4) + np.nan_to_num(known.get("dwell_s", 0.0))
+    return np.asarray(known["t_after_s"] - known["t_start_s"] - took)

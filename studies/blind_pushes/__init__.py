@@ -1,0 +1,1 @@
+"""Blind tests of the gap finder on pushes."""

@@ -1,0 +1,114 @@
+"""The rows of the blind table of pushes from the lines of its worlds (GAP.md, "Blind tests")."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from studies.blind.binomial import Bar
+from studies.blind.score_card import Row, exact, gain_of_truth, hidden, judged_lines, named
+from studies.blind_pushes.worlds import GEOMETRIC
+
+Line = dict[str, Any]
+
+STRONG_Q = 0.2
+SECONDS = 60.0
+
+
+def rows(lines: Sequence[Line]) -> list[Row]:
+    """All rows of which there is a world."""
+    by = judged_lines(lines)
+    one, two, none, outside = (by.get(name, []) for name in ("one cause", "two causes", "none", "outside"))
+    geometric = [line for line in one if hidden(line)[0] in GEOMETRIC]
+    material = [line for line in one if hidden(line)[0] not in GEOMETRIC]
+    everything = [line for lines_of_one in by.values() for line in lines_of_one]
+    names = [(name, line) for line in [*one, *two, *none, *outside] for name in named(line.get("verdict"))]
+    made = [
+        Row("one geometric cause, q .1 to .4: exact set", _count(geometric, exact), len(geometric), _least(0.95)),
+        Row("one material cause, q .1 to .4: exact set", _count(material, exact), len(material), _least(0.90)),
+        Row("two causes: exact set", _count(two, exact), len(two), _least(0.88)),
+        Row("none: any name at all", _count(none, any_name), len(none), _most(0.03)),
+        Row(
+            "over all: false names among names", sum(name not in hidden(line) for name, line in names), len(names),
+            _most(0.03),
+        ),
+        Row("outside the vocabulary: right covariate", _count(outside, covariate_found), len(outside), _least(0.92)),
+        Row("outside the vocabulary: right covariate and mode", _count(outside, mode_found), len(outside)),
+        Row("outside the vocabulary: given a known name", _count(outside, any_name), len(outside), _most(0.04)),
+        *_gap_closed([*one, *two]),
+        *_mutations(by.get("shuffled", []), by.get("doubled", []), by.get("deleted", [])),
+        _times(everything),
+    ]  # fmt: skip
+    return [row for row in made if row.of]
+
+
+def any_name(line: Line) -> bool:
+    """No verdict is as bad."""
+    return "verdict" not in line or bool(named(line["verdict"]))
+
+
+def covariate_found(line: Line) -> bool:
+    """Whether something depends on the hidden column, by what is left unexplained."""
+    left = line["verdict"]["unexplained"] if "verdict" in line else []
+    return any(one["covariate"] == line["truth"]["outside"]["column"] for one in left)
+
+
+def mode_found(line: Line) -> bool:
+    """Whether the hidden mode does."""
+    left = line["verdict"]["unexplained"] if "verdict" in line else []
+    outside = line["truth"]["outside"]
+    return any((one["mode"], one["covariate"]) == (outside["mode"], outside["column"]) for one in left)
+
+
+def _gap_closed(lines: Sequence[Line]) -> list[Row]:
+    """Of worlds whose causes are all named, and no other, each hidden at q ≥ .2."""
+    strong = [line for line in lines if exact(line) and min(line["truth"]["wanted_q"]) >= STRONG_Q]
+    closed = [line["verdict"]["gap_closed"]["test"] for line in strong]
+    known = [float(value) for value in closed if value is not None]
+    if not known:
+        return []
+    note = f"median {np.median(known):.2f}, 10th percentile {np.quantile(known, 0.1):.2f}"
+    what = "named, q ≥ .2: gap closed ≥ .92 (median)"
+    return [Row(what, sum(value >= 0.92 for value in known), len(known), _least(0.5), note=note)]
+
+
+def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Sequence[Line]) -> list[Row]:
+    """A name can only go in worlds whose cause is named as they are."""
+    right = [line for line in shuffled if set(hidden(line)) <= set(named(line.get("verdict")))]
+
+    def gone(line: Line) -> bool:
+        return "second" in line and not set(hidden(line)) & set(named(line["second"]))
+
+    def risen(line: Line) -> bool:
+        return "second" in line and gain_of_truth(line["second"], line) > gain_of_truth(line.get("verdict"), line)
+
+    def unnamed(line: Line) -> bool:
+        return "second" in line and not named(line["second"])
+
+    return [
+        Row("true covariate shuffled: its name goes", _count(right, gone), len(right)),
+        Row("effect doubled: its gain rises", _count(doubled, risen), len(doubled)),
+        Row("true candidate deleted: no neighbour is named", _count(deleted, unnamed), len(deleted)),
+    ]
+
+
+def _times(lines: Sequence[Line]) -> Row:
+    seconds = [line["seconds"] for line in lines if "seconds" in line]
+    note = f"median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s" if seconds else ""
+    return Row(
+        f"verdict within {SECONDS:g} s of one processor", sum(s <= SECONDS for s in seconds), len(seconds), note=note
+    )
+
+
+def _count(lines: Sequence[Line], judge: Callable[[Line], bool]) -> int:
+    return sum(judge(line) for line in lines)
+
+
+def _least(share: float) -> Bar:
+    return Bar("at least", share)
+
+
+def _most(share: float) -> Bar:
+    return Bar("at most", share)

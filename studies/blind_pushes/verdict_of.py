@@ -1,0 +1,50 @@
+"""The verdict on one table of pushes, and nothing else: `python -m studies.blind_pushes.verdict_of table.parquet
+verdict.json`. Runs in a process of its own, which is given the table alone; it does what `pentimento diagnose` does,
+without the report.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.gap.judged import PUSHES
+from pentimento.gap.pushes.diagnose import PushDiagnosis, diagnose
+from pentimento.gap.pushes.write import usable
+from pentimento.gap.verdict import verdict
+from pentimento.push_dynamics.mechanisms import VOCABULARY
+
+
+def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[dict[str, Any], PushDiagnosis]:
+    """The verdict on rows of the pushes contract; `without` takes a cause out of the vocabulary."""
+    measured, _ = usable(table)
+    vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
+    found = diagnose(measured, vocabulary, seed, lambda line: None)
+    return verdict(found, len(measured), len(set(measured.action.tolist())), kind=PUSHES), found
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m studies.blind_pushes.verdict_of", description=__doc__)
+    parser.add_argument("table", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--without", help="a cause that is taken out of the vocabulary")
+    given = parser.parse_args()
+    table = read_table(given.table, CONTRACT).table
+    started = time.process_time()  # of one thread: others may be at work on the machine
+    said, _ = verdict_on(table, given.seed, given.without)
+    result = {"verdict": said, "seconds": round(time.process_time() - started, 2)}
+    atomic_write(given.out, (json.dumps(result) + "\n").encode())
+
+
+if __name__ == "__main__":
+    main()

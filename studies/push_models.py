@@ -1,0 +1,214 @@
+"""How well push models foretell, in hidden worlds of clay: `python -m studies.push_models`.
+
+Each world is drawn by its seed: foam, dough and sand whose strengths and constants differ from the bundled files. The
+robot makes 400 designed pushes in each (24 actions three times); a quarter of the actions is held out. Every part of
+the study is written to `data/studies/push_models/` as it is done, and is not done again; `docs/push_models.md` is then
+written from all that is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import torch
+
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.tables import read_table, write_table
+from pentimento.push_dynamics.conditioned import adapted, together
+from pentimento.push_dynamics.evaluation import predict, score, scores
+from pentimento.push_dynamics.measured import PushSamples, load_pushes
+from pentimento.push_dynamics.push_model import PushModel, read_push_model, write_push_model
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, split_by_action, train
+from pentimento.robots.end_effectors import load_end_effector
+from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
+from pentimento.runner.collect_pushes import collect_pushes
+from pentimento.runner.push_design import PushCollectionConfig
+from pentimento.studio.clay.studio import ClayStudio
+from pentimento.studio.clay.world import ClayWorld, load_clay_world
+from studies.push_models_page import page
+
+MATERIALS = ("foam", "dough", "sand")
+SIZES = (25, 50, 100, 200)
+FEW = 20
+REGION = (0.025, 0.008)
+"""Length and depth of the training region, where one is left."""
+PASSES = 7200
+"""Pushes seen in training: small sets are seen more often, so that each has as many steps."""
+TOGETHER = 1.25
+"""A model of several materials sees so many times as many pushes."""
+DOCS = Path("docs/push_models.md")
+CONFIG = TrainingConfig(
+    side_px=64, behind_m=0.03, channels=16, members=1, epochs=1, batch=16, learning_rate=4e-3, visual_weight=1.0,
+    held_out=0.25, seed=0,
+)  # fmt: skip
+
+
+def drawn_world(material: str, seed: int) -> ClayWorld:
+    """A bundled material whose constants are off by about a fifth, and each effect's strength by up to a half."""
+    world = load_clay_world(material)
+    rng = np.random.default_rng([seed, MATERIALS.index(material)])
+    names = ("hardness_pa", "rim_m", "rebound", "crush", "hardening", "repose")
+    constants = {name: getattr(world.material, name) * float(np.exp(0.2 * rng.uniform(-1, 1))) for name in names}
+    constants["rebound"], constants["crush"] = (min(constants[name], 0.9) for name in ("rebound", "crush"))
+    strengths = {f.name: getattr(world.effects, f.name) * float(rng.uniform(0.5, 1.5)) for f in fields(world.effects)}
+    return replace(world, material=replace(world.material, **constants), effects=replace(world.effects, **strengths))
+
+
+class World:
+    """The parts of the study in one drawn world, each kept in its file."""
+
+    def __init__(self, out: Path, seed: int) -> None:
+        self.seed, self.folder = seed, out / f"world_{seed:02d}"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._loaded: dict[str, tuple[PushSamples, PushSamples]] = {}
+
+    def parts(self) -> dict[str, Callable[[], dict[str, Any]]]:
+        """Name of each part, and what does it; a part may read those before it."""
+        made: dict[str, Callable[[], dict[str, Any]]] = {}
+        for material in MATERIALS:
+            made[f"collect_{material}"] = lambda m=material: self.collect(m, "ball")
+        for material in MATERIALS:
+            made[f"both_{material}"] = lambda m=material: self.single(m, "both", 1.0)
+        for material in MATERIALS:
+            made[f"3d_{material}"] = lambda m=material: self.single(m, "3d", 0.0)
+        made["transfer"] = self.transfer
+        made["collect_pinch"] = lambda: self.collect("pinch", "gripper")
+        made["both_pinch"] = lambda: self.single("pinch", "both", 1.0)
+        made["conditioned"] = self.conditioned
+        for material in MATERIALS:
+            made[f"unseen_{material}"] = lambda m=material: self.unseen(m)
+            for size in SIZES:
+                made[f"size_{size}_{material}"] = lambda m=material, n=size: self.smaller(m, n)
+            made[f"outside_{material}"] = lambda m=material: self.outside(m)
+        return made
+
+    def collect(self, name: str, tool: str) -> dict[str, Any]:
+        material = "foam" if name == "pinch" else name
+        config = PushCollectionConfig(400, 24, 3, (1, 5), 0.5, 0.02, 128, self.seed)
+        robot = VirtualSculptingRobot(ClayStudio(drawn_world(material, self.seed), self.seed))
+        rows = collect_pushes(robot, load_end_effector(tool), material, config, lambda *_: None)
+        write_table(self.folder / name, pa.Table.from_pylist(rows), CONTRACT, f"Pushes of world {self.seed}.")
+        return {"rows": len(rows)}
+
+    def samples(self, name: str) -> tuple[PushSamples, PushSamples]:
+        """(training, held-out)."""
+        if name not in self._loaded:
+            measured, _ = load_pushes(read_table(self.folder / name, CONTRACT).table)
+            self._loaded[name] = split_by_action(measured, CONFIG.held_out, 0)
+        return self._loaded[name]
+
+    def model(self, name: str) -> PushModel:
+        return read_push_model(self.folder / "weights" / name)
+
+    def fit(self, name: str, trained_on: dict[str, PushSamples], visual_weight: float = 1.0) -> PushModel:
+        """Train one model on the contexts of these names, and keep it; one that was kept is read again."""
+        target = self.folder / "weights" / name
+        if (target / "weights.safetensors").exists():
+            return read_push_model(target)
+        parts = list(trained_on.values())
+        rows = sum(len(part.before) for part in parts)
+        epochs = math.ceil(PASSES * (1.0 if len(parts) == 1 else TOGETHER) / rows)
+        config = replace(CONFIG, epochs=epochs, visual_weight=visual_weight)
+        crop = crop_for(parts[0], config)
+        kind: Literal["push", "pinch"] = "push" if parts[0].kind[0] == "push" else "pinch"
+        contexts = [(key, str(part.tool[0])) for key, part in trained_on.items()]
+        model = train(together([in_pose(part, crop) for part in parts]), kind, contexts, crop, config, lambda *_: None)
+        target.mkdir(parents=True, exist_ok=True)
+        write_push_model(model, target)
+        return model
+
+    def single(self, name: str, losses: str, visual_weight: float) -> dict[str, Any]:
+        training, held_out = self.samples(name)
+        model = self.fit(f"{losses}_{name}", {name: training}, visual_weight)
+        return scores(model, training, held_out, held_out)
+
+    def transfer(self) -> dict[str, Any]:
+        """L_3D of each material's model on each material."""
+        models = {name: self.model(f"both_{name}") for name in MATERIALS}
+        return {
+            on: {name: self._error(model, self.samples(on)[1]) for name, model in models.items()} for on in MATERIALS
+        }
+
+    def conditioned(self) -> dict[str, Any]:
+        model = self.fit("conditioned", {name: self.samples(name)[0] for name in MATERIALS})
+        return {name: self._error(model, self.samples(name)[1], k) for k, name in enumerate(MATERIALS)}
+
+    def unseen(self, name: str) -> dict[str, Any]:
+        """A model of the two others, adapted with a few pushes; beside a model of those few alone."""
+        others = {other: self.samples(other)[0] for other in MATERIALS if other != name}
+        training, held_out = self.samples(name)
+        few = training.pick(_some(training, FEW, self.seed))
+        base = self.fit(f"without_{name}", others)
+        own = adapted(base, in_pose(few, base.facts.crop), (name, "ball"), 1.0, 0)
+        alone = self.fit(f"few_{name}", {name: few})
+        return {
+            "adapted": self._error(own, held_out),
+            "alone": self._error(alone, held_out),
+            "unadapted": min(self._error(base, held_out, k) for k in range(len(others))),
+        }
+
+    def smaller(self, name: str, size: int) -> dict[str, Any]:
+        training, held_out = self.samples(name)
+        model = self.fit(f"size_{size}_{name}", {name: training.pick(_some(training, size, self.seed))})
+        return asdict(score(predict(model, held_out), held_out, model.facts.crop))
+
+    def outside(self, name: str) -> dict[str, Any]:
+        """A model of short and shallow pushes, within its region and beyond."""
+        training, held_out = self.samples(name)
+        near, apart = (_within(part) for part in (training, held_out))
+        model = self.fit(f"outside_{name}", {name: training.pick(near)})
+        return {
+            "within": self._error(model, held_out.pick(apart)),
+            "beyond": self._error(model, held_out.pick(~apart)),
+            "beyond_by_all": self._error(self.model(f"both_{name}"), held_out.pick(~apart)),
+        }
+
+    @staticmethod
+    def _error(model: PushModel, samples: PushSamples, context: int = 0) -> float:
+        return score(predict(model, samples, context), samples, model.facts.crop).l_3d_mm2
+
+
+def _within(samples: PushSamples) -> np.ndarray:
+    """[N] which pushes are short and shallow."""
+    return (samples.action[:, 3] < REGION[0]) & (samples.action[:, 4] < REGION[1])
+
+
+def _some(samples: PushSamples, size: int, seed: int) -> np.ndarray:
+    """Which rows a small training set is made of: nested, so that a larger one holds a smaller one."""
+    return np.sort(np.random.default_rng(seed).permutation(len(samples.before))[:size])
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m studies.push_models", description=__doc__)
+    parser.add_argument("--worlds", type=int, default=20)
+    parser.add_argument("--parts", type=int, default=10**6, help="stop after so many parts that were not there")
+    parser.add_argument("--out", type=Path, default=Path("data/studies/push_models"))
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    left, found = given.parts, []
+    for seed in range(1, given.worlds + 1):
+        world, results = World(given.out, seed), {}
+        for name, do in world.parts().items():
+            file = world.folder / f"{name}.json"
+            if not file.exists() and left > 0:
+                print(f"world {seed}: {name} …", flush=True)
+                file.write_text(json.dumps(do(), indent=1))
+                left -= 1
+            if file.exists():
+                results[name] = json.loads(file.read_text())
+        if results:
+            found.append(results)
+    DOCS.write_text(page(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""The alphabet in one slab, never smoothed in between (thesis 7.4.2, Figure 7.1).
+
+`python -m studies.sculpting.alphabet --material foam --kept .1 --models DIR --out alphabet_foam_1` goes on after the
+last letter that it finished: what was done to the slab before is done again, from the record.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.images import write_png
+from pentimento.planning.sculptor.goal import fit_goal
+from pentimento.planning.sculptor.objective import ClayObjective
+from pentimento.robots.end_effectors import EndEffector
+from pentimento.robots.sculpting import SculptingRobot
+from pentimento.runner.act import Session
+from pentimento.runner.push_act import execute_push
+from pentimento.runner.sculptor import sculpt, seen_m
+from pentimento.sculpting_goals.measures import met, read_by
+from pentimento.sculpting_goals.reading import LetterReader
+from pentimento.sculpting_goals.shading import photograph
+from pentimento.sculpting_goals.sources import relief_of
+from studies.sculpting.clay import Settings, model_of, robot_with, settings
+
+REACH_M = (0.0015, 0.002, 0.0027, 0.0036, 0.005, 0.0095)
+"""Of the letters in turn. Pushes only lower, so that in foam the traces of a letter stay and the next must be deeper
+to be seen; an F, which is an E without its foot, much deeper."""
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `<letter>.json` and `<letter>.png` for each letter into `--out`."""
+    torch.set_num_threads(1)
+    given = settings(Path("params.yaml"))
+    setting = given.sculpt.settings["foam"]
+    robot, end_effector = robot_with(arguments.material, setting.end_effector, given.sculpt.scan_pixels, arguments.seed)
+    scan = robot.scan()
+    members = model_of(arguments.material, setting.end_effector, given, arguments.models, scan.window_m)
+    reader = LetterReader(arguments.letters, given.sculpt.reader_examples, given.sculpt.seed)
+    robot.change_tool(end_effector)
+    for number, letter in enumerate(arguments.letters):
+        record = arguments.out / f"{number}_{letter}.json"
+        if record.exists():
+            _again(robot, end_effector, json.loads(record.read_text())["actions"], given)
+            continue
+        height, _ = seen_m(robot.scan())
+        soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
+        relief = relief_of(f"letter:{letter}", (height.shape[0], height.shape[1]), setting.share, soften_px)
+        reach_m = REACH_M[number]
+        fit = fit_goal(relief, height, replace(setting.fit, reach_m=reach_m, kept=arguments.kept))
+        made = sculpt(
+            robot, end_effector, arguments.material, fit.height_m, members, given.planner, given.execution,
+            given.sculpt.actions, Session("alphabet", robot.clock_s), number, _unheard,
+        )  # fmt: skip
+        objective = ClayObjective(fit.height_m, scan.window_m, given.planner.weights)
+        said: dict[str, Any] = met(objective, made.heights_m, made.first.foreseen_m[-1])
+        said |= {"read": read_by(reader, made.heights_m[-1], fit.height_m, setting.fit.border), "letter": letter}
+        said |= {"actions": made.actions.tolist(), "stopped": made.stopped, "reach_m": reach_m}
+        pair = np.hstack([photograph(each, scan.window_m, 2) for each in (fit.height_m, made.heights_m[-1])])
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        write_png(arguments.out / f"{number}_{letter}.png", pair)
+        atomic_write(record, (json.dumps(said, indent=1) + "\n").encode())
+        print(letter, len(made.actions), f"{said['error_3d_mm2']['removed']:.0%}", said["read"])
+
+
+def _again(robot: SculptingRobot, end_effector: EndEffector, actions: list[list[float]], given: Settings) -> None:
+    """Push and scan as the record says: the studio answers the same commands with the same bytes."""
+    robot.scan()
+    scan = robot.scan()
+    for action in actions:
+        scan = execute_push(
+            robot, end_effector, np.array(action), scan,
+            end_effector.speed_m_s, given.execution.dwell_s, given.execution.retract_speed_m_s,
+        ).after  # fmt: skip
+
+
+def _unheard(_name: str, _value: float, _step: int) -> None:
+    """Curves are in the record."""
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="alphabet", description=__doc__)
+    parser.add_argument("--material", required=True)
+    parser.add_argument("--kept", type=float, required=True, help="share of what is pressed away that comes up again")
+    parser.add_argument("--models", required=True, type=Path, help="push models are kept here")
+    parser.add_argument("--letters", default="ABCDEF", help="six at most")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", required=True, type=Path)
+    main(parser.parse_args())

@@ -1,0 +1,79 @@
+"""What the experiments share: a material with a tool and its push model, made once, and a robot before smooth clay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts.atomic import atomic_folder
+from pentimento.planning.sculptor.config import SculptorConfig
+from pentimento.push_dynamics.measured import load_pushes
+from pentimento.push_dynamics.planned import TorchClay, planned_members
+from pentimento.push_dynamics.push_model import read_push_model, write_push_model
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, train
+from pentimento.robots.end_effectors import EndEffector, load_end_effector
+from pentimento.robots.sculpting import SculptingRobot
+from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.runner.collect_pushes import collect_pushes
+from pentimento.runner.push_design import PushCollectionConfig
+from pentimento.runner.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.runner.sculptor import Execution
+from pipelines._config import load_section
+from pipelines.collect_pushes import CollectPushes
+from pipelines.sculpt import Sculpt
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The sections of params.yaml that the experiments start from."""
+
+    collection: PushCollectionConfig
+    training: TrainingConfig
+    planner: SculptorConfig
+    execution: Execution
+    sculpt: Sculpt
+
+
+def settings(params: Path) -> Settings:
+    """Read params.yaml."""
+    sculpt = load_section(params, "sculpt", Sculpt)
+    return Settings(
+        load_section(params, "collect_pushes", CollectPushes).collection,
+        load_section(params, "train_push_dynamics", TrainingConfig),
+        sculpt.planner,
+        sculpt.execution,
+        sculpt,
+    )
+
+
+def robot_with(material: str, tool: str, scan_pixels: int, seed: int) -> tuple[SculptingRobot, EndEffector]:
+    """A guarded robot before smooth material, and the tool it is to take."""
+    end_effector = load_end_effector(tool)
+    raw = virtual_sculpting_robot(material, scan_pixels, seed)
+    return GuardedSculptingRobot(raw, push_envelope_for(end_effector, raw.area_m)), end_effector
+
+
+def model_of(material: str, tool: str, given: Settings, models: Path, window_m: FloatArray) -> tuple[TorchClay, ...]:
+    """The members of the push model of a material and a tool; collected for and trained where ``models`` lacks it."""
+    folder = models / f"{material}_{tool}"
+    if not folder.is_dir():
+        robot, end_effector = robot_with(material, tool, given.collection.scan_pixels, given.collection.seed)
+        rows = collect_pushes(robot, end_effector, material, given.collection, _unheard)
+        samples, _ = load_pushes(pa.Table.from_pylist(rows))
+        crop = crop_for(samples, given.training)
+        context = [(material, tool)]
+        model = train(in_pose(samples, crop), end_effector.kind, context, crop, given.training, _unheard)
+        models.mkdir(parents=True, exist_ok=True)
+        with atomic_folder(folder) as out:
+            write_push_model(model, out)
+    return planned_members(read_push_model(folder), window_m)
+
+
+def _unheard(_name: str, _value: float, _step: int) -> None:
+    """Curves of training are not kept."""

@@ -1,0 +1,75 @@
+"""Losses over fifty actions at one relief, pushed with a ball or pinched with a gripper (thesis Figure 7.11).
+
+`python -m studies.sculpting.losses --material dough --tool ball --kept 1 --models DIR --out FILE.json [--seed 1]`
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.images import write_png
+from pentimento.planning.sculptor.goal import fit_goal
+from pentimento.planning.sculptor.objective import ClayObjective
+from pentimento.runner.act import Session
+from pentimento.runner.sculptor import sculpt, seen_m
+from pentimento.sculpting_goals.shading import photograph
+from pentimento.sculpting_goals.sources import relief_of
+from studies.sculpting.clay import model_of, robot_with, settings
+
+ACTIONS = 50
+REACH_M = 0.004
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`, and a picture beside it: the goal, and what came of it."""
+    torch.set_num_threads(1)
+    given = settings(Path("params.yaml"))
+    setting = given.sculpt.settings["foam"]
+    robot, end_effector = robot_with(arguments.material, arguments.tool, given.sculpt.scan_pixels, arguments.seed)
+    scan = robot.scan()
+    members = model_of(arguments.material, arguments.tool, given, arguments.models, scan.window_m)
+    height, _ = seen_m(scan)
+    soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
+    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px)
+    fit = fit_goal(relief, height, replace(setting.fit, reach_m=REACH_M, kept=arguments.kept))
+    # Both go on to the end: what fifty actions do is the question, not when to stop.
+    execution, config = replace(given.execution, patience=ACTIONS), replace(given.planner, least_gain=0.0)
+    made = sculpt(
+        robot, end_effector, arguments.material, fit.height_m, members, config, execution, ACTIONS,
+        Session("losses", robot.clock_s), 0, lambda *_: None,
+    )  # fmt: skip
+    objective = ClayObjective(fit.height_m, scan.window_m, config.weights)
+    said = {
+        "material": arguments.material,
+        "tool": arguments.tool,
+        "seed": arguments.seed,
+        "error_3d_mm2": objective.error_3d_mm2(made.heights_m).tolist(),
+        "visual_error": objective.visual_error(made.heights_m).tolist(),
+        "foretold_off_mm2": float(np.square(1e3 * (made.heights_m[1:] - made.foreseen_m)).mean()),
+    }
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    pair = np.hstack([photograph(each, scan.window_m, 2) for each in (fit.height_m, made.heights_m[-1])])
+    write_png(arguments.out.with_suffix(".png"), pair)
+    atomic_write(arguments.out, (json.dumps(said, indent=1) + "\n").encode())
+    print(
+        arguments.tool,
+        *(f"{name} {said[name][0]:.4f} -> {said[name][-1]:.4f}" for name in ("error_3d_mm2", "visual_error")),
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="losses", description=__doc__)
+    parser.add_argument("--material", required=True)
+    parser.add_argument("--tool", required=True)
+    parser.add_argument("--kept", type=float, required=True)
+    parser.add_argument("--models", required=True, type=Path, help="push models are kept here")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", required=True, type=Path)
+    main(parser.parse_args())

@@ -1,0 +1,197 @@
+"""Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
+
+It takes what there is: `alphabet_<material>_<seed>/`, `smoothing*.json`, `losses*.json`, `noise*.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.images import read_image, write_png
+from pentimento.report.figures import BLUE, OCHRE, Series, line_chart
+from pentimento.report.wording import decimal, percent
+
+_PICTURES = "sculpting"
+
+_OPENING = """# Sculpting: what the planner can do
+
+Written by `python -m studies.sculpting.page`; do not edit. All of it happens in the virtual studio, where clay springs
+back, heaps up, slides and hardens by other laws than the models here know, and scans are noisy. Heights are compared
+over the whole slab of 20 × 20 cm, 128 × 128 pixels. *Height* is the mean squared error in mm², *slope* that of the
+spatial gradient. To do nothing leaves the error of *before*.
+
+Each experiment is a share: the seeds are named, and `studies/sculpting/` makes others.
+"""
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `sculpting.md` and its pictures into the folder `--out`."""
+    pictures = arguments.out / _PICTURES
+    pictures.mkdir(parents=True, exist_ok=True)
+    parts = [_OPENING]
+    for folder in sorted(arguments.results.glob("alphabet_*")):
+        parts.append(_alphabet(folder, pictures))
+    smoothings = [_read(file) for file in sorted(arguments.results.glob("smoothing*.json"))]
+    if smoothings:
+        shutil.copy(min(arguments.results.glob("smoothing*.png")), pictures / "smoothing.png")
+        parts.append(_smoothing(smoothings))
+    runs = [_read(file) for file in sorted(arguments.results.glob("losses*.json"))]
+    if runs:
+        parts.append(_losses(runs, pictures))
+    for file in sorted(arguments.results.glob("noise*.json")):
+        parts.append(_noise(_read(file), pictures))
+    atomic_write(arguments.out / "sculpting.md", "\n".join(parts).encode())
+
+
+def _alphabet(folder: Path, pictures: Path) -> str:
+    _, material, seed = folder.name.split("_")
+    lines = []
+    met = right = 0
+    records = sorted(folder.glob("*.json"), key=lambda file: int(file.name.partition("_")[0]))
+    for file in records:
+        said = _read(file)
+        height, slope, read = said["error_3d_mm2"], said["visual_error"], said["read"]
+        met += height["removed"] >= 0.6
+        right += read["clay"] == said["letter"]
+        lines.append(
+            f"| {said['letter']} | {1e3 * said['reach_m']:g} mm | {len(said['actions'])} | "
+            f"{decimal(height['before'])} | {decimal(height['after'])} | "
+            f"{percent(height['removed'])} | {percent(slope['removed'])} | "
+            f"{read['clay']} ({percent(read['probability'])}) |"
+        )
+    pairs = [read_image(file.with_suffix(".png")) for file in records]
+    halves = [
+        cv2.resize(pair, (pair.shape[1] // 2, pair.shape[0] // 2), interpolation=cv2.INTER_AREA) for pair in pairs
+    ]
+    halves += [np.full_like(halves[0], 255)] * (len(halves) % 2)
+    rows = [np.hstack(halves[first : first + 2]) for first in range(0, len(halves), 2)]
+    write_png(pictures / f"alphabet_{material}.png", np.vstack(rows))
+    return f"""
+## The alphabet in {material}, never smoothed in between (thesis Figure 7.1)
+
+Seed {seed}. Each letter is fitted to the {material} as the one before it left it, and its goal lies up to *reach* below
+the mean height: pushes only lower, so that in foam each must be deeper than what it is to cover. Very shallow ones are
+rougher than they are steep: their height comes right, not their slopes. A reader of these letters, trained on rendered
+ones only, says what it sees. The error falls by 60 % or more for {met} of {len(records)} letters; {right} of
+{len(records)} are read right.
+
+| letter | reach | pushes | height before | after | removed | of slope | read as |
+|---|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+
+Goal and result of each:
+
+![alphabet]({_PICTURES}/alphabet_{material}.png)
+"""
+
+
+def _smoothing(runs: list[dict[str, Any]]) -> str:
+    lines = []
+    for said in runs:
+        for name in ("visual", "chamfer"):
+            told = said[name]
+            shares = [percent(told[key][-1] / told[key][0]) for key in ("visual_error", "error_3d_mm2", "chamfer_mm2")]
+            lines.append(f"| {said['tool']} | {said['seed']} | {name} | {' | '.join(shares)} |")
+    return f"""
+## A thin line smoothed in ten pushes (thesis Figure 7.12)
+
+Five pokes with an edge leave a line in dough, 6 mm wide. Ten pushes are to make it level again, each the best of the
+same number of tries: once by the error in slope, once by the Chamfer distance between point clouds of some 330 points.
+What is left of each error, as a share of that before; of freshly smoothed dough, scanned, the error in slope is
+{" and ".join(percent(said["fresh_visual_error"] / said["visual"]["visual_error"][0]) for said in runs)}:
+
+| tool | seed | planned by | slope | height | Chamfer |
+|---|---|---|---|---|---|
+{chr(10).join(lines)}
+
+The line, smoothed by slope, and by Chamfer distance:
+
+![smoothing]({_PICTURES}/smoothing.png)
+"""
+
+
+def _losses(runs: list[dict[str, Any]], pictures: Path) -> str:
+    lines = []
+    series = []
+    for said, line in zip(runs, ("-", "--", ":", "-."), strict=False):
+        name = f"{said['tool']} in {said['material']}"
+        height, slope = said["error_3d_mm2"], said["visual_error"]
+        steps = [float(number) for number in range(len(height))]
+        series.append(Series(f"height, {name}", steps, [value / height[0] for value in height], BLUE, line))
+        series.append(Series(f"slope, {name}", steps, [value / slope[0] for value in slope], OCHRE, line))
+        lines.append(
+            f"| {name} | {said['seed']} | {percent(height[-1] / height[0])} | {percent(slope[-1] / slope[0])} | "
+            f"{percent(min(slope) / slope[0])} | {decimal(said['foretold_off_mm2'])} |"
+        )
+    chart = line_chart(series, "actions", "share of the error at the start", (8, 4))
+    atomic_write(pictures / "losses.png", chart)
+    return f"""
+## Fifty actions: pushed and pinched (thesis Figure 7.11)
+
+A large X, sunk into the material. What is left after fifty actions, as a share of the error before; the last column is
+how far the scans were from what had been foretold, mm² over the whole slab.
+
+| tool | seed | height | slope | slope at its least | foretold, off by |
+|---|---|---|---|---|---|
+{chr(10).join(lines)}
+
+![losses]({_PICTURES}/losses.png)
+"""
+
+
+def _noise(said: dict[str, Any], pictures: Path) -> str:
+    nothing, levels = said["nothing"], sorted(said["levels"], key=lambda level: float(level["noise_mm2"]))
+    noise = [level["noise_mm2"] for level in levels]
+    shares = {name: [level[name] / nothing[name] for level in levels] for name in nothing}
+    chart = line_chart(
+        [
+            Series("height", noise, shares["error_3d_mm2"], BLUE),
+            Series("slope", noise, shares["visual_error"], OCHRE),
+            Series("doing nothing", [noise[0], noise[-1]], [1.0, 1.0], "#8a8a86", "--"),
+        ],
+        "noise of one action, mm²", "share of the error of doing nothing", (8, 4),
+    )  # fmt: skip
+    atomic_write(pictures / "noise.png", chart)
+    words = [
+        f"in {word} from {_crossing(noise, shares[name])}"
+        for word, name in (("slope", "visual_error"), ("height", "error_3d_mm2"))
+    ]
+    return f"""
+## How much noise makes acting worse than not acting (thesis Figure 7.14)
+
+A plan of {said["actions"]} pushes into {said["material"]}, carried out in the learned model with Gaussian noise on each
+number of each action ({said["draws"]} draws a level). Noise is measured as the thesis does: the mean squared difference
+between what an action was to do and what it did, in the push model's square around it. Acting is worse than not acting
+{" and ".join(words)}.
+
+![noise]({_PICTURES}/noise.png)
+"""
+
+
+def _crossing(noise: list[float], shares: list[float]) -> str:
+    """From which noise on an error is above that of doing nothing, by linear interpolation."""
+    for number in range(1, len(shares)):
+        if shares[number] > 1 >= shares[number - 1]:
+            part = (1 - shares[number - 1]) / (shares[number] - shares[number - 1])
+            return f"{decimal(noise[number - 1] + part * (noise[number] - noise[number - 1]))} mm² on"
+    return f"no level up to {decimal(noise[-1])} mm² on"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    said: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return said
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="page", description=__doc__)
+    parser.add_argument("--results", required=True, type=Path)
+    parser.add_argument("--out", required=True, type=Path)
+    main(parser.parse_args())

@@ -1,0 +1,97 @@
+"""A push model's graphs plan as PyTorch does, without PyTorch."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.errors import ContractError
+from pentimento.deploy.graphs import Graph, session
+from pentimento.deploy.push_graphs import clay_graphs
+from pentimento.planning.sculptor.model import PushModel as Seam
+from pentimento.push_dynamics.param2deform import Param2Deform
+from pentimento.push_dynamics.planned import TorchClay, planned_clay
+from pentimento.push_dynamics.pose import Crop
+from pentimento.push_dynamics.push_model import PushFacts, PushModel
+from pentimento.runner.push_graphs import ClayFacts, GraphClay
+
+FACTS = PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 1)
+WINDOW = np.array([0.0, 0.0, 0.1, 0.08])
+SHAPE = (40, 50)
+ACTION = np.array([0.05, 0.04, 0.7, 0.015, 0.006])
+
+
+@pytest.fixture(scope="module")
+def clay() -> TorchClay:
+    torch.manual_seed(0)
+    model = PushModel(FACTS)
+    for member in model.members:
+        assert isinstance(member, Param2Deform)
+        for parameter in member.merged[-1].parameters():
+            torch.nn.init.normal_(parameter, std=0.05)
+        member.tool.data[:, 4] = 0.8
+    return planned_clay(model.eval().requires_grad_(False), WINDOW)
+
+
+@pytest.fixture(scope="module")
+def exported(clay: TorchClay) -> tuple[ClayFacts, dict[str, Graph]]:
+    return clay_graphs("clay", clay, FACTS, SHAPE, 1e-4, ("push_foam",))
+
+
+@pytest.fixture(scope="module")
+def by_graphs(exported: tuple[ClayFacts, dict[str, Graph]]) -> GraphClay:
+    facts, graphs = exported
+    opened = {name: session(graph.content) for name, graph in graphs.items()}
+
+    def ask(name: str, *arguments: Any) -> list[Any]:
+        given = {port.name: array for port, array in zip(graphs[name].inputs, arguments, strict=True)}
+        return list(opened[name].run(None, given))
+
+    return GraphClay(ask, "clay", facts)
+
+
+def height() -> np.ndarray:
+    return (0.04 + 5e-4 * np.random.default_rng(0).standard_normal(SHAPE)).astype(np.float32)
+
+
+def test_values_and_gradients_are_pytorchs(clay: TorchClay, by_graphs: GraphClay) -> None:
+    one: Seam = clay
+    other: Seam = by_graphs
+    actions = np.stack([ACTION, ACTION + np.array([0.02, -0.01, 2.0, -0.01, 0.0]), ACTION * 0.5])
+    np.testing.assert_allclose(other.after(height(), actions), one.after(height(), actions), atol=1e-7)
+    cotangent = np.cos(np.arange(40) / 6)[:, None] * np.ones(50, dtype=np.float32)
+    made, pull = one.step(height(), ACTION)
+    made_too, pull_too = other.step(height(), ACTION)
+    np.testing.assert_allclose(made_too, made, atol=1e-7)
+    assert np.abs(made - height()).max() > 1e-3
+    (to_height, to_action), (to_height_too, to_action_too) = pull(cotangent), pull_too(cotangent)
+    np.testing.assert_allclose(to_height_too, to_height, atol=1e-5)
+    np.testing.assert_allclose(to_action_too, to_action, rtol=1e-3, atol=1e-4 * np.abs(to_action).max())
+    assert other.end_effector == "ball"
+    np.testing.assert_array_equal(other.window_m, WINDOW)
+
+
+def test_any_number_of_alternatives(by_graphs: GraphClay) -> None:
+    assert by_graphs.after(height(), np.empty((0, 5))).shape == (0, *SHAPE)
+    assert by_graphs.after(height(), np.tile(ACTION, (5, 1))).shape == (5, *SHAPE)
+
+
+def test_a_scan_of_another_size_is_a_sentence(by_graphs: GraphClay) -> None:
+    with pytest.raises(ContractError, match=r"is \[20, 50\] .* for \[40, 50\]"):
+        by_graphs.after(height()[:20], ACTION[None])
+
+
+def test_holes_are_a_sentence(by_graphs: GraphClay) -> None:
+    holed = height()
+    holed[3, 4] = np.nan
+    with pytest.raises(ContractError, match="holes"):
+        by_graphs.step(holed, ACTION)
+
+
+def test_the_graphs_say_what_they_are(exported: tuple[ClayFacts, dict[str, Graph]]) -> None:
+    facts, graphs = exported
+    assert facts == ClayFacts("ball", "push", (0.0, 0.0, 0.1, 0.08), SHAPE, 0.02, 0.008)
+    assert graphs["clay_after"].inputs[1].shape == ("pushes", 5)
+    assert max(max(graph.parity.values()) for graph in graphs.values()) < 1e-4
+    assert all(graph.models == ("push_foam",) for graph in graphs.values())

@@ -1,0 +1,159 @@
+"""What all causes of the vocabulary have in common, and what each does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.push_dynamics.analytic import AnalyticPush, first_model, identity
+from pentimento.push_dynamics.analytic_scene import PushScene, scene_of
+from pentimento.push_dynamics.mechanisms import VOCABULARY, Mechanism
+from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
+from pentimento.push_dynamics.mechanisms.slope_slide import relaxed
+from tests.push_dynamics.played_pushes import HALF_WIDTH_M, blank
+
+KINDS = {kind.cause: kind for kind in VOCABULARY}
+
+
+@pytest.fixture(scope="module")
+def seen() -> PushScene:
+    scene = scene_of(blank(24, 2), HALF_WIDTH_M)
+    rng = np.random.default_rng(3)
+    rough = 2e-4 * rng.standard_normal(scene.before.shape).astype(np.float32)
+    return replace(scene, before=scene.before + rough)
+
+
+@pytest.fixture(scope="module")
+def base(seen: PushScene) -> AnalyticPush:
+    return first_model(seen)
+
+
+def with_values(kind: type[Mechanism], seen: PushScene, *values: float) -> Mechanism:
+    return kind(np.array(values), identity(kind, seen).reference)
+
+
+def typical(kind: type[Mechanism]) -> list[float]:
+    return [quantity.typical for quantity in kind.quantities]
+
+
+def test_the_vocabulary_is_that_of_gap_md() -> None:
+    material = "springback volume_loss slope_slide far_field work_hardening adhesion_lift stiffness_drift"
+    assert sorted(KINDS) == sorted(f"{material} height_offset tool_backlash".split())
+
+
+@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
+def test_at_zero_nothing_changes(kind: type[Mechanism], seen: PushScene, base: AnalyticPush) -> None:
+    still = with_values(kind, seen, *[0.0] * len(kind.quantities))
+    assert still.idle
+    assert np.array_equal(base.plus(still).change(seen), base.change(seen))
+
+
+@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
+def test_near_zero_it_is_smooth_and_every_quantity_does_something(
+    kind: type[Mechanism], seen: PushScene, base: AnalyticPush
+) -> None:
+    plain = base.change(seen).astype(np.float64)
+    for q in range(len(kind.quantities)):
+        if kind.cause == "springback" and kind.quantities[q].name == "recovered_by_log_time":
+            continue  # these pushes are scanned after about the same time
+        values = np.array(typical(kind)) * (np.arange(len(kind.quantities)) == q)
+        small, half, back = (
+            base.plus(with_values(kind, seen, *(share * values))).change(seen) - plain for share in (0.1, 0.05, -0.1)
+        )
+        size = np.linalg.norm(small)
+        assert size > 1e-6
+        assert np.linalg.norm(small - 2 * half) < 0.1 * size
+        assert np.linalg.norm(small + back) < 0.2 * size
+
+
+@pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
+def test_it_stays_whole_where_what_it_depends_on_is_unknown(
+    kind: type[Mechanism], seen: PushScene, base: AnalyticPush
+) -> None:
+    gaps = {
+        name: np.where(np.arange(len(seen)) == 1, np.nan, values) if name not in ("order", "reset_id") else values
+        for name, values in seen.covariates.items()
+    }
+    some = base.plus(with_values(kind, seen, *typical(kind))).change(replace(seen, covariates=gaps))
+    assert np.isfinite(some).all()
+
+
+@pytest.mark.parametrize(
+    ("cause", "without"),
+    [("adhesion_lift", "retract_speed_m_s"), ("stiffness_drift", "t_start_s order temperature_c")],
+)
+def test_what_it_depends_on_must_have_been_recorded(cause: str, without: str, seen: PushScene) -> None:
+    columns = {name: v for name, v in seen.covariates.items() if name not in without.split()}
+    with pytest.raises(NotObservable, match=r"recorded"):
+        KINDS[cause].reference_of(replace(seen, covariates=columns))
+
+
+def test_hardening_needs_the_history(seen: PushScene) -> None:
+    with pytest.raises(NotObservable, match="reset_id"):
+        KINDS["work_hardening"].reference_of(replace(seen, history_known=False))
+    with pytest.raises(NotObservable, match="hardly a push"):
+        KINDS["work_hardening"].reference_of(replace(seen, worked=np.zeros_like(seen.worked)))
+
+
+def test_backlash_needs_more_than_one_direction(seen: PushScene) -> None:
+    action = seen.action.copy()
+    action[:, 2] = 0.7
+    with pytest.raises(NotObservable, match="one direction"):
+        KINDS["tool_backlash"].reference_of(replace(seen, action=action))
+
+
+def test_lost_volume_is_missing_from_the_rims(seen: PushScene, base: AnalyticPush) -> None:
+    lossy = base.plus(with_values(KINDS["volume_loss"], seen, 0.5, 0.0))
+    plain, less = base.change(seen), lossy.change(seen)
+    sunk = np.maximum(-plain, 0).sum((1, 2))
+    share = -(less - plain).sum((1, 2)) / sunk
+    assert ((share > 0.3) & (share < 0.7)).all()
+
+
+def test_hardened_places_sink_less_and_fresh_ones_as_before(seen: PushScene, base: AnalyticPush) -> None:
+    worked = seen.worked.max((1, 2)) > 1e-3
+    assert worked.any() and (~worked).any()
+    harder = base.plus(with_values(KINDS["work_hardening"], seen, 0.6)).change(seen)
+    plain = base.change(seen)
+    assert np.allclose(harder[~worked], plain[~worked], atol=1e-7)
+    there = (seen.worked > 2e-3) & (plain < -1e-3)
+    assert (harder[there] > plain[there]).all()
+
+
+def test_the_arm_that_turns_back_is_late_along_its_axis(seen: PushScene, base: AnalyticPush) -> None:
+    east = np.flatnonzero(np.cos(seen.action[:, 2]) > 0.9)
+    late = base.plus(with_values(KINDS["tool_backlash"], seen, 0.002, 0.0)).change(seen)
+    plain = base.change(seen)
+    moved = [centre(late[b], seen.along[b]) - centre(plain[b], seen.along[b]) for b in east]
+    assert len(east) and max(moved) < -0.001
+
+
+def centre(change: np.ndarray, along: np.ndarray) -> float:
+    sunk = np.maximum(-change, 0)
+    return float((sunk * along).sum() / sunk.sum())
+
+
+def test_a_faster_retract_leaves_a_higher_end(seen: PushScene, base: AnalyticPush) -> None:
+    lifted = base.plus(with_values(KINDS["adhesion_lift"], seen, 5e-4)).change(seen) - base.change(seen)
+    at_end = np.hypot(seen.along - seen.action[:, 3, None, None], seen.across) < 0.002
+    rise = np.array([lift[there].mean() for lift, there in zip(lifted, at_end, strict=True)])
+    order = np.argsort(seen.covariates["retract_speed_m_s"])
+    assert rise[order[0]] < 0 < rise[order[-1]]
+    assert np.abs(lifted.sum((1, 2))).max() < 0.05 * np.abs(lifted).sum((1, 2)).max()
+
+
+def test_a_pile_runs_off_to_its_angle_and_keeps_its_volume() -> None:
+    pile = np.zeros((1, 21, 21), np.float32)
+    pile[0, 10, 10] = 1.0
+    left = relaxed(pile, np.float32(0.05), 4000)[0]
+    steepest = max(np.abs(np.diff(left, axis=axis)).max() for axis in (0, 1))
+    assert steepest < 0.06
+    assert left.sum() == pytest.approx(1.0, rel=1e-4)
+    assert np.allclose(left, left.T, atol=1e-5) and np.allclose(left, left[::-1], atol=1e-5)
+
+
+def test_what_is_flatter_than_the_angle_stays() -> None:
+    slope = np.tile(np.linspace(0, 1, 11, dtype=np.float32) * 0.4, (1, 11, 1))
+    assert np.array_equal(relaxed(slope, np.float32(0.05), 10), slope)

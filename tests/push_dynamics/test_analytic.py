@@ -1,0 +1,110 @@
+"""The analytic push: geometry, balance, and derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pentimento.gap.pushes.jacobian import derivatives
+from pentimento.push_dynamics.analytic import BASE, AnalyticPush, first_model, identity, touch
+from pentimento.push_dynamics.analytic_scene import PushScene, scene_of
+from pentimento.push_dynamics.mechanisms import VOCABULARY
+from tests.push_dynamics.played_pushes import HALF_WIDTH_M, PIXELS, blank, samples_of
+
+HARD = {"log_edge": -2.0, "log_blur": float(np.log(0.3)), "kept": 1.0}
+
+
+def scene(*actions: list[float], before_m: np.ndarray | None = None) -> PushScene:
+    flat = np.full((len(actions), PIXELS, PIXELS), 0.04, dtype=np.float32)
+    before = flat if before_m is None else np.asarray(before_m, dtype=np.float32)
+    given = {
+        "action": np.array(actions),
+        "action_id": np.arange(len(actions)),
+        "covariates": {"order": np.arange(len(actions), dtype=float)},
+    }
+    return scene_of(samples_of(given, before, before.copy()), HALF_WIDTH_M)
+
+
+def model_with(seen: PushScene, **numbers: float) -> AnalyticPush:
+    model = first_model(seen)
+    return model.at(np.array([numbers.get(name, value) for name, value in zip(BASE, model.base, strict=True)]))
+
+
+def test_a_push_straight_down_leaves_the_ball_that_made_it() -> None:
+    seen = scene([0.07, 0.07, 0.3, 0.0, 0.005])
+    model = model_with(seen, **HARD)
+    pressed = touch(model, seen).pressed_m[0]
+    away = np.hypot(seen.along[0], seen.across[0])
+    ball = np.maximum(0.005 - away**2 / (2 * model.ball_radius_m), 0.0)
+    assert np.abs(pressed - ball).max() < 5e-5
+
+
+def test_the_groove_deepens_linearly_along_the_travel() -> None:
+    seen = scene([0.05, 0.07, 0.0, 0.04, 0.008])
+    pressed = touch(model_with(seen, **HARD), seen).pressed_m[0]
+    # The pixels of the middle row lie half a pixel beside the way.
+    middle = pressed[PIXELS // 2]
+    along = seen.along[0, PIXELS // 2]
+    inner = (along > 0.01) & (along < 0.03)
+    slope = np.polyfit(along[inner], middle[inner], 1)[0]
+    assert slope == pytest.approx(0.008 / 0.04, rel=0.02)
+
+
+def test_only_what_stands_above_the_tools_underside_is_pressed() -> None:
+    whole = scene([0.07, 0.07, 0.0, 0.02, 0.006])
+    flat = np.full((1, PIXELS, PIXELS), 0.04, dtype=np.float32)
+    trench = flat.copy()
+    trench[:, :, 60:] = 0.02  # beyond the tool's deepest reach
+    half = scene([0.07, 0.07, 0.0, 0.02, 0.006], before_m=trench)
+    model = model_with(whole, **HARD)
+    on_flat, beside_trench = touch(model, whole).pressed_m[0], touch(model, half).pressed_m[0]
+    assert beside_trench[:, 60:].max() < 1e-5
+    assert np.allclose(beside_trench[:, :60], on_flat[:, :60], atol=1e-7)
+
+
+def test_volume_is_kept() -> None:
+    seen = scene([0.05, 0.06, 0.7, 0.02, 0.006], [0.08, 0.08, -2.0, 0.01, 0.004])
+    change = model_with(seen, lean=0.8, heap=0.5, kept=0.7).change(seen)
+    moved = np.maximum(-change, 0).sum((1, 2))
+    assert (moved > 1e-3).all()
+    assert np.abs(change.sum((1, 2))).max() < 2e-3 * moved.min()
+
+
+def test_a_turned_push_leaves_the_turned_change() -> None:
+    seen = scene([0.07, 0.07, 0.0, 0.02, 0.006], [0.07, 0.07, np.pi / 2, 0.02, 0.006])
+    change = model_with(seen, lean=0.5).change(seen)
+    assert np.abs(np.rot90(change[0]) - change[1]).max() < 1e-5
+
+
+def test_the_change_is_the_same_on_both_sides_of_the_travel() -> None:
+    seen = scene([0.05, 0.07, 0.0, 0.02, 0.006])
+    change = model_with(seen, lean=0.5).change(seen)[0]
+    assert np.abs(change - change[::-1]).max() < 1e-6
+
+
+def test_more_lean_raises_what_lies_ahead_and_lowers_what_lies_behind() -> None:
+    seen = scene([0.05, 0.07, 0.0, 0.02, 0.006])
+    change = [model_with(seen, lean=lean).change(seen)[0] for lean in (0.0, 1.0)]
+    ahead, behind = seen.along[0] > 0.03, seen.along[0] < -0.01
+    assert change[1][ahead].sum() > change[0][ahead].sum()
+    assert change[1][behind].sum() < change[0][behind].sum()
+
+
+def test_a_vector_makes_the_model_again() -> None:
+    samples = blank(6, 2)
+    seen = scene_of(samples, HALF_WIDTH_M)
+    model = first_model(seen).plus(*(identity(kind, seen) for kind in VOCABULARY))
+    rng = np.random.default_rng(0)
+    moved = model.vector + 0.1 * rng.standard_normal(len(model.vector))
+    assert np.allclose(model.at(moved).vector, moved)
+
+
+def test_derivatives_are_those_of_the_change() -> None:
+    seen = scene([0.05, 0.06, 0.7, 0.02, 0.006], [0.08, 0.08, -2.0, 0.01, 0.004])
+    model = model_with(seen, lean=0.3, heap=0.2, profile_1_mm=0.5)
+    found = derivatives(model, seen)
+    for p, name in enumerate(BASE):
+        step = 0.02 * (np.arange(len(BASE)) == p)
+        central = (model.at(model.vector + step).change(seen) - model.at(model.vector - step).change(seen)) / 0.04
+        size = np.linalg.norm(central)
+        assert np.linalg.norm(found[p] - central) < 0.05 * size + 1e-8, name

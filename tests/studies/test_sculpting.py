@@ -1,0 +1,72 @@
+"""Chamfer distance between height maps: closed forms, and its blindness to thin lines; and what the page says."""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.images import read_image, write_png
+from pentimento.planning.sculptor.objective import ClayObjective, Weights
+from studies.sculpting import page
+from studies.sculpting.chamfer import ChamferObjective
+
+WINDOW_M = (0.0, 0.0, 0.064, 0.064)
+FLAT = np.full((64, 64), 0.0402, np.float32)
+
+
+def test_a_map_is_at_no_distance_from_itself() -> None:
+    rough = FLAT + np.random.default_rng(0).normal(0, 1e-3, FLAT.shape).astype(np.float32)
+    assert float(ChamferObjective(rough, WINDOW_M, 0.004).values(rough)) == 0.0
+
+
+def test_a_raised_plane_is_as_far_as_it_is_raised() -> None:
+    chamfer = ChamferObjective(FLAT, WINDOW_M, 0.004)
+    assert float(chamfer.values(FLAT + np.float32(0.0015))) == pytest.approx(1.5**2, rel=1e-3)
+
+
+def test_many_maps_have_the_distances_of_each() -> None:
+    chamfer = ChamferObjective(FLAT, WINDOW_M, 0.004)
+    maps = np.stack([FLAT, FLAT + np.float32(0.001)])
+    np.testing.assert_allclose(chamfer.values(maps), [float(chamfer.values(each)) for each in maps])
+
+
+def test_a_line_is_less_to_it_than_a_shift_and_more_to_the_eye() -> None:
+    line = FLAT.copy()
+    line[32] -= 0.002
+    shifted = FLAT + np.float32(0.0006)
+    chamfer, eye = ChamferObjective(FLAT, WINDOW_M, 0.004), ClayObjective(FLAT, WINDOW_M, Weights(0.0, 1.0))
+    assert float(chamfer.values(line)) < float(chamfer.values(shifted))
+    assert float(eye.values(line)) > 100 * float(eye.values(shifted))
+
+
+def test_the_page_says_where_acting_becomes_worse_than_not_acting(tmp_path: Path) -> None:
+    levels = [
+        {"level": level, "noise_mm2": noise, "error_3d_mm2": height, "visual_error": slope}
+        for level, noise, height, slope in ((0.0, 0.0, 0.2, 0.1), (2.0, 0.4, 3.0, 0.4), (1.0, 0.2, 1.0, 0.3))
+    ]
+    nothing = {"error_3d_mm2": 2.0, "visual_error": 0.2}
+    said = {"material": "foam", "actions": 40, "draws": 6, "nothing": nothing, "levels": levels}
+    (tmp_path / "noise.json").write_text(json.dumps(said))
+    page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
+    text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
+    assert "in slope from 0.100 mm² on and in height from 0.300 mm² on" in text  # halfway between two levels each
+    assert (tmp_path / "docs/sculpting/noise.png").exists() and "alphabet" not in text
+
+
+def test_the_page_counts_letters_that_met_their_bar_and_were_read(tmp_path: Path) -> None:
+    folder = tmp_path / "alphabet_foam_1"
+    folder.mkdir()
+    for number, (letter, removed, read) in enumerate((("A", 0.9, "A"), ("B", 0.5, "B"), ("C", 0.7, "G"))):
+        error = {"before": 1.0, "after": 1 - removed, "removed": removed}
+        said = {
+            "letter": letter, "reach_m": 0.002, "actions": [[0.1, 0.1, 0, 0.02, 0.004]], "error_3d_mm2": error,
+            "visual_error": error, "read": {"clay": read, "probability": 0.8},
+        }  # fmt: skip
+        (folder / f"{number}_{letter}.json").write_text(json.dumps(said))
+        write_png(folder / f"{number}_{letter}.png", np.full((8, 16, 3), 100, np.uint8))
+    page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
+    text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
+    assert "60 % or more for 2 of 3 letters; 2 of 3 are read right" in text
+    assert read_image(tmp_path / "docs/sculpting/alphabet_foam.png").shape == (8, 16, 3)
