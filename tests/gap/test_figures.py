@@ -11,7 +11,8 @@ from pentimento.gap import figures
 from pentimento.gap.imitation import Imitation
 from pentimento.gap.maps import canvas_map, places_known, stroke_map
 from pentimento.gap.measured import Measured
-from pentimento.gap.survey import Survey, covariates_shown, detectable, mode_strength
+from pentimento.gap.path_covariates import covariates_shown
+from pentimento.gap.survey import Survey, detectable, mode_strength
 from tests.gap.conftest import Written
 
 

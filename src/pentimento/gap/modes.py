@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pentimento.gap.foretell import Model
 from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured
-from pentimento.gap.path_covariates import path_covariates
+from pentimento.gap.path_covariates import covariates_shown
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
@@ -80,8 +80,7 @@ def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array]:
 def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
     """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
     scores, energy = mode_scores(model, measured)
-    columns = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
-    columns |= path_covariates(measured)
+    columns = covariates_shown(measured)
     error = float(linearise_rows(model, measured)[2].mean())
     return structure(MODES, scores, energy, error, columns, measured.action, seed)
 

@@ -1,4 +1,6 @@
-"""What a commanded path says of itself: length, press, heading, place, speed; covariates that every table has."""
+"""What residuals may depend on: recorded columns, and what a commanded path says of itself (length, press, heading,
+place, speed).
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.covariates import CARRIED
 from pentimento.gap.measured import Measured
 
 Array = NDArray[Any]
+
+
+def covariates_shown(measured: Measured) -> dict[str, Array]:
+    """Recorded ones and those of the path that are known of all strokes and vary, float64[B] each; of paint that is
+    carried along, how much, and not its colour's channels.
+    """
+    recorded = {name: values for name, values in measured.covariates.items() if name not in CARRIED[1:]}
+    known = {name: values for name, values in recorded.items() if np.isfinite(values).all() and np.ptp(values) > 1e-9}
+    return known | path_covariates(measured)
 
 
 def path_covariates(measured: Measured) -> dict[str, Array]:

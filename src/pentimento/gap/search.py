@@ -208,7 +208,8 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
     evidence = {}
     for cause, columns in index.items():
         gains = held_out_gains(statistics, held, columns, blocks, seed) / error
-        evidence[cause] = Evidence(*tests[cause], *mean_and_bounds(gains, 999, seed))
+        gain, interval, least = mean_and_bounds(gains, 999, seed)
+        evidence[cause] = Evidence(*tests[cause], gain, interval, least)
     return evidence
 
 

@@ -16,7 +16,7 @@ from pentimento.gap.imitation import Columns, Imitation, columns_of, imitation, 
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, mode_scores
-from pentimento.gap.path_covariates import path_covariates
+from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.score import project
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 
@@ -87,12 +87,6 @@ def survey(diagnosis: Diagnosis) -> Survey:
         base_residual=_signed(diagnosis.base, measured),
         extended_residual=_signed(diagnosis.extended, measured),
     )
-
-
-def covariates_shown(measured: Measured) -> dict[str, Array]:
-    """Everything that was recorded of every stroke and varies, float64[B] each."""
-    recorded = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
-    return recorded | path_covariates(measured)
 
 
 def mode_strength(amounts: Array, covariates: dict[str, Array]) -> Array:

@@ -117,11 +117,11 @@ def surface_at_start(height_m: Array, known: Array, along: Array, across: Array)
     Raises:
         ContractError: a push starts outside its window.
     """
-    distance: Array = np.hypot(along, across)
-    near: Array = np.less_equal(distance, _NEAR_M + 1e-9)
-    if not near.any((1, 2)).all():
+    near = np.hypot(along, across) <= _NEAR_M + 1e-9
+    if not np.any(near, axis=(1, 2)).all():
         raise ContractError("The start of a push lies outside its window: record scans that show it.")
-    seen = np.where((near & known).any((1, 2))[:, None, None], near & known, near)
+    measured = near & known
+    seen = np.where(np.any(measured, axis=(1, 2), keepdims=True), measured, near)
     return np.array([np.median(height[there]) for height, there in zip(height_m, seen, strict=True)], dtype=np.float64)
 
 

@@ -118,7 +118,7 @@ def diagnose(
     least = max(_LEAST_GAIN, _LEAST_OF_FLOOR * floor.mse / above if floor else 0.0)
     idle = [f.cause for f in established if f.gain < least]
     if idle:  # confirmed, and of no use on pushes that nothing was fitted to: the others are valued without it
-        extended = fit(extended.without(*idle), plainly)
+        extended = base if len(idle) == len(established) else fit(extended.without(*idle), plainly)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms)
     # What is established itself is no other explanation of its neighbour.
