@@ -29,8 +29,9 @@ Array = NDArray[Any]
 _CONFIRMED_P = 0.4
 _DRAWS = 1999
 _PASSES = 2
-_LEAST_GAIN = 0.01
-"""Of the gap on sealed strokes: what is worth less explains nothing, however sure it is."""
+_LEAST_GAIN, _LEAST_BESIDE = 0.01, 0.05
+"""Of the gap on sealed strokes, and of the largest gain there: what is worth less explains nothing, however sure it is.
+Where a cause's form is not quite right, another takes up a little of what it leaves."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -134,7 +135,8 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
-    idle = [f.cause for f in established if f.gain < _LEAST_GAIN]
+    least = max(_LEAST_GAIN, _LEAST_BESIDE * max((f.gain for f in established), default=0.0))
+    idle = [f.cause for f in established if f.gain < least]
     if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
         extended = fit(_without(extended, idle, base), known)
         extended_losses = action_losses(extended, test)

@@ -35,7 +35,7 @@ like a cause."""
 _LARGE, _LARGE_OF_MISFIT = 2.0, 0.04
 """Typical sizes, and the share that it removes of the error above the noise floor: a large cause has both."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
-_BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
 
