@@ -42,8 +42,9 @@ REGION = (0.025, 0.008)
 """Length and depth of the training region, where one is left."""
 PASSES = 7200
 """Pushes seen in training: small sets are seen more often, so that each has as many steps."""
-TOGETHER = 1.25
-"""A model of several materials sees so many times as many pushes."""
+TOGETHER, BEFORE_ADAPTING = 3.0, 1.25
+"""The model of all three materials sees so many times as many pushes, as many of each as its own model; and one that is
+to be adapted."""
 DOCS = Path("docs/push_models.md")
 CONFIG = TrainingConfig(
     side_px=64, behind_m=0.03, channels=16, members=1, epochs=1, batch=16, learning_rate=4e-3, visual_weight=1.0,
@@ -108,14 +109,16 @@ class World:
     def model(self, name: str) -> PushModel:
         return read_push_model(self.folder / "weights" / name)
 
-    def fit(self, name: str, trained_on: dict[str, PushSamples], visual_weight: float = 1.0) -> PushModel:
+    def fit(
+        self, name: str, trained_on: dict[str, PushSamples], visual_weight: float = 1.0, passes: float = 1.0
+    ) -> PushModel:
         """Train one model on the contexts of these names, and keep it; one that was kept is read again."""
         target = self.folder / "weights" / name
         if (target / "weights.safetensors").exists():
             return read_push_model(target)
         parts = list(trained_on.values())
         rows = sum(len(part.before) for part in parts)
-        epochs = math.ceil(PASSES * (1.0 if len(parts) == 1 else TOGETHER) / rows)
+        epochs = math.ceil(PASSES * passes / rows)
         config = replace(CONFIG, epochs=epochs, visual_weight=visual_weight)
         crop = crop_for(parts[0], config)
         kind: Literal["push", "pinch"] = "push" if parts[0].kind[0] == "push" else "pinch"
@@ -138,7 +141,7 @@ class World:
         }
 
     def conditioned(self) -> dict[str, Any]:
-        model = self.fit("conditioned", {name: self.samples(name)[0] for name in MATERIALS})
+        model = self.fit("conditioned", {name: self.samples(name)[0] for name in MATERIALS}, passes=TOGETHER)
         return {name: self._error(model, self.samples(name)[1], k) for k, name in enumerate(MATERIALS)}
 
     def unseen(self, name: str) -> dict[str, Any]:
@@ -146,7 +149,7 @@ class World:
         others = {other: self.samples(other)[0] for other in MATERIALS if other != name}
         training, held_out = self.samples(name)
         few = training.pick(_some(training, FEW, self.seed))
-        base = self.fit(f"without_{name}", others)
+        base = self.fit(f"without_{name}", others, passes=BEFORE_ADAPTING)
         own = adapted(base, in_pose(few, base.facts.crop), (name, "ball"), 1.0, 0)
         alone = self.fit(f"few_{name}", {name: few})
         return {

@@ -12,7 +12,7 @@ from pentimento.contracts.frames import canvas_to_pixel
 from pentimento.contracts.height_maps import decode_height_m, encode_height_png
 from pentimento.contracts.pushes import CONTRACT, example_table
 from pentimento.contracts.schema import arrow_schema
-from pentimento.push_dynamics.measured import fill_holes, load_pushes
+from pentimento.push_dynamics.measured import load_pushes
 
 UNIT_M = 1e-6
 
@@ -69,19 +69,6 @@ def test_holes_are_filled_smoothly_and_stay_marked() -> None:
     assert repairs.holes == pytest.approx(24 / (3 * 3600))
     np.testing.assert_allclose(samples.after[1], slope, atol=4e-4)
     assert np.isfinite(samples.after).all()
-
-
-def test_what_was_measured_is_not_touched_by_filling() -> None:
-    rng = np.random.default_rng(0)
-    height = rng.uniform(0.02, 0.04, (40, 30))
-    height[rng.random(height.shape) < 0.4] = np.nan
-    filled = fill_holes(height)
-    known = np.isfinite(height)
-    np.testing.assert_allclose(filled[known], height[known], atol=1e-8)
-    assert filled.min() >= np.nanmin(height) - 1e-8
-    assert filled.max() <= np.nanmax(height) + 1e-8
-    with pytest.raises(ContractError, match="no measured pixel"):
-        fill_holes(np.full((4, 4), np.nan))
 
 
 def test_the_reported_tilt_is_taken_off() -> None:

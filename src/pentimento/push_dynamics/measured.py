@@ -12,7 +12,6 @@ import math
 from collections import Counter
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
@@ -21,12 +20,11 @@ from pentimento.contracts import frames
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.height_maps import decode_height_m, level
 from pentimento.contracts.tables import MAX_BAD_SHARE
+from pentimento.planning.sculptor.holes import fill_holes
 
 _HIGHEST_M = 1.0
 """No slab on a table is as high, and no push as long: beyond it, numbers are in millimetres."""
 _MOST_HOLES = 0.5
-_ENOUGH = 0.02
-"""Weight of measured neighbours, as a share, from which a hole is filled by their mean."""
 _NOT_COVARIATES = ("action_id", "height_per_unit_m")
 _LISTED = 8
 
@@ -140,32 +138,6 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     return samples, Repairs(table.num_rows, bad, tuple(copies), tilted, float(1 - samples.known.mean()))
 
 
-def fill_holes(height_m: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """A height map [H, W] whose NaN are replaced by the mean of what was measured around them.
-
-    Neighbours are weighted by a Gaussian that is widened, from one pixel on, until it meets enough of them; measured
-    pixels stay as they are.
-
-    Raises:
-        ContractError: nothing was measured.
-    """
-    known = np.isfinite(height_m)
-    if not known.any():
-        raise ContractError("its scan has no measured pixel.")
-    filled = np.where(known, height_m, 0.0).astype(np.float64)
-    offset = filled[known].mean()  # heights differ little from their mean: sums stay exact
-    values, weights = np.where(known, filled - offset, 0.0), known.astype(np.float64)
-    left, sigma = ~known, 1.0
-    while left.any():
-        near = cv2.GaussianBlur(weights, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
-        mean = cv2.GaussianBlur(values, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
-        now = left & (near > _ENOUGH)
-        filled[now] = mean[now] / near[now] + offset
-        left &= ~now
-        sigma *= 2
-    return filled.astype(np.float32)
-
-
 def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
     action = np.asarray(row["action"], dtype=np.float64)
     window = np.asarray(row["window_m"], dtype=np.float64)
@@ -239,7 +211,9 @@ def _stacked(rows: list[_Row], table: pa.Table) -> PushSamples:
         high, wide = row.before.shape
         known[number, :high, :wide] = np.isfinite(row.before) & np.isfinite(row.after)
         for into, part in ((before, row.before), (after, row.after)):
-            into[number] = np.pad(fill_holes(part), ((0, height - high), (0, width - wide)), mode="edge")
+            into[number] = np.pad(
+                fill_holes(part)[0].astype(np.float32), ((0, height - high), (0, width - wide)), mode="edge"
+            )
         window[number, 1] -= (height - high) / row.pixels_per_m
         window[number, 2] += (width - wide) / row.pixels_per_m
     texts = {
