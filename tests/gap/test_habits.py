@@ -96,3 +96,16 @@ def test_strokes_that_come_later_get_the_habits_that_the_others_have(
     measured, model = streaked
     habits, learnt = learn_habits(measured, model, KNOWN, strokes[2], 0)
     np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
+
+
+def test_a_paint_that_was_never_seen_changes_no_habit(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    """A table from elsewhere may bring paints that the diagnosed one had not."""
+    measured, model = streaked
+    habits, _ = learn_habits(measured, model, KNOWN, strokes[2], 0)
+    more = replace(habits.model, color_offset=np.concatenate([habits.model.color_offset, np.zeros((2, 3))]))
+    few = measured.pick(FRESH)
+    known, painted_anew = habits.of(few), habits.seen_from(more).of(replace(few, paints=few.paints + 2))
+    assert np.abs(known.habit).max() > 0.01
+    np.testing.assert_allclose(painted_anew.habit, known.habit, atol=1e-6)

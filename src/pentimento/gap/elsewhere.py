@@ -50,7 +50,7 @@ def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: 
     models = diagnosis.base, diagnosis.extended, diagnosis.habits.model
     base, extended, seen_from = (applied(model, paints, outside)[0] for model in models)
     strokes = applied(diagnosis.base, paints, outside)[1]
-    strokes = replace(diagnosis.habits, model=seen_from).of(strokes)
+    strokes = diagnosis.habits.seen_from(seen_from).of(strokes)
     floor = noise_floor(extended, strokes, seed) or diagnosis.floor
     before, after = float(action_losses(base, strokes).mean()), float(action_losses(extended, strokes).mean())
     if floor is None or before <= floor.mse:

@@ -56,6 +56,11 @@ class Habits:
     like_causes: Array
     """[P] of the model's numbers: what of it they would do."""
 
+    def seen_from(self, model: Model) -> Habits:
+        """The same, seen from a model that knows more paints: what is like causes does nothing to those."""
+        new = model.nuisances - self.model.nuisances
+        return replace(self, model=model, like_causes=np.insert(self.like_causes, [self.model.nuisances] * new, 0.0))
+
     def of(self, measured: Measured) -> Measured:
         """Strokes that nothing was learnt from, with their habits."""
         pixels = _Pixels(self.model, measured)
