@@ -47,6 +47,7 @@ bench: env
 studies: env
 	$(BIN)/python -m studies.blind.table --worlds $(WORLDS)
 	$(BIN)/python -m studies.blind_pushes.table --worlds $(WORLDS)
+	$(BIN)/python -m studies.stroke_models
 
 clean:
 	rm -rf data models/*/weights models/bundle .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -12,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,14 @@ from ruamel.yaml import YAML
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._config import read_yaml
 from pipelines._io import end_with_parent
+from pipelines._review.agreement import link
+from pipelines._review.champions import register
+from pipelines._tracking.execution import VARIABLE
+from pipelines._tracking.timings import TIMINGS
 
 _OWN_FILES = {"dvc.lock", "params.yaml"}  # an overlay has its own
 _MANIFEST = Path(".pentimento/overlaid.txt")
+_STATUS = {0: "FINISHED", 130: "KILLED", 143: "KILLED"}  # of MLflow, by exit status
 
 
 def main(arguments: list[str]) -> int:
@@ -40,7 +46,17 @@ def main(arguments: list[str]) -> int:
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
         return 1
+    started = time.time()
+    execution = f"{profile or 'default'} · {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(started))}"
+    os.environ[VARIABLE] = execution
     status = run_dvc(["repro"], folder)
+    try:
+        if status != 0 or _ran_since(folder, started):
+            link(folder, execution, _STATUS.get(status, "FAILED"))
+            if status == 0 and profile is None:  # models of other profiles are no candidates
+                print("", *register(folder), sep="\n")
+    except PentimentoError as error:  # the outputs are there; only the history lacks a link
+        print(f"make repro: {error}", file=sys.stderr)
     if status != 0:
         restore_missing(folder)
         print(
@@ -51,8 +67,13 @@ def main(arguments: list[str]) -> int:
     print(f"\nThe report:  {(folder / 'data/report/index.html').relative_to(root)}")
     store = os.environ["MLFLOW_TRACKING_URI"]
     print(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
-    print("             then open http://127.0.0.1:5000/#/experiments/1/runs")
+    print("             then open http://127.0.0.1:5000; what changed: .venv/bin/python -m pipelines.compare --last 2")
     return 0
+
+
+def _ran_since(folder: Path, started: float) -> bool:
+    """Whether a stage finished since then."""
+    return any(file.stat().st_mtime >= started for file in (folder / TIMINGS).glob("*.json"))
 
 
 def run_dvc(arguments: list[str], folder: Path) -> int:

@@ -1,4 +1,4 @@
-"""The lean runner in a process of its own: paints one picture in the studio, and must end without PyTorch."""
+"""The lean runner in a process of its own: paints or sculpts in the studio, and must end without PyTorch."""
 
 import argparse
 import sys
@@ -8,6 +8,7 @@ from pentimento.runner.commission import Wanted
 from pentimento.runner.control import Control
 from pentimento.runner.progress import Progress
 from pentimento.runner.run import commission_of, run
+from pentimento.runner.run_sculpture import clay_commission_of, run_sculpture
 
 HEAVY = ("torch", "sklearn", "skimage", "diffusers", "transformers")
 """What a robot's computer has not. SciPy is not among them: where it is installed, Numba looks at it."""
@@ -20,6 +21,18 @@ def paint(arguments: argparse.Namespace) -> None:
         arguments.bundle, arguments.setting, "virtual", False, wanted, arguments.strokes, None, arguments.seed
     )
     run(commission, arguments.out, False, arguments.out, _nobody, None, Control(), Progress())
+
+
+def sculpt(arguments: argparse.Namespace) -> None:
+    """Sculpt into `--out`, likewise."""
+    commission = clay_commission_of(
+        arguments.bundle, arguments.material, None, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+    )
+    run_sculpture(commission, arguments.out, False, Control(), Progress())
+
+
+def end_lean() -> None:
+    """Say what was loaded that must not be."""
     loaded = sorted(set(HEAVY) & set(sys.modules))
     if loaded:
         sys.exit(f"The runner loaded {', '.join(loaded)}, which a robot's computer has not.")
@@ -32,10 +45,18 @@ def _nobody(request: str) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bundle", required=True, type=Path)
-    parser.add_argument("--setting", required=True)
+    parser.add_argument("--setting")
     parser.add_argument("--picture")
     parser.add_argument("--words", default="")
-    parser.add_argument("--strokes", required=True, type=int)
+    parser.add_argument("--strokes", type=int)
+    parser.add_argument("--material", help="sculpt this instead")
+    parser.add_argument("--letter")
+    parser.add_argument("--pushes", type=int)
     parser.add_argument("--seed", required=True, type=int)
     parser.add_argument("--out", required=True, type=Path)
-    paint(parser.parse_args())
+    chosen = parser.parse_args()
+    if chosen.material is None:
+        paint(chosen)
+    else:
+        sculpt(chosen)
+    end_lean()

@@ -7,6 +7,7 @@ from pathlib import Path
 from pentimento.report.benchmarks import read_benchmarks
 from pentimento.report.copainting import read_copainting
 from pentimento.report.diagnoses import read_diagnosis
+from pentimento.report.hands import read_hands
 from pentimento.report.inputs import read_painting, read_tool
 from pentimento.report.page import ReportConfig, build_report
 from pentimento.report.performances import read_performances
@@ -32,6 +33,8 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"sculpture.{material}": arguments.sculptures / material for material in sculpted}
     inputs |= {f"push_model.{material}": path for material, path in sculpted.items()}
     inputs |= {f"gap.push_{material}": arguments.gap / f"push_{material}" for material in sculpted}
+    inputs |= {"hands": arguments.hands, "trajvae": arguments.models / "trajvae/weights"}
+    inputs |= {"demonstrations": arguments.demonstrations}
     inputs |= {"performances": arguments.performances, "benchmarks": arguments.benchmarks}
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         files = build_report(
@@ -46,6 +49,7 @@ def main(arguments: argparse.Namespace) -> None:
                 read_sculpture(name, arguments.sculptures / name, weights, arguments.gap / f"push_{name}")
                 for name, weights in sculpted.items()
             ],
+            read_hands(arguments.hands, arguments.models / "trajvae/weights", arguments.demonstrations),
         )
         for name, data in files.items():
             (out / name).write_bytes(data)
@@ -61,6 +65,8 @@ if __name__ == "__main__":
     parser.add_argument("--evaluations", required=True, type=Path, help="folder of an evaluation for each setting")
     parser.add_argument("--performances", required=True, type=Path, help="what the runner painted from the bundle")
     parser.add_argument("--sculptures", required=True, type=Path, help="folder of a sculpture for each material")
+    parser.add_argument("--hands", required=True, type=Path, help="drawings in hands")
+    parser.add_argument("--demonstrations", required=True, type=Path)
     parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")

@@ -1,4 +1,4 @@
-"""Paint from the bundle with the lean runner, in the studio and in processes without PyTorch."""
+"""Paint and sculpt from the bundle with the lean runner, in the studio and in processes without PyTorch."""
 
 import argparse
 import json
@@ -11,7 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
+from pentimento.runner.run_sculpture import HEIGHTS, SUMMARY
+from pentimento.runner.sculpture_state import load_sculpture
+from pentimento.sculpting_goals.shading import photograph
 from pipelines import _runner_process
 from pipelines._config import load_section
 from pipelines._io import output_folder, stage_main, write_json
@@ -19,6 +23,7 @@ from pipelines._tracking import tracked_run
 
 PICTURES = ("goal.png", "plan.png", "canvas.png")
 """What is kept of a painting's folder: what was aimed at, what was foretold at first, what came of it."""
+SCULPTURES = "sculptures.json"
 
 
 @dataclass(frozen=True)
@@ -36,19 +41,34 @@ class Performance:
 
 
 @dataclass(frozen=True)
+class Carving:
+    """One sculpture."""
+
+    material: str
+    """Of the bundle's push models, and of the studio."""
+    letter: str
+    pushes: int
+    """At most."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "pushes")
+
+
+@dataclass(frozen=True)
 class RunBundle:
     """Section `run_bundle` of params.yaml."""
 
     seed: int
     """Of plans, goals and the studio."""
     paintings: dict[str, Performance]
+    sculptures: dict[str, Carving]
 
     def __post_init__(self) -> None:
         at_least(self, 0, "seed")
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: a folder of pictures for each painting, and metrics.json."""
+    """Write `--out`: a folder of pictures for each painting and sculpture, metrics.json and sculptures.json."""
     config = load_section(Path("params.yaml"), "run_bundle", RunBundle)
     with (
         tracked_run("run_bundle", None, asdict(config), {"bundle": arguments.bundle}) as run,
@@ -59,9 +79,16 @@ def main(arguments: argparse.Namespace) -> None:
             for name, performance in config.paintings.items()
         }
         write_json(out / "metrics.json", metrics)
-        run.log_metrics(metrics)
+        carved = {
+            name: _carve(carving, config.seed, arguments.bundle, out / name)
+            for name, carving in config.sculptures.items()
+        }
+        write_json(out / SCULPTURES, carved)
+        run.log_metrics(metrics | carved)
         for name in config.paintings:
             run.log_picture(out / name / "canvas.png")
+        for name in config.sculptures:
+            run.log_picture(out / name / "result.png")
 
 
 def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path, out: Path) -> dict[str, Any]:
@@ -77,12 +104,7 @@ def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path,
         command += ["--words", performance.words]
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "painting"
-        done = subprocess.run(
-            [sys.executable, "-m", _runner_process.__name__, *command, "--out", str(folder)],
-            capture_output=True, text=True,
-        )  # fmt: skip
-        if done.returncode:
-            raise PentimentoError(f"The runner failed in setting {performance.setting}: {done.stderr.strip()[-2000:]}")
+        _in_a_process([*command, "--out", str(folder)], f"setting {performance.setting}")
         out.mkdir()
         for picture in PICTURES:
             shutil.copy(folder / picture, out / picture)
@@ -92,6 +114,32 @@ def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path,
         own = json.loads((workshop / "metrics.json").read_text())
         told["workshop"] = {"strokes": own["strokes"], "error": own["error"]["with_replanning"]}
     return told
+
+
+def _carve(carving: Carving, seed: int, bundle: Path, out: Path) -> dict[str, Any]:
+    """Pushes and errors of one sculpture, whose photographs are in ``out`` then."""
+    command = [
+        "--bundle", str(bundle), "--material", carving.material, "--letter", carving.letter,
+        "--pushes", str(carving.pushes), "--seed", str(seed),
+    ]  # fmt: skip
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "sculpture"
+        _in_a_process([*command, "--out", str(folder)], f"material {carving.material}")
+        out.mkdir()
+        state = load_sculpture(folder)
+        first, last = state.progress.heights_m[0], state.progress.heights_m[-1]
+        for name, height in zip(HEIGHTS, (first, state.goal_m, last), strict=True):
+            write_png(out / f"{name}.png", photograph(height, state.progress.scan.window_m))
+        found: dict[str, Any] = json.loads((folder / SUMMARY).read_text())
+    return asdict(carving) | found
+
+
+def _in_a_process(command: list[str], what: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", _runner_process.__name__, *command], capture_output=True, text=True
+    )  # fmt: skip
+    if done.returncode:
+        raise PentimentoError(f"The runner failed in {what}: {done.stderr.strip()[-2000:]}")
 
 
 if __name__ == "__main__":

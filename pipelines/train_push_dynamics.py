@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import torch
 
 from pentimento.contracts.images import write_png
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.push_dynamics.evaluation import predict, scores
+from pentimento.push_dynamics.losses import height_errors
 from pentimento.push_dynamics.measured import PushSamples, load_pushes
 from pentimento.push_dynamics.pictures import comparison
 from pentimento.push_dynamics.push_model import PushModel, write_push_model
@@ -63,7 +65,15 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "held_out_actions.json", sorted(set(held_out.action_id.tolist())))
         write_png(out / "held_out.png", _picture(model, held_out))
         run.log_metrics(json.loads((out / "metrics.json").read_text()))
+        run.log_items("held_out.model.window_l_3d_mm2", *_error_by_action(model, held_out))
         run.log_picture(out / "held_out.png")
+
+
+def _error_by_action(model: PushModel, samples: PushSamples) -> tuple[list[int], list[float]]:
+    """Actions, and the L_3D [mm²] of each over the window and its repeats: what runs are compared by."""
+    error = height_errors(predict(model, samples) - torch.from_numpy(samples.after), torch.from_numpy(samples.known))
+    actions = sorted(set(samples.action_id.tolist()))
+    return actions, [float(error[torch.from_numpy(samples.action_id == action)].mean()) for action in actions]
 
 
 def _picture(model: PushModel, held_out: PushSamples) -> np.ndarray:

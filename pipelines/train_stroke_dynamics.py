@@ -56,6 +56,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "curve.json", {"epoch": curve.steps, "weighted_l1": curve.values})
         write_json(out / "held_out_actions.json", sorted(set(held_out.action.tolist())))
         run.log_metrics(metrics)
+        run.log_items("held_out.model.mse", *_mse_by_action(parameters, held_out))
 
 
 class Curve:
@@ -85,6 +86,14 @@ def _scores(
         "blank": score(blank(samples), samples),
     }
     return {name: asdict(value) for name, value in scores.items()}
+
+
+def _mse_by_action(model: Traj2StrokeParameters, samples: StrokeSamples) -> tuple[list[int], list[float]]:
+    """Actions, and the mean squared error of each over its window and its repeats: what runs are compared by."""
+    error = (predict_with(model, samples) - samples.after).square().mean(-1)
+    of_stroke = (error * samples.valid).flatten(1).sum(1) / samples.valid.flatten(1).sum(1)
+    actions = sorted(set(samples.action.tolist()))
+    return actions, [float(of_stroke[samples.action == action].mean()) for action in actions]
 
 
 if __name__ == "__main__":

@@ -3,58 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pentimento.commands import diagnose, new, recordings
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-    from pentimento.contracts.tables import CheckedTable
-    from pentimento.gap.diagnose import Diagnosis
-
-_KINDS = ("strokes", "pushes")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a subcommand; 0, or 1 with a sentence on stderr."""
     parser = argparse.ArgumentParser(prog="pentimento", description="Robots that learn their own brushes.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    diagnose = commands.add_parser(
-        "diagnose",
-        help="what a simulation gets wrong about measured strokes or pushes, and why (needs pentimento[train])",
-    )
-    diagnose.add_argument(
-        "rows", type=Path, help="a table in the strokes or the pushes contract: a file, or a folder of shards"
-    )
-    diagnose.add_argument("--out", required=True, type=Path, help="folder for verdict.json, report.html and more")
-    diagnose.add_argument("--kind", choices=_KINDS, help="what the rows are; by default told by the table's columns")
-    diagnose.add_argument(
-        "--base", type=Path, metavar="FILE",
-        help="parameters.json of a stroke model, whose error is told beside that of the finder's own base",
-    )  # fmt: skip
-    diagnose.add_argument(
-        "--test", type=Path, help="an outside table, on which the share of the gap that is closed is measured, too"
-    )
-    diagnose.add_argument(
-        "--collect", type=int, default=0, metavar="ROUNDS",
-        help="while an established cause has rivals, let the studio's robot make the strokes that tell them apart and "
-        "diagnose again: at most so many times",
-    )  # fmt: skip
-    diagnose.add_argument(
-        "--world", help="the studio's world for --collect: a name or a TOML file; by default named like the tool"
-    )
-    diagnose.add_argument("--seed", type=_seed, default=0, help="of splits, bootstraps and the studio")
-    diagnose.set_defaults(run=_diagnose)
+    diagnose.add(commands, _seed)
     _add_run(commands)
     _add_calibrate(commands)
+    recordings.add(commands, _seed)
+    new.add(commands)
     chosen = parser.parse_args(arguments)
-    if chosen.run is _diagnose and (chosen.collect < 0 or (chosen.world is not None and chosen.collect == 0)):
+    if chosen.run is diagnose.run and (chosen.collect < 0 or (chosen.world is not None and chosen.collect == 0)):
         parser.error("--collect takes a number of rounds, 1 or more, and --world needs it.")
     if chosen.run is _run and (chosen.bundle is None) == (chosen.resume is None):
         parser.error("give a bundle to begin a painting, or --resume FOLDER to go on with one.")
@@ -62,6 +29,8 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("--out FOLDER says where the painting is kept.")
     if chosen.run is _run and chosen.resume is not None and (given := _of_a_new_painting(chosen)):
         parser.error(f"--resume goes on as the painting was begun, and cannot change {', '.join(given)}; leave it out.")
+    if chosen.run is _run and (wrong := _wrong_of_clay(chosen)):
+        parser.error(wrong)
     try:
         chosen.run(chosen)
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
@@ -94,6 +63,9 @@ def _add_run(commands: Any) -> None:
     run.add_argument(
         "--batch", type=_count, metavar="N", help="strokes between two replannings; by default the setting's"
     )
+    run.add_argument("--material", help="sculpt this clay of the bundle, in the studio, instead of painting")
+    run.add_argument("--letter", metavar="LETTERS", help="sink this into the clay")
+    run.add_argument("--pushes", type=_count, metavar="N", help="into the clay, at most; by default 60")
     run.add_argument("--seed", type=_seed, metavar="N", help="of plan, goal and studio; by default the setting's")
     run.add_argument("--out", type=Path, metavar="FOLDER", help="a new folder for the painting")
     run.add_argument("--resume", type=Path, metavar="FOLDER", help="go on with a painting, however it ended")
@@ -140,9 +112,24 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     print(told(found))
 
 
+_OF_CLAY = ("material", "letter", "pushes")
+_OF_PAINT = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "execute", "page")
+
+
+def _wrong_of_clay(chosen: argparse.Namespace) -> str | None:
+    """What does not go together when clay is sculpted: there is no driver but the studio's, and no page."""
+    given = [f"--{name.replace('_', '-')}" for name in _OF_CLAY if getattr(chosen, name) is not None]
+    if not given:
+        return None
+    if chosen.material is None or chosen.letter is None:
+        return f"{', '.join(given)}: to sculpt, give both --material and --letter."
+    painted = [f"--{name.replace('_', '-')}" for name in _OF_PAINT if getattr(chosen, name) not in (None, False)]
+    return f"clay is sculpted in the studio, without {', '.join(painted)}; leave it out." if painted else None
+
+
 def _of_a_new_painting(chosen: argparse.Namespace) -> list[str]:
     """The options given that say how a painting is begun."""
-    names = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "seed", "out", "execute")
+    names = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "seed", "out", "execute", *_OF_CLAY)
     return [f"--{name.replace('_', '-')}" for name in names if getattr(chosen, name) not in (None, False)]
 
 
@@ -183,14 +170,38 @@ def _tell_address(address: str) -> None:
     print(f"The page is {address}", flush=True)
 
 
+def _sculpt(arguments: argparse.Namespace) -> None:
+    from pentimento.runner.commission import read_clay_commission
+    from pentimento.runner.control import Control
+    from pentimento.runner.keyboard import at_terminal, ended_by_signal
+    from pentimento.runner.progress import Progress
+    from pentimento.runner.run_sculpture import clay_commission_of, run_sculpture
+
+    folder: Path = arguments.out if arguments.resume is None else arguments.resume
+    commission = read_clay_commission(folder) if arguments.resume is not None else None
+    if commission is None:
+        commission = clay_commission_of(
+            arguments.bundle, arguments.material, None, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+        )
+    control, progress = Control(), Progress()
+    at_terminal(control, progress)
+    with ended_by_signal():
+        state = run_sculpture(commission, folder, arguments.resume is not None, control, progress)
+    progress.say("")
+    print(f"{len(state.progress.actions)} pushes; {state.stopped}. The sculpture is in {folder}.")
+
+
 def _run(arguments: argparse.Namespace) -> None:
-    from pentimento.runner.commission import Wanted, read_commission
+    from pentimento.runner.commission import Wanted, read_clay_commission, read_commission
     from pentimento.runner.control import Control
     from pentimento.runner.keyboard import at_terminal, ended_by_signal
     from pentimento.runner.progress import Progress
     from pentimento.runner.run import commission_of, run
     from pentimento.runner.state import has_state
 
+    if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
+        _sculpt(arguments)
+        return
     folder: Path = arguments.out if arguments.resume is None else arguments.resume
     if arguments.resume is not None:
         commission = read_commission(folder)
@@ -216,126 +227,6 @@ def _run(arguments: argparse.Namespace) -> None:
         raise
     progress.say("")
     print(f"{state.sentence} The painting is in {folder}.")
-
-
-def _diagnose(arguments: argparse.Namespace) -> None:
-    if (arguments.kind or _kind_of(arguments.rows)) == "pushes":
-        _diagnose_pushes(arguments)
-    else:
-        _diagnose_strokes(arguments)
-
-
-def _kind_of(rows: Path) -> str:
-    """What a table holds, by its columns; one that cannot be read is left to its reader, who says why."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    files = sorted(rows.glob("*.parquet")) if rows.is_dir() else [rows]
-    try:
-        columns = pq.read_schema(files[0]).names if files else []
-    except (OSError, pa.ArrowException):
-        columns = []
-    return "pushes" if "action" in columns and "path" not in columns else "strokes"
-
-
-def _diagnose_pushes(arguments: argparse.Namespace) -> None:
-    from pentimento.contracts.pushes import CONTRACT
-    from pentimento.contracts.tables import read_table
-
-    given = {"--base": arguments.base, "--collect": arguments.collect, "--world": arguments.world}
-    if strange := [name for name, value in given.items() if value]:
-        raise ConfigError(f"{', '.join(strange)} is for strokes, and {arguments.rows} holds pushes; leave it out.")
-    with _workshop():
-        from pentimento.gap.pushes.write import write_push_diagnosis
-    checked = read_table(arguments.rows, CONTRACT)
-    outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
-    write_push_diagnosis(checked.table, arguments.out, arguments.seed, _progress, outside, _left_out(checked))
-    print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
-    print(f"The report is {arguments.out / 'report.html'}.")
-
-
-@contextmanager
-def _workshop() -> Iterator[None]:
-    """For imports of the workshop: where it is not installed, say how to."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if (error.name or "").startswith("pentimento"):
-            raise
-        raise ConfigError(
-            f"To diagnose, the workshop has to be installed, and {error.name} is missing: a robot's computer needs "
-            "none of it. Where the pipeline runs, install it with: pip install '.[train]'."
-        ) from error
-
-
-def _left_out(checked: CheckedTable) -> str | None:
-    """What the contract's check left out, as a sentence."""
-    if not checked.quarantined:
-        return None
-    reasons = "; ".join(f"row {bad.row}: {bad.reason}" for bad in checked.quarantined[:8])
-    return f"{len(checked.quarantined)} rows break the contract and are left out ({reasons})."
-
-
-def _diagnose_strokes(arguments: argparse.Namespace) -> None:
-    from pentimento.contracts.strokes import CONTRACT
-    from pentimento.contracts.tables import read_table
-
-    with _workshop():
-        from pentimento.gap.rounds import diagnose_in_rounds
-        from pentimento.gap.write import write_diagnosis
-        from pentimento.stroke_dynamics.traj2stroke import read_parameters
-    checked = read_table(arguments.rows, CONTRACT)
-    given = None if arguments.base is None else read_parameters(arguments.base)
-    outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
-
-    def diagnosed(table: pa.Table, added: str | None) -> Diagnosis:
-        notes = [line for line in (_left_out(checked), added) if line]
-        found = write_diagnosis(
-            table, arguments.out, arguments.seed, _progress, outside, " ".join(notes) or None, given
-        )
-        print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
-        return found
-
-    if arguments.collect:
-        made = _robot_in(arguments.world, checked.table, arguments.seed)
-        diagnose_in_rounds(checked.table, arguments.out, arguments.collect, diagnosed, made, print)
-    else:
-        diagnosed(checked.table, None)
-    print(f"The report is {arguments.out / 'report.html'}.")
-
-
-def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Table, pa.Table, int], pa.Table]:
-    """A robot in the studio with the tool that made a table's strokes, as what makes proposed actions."""
-    import numpy as np
-
-    from pentimento.contracts.covariates import drawn_length_m
-    from pentimento.robots.tools import load_tool
-    from pentimento.robots.virtual import VirtualRobot
-    from pentimento.runner.follow import follow, tool_of
-    from pentimento.runner.safety import GuardedRobot, envelope_for
-    from pentimento.studio.studio import Studio
-    from pentimento.studio.world import load_world
-
-    tool = load_tool(tool_of(table))
-    robot = VirtualRobot(Studio(load_world(world or tool.name), seed))
-    guarded = GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
-    guarded.change_tool(tool)
-
-    drawn_m = 0.0
-
-    def made(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
-        nonlocal drawn_m
-        rows = follow(guarded, tool, actions, recorded, f"{tool.name}-{seed}-round-{number}", drawn_m)
-        drawn_m += sum(drawn_length_m(np.array(path)) for path in rows["path"].to_pylist())
-        return rows
-
-    return made
-
-
-def _progress(line: str) -> None:
-    """For a person at a terminal; a log needs the verdict alone."""
-    if sys.stderr.isatty():
-        print(line, file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,8 @@ pixels about the push) alone; the truth is opened after the verdict. q is the en
 absorb over the noise floor.
 
 *95 %* is the exact interval (Clopper–Pearson). A row *falls short* where an exact one-sided binomial test rejects its
-bar at 5 %, and is *undecided* where it misses its bar by less. A world that led to no verdict counts as missed."""
+bar at 5 %, and is *undecided* where it misses its bar by less. *Constant* is what is reached by naming in every world
+the cause (or pair) that is hidden most often in the row's worlds. A world that led to no verdict counts as missed."""
 
 
 def page(lines: Sequence[Line], commit: str) -> str:
@@ -53,7 +54,7 @@ def page(lines: Sequence[Line], commit: str) -> str:
 
 
 def _table(found: Sequence[Row]) -> str:
-    head = ["| | count | share | 95 % | bar | | |", "|---|---|---|---|---|---|---|"]
+    head = ["| | count | share | 95 % | bar | | constant | |", "|---|---|---|---|---|---|---|---|"]
     return "\n".join([*head, *(_row(row) for row in found)])
 
 
@@ -61,9 +62,10 @@ def _row(row: Row) -> str:
     low, high = interval(row.hits, row.of)
     bar = "" if row.bar is None else str(row.bar)
     said = "" if row.bar is None else standing(row.hits, row.of, row.bar).replace("falls short", "**falls short**")
+    constant = "–" if row.constant is None else f"{100 * row.constant:.3g} %"
     cells = [
         row.what, f"{row.hits}/{row.of}", f"{100 * row.hits / row.of:.3g} %", f"{100 * low:.3g} – {100 * high:.3g} %",
-        bar, said, row.note,
+        bar, said, constant, row.note,
     ]  # fmt: skip
     return f"| {' | '.join(cells)} |"
 

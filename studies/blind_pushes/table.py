@@ -2,7 +2,7 @@
 
 As `studies.blind.table` makes it of strokes: worlds of every series by seeds that follow from the commit, each judged
 by its table alone, each world's line appended to <out>/<commit>.jsonl as soon as it is there, so that the table can be
-interrupted. Writes docs/blind_tests_pushes.md; a part of the table has its page beside its lines, in <out>.
+interrupted. Writes docs/blind_pushes.md; a part of the table has its page beside its lines, in <out>.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from studies.blind_pushes.one_world import judged
 from studies.blind_pushes.page import page
 from studies.blind_pushes.series import SERIES, Series
 
-PAGE = ROOT / "docs" / "blind_tests_pushes.md"
+PAGE = ROOT / "docs" / "blind_pushes.md"
 
 
 def run(commit: str, share: float, path: Path, workers: int) -> None:

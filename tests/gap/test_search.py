@@ -33,7 +33,7 @@ def lagging(distance_m: float) -> tuple[Measured, Model]:
 @pytest.mark.parametrize(("distance_m", "found"), [(0.009, {"bristle_lag"}), (0.0004, set[str]())])
 def test_a_lag_is_found_first_if_it_is_large(distance_m: float, found: set[str]) -> None:
     measured, base = lagging(distance_m)
-    begun = find_large(base, measured, 0.0, (BristleLag, PathScale), 0, lambda line: None)
+    begun = find_large(base, measured, measured.context, 0.0, (BristleLag, PathScale), 0, lambda line: None)
     assert begun.found == found
     if found:
         lag = next(m for m in begun.model.mechanisms if m.cause == "bristle_lag")

@@ -17,7 +17,8 @@ from pentimento.runner.bundle import BundleError, open_bundle
 from pentimento.runner.plain import to_plain
 from pentimento.stroke_dynamics.extended import model_files
 from pipelines import deploy
-from pipelines._tracking import EXPERIMENT, input_digest
+from pipelines._tracking import input_digest
+from pipelines._tracking.families import experiment_of
 from tests.deploy.bundles import CONFIG, small_bundle
 
 pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
@@ -75,7 +76,7 @@ def test_the_stage_hands_models_and_settings_on_and_tags_its_run(folder: Path, m
     assert models.digests["semantics"] == input_digest(Path("semantics"))
     assert set(models.digests) == {"stroke_marker", "push_foam", "semantics", "goal"}
     client = MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
-    experiment = client.get_experiment_by_name(EXPERIMENT)
+    experiment = client.get_experiment_by_name(experiment_of("deploy"))
     assert experiment is not None
     (tracked,) = client.search_runs([experiment.experiment_id])
     assert tracked.data.tags["manifest"] == open_bundle(out).digest

@@ -18,7 +18,7 @@ from pentimento.stroke_dynamics.samples import load_samples
 from pentimento.stroke_dynamics.training import TrainingConfig, train
 from pentimento.stroke_dynamics.traj2stroke import read_parameters
 from pipelines._config import read_yaml
-from pipelines._tracking import EXPERIMENT
+from pipelines._tracking.families import experiment_of
 from pipelines.diagnose_gap import main
 from tests.imports import ROOT
 
@@ -75,7 +75,7 @@ def test_what_is_established_extends_the_model(client: Any, folder: Path) -> Non
 
 
 def test_each_candidate_is_a_run_below_the_diagnosis(client: Any, folder: Path) -> None:
-    experiment = client.get_experiment_by_name(EXPERIMENT).experiment_id
+    experiment = client.get_experiment_by_name(experiment_of("diagnose_gap")).experiment_id
     runs = client.search_runs([experiment], max_results=100)
     (parent,) = (run for run in runs if "mlflow.parentRunId" not in run.data.tags)
     children = {

@@ -24,7 +24,7 @@ from pentimento.contracts.tables import write_table
 from pentimento.copainting.goal.planner import complete, load_goal_planner
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines import finetune_goal_planner, pretrain_goal_planner
-from pipelines._tracking import EXPERIMENT
+from pipelines._tracking.families import experiment_of
 from tests.copainting.goal_planners import small_encoder
 
 TRAINING: dict[str, Any] = {
@@ -104,7 +104,7 @@ def test_a_base_is_trained_and_fine_tuned_and_mlflow_has_it_all(folder: Path) ->
     planner = load_goal_planner(fine)
     assert complete(planner, np.zeros((1, 64, 64, 3), np.uint8), ["a red disc"], 2, 1.0, 2.0, 0).shape == (1, 64, 64, 3)
     client = MlflowClient()
-    runs = client.search_runs([client.get_experiment_by_name(EXPERIMENT).experiment_id])
+    runs = client.search_runs([client.get_experiment_by_name(experiment_of("finetune_goal_planner")).experiment_id])
     assert {run.data.tags["stage"] for run in runs} == {"pretrain_goal_planner", "finetune_goal_planner"}
     for run in runs:
         assert "loss" in run.data.metrics and run.inputs.dataset_inputs

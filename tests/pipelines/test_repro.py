@@ -1,3 +1,4 @@
+import os
 import subprocess
 from pathlib import Path
 
@@ -6,6 +7,7 @@ import pytest
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._config import read_yaml
 from pipelines._repro import main, merge, overlay, restore_missing
+from pipelines._tracking.execution import VARIABLE
 
 SOURCE = Path("profiles/smoke.yaml")
 
@@ -122,3 +124,31 @@ def test_outputs_that_a_failure_left_missing_come_back(repository: Path, monkeyp
     (repository / "dvc.lock").unlink()
     restore_missing(repository)
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("status", "ran", "closed"),
+    [(0, True, "FINISHED"), (0, False, None), (1, False, "FAILED"), (130, True, "KILLED"), (143, False, "KILLED")],
+)
+def test_an_execution_is_named_for_its_stages_and_closed(
+    repository: Path, monkeypatch: pytest.MonkeyPatch, status: int, ran: bool, closed: str | None
+) -> None:
+    """Where nothing was out of date there is nothing to close, and MLflow is not even opened."""
+    named: list[str] = []
+    ended: list[tuple[Path, str, str]] = []
+
+    def dvc(_arguments: list[str], folder: Path) -> int:
+        named.append(os.environ[VARIABLE])
+        if ran:
+            (folder / "data/timings").mkdir(parents=True, exist_ok=True)
+            (folder / "data/timings/paint.json").write_text("{}")
+        return status
+
+    monkeypatch.chdir(repository)
+    for name in ("MLFLOW_TRACKING_URI", "PENTIMENTO_PROFILE", VARIABLE):
+        monkeypatch.setenv(name, "unused")
+    monkeypatch.setattr("pipelines._repro.run_dvc", dvc)
+    monkeypatch.setattr("pipelines._repro.link", lambda *told: ended.append(told))
+    assert main(["smoke"]) == status
+    assert named[0].startswith("smoke · 20")
+    assert ended == ([(repository / ".profiles/smoke", named[0], closed)] if closed else [])

@@ -1,4 +1,5 @@
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -6,7 +7,10 @@ from typing import Any
 import pytest
 
 from pentimento.contracts.errors import PentimentoError
-from pipelines._tracking import EXPERIMENT, input_digest, tracked_run
+from pipelines._tracking import input_digest, tracked_run
+from pipelines._tracking.digests import section_digest
+from pipelines._tracking.families import experiment_of
+from pipelines._tracking.store import store_errors
 
 PARAMS: dict[str, Any] = {"strokes": 3, "rate": 1e-3, "press": {"depth_m": 0.002}}
 
@@ -48,7 +52,7 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     assert kept.data.metrics["strokes"] == 300
     assert kept.data.metrics["wall_s"] > 0
     assert [point.step for point in client.get_metric_history(run.id, "loss")] == list(range(250))
-    assert {"stage": "paint", "item": "colour", "pipeline": "default"}.items() <= kept.data.tags.items()
+    assert {"stage": "paint", "item": "colour", "profile": "default"}.items() <= kept.data.tags.items()
     (used,) = kept.inputs.dataset_inputs
     assert (used.dataset.name, used.dataset.digest) == ("strokes", input_digest(Path("strokes")))
     assert [entry.path for entry in client.list_artifacts(run.id, "pictures")] == ["pictures/error.png"]
@@ -56,6 +60,41 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     assert json.loads(Path("data/timings/paint@colour.json").read_text())["run_id"] == run.id
     assert "paint@colour" in Path("data/timings/index.html").read_text()
     assert not unfinished()
+
+
+def test_an_interval_and_items_have_the_same_names_everywhere(client: Any) -> None:
+    with tracked_run("paint", "marker", PARAMS, {}) as run:
+        run.log_metrics({"held_out": {"mse": 0.1, "mse_ci": [0.05, 0.2], "words": ["a", "b"]}})
+        run.log_items("held_out.mse", [7, 9], [0.05, 0.15])
+    kept = client.get_run(run.id).data
+    assert (kept.metrics["held_out.mse.low"], kept.metrics["held_out.mse.high"]) == (0.05, 0.2)
+    assert [point.value for point in client.get_metric_history(run.id, "items.held_out.mse")] == [0.05, 0.15]
+    assert kept.tags["items.held_out.mse"] == section_digest(["7", "9"])
+
+
+def test_an_experiment_of_dvc_is_an_execution_of_its_name(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DVC_EXP_NAME", "sticky-tape")
+    ids = set()
+    for item in ("marker", "colour"):
+        with pytest.raises(PentimentoError), tracked_run("paint", item, PARAMS, {}) as run:
+            raise PentimentoError("No paint.")
+        ids.add(client.get_run(run.id).data.tags["mlflow.parentRunId"])
+    parent = client.get_run(ids.pop())
+    assert not ids and (parent.info.run_name, parent.info.status) == ("sticky-tape", "FAILED")
+    assert parent.data.tags["dvc_experiment"] == "sticky-tape"
+
+
+def test_a_queued_experiment_is_kept_in_the_repository_and_not_in_its_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """DVC removes the copy that it runs in."""
+    copy = tmp_path / ".dvc/tmp/exps/tmpx1y2"
+    copy.mkdir(parents=True)
+    monkeypatch.chdir(copy)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "to be restored afterwards")
+    del os.environ["MLFLOW_TRACKING_URI"]
+    with store_errors():
+        assert os.environ["MLFLOW_TRACKING_URI"] == f"sqlite:///{tmp_path / 'mlflow.db'}"
 
 
 def test_a_failed_run_says_why_and_is_not_continued(client: Any) -> None:
@@ -150,4 +189,4 @@ def test_lightning_writes_into_the_run(client: Any) -> None:
         logger.finalize("success")
     assert logger.run_id == run.id
     assert client.get_run(run.id).data.metrics["val_loss"] == 0.25
-    assert client.get_experiment_by_name(EXPERIMENT) is not None
+    assert client.get_experiment_by_name(experiment_of("paint")) is not None

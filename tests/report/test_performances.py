@@ -28,11 +28,29 @@ def write(folder: Path, name: str, words: str | None) -> dict[str, object]:
 def test_each_painting_is_shown_with_its_goal_and_beside_the_workshop_s(tmp_path: Path) -> None:
     metrics = {"cat": write(tmp_path, "cat", None), "hut": write(tmp_path, "hut", "a hut & a <tree>")}
     (tmp_path / "metrics.json").write_text(json.dumps(metrics))
+    (tmp_path / "sculptures.json").write_text("{}")
     album = Album()
     html = performances_section(read_performances(tmp_path), album)
     assert set(album.files) == {f"runner_{n}_{p}.png" for n in ("cat", "hut") for p in ("goal", "plan", "canvas")}
     assert "a hut &amp; a &lt;tree&gt;" in html and "<tree>" not in html
     assert percent(0.0055 / 0.005 - 1) in html
+
+
+def test_a_sculpture_is_shown_and_a_rise_of_an_error_is_called_one(tmp_path: Path) -> None:
+    (tmp_path / "metrics.json").write_text("{}")
+    told = {
+        "material": "foam", "letter": "A", "actions": 12,
+        "error_3d_mm2": {"before": 2.0, "after": 0.5}, "visual_error": {"before": 0.02, "after": 0.03},
+    }  # fmt: skip
+    (tmp_path / "sculptures.json").write_text(json.dumps({"letter": told}))
+    (tmp_path / "letter").mkdir()
+    for part in ("before", "goal", "result"):
+        (tmp_path / f"letter/{part}.png").write_bytes(PICTURE)
+    album = Album()
+    html = performances_section(read_performances(tmp_path), album)
+    assert set(album.files) == {f"runner_letter_{part}.png" for part in ("before", "goal", "result")}
+    assert f"lowered the error in height by {percent(0.75)}" in html
+    assert f"raised that in slope by {percent(0.5)}" in html
 
 
 def test_a_folder_without_paintings_is_named_with_its_stage(tmp_path: Path) -> None:

@@ -110,9 +110,22 @@ def test_what_is_counted() -> None:
     assert counted["none: any name at all"] == (1, 2)
     assert counted["over all: false names among names"] == (3, 5)
     assert counted["outside the vocabulary: right covariate and mode"] == (1, 1)
+    constant = {row.what: row.constant for row in rows(lines)}
+    assert constant["one material cause, q .1 to .4: exact set"] == 1.0  # both hide the same
+    assert constant["over all: false names among names"] == pytest.approx(4 / 6)
     assert covariate_found(lines[-1])
     written = page(lines, "abc")
     assert "far_field" in written and "share of the table" in written
+
+
+def test_a_deleted_candidate_leaves_something_unexplained_or_not() -> None:
+    found = {"mode": "depth", "covariate": "order", "p": 0.001, "generic_gain": 0.1}
+    lines = [line("deleted", ["stiffness_drift"], ["stiffness_drift"]) for _ in range(3)]
+    for each, left, names in zip(lines, ([found], [], [found]), ([], [], ["far_field"]), strict=True):
+        each["second"] = line("deleted", [], names, left)["verdict"]
+    counted = {row.what: (row.hits, row.of) for row in rows(lines)}
+    assert counted["true candidate deleted: no neighbour is named"] == (2, 3)
+    assert counted["true candidate deleted: something is left unexplained"] == (2, 3)
 
 
 def truth() -> Truth:

@@ -127,8 +127,8 @@ def _stroke(line: str, where: str) -> PlannedStroke:
 def _parsed(line: str, where: str) -> Mapping[str, Any]:
     try:
         entry = json.loads(line)
-    except json.JSONDecodeError as error:
-        raise ContractError(f"{where} is not JSON ({error.msg}); the file is damaged.") from error
+    except (ValueError, RecursionError) as error:  # brackets in brackets, numbers of thousands of digits
+        raise ContractError(f"{where} is not JSON ({error}); the file is damaged.") from error
     if not isinstance(entry, dict):
         raise ContractError(f"{where} is not a JSON object.")
     return entry

@@ -101,7 +101,7 @@ def diagnose(
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0
-    found = find_large(first, measured.pick(splits.discovery), share, vocabulary, seed, log)
+    found = find_large(first, plain, measured.context, share, vocabulary, seed, log)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
         before = found.found

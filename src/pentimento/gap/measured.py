@@ -24,6 +24,9 @@ _POINTS = 24
 _LARGEST_SIDE_PX = 112
 _FEWEST_BLOCKS = 12
 _NOT_COVARIATES = ("action_id",)
+_FEW_MISSING = 0.1  # of the rows
+_ANEW_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
+_NAN_SAYS_SOMETHING = ("wet_age_s",)  # nothing painted below
 
 
 @dataclass(frozen=True)
@@ -78,9 +81,7 @@ def load_measured(table: pa.Table) -> Measured:
     before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
     samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
     _, paint = np.unique(samples.color.numpy().round(3), axis=0, return_inverse=True)
-    load = table["reload_id"].to_pylist() if "reload_id" in table.schema.names else [None] * len(samples.path)
-    names = [f"{session} {reload}" for session, reload in zip(table["session"].to_pylist(), load, strict=True)]
-    _, block = np.unique(names, return_inverse=True)
+    block = _loads(table)
     if block.max() + 1 < _FEWEST_BLOCKS:  # a pen that is never dipped: each action by itself
         _, block = np.unique(samples.action.numpy(), return_inverse=True)
     painted = _painted(samples.before_linear.numpy())
@@ -91,15 +92,23 @@ def load_measured(table: pa.Table) -> Measured:
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:
-    """Every numeric scalar column but identities, float64[B]; surfaces count as levels in the order of their names."""
+    """Every numeric scalar column but identities, float64[B]; surfaces count as levels in the order of their names.
+
+    A value that is missing here and there is interpolated in the order of execution, within a session, and within a
+    load of the tool where it starts anew with each.
+    """
     found: dict[str, Array] = {}
+    order = np.asarray(table["order"].to_pylist(), dtype=np.float64)
+    session = np.unique(table["session"].to_pylist(), return_inverse=True)[1]
+    load = _loads(table)
     for field in table.schema:
         if field.name in _NOT_COVARIATES or (field.name.endswith("_id") and field.name != "surface_id"):
             continue
         if pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
             column = table[field.name].cast(pa.float64()).to_numpy(zero_copy_only=False)
             if np.isfinite(column).any():
-                found[field.name] = np.asarray(column, dtype=np.float64)
+                within = load if field.name in _ANEW_WITH_EACH_LOAD else session
+                found[field.name] = _few_filled(field.name, np.array(column, dtype=np.float64), order, within)
     for name in ("surface", "surface_id"):
         if name in table.schema.names:
             levels = np.array([str(v) for v in table[name].to_pylist()])
@@ -107,6 +116,26 @@ def covariates_of(table: pa.Table) -> dict[str, Array]:
             if 1 < len(known) <= len(levels) // 8:
                 found.setdefault("surface_level", level.astype(np.float64))
     return found
+
+
+def _loads(table: pa.Table) -> Array:
+    """Number of each row's session and load of the tool, int[B]; without loads, of its session."""
+    load = table["reload_id"].to_pylist() if "reload_id" in table.schema.names else [None] * table.num_rows
+    names = [f"{session} {reload}" for session, reload in zip(table["session"].to_pylist(), load, strict=True)]
+    return np.asarray(np.unique(names, return_inverse=True)[1])
+
+
+def _few_filled(name: str, values: Array, order: Array, within: Array) -> Array:
+    known = np.isfinite(values)
+    if name in _NAN_SAYS_SOMETHING or known.all() or known.mean() < 1 - _FEW_MISSING:
+        return values
+    for group in np.unique(within[~known]):
+        rows = np.flatnonzero(within == group)
+        rows = rows[np.argsort(order[rows], kind="stable")]
+        sure = rows[known[rows]]
+        if len(sure):
+            values[rows] = np.interp(order[rows], order[sure], values[sure])
+    return values
 
 
 def _resolution(table: pa.Table) -> float:

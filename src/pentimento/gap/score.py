@@ -3,7 +3,7 @@
 The action is the unit: pixels of one stroke share their errors. At the fitted model the projected score of a candidate
 is, for each action,  s_i = g_ic - A_cb A_bb^-1 g_ib  with the nuisances b projected out, so that its signs can be
 flipped at random without refitting anything (Rademacher wild bootstrap: Cameron, Gelbach and Miller 2008; Roodman et
-al. 2019). The largest statistic over all candidates gives the adjusted p (max-T: Westfall and Young 1993).
+al. 2019). The smallest p over all candidates gives the adjusted one (min-P: Westfall and Young 1993).
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from pentimento.gap.jacobian import Statistics
 
@@ -65,39 +64,42 @@ def _pull(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
     return np.asarray(np.linalg.lstsq(_ridged(held), curvature[np.ix_(nuisances, candidate)], rcond=None)[0])
 
 
-def score_statistic(scores: Array, signs: Array) -> tuple[Array, int]:
-    """Cluster-robust chi-squared statistics of signed sums of scores [n, Q] for signs [R, n]: [R], and their degrees of
-    freedom.
+def explained(pulls: Array, information: Array) -> Array:
+    """How much error a candidate's numbers would remove, [R], were the actions' scores to sum up to pulls [R, Q].
+
+    It is not divided by what the scores' spread would make of it (a robust Wald statistic): signs say how far chance
+    goes, and where few actions show a cause (paint is crossed in few strokes) that spread is the effect itself.
     """
-    spread = scores.T @ scores
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
-    kept = values > 1e-6
-    whitened = (signs @ (scores / scale)) @ (vectors[:, kept] / np.sqrt(values[kept]))
-    return np.square(whitened).sum(1), int(kept.sum())
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = pulls / scale
+    removed: Array = np.einsum(
+        "rq,qr->r", scaled, np.linalg.solve(_ridged(information / np.outer(scale, scale)), scaled.T)
+    )
+    return removed
 
 
 def score_tests(
     statistics: Statistics, nuisances: Array, candidates: Mapping[str, Array], draws: int, seed: int
 ) -> dict[str, tuple[float, float]]:
-    """(p, adjusted p) of each candidate by the wild bootstrap over actions."""
+    """(p, adjusted p) of each candidate by the wild bootstrap over actions.
+
+    What is compared over all candidates is their p: statistics of those that few actions show have longer tails, which
+    would drown the others.
+    """
     n = len(statistics.energy)
-    signs = np.random.default_rng([seed, 1]).choice((-1.0, 1.0), (draws, n))
-    surprise = np.empty((len(candidates), draws))
-    observed = np.empty(len(candidates))
+    signs = np.concatenate([np.ones((1, n)), np.random.default_rng([seed, 1]).choice((-1.0, 1.0), (draws, n))])
+    p = np.empty((len(candidates), draws + 1))  # in the first column as observed
     for c, index in enumerate(candidates.values()):
-        scores = project(statistics, nuisances, index)
-        statistic, degrees = score_statistic(scores, np.concatenate([np.ones((1, n)), signs]))
-        surprises = -chi2.logsf(statistic, max(degrees, 1))
-        observed[c], surprise[c] = surprises[0], surprises[1:]
-    largest = surprise.max(0)
-    return {
-        name: (
-            float((1 + (surprise[c] >= observed[c]).sum()) / (draws + 1)),
-            float((1 + (largest >= observed[c]).sum()) / (draws + 1)),
-        )
-        for c, name in enumerate(candidates)
-    }
+        slope, curvature = projected(statistics, nuisances, index)
+        p[c] = _share_at_least(explained(signs @ slope, curvature.sum(0)))
+    smallest = p.min(0)
+    return {name: (float(p[c, 0]), float((smallest <= p[c, 0]).mean())) for c, name in enumerate(candidates)}
+
+
+def _share_at_least(values: Array) -> Array:
+    """For each of values [R] the share of them that is as large or larger."""
+    ascending = np.sort(values)
+    return 1 - np.searchsorted(ascending, values * (1 - 1e-12), side="left") / len(values)
 
 
 def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, block: Array, seed: int) -> Array:

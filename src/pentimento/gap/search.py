@@ -18,8 +18,8 @@ from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, identity, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
-from pentimento.gap.score import Evidence, held_out_gains, interval_of_mean, mean_and_bounds, score_tests
-from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
+from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext
 
 Array = NDArray[Any]
 
@@ -35,7 +35,7 @@ like a cause."""
 _LARGE, _LARGE_OF_MISFIT = 2.0, 0.04
 """Typical sizes, and the share that it removes of the error above the noise floor: a large cause has both."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
-_BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
 
@@ -78,6 +78,7 @@ class Search:
 def find_large(
     start: Model,
     measured: Measured,
+    all_strokes: StrokeContext,
     noise_share: float,
     vocabulary: Sequence[type[Mechanism]],
     seed: int,
@@ -86,6 +87,7 @@ def find_large(
     """Extend the base, fitted from ``start``, by causes that explain a good part of what it leaves.
 
     Args:
+        all_strokes: with those that causes will be confirmed and valued on: a cause must be observable there, too.
         noise_share: what of the base's error is the noise floor; 0 if that is unknown.
     """
     base = model = fit(start.plus(identity(UnevenEnds, measured.context)), measured)
@@ -95,7 +97,7 @@ def find_large(
     unseen: dict[str, str] = {}
     for kind in vocabulary:
         try:
-            observable[kind.cause] = identity(kind, measured.context)
+            observable[kind.cause] = identity(kind, all_strokes)
         except NotObservable as reason:
             unseen[kind.cause] = str(reason)
     steps: list[Step] = []
@@ -148,10 +150,8 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         before = action_losses(model, measured)
         error = float(before.mean())
         least = max(_LEAST_OF_FLOOR * (begun.floor or error), _LEAST_OF_MISFIT * (error - begun.floor))
-        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
-        # Far from linear, a lag gains more than its first step foretells.
-        surely = {cause: interval_of_mean(before - after, 999, seed)[0] for cause, after in losses.items()}
-        size = {cause: max(fresh[cause].gain * error, surely[cause]) for cause in losses}
+        losses = {cause: _held_out_losses(refit, measured, seed) for cause, refit in refits.items()}
+        size = {cause: float((before - each).mean()) for cause, each in losses.items()}
         small = {c for c in losses if size[c] < max(least, _enough(observable[c], observable, gained))}
         dismissed |= small
         losses = {cause: after for cause, after in losses.items() if cause not in small}
@@ -172,7 +172,7 @@ def _best(
     seed: int,
     log: Callable[[str], None],
 ) -> Step:
-    """The simplest of the causes whose refit leaves no more error than the best one's, by losses [n] of each.
+    """The simplest of the causes whose refit leaves no more error than the best one's, by held-out losses [n] of each.
 
     What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
     causes that cannot be told apart, the one with the fewest is taken.
@@ -183,6 +183,15 @@ def _best(
     rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
     return Step(evidence, chosen, rivals)
+
+
+def _held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
+    """Mean squared error of each action, sRGB, [n], had its last mechanism been fitted to the other blocks alone."""
+    columns = model.columns_of(model.mechanisms[-1].cause)
+    held = np.setdiff1d(np.arange(len(model.vector)), columns)
+    _, first = np.unique(measured.action, return_index=True)
+    gains = held_out_gains(linearise(model, measured), held, columns, measured.block[first], seed)
+    return action_losses(model, measured) - gains
 
 
 def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:

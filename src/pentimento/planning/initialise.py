@@ -59,19 +59,16 @@ def guided_strokes(
     Returns:
         The strokes, and by how much each of them alone lowers the error, summed over pixels.
     """
-    tool, target, image = scene.tool, scene.target.astype(np.float64), canvas.astype(np.float64)
+    tool, target = scene.tool, scene.target.astype(np.float64)
     k = scene.pixels_per_m
     wide_px = max(tool.nominal_width_m * k, 1.0)
     length: float = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7
     press: float = tool.press_range_m[0] + size * (tool.press_range_m[1] - tool.press_range_m[0]) * 0.8
     tone = np.asarray(cv2.GaussianBlur(target, (0, 0), max(wide_px / 4, 0.6)), dtype=np.float64)
-    wrong = cv2.GaussianBlur(image, (0, 0), max(wide_px / 4, 0.6))
-    wanted = np.abs(np.sqrt(wrong) - np.sqrt(tone)).mean(-1) ** 2
+    wanted = error_map(canvas, scene)
     if config.initialisation == "saliency":
         wanted = wanted * saliency(target)
-    rows, columns = _places(wanted, count, np.sqrt(length * k * wide_px) / 2, rng)
-    middle = np.stack([(columns + 0.5) / k, scene.canvas_size_m[1] - (rows + 0.5) / k], axis=1)
-    along = _edge_heading(np.sqrt(target), wide_px)[rows, columns]
+    middle, along = places_of_error(wanted, count, np.sqrt(length * k * wide_px) / 2, scene, rng)
     candidates = _candidates(config.candidates, middle, along, length, press, tool, rng)
     candidates.keep_within(tool, scene.canvas_size_m, config.edge_m)
     candidates.color = _tone_along(candidates, tone, scene, paints).astype(np.float32)
@@ -83,6 +80,29 @@ def guided_strokes(
     chosen = candidates.pick(best * count + np.arange(count))
     chosen.inherited = None  # they stand elsewhere when they are added
     return chosen, np.max(gains, axis=0)
+
+
+def error_map(canvas: Array, scene: Scene) -> FloatArray:
+    """[H, W] how far the canvas [H, W, 3] is from the target, seen as blurred as the tool's width makes it."""
+    blur = max(scene.tool.nominal_width_m * scene.pixels_per_m, 1.0) / 4
+    tone, wrong = (
+        np.asarray(cv2.GaussianBlur(image.astype(np.float64), (0, 0), max(blur, 0.6)))
+        for image in (scene.target, canvas)
+    )  # fmt: skip
+    return np.asarray(np.abs(np.sqrt(wrong) - np.sqrt(tone)).mean(-1) ** 2)
+
+
+def places_of_error(
+    error: FloatArray, count: int, apart_px: float, scene: Scene, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """``count`` places [count, 2] on the canvas, metres, drawn in proportion to the error, apart from one another;
+    and the heading [count] of the target's edges there.
+    """
+    rows, columns = _places(error, count, apart_px, rng)
+    k = scene.pixels_per_m
+    middle = np.stack([(columns + 0.5) / k, scene.canvas_size_m[1] - (rows + 0.5) / k], axis=1)
+    wide_px = max(scene.tool.nominal_width_m * k, 1.0)
+    return middle, _edge_heading(np.sqrt(scene.target.astype(np.float64)), wide_px)[rows, columns]
 
 
 def stroke_arrays(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> tuple[Any, ...]:

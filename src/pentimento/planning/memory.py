@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,6 @@ from pentimento.contracts.covariates import (
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.fitted import Span
 from pentimento.planning.model import Brush
-from pentimento.planning.strokes import Strokes
 from pentimento.robots.dipping import needs_dip
 from pentimento.robots.motion import ACCELERATION_M_S2
 from pentimento.robots.tools import Tool
@@ -54,7 +54,25 @@ class Start:
     """Strokes before the plan's first."""
 
 
-def commanded(strokes: Strokes, tool: Tool, points: int) -> Array:
+class Commanded(Protocol):
+    """S strokes as far as what they inherit depends on them, whatever numbers describe them."""
+
+    @property
+    def theta_rad(self) -> Array:
+        """[S] headings."""
+
+    @property
+    def color(self) -> Array:
+        """[S, 3] linear light."""
+
+    def __len__(self) -> int:
+        """S."""
+
+    def paths(self, points: int) -> Array:
+        """[S, points, 5] commanded paths, times and yaw 0."""
+
+
+def commanded(strokes: Commanded, tool: Tool, points: int) -> Array:
     """Paths [S, N, 5] with their yaw, and with times as of a straight stroke at the tool's speed, from rest to rest."""
     paths = strokes.paths(points)
     step = np.linalg.norm(np.diff(paths[..., 1:3], axis=1), axis=-1)
@@ -69,7 +87,7 @@ def commanded(strokes: Strokes, tool: Tool, points: int) -> Array:
     return paths
 
 
-def inherited(strokes: Strokes, tool: Tool, brush: Brush, start: Start) -> dict[str, Array]:
+def inherited(strokes: Commanded, tool: Tool, brush: Brush, start: Start) -> dict[str, Array]:
     """[S] of each column that the brush's marks depend on, held within the range to which it was fitted.
 
     What neither the plan nor its past knows (humidity, the sheet) is what it was on average.
@@ -86,7 +104,7 @@ def inherited(strokes: Strokes, tool: Tool, brush: Brush, start: Start) -> dict[
     return held
 
 
-def foreseen(strokes: Strokes, tool: Tool, brush: Brush, start: Start, names: Collection[str]) -> dict[str, Array]:
+def foreseen(strokes: Commanded, tool: Tool, brush: Brush, start: Start, names: Collection[str]) -> dict[str, Array]:
     """[S] of those of these columns that the plan determines, in the order of execution.
 
     All strokes are seen when the last is made: it is the finished painting that a plan foretells.

@@ -57,11 +57,19 @@ def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, mishap: Misha
     if len(strokes) == 0:
         return canvas, lambda _: no_strokes()
     marks, pull = scene.brush.marks(strokes, _inherited(strokes, scene))
+    image, back = render_marks(marks, canvas, scene, mishap)
+    return image, lambda of_image: pull(back(of_image))
+
+
+def render_marks(
+    marks: Marks, canvas: Array, scene: Scene, mishap: Mishap | None = None
+) -> tuple[Array, Callable[[Array], Marks]]:
+    """What the canvas will look like with these marks upon it, and from an image's gradient to the marks'."""
     if mishap is not None:
         marks = marks._replace(
             points_m=marks.points_m + mishap.shift_m, radius_m=marks.radius_m * mishap.narrowing
         )  # fmt: skip
-    points_px, radius_px = _in_pixels(marks, scene)
+    points_px, radius_px = in_pixels(marks, scene)
     density, softness, color = marks.density[None], marks.softness[None], marks.color[None]
     points, radius = points_px[None], radius_px[None]
     pickup = None if marks.pickup is None else marks.pickup[None]
@@ -72,7 +80,7 @@ def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, mishap: Misha
     if below is not None:
         image = np.maximum(image, np.float32(0.0))
 
-    def back(of_image: Array) -> Strokes:
+    def back(of_image: Array) -> Marks:
         if below is not None:
             of_image = np.where(below, np.float32(0.0), of_image)
         if scene.gain is not None:
@@ -83,15 +91,13 @@ def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, mishap: Misha
         )  # fmt: skip
         per_m = np.float32(scene.pixels_per_m)
         of_radius = found.radius[0] * per_m
-        return pull(
-            Marks(
-                found.points[0] * np.array([per_m, -per_m]),  # rows run down
-                of_radius if mishap is None else of_radius * mishap.narrowing,
-                found.density[0],
-                found.softness[0],
-                found.color[0],
-                None if found.pickup is None else found.pickup[0],
-            )
+        return Marks(
+            found.points[0] * np.array([per_m, -per_m]),  # rows run down
+            of_radius if mishap is None else of_radius * mishap.narrowing,
+            found.density[0],
+            found.softness[0],
+            found.color[0],
+            None if found.pickup is None else found.pickup[0],
         )
 
     return image, back
@@ -100,7 +106,7 @@ def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, mishap: Misha
 def marks_px(strokes: Strokes, scene: Scene) -> tuple[Array, Array, Marks]:
     """Points [S, N, 2] (column, row) and radii [S, N] in the target's pixels, and the marks as the model gives them."""
     marks, _ = scene.brush.marks(strokes, _inherited(strokes, scene))
-    return *_in_pixels(marks, scene), marks
+    return *in_pixels(marks, scene), marks
 
 
 def coverages(strokes: Strokes, scene: Scene, width_px: int) -> FloatArray:
@@ -120,7 +126,7 @@ def _inherited(strokes: Strokes, scene: Scene) -> dict[str, Array]:
     return inherit(strokes, scene) if strokes.inherited is None else dict(strokes.inherited)
 
 
-def _in_pixels(marks: Marks, scene: Scene) -> tuple[Array, Array]:
+def in_pixels(marks: Marks, scene: Scene) -> tuple[Array, Array]:
     """Points (column, row) and radii in the target's pixels; see ``contracts.frames``."""
     per_m = np.float32(scene.pixels_per_m)
     column = marks.points_m[..., 0] * per_m - np.float32(0.5)

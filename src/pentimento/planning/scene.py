@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.config import ObjectivesConfig, PlannerConfig
-from pentimento.planning.memory import Start, inherited
+from pentimento.planning.memory import Commanded, Start, inherited
 from pentimento.planning.model import Brush, Objective
 from pentimento.planning.objective import PrintObjective, Term, WeightedObjective
-from pentimento.planning.strokes import Strokes
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
@@ -88,7 +87,7 @@ def coarser(scene: Scene, canvas: Array, config: PlannerConfig, factor: int = 2)
     )
 
 
-def inherit(strokes: Strokes, scene: Scene) -> dict[str, Array]:
+def inherit(strokes: Commanded, scene: Scene) -> dict[str, Array]:
     """What the strokes, in their order, inherit where the scene begins, to be kept while they move a little."""
     return inherited(strokes, scene.tool, scene.brush, scene.start)
 

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.push_dynamics.analytic_scene import PushScene
-from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, peak, per_push
+from pentimento.push_dynamics.contact import contact_of
+from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push
 from pentimento.push_dynamics.spread import spread
 
 Array = NDArray[Any]
@@ -133,6 +134,8 @@ class Kept(NamedTuple):
     """float32[B, H, W]: the indentation spread by the narrow of the rims' two Gaussians."""
     far_m: Array
     """By the wide one."""
+    ahead: Array
+    """How much higher that is behind each place than ahead of it, per pixel."""
 
 
 def touch(model: AnalyticPush, scene: PushScene) -> Contact:
@@ -145,32 +148,21 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     length, told = scene.action[:, 3], scene.action[:, 4]
     gain = number["log_gain"] + number["log_gain_by_depth"] * (told / _DEEP_M - 1) + motion.log_depth
     depth = told * np.exp(gain)
-    along = scene.along - per_push(motion.along_m + number["along_mm"] * 1e-3)
-    across = scene.across - per_push(motion.across_m)
     slope = np.where(length > 1e-4, depth / np.maximum(length, 1e-4), 0.0)
     # A push that does not travel goes down at once.
     sunk = np.where(length > 1e-4, 0.0, depth)
     radius = model.ball_radius_m * np.exp(number["log_radius"])
-    station = np.clip(along + per_push(slope * radius), 0.0, per_push(length))
-    ahead = (along - station) * np.float32(np.exp(number["log_aspect"]))
-    distance = np.sqrt(np.square(ahead) + np.square(across)) * per_push(np.exp(-motion.log_width))
+    end_radius = np.maximum(np.sqrt(2 * radius * depth), scene.pixel_m)
+    moved = np.stack(
+        [
+            motion.along_m + number["along_mm"] * 1e-3, motion.across_m, slope, sunk + motion.lower_m, length,
+            motion.log_width, end_radius,
+        ], axis=1,
+    )  # fmt: skip
     more = np.array([0.0, *(number[name] for name in PROFILE)]) * 1e-3
-    shape = np.square(distance) / np.float32(2 * radius) + beside(
-        distance, np.array([_ROUND, *KNOTS]) * scene.half_width_m, more
-    )
-    envelope = shape - per_push(slope) * station - per_push(sunk + motion.lower_m)
-    edge = np.float32(EDGE_M * np.exp(number["log_edge"]))
-    ratio = np.clip((scene.before - envelope) / edge, -30, 30)
-    decayed = np.exp(-np.abs(ratio))
-    pressed = edge * (np.maximum(ratio, 0) + np.log1p(decayed))
-    pressed += np.maximum(scene.before - envelope - 30 * edge, 0)  # beyond the range of the exponential
-    inside = np.where(ratio >= 0, 1, decayed) / (1 + decayed)
-    contact_radius = per_push(np.maximum(np.sqrt(2 * radius * depth), scene.pixel_m))
-    beyond = (along - per_push(length)) / contact_radius
-    end = np.sqrt(np.square(beyond) + np.square(across / contact_radius))
-    middle = per_push(length / 2)
-    progress = np.clip((along - middle) / (middle + np.float32(scene.half_width_m)), -1, 1)
-    return Contact(pressed, inside, end, beyond, progress)
+    knots = np.stack([np.array([_ROUND, *KNOTS]) * scene.half_width_m, more])
+    fixed = np.array([radius, np.exp(number["log_aspect"]), EDGE_M * np.exp(number["log_edge"]), scene.half_width_m])
+    return contact_of(scene.before, scene.along, scene.across, moved, knots, fixed)
 
 
 def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
@@ -179,7 +171,8 @@ def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
     for mechanism in model.at_work:
         kept = mechanism.kept(kept, contact, scene)
     half_px = scene.half_width_m / scene.pixel_m * float(np.exp(_numbers(model)["log_rims"]))
-    return Kept(contact, kept, spread(kept, _NEAR * half_px), spread(kept, _FAR * half_px))
+    far = spread(kept, _FAR * half_px)
+    return Kept(contact, kept, spread(kept, _NEAR * half_px), far, forward(far, scene.action[:, 2]))
 
 
 def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
@@ -187,12 +180,12 @@ def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
     number = {name: np.float32(value) for name, value in _numbers(model).items()}
     contact, half_px = kept.contact, np.float32(scene.half_width_m / scene.pixel_m)
     rims = (1 - number["far_rim"]) * kept.near_m + number["far_rim"] * kept.far_m
-    rims = rims + number["heap"] * _FAR * half_px * forward(kept.far_m, scene.action[:, 2])
+    rims = rims + number["heap"] * _FAR * half_px * kept.ahead
     # A moving tool carries material along: the rims are higher towards the end of travel.
     rims = rims * np.exp(number["lean"] * contact.progress) * (1 - contact.inside)
     # Volume balance: what is pressed down comes up again.
     rims = rims * per_push(kept.indentation_m.sum((1, 2)) / np.maximum(rims.sum((1, 2)), _LEAST_RIMS_M))
-    lift = (number["end_lift"] + number["end_pull"] * contact.beyond_end) * np.float32(1e-3) * peak(contact)
+    lift = (number["end_lift"] + number["end_pull"] * contact.beyond_end) * np.float32(1e-3) * contact.peak
     settled = Settled(kept.indentation_m, rims, lift)
     for mechanism in model.at_work:
         settled = mechanism.settled(settled, contact, scene)
@@ -203,13 +196,6 @@ def forward(maps: Array, heading_rad: Array) -> Array:
     """Minus the slope of maps [B, H, W] along the travel, per pixel: positive ahead of a heap."""
     down, right = np.gradient(maps, axis=(1, 2))
     return per_push(np.sin(heading_rad)) * down - per_push(np.cos(heading_rad)) * right
-
-
-def beside(distance: Array, knots: Array, heights: Array) -> Array:
-    """The curve through knots at distances; level before the first, as steep beyond the last as before it, float32."""
-    last = (heights[-1] - heights[-2]) / (knots[-1] - knots[-2])
-    inner = np.interp(distance, knots, heights).astype(np.float32)
-    return inner + np.float32(max(last, 0.0)) * np.maximum(distance - np.float32(knots[-1]), 0)
 
 
 def typical(mechanism: Mechanism) -> Array:

@@ -10,6 +10,7 @@ from pathlib import Path
 from pentimento.report.benchmarks import BenchmarkInputs, benchmark_section
 from pentimento.report.copainting import CopaintingInputs, copainting_section
 from pentimento.report.diagnoses import DiagnosisInputs, diagnoses_section
+from pentimento.report.hands import HandInputs, hands_section
 from pentimento.report.html import Album, row
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs
 from pentimento.report.painting_words import summary
@@ -44,20 +45,22 @@ def build_report(
     evaluations: Sequence[CopaintingInputs] = (),
     performances: Sequence[PerformanceInputs] = (),
     sculptures: Sequence[SculptureInputs] = (),
+    hands: HandInputs | None = None,
 ) -> dict[str, bytes]:
     """The report's files by name: `index.html`, which holds every picture, and the pictures beside it.
 
     The first painting opens the page. Equal inputs give equal bytes. Without diagnoses, evaluations of co-painting,
-    sculptures, or paintings of the runner, their section is left out.
+    sculptures, drawings in hands, or paintings of the runner, their section is left out.
     """
     album = Album()
+    links = _links(paintings, tools, diagnoses, evaluations, performances, sculptures, hands)
     body = f"""<header>
 <h1>Pentimento</h1>
 <p class="lead">A robot strokes, looks, learns its brush, plans a picture, paints it, and changes its mind.</p>
 {hero(paintings[0], config.frame_ms, album)}
 {row([summary(painting) for painting in paintings])}
 </header>
-<nav aria-label="Sections"><ul>{_links(paintings, tools, diagnoses, evaluations, performances, sculptures)}</ul></nav>
+<nav aria-label="Sections"><ul>{links}</ul></nav>
 <main>
 {"".join(painting_section(painting, config.frame_ms, album) for painting in paintings)}
 <section id="tools">
@@ -66,6 +69,7 @@ def build_report(
 </section>
 {"".join(tool_section(tool, config.strokes.shown, album) for tool in tools)}
 {diagnoses_section(diagnoses, album) if diagnoses else ""}
+{hands_section(hands, album) if hands else ""}
 {copainting_section(evaluations, album) if evaluations else ""}
 {"".join(sculpting_section(sculpture, album) for sculpture in sculptures)}
 {benchmark_section(benchmarks, album)}
@@ -97,10 +101,12 @@ def _links(
     evaluations: Sequence[CopaintingInputs],
     performances: Sequence[PerformanceInputs],
     sculptures: Sequence[SculptureInputs],
+    hands: HandInputs | None,
 ) -> str:
     links = [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in paintings]
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in tools]
     links += [("gap", "What was wrong")] if diagnoses else []
+    links += [("hands", "In a person’s hand")] if hands else []
     links += [("copainting", "Drawing with a person")] if evaluations else []
     links += [(f"sculpting-{sculpture.material}", f"Sculpting in {sculpture.material}") for sculpture in sculptures]
     links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]

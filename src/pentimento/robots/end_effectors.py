@@ -61,17 +61,17 @@ def load_end_effector(name_or_path: str | Path) -> EndEffector:
     if path.suffix == ".toml":
         if not path.is_file():
             raise ConfigError(f"The end-effector file {path} does not exist; give a .toml file or one of {bundled()}.")
-        text = path.read_text(encoding="utf-8")
+        text = path.read_bytes()
     elif str(name_or_path) in bundled():
-        text = (_folder() / f"{name_or_path}.toml").read_text(encoding="utf-8")
+        text = (_folder() / f"{name_or_path}.toml").read_bytes()
     else:
         raise ConfigError(
             f"There is no end-effector named {str(name_or_path)!r}; choose one of {bundled()} "
             "or give the path of a .toml file."
         )
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = tomllib.loads(text.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"The end-effector file {name_or_path} is not valid TOML: {error}.") from error
     return _parse(table, f"End-effector {name_or_path}")
 

@@ -73,17 +73,17 @@ def load_tool(name_or_path: str | Path) -> Tool:
     if path.suffix == ".toml":
         if not path.is_file():
             raise ConfigError(f"The tool file {path} does not exist; give a .toml file or one of {_bundled()}.")
-        text = path.read_text(encoding="utf-8")
+        text = path.read_bytes()
     elif str(name_or_path) in _bundled():
-        text = (_folder() / f"{name_or_path}.toml").read_text(encoding="utf-8")
+        text = (_folder() / f"{name_or_path}.toml").read_bytes()
     else:
         raise ConfigError(
             f"There is no tool named {str(name_or_path)!r}; choose one of {_bundled()} "
             "or give the path of a .toml file."
         )
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = tomllib.loads(text.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"The tool file {name_or_path} is not valid TOML: {error}.") from error
     return _parse(table, str(name_or_path))
 

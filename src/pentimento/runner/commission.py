@@ -1,4 +1,6 @@
-"""What a painting was asked to be: written once, when it is begun, so that resuming needs nothing but its folder."""
+"""What a painting or a sculpture was asked to be: written once, when it is begun, so that resuming needs nothing but
+its folder.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ContractError
@@ -44,8 +46,27 @@ class Commission:
     seed: int
 
 
-def write_commission(folder: Path, commission: Commission) -> None:
-    """Write it into the painting's folder.
+@dataclass(frozen=True)
+class ClayCommission:
+    """What a sculpture was asked to be."""
+
+    bundle: str
+    """Its folder."""
+    digest: str
+    """SHA-256 of its manifest."""
+    material: str
+    world: str
+    """The studio's."""
+    letter: str
+    reach_m: float
+    """The letter's deepest place lies so far below the clay's mean height."""
+    actions: int
+    """At most."""
+    seed: int
+
+
+def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:
+    """Write it into the painting's, or the sculpture's, folder.
 
     Raises:
         ContractError: a painting was begun there already, it holds something else, or it is no folder.
@@ -68,14 +89,19 @@ def read_commission(folder: Path) -> Commission:
     Raises:
         ContractError: there is none, or it is damaged.
     """
-    path = Path(folder) / _NAME
-    try:
-        plain = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise ContractError(f"{folder} holds no {_NAME}: no painting was begun there.") from error
-    except ValueError as error:
-        raise ContractError(f"{path} is damaged ({error}); begin the painting anew.") from error
-    return from_plain(Commission, plain, str(path))
+    return from_plain(Commission, _read(folder), str(Path(folder) / _NAME))
+
+
+def read_clay_commission(folder: Path) -> ClayCommission | None:
+    """The sculpture's commission; None where the folder is a painting's.
+
+    Raises:
+        ContractError: there is none of either, or it is damaged.
+    """
+    plain = _read(folder)
+    if not isinstance(plain, dict) or "material" not in plain:
+        return None
+    return from_plain(ClayCommission, plain, str(Path(folder) / _NAME))
 
 
 @contextmanager
@@ -91,3 +117,13 @@ def alone_in(folder: Path) -> Iterator[None]:
         except BlockingIOError as error:
             raise ContractError(f"Another process paints in {folder}; wait for its end, or stop it first.") from error
         yield
+
+
+def _read(folder: Path) -> Any:
+    path = Path(folder) / _NAME
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise ContractError(f"{folder} holds no {_NAME}: no painting was begun there.") from error
+    except ValueError as error:
+        raise ContractError(f"{path} is damaged ({error}); begin the painting anew.") from error

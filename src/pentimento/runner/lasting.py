@@ -8,20 +8,17 @@ died never heard back from, as with a real robot.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.photo import Photo
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
+from pentimento.runner.journal import Journal
 
 FloatArray = NDArray[np.float64]
 
@@ -39,19 +36,7 @@ class LastingRobot:
             ContractError: the journal is not one.
         """
         self._robot, self._load = robot, load
-        journal.parent.mkdir(parents=True, exist_ok=True)
-        text = journal.read_bytes() if journal.exists() else b""
-        whole = text[: text.rfind(b"\n") + 1]  # a line that was cut off was never obeyed
-        for number, line in enumerate(whole.splitlines(), start=1):
-            try:
-                name, arguments = json.loads(line)
-            except ValueError as error:
-                raise ContractError(f"Line {number} of the journal {journal} is damaged; start a new one.") from error
-            with suppress(PentimentoError):  # what was refused then is refused again, and changes nothing
-                self._obey(name, arguments)
-        self._file = os.open(journal, os.O_RDWR | os.O_CREAT, 0o644)
-        os.ftruncate(self._file, len(whole))
-        os.lseek(self._file, len(whole), os.SEEK_SET)
+        self._journal = Journal(journal, self._obey)
 
     @property
     def canvas_size_m(self) -> tuple[float, float]:
@@ -93,24 +78,15 @@ class LastingRobot:
 
     def close(self) -> None:
         """Close the journal, and the robot where it can be closed."""
-        os.close(self._file)
+        self._journal.close()
         close = getattr(self._robot, "close", None)
         if close is not None:
             close()
 
     def _do(self, name: str, *arguments: Any) -> Any:
-        line = (json.dumps([name, arguments]) + "\n").encode()
-        start = os.lseek(self._file, 0, os.SEEK_CUR)
-        try:
-            if os.write(self._file, line) != len(line):
-                raise OSError(f"The journal of the virtual robot takes no more than {start} bytes: the disk is full.")
-        except OSError:
-            os.ftruncate(self._file, start)
-            os.lseek(self._file, start, os.SEEK_SET)
-            raise
-        return self._obey(name, arguments)
+        return self._journal.do(name, *arguments)
 
-    def _obey(self, name: str, arguments: Any) -> Any:
+    def _obey(self, name: str, arguments: list[Any]) -> Any:
         if name == "change_tool":
             return self._robot.change_tool(self._load(arguments[0]))
         given = [np.array(value) if isinstance(value, list) else value for value in arguments]

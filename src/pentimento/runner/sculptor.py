@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -89,6 +90,139 @@ def seen_m(scan: Scan) -> tuple[Array, int]:
     return heights.astype(np.float32), holes
 
 
+@dataclass(frozen=True)
+class Progress:
+    """A sculpture between two pushes, or with one on its way."""
+
+    scan: Scan
+    """The last."""
+    actions: tuple[FloatArray, ...]
+    """That were made."""
+    heights_m: tuple[Array, ...]
+    """Levelled and without holes: before the first and after each action."""
+    values: tuple[float, ...]
+    expected_m: tuple[Array, ...]
+    """What the plan of the time expected after each action."""
+    left: FloatArray
+    """[K, 5]: planned, and still to be made."""
+    foreseen_m: Array
+    """[K, H, W] after each of them."""
+    due: int
+    """So many of them are made before it is planned again."""
+    holes: int
+    pushing: bool
+    """The first of ``left`` was sent to the robot, which has not said that it is made."""
+
+
+Keep = Callable[[Progress, dict[str, Any] | None], None]
+"""Told of every new progress, with the row of the action that was just made, if one was."""
+
+
+@dataclass(frozen=True)
+class Sculptor:
+    """Who sculpts what, with what."""
+
+    robot: SculptingRobot
+    """Guarded, with whatever end-effector in its hand."""
+    end_effector: EndEffector
+    material: str
+    goal_m: Array
+    """[H, W]"""
+    members: Sequence[PushModel]
+    config: SculptorConfig
+    execution: Execution
+    count: int
+    """Actions, at most."""
+    session: Session
+    item: int
+    """The goal's number in the session; its rows' order goes on from ``1000 · item``."""
+
+    def begin(self) -> tuple[Progress, PushPlan]:
+        """Look and plan; nothing moves."""
+        self.robot.change_tool(self.end_effector)
+        scan = self.robot.scan()
+        height, holes = seen_m(scan)
+        first = plan(height, self.foresight, self._reach, self.config, self.count, (self.item, 0))
+        value = float(self.foresight.objective.values(height))
+        due = min(self.execution.batch, len(first.actions))
+        return (
+            Progress(scan, (), (height,), (value,), (), first.actions, first.foreseen_m[1:], due, holes, False), first
+        )  # fmt: skip
+
+    def look_again(self, progress: Progress) -> Progress:
+        """After a push of which nobody knows how far it went: the clay as it is now, and a new plan.
+
+        No action and no row is counted for that push.
+        """
+        self.robot.change_tool(self.end_effector)
+        scan = self.robot.scan()
+        height, holes = seen_m(scan)
+        heights = (*progress.heights_m[:-1], height)
+        values = (*progress.values[:-1], float(self.foresight.objective.values(height)))
+        seen = replace(
+            progress, scan=scan, heights_m=heights, values=values, holes=progress.holes + holes, pushing=False
+        )  # fmt: skip
+        return self._replanned(seen)
+
+    def carry_on(self, progress: Progress, keep: Keep) -> tuple[Progress, Stopped]:
+        """Go on until all actions are made, or nothing helps any more.
+
+        Raises:
+            PentimentoError: the robot failed, or the guard refused a push; ``progress`` as it was kept last goes on
+                from there.
+        """
+        self.robot.change_tool(self.end_effector)
+        while len(progress.actions) < self.count:
+            if len(progress.left) == 0:
+                return progress, "the models know of no action that helps"
+            keep(replace(progress, pushing=True), None)
+            progress, row = self._pushed(progress)
+            keep(progress, row)
+            if progress.due == 0:
+                if len(progress.values) - 1 - int(np.argmin(progress.values)) >= self.execution.patience:
+                    return progress, "acting no longer helped"
+                if len(progress.actions) < self.count:
+                    progress = self._replanned(progress)
+                    keep(progress, None)
+        return progress, "all actions were made"
+
+    @cached_property
+    def foresight(self) -> Foresight:
+        """What the models expect, judged by the goal."""
+        objective = ClayObjective(self.goal_m, self.members[0].window_m, self.config.weights)
+        return Foresight(self.members, objective, self.config.caution)
+
+    @property
+    def _reach(self) -> Reach:
+        return reach_for(self.end_effector, self.robot.area_m, self.config.edge_m)
+
+    def _pushed(self, progress: Progress) -> tuple[Progress, dict[str, Any]]:
+        action, execution = progress.left[0], self.execution
+        made = execute_push(
+            self.robot, self.end_effector, action, progress.scan,
+            self.end_effector.speed_m_s, execution.dwell_s, execution.retract_speed_m_s,
+        )  # fmt: skip
+        order = 1000 * self.item + len(progress.actions)
+        row = record_push(self.session, order, order, self.end_effector, self.material, made)
+        height, holes = seen_m(made.after)
+        value = float(self.foresight.objective.values(height))
+        after = Progress(
+            made.after, (*progress.actions, action), (*progress.heights_m, height), (*progress.values, value),
+            (*progress.expected_m, progress.foreseen_m[0]), progress.left[1:], progress.foreseen_m[1:],
+            progress.due - 1, progress.holes + holes, False,
+        )  # fmt: skip
+        return after, row
+
+    def _replanned(self, progress: Progress) -> Progress:
+        made = len(progress.actions)
+        now = plan(
+            progress.heights_m[-1], self.foresight, self._reach, self.config, self.count - made, (self.item, made),
+            progress.left if made else None,
+        )  # fmt: skip
+        due = min(self.execution.batch, len(now.actions))
+        return replace(progress, left=now.actions, foreseen_m=now.foreseen_m[1:], due=due)
+
+
 def sculpt(
     robot: SculptingRobot,
     end_effector: EndEffector,
@@ -112,44 +246,21 @@ def sculpt(
         item: the goal's number in the session; its rows' order goes on from ``1000 · item``.
         log: called as ``log("value", objective, actions made)``.
     """
-    robot.change_tool(end_effector)
-    scan = robot.scan()
-    height, holes = seen_m(scan)
-    foresight = Foresight(members, ClayObjective(goal_m, scan.window_m, config.weights), config.caution)
-    reach = reach_for(end_effector, robot.area_m, config.edge_m)
-    heights, values = [height], [float(foresight.objective.values(height))]
+    sculptor = Sculptor(
+        robot, end_effector, material, goal_m, members, config, execution, count, session, item
+    )  # fmt: skip
+    begun, first = sculptor.begin()
+    log("value", begun.values[0], 0)
     rows: list[dict[str, Any]] = []
-    actions: list[FloatArray] = []
-    expected: list[Array] = []
-    log("value", values[0], 0)
-    first = now = plan(height, foresight, reach, config, count, (item, 0))
-    stopped: Stopped = "all actions were made"
-    while len(actions) < count:
-        if len(now.actions) == 0:
-            stopped = "the models know of no action that helps"
-            break
-        for action, foreseen in zip(now.actions[: execution.batch], now.foreseen_m[1:], strict=False):
-            made = execute_push(
-                robot, end_effector, action, scan,
-                end_effector.speed_m_s, execution.dwell_s, execution.retract_speed_m_s,
-            )  # fmt: skip
-            order = 1000 * item + len(actions)
-            rows.append(record_push(session, order, order, end_effector, material, made))
-            scan = made.after
-            height, more = seen_m(scan)
-            holes += more
-            actions.append(action)
-            expected.append(foreseen)
-            heights.append(height)
-            values.append(float(foresight.objective.values(height)))
-            log("value", values[-1], len(actions))
-        if len(values) - 1 - int(np.argmin(values)) >= execution.patience:
-            stopped = "acting no longer helped"
-            break
-        left = now.actions[execution.batch :]
-        if len(actions) < count:
-            now = plan(height, foresight, reach, config, count - len(actions), (item, len(actions)), left)
+
+    def keep(progress: Progress, row: dict[str, Any] | None) -> None:
+        if row is not None:
+            rows.append(row)
+            log("value", progress.values[-1], len(progress.actions))
+
+    progress, stopped = sculptor.carry_on(begun, keep)
+    height = progress.heights_m[0]
     return Sculpture(
-        rows, np.array(actions).reshape(-1, 5), np.stack(heights), np.array(values), first,
-        np.array(expected, np.float32).reshape(-1, *height.shape), stopped, holes,
+        rows, np.array(progress.actions).reshape(-1, 5), np.stack(progress.heights_m), np.array(progress.values), first,
+        np.array(progress.expected_m, np.float32).reshape(-1, *height.shape), stopped, progress.holes,
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,9 @@ def height_file_relief(path: Path) -> tuple[FloatArray, int]:
             heights = np.load(path, allow_pickle=False)
         else:
             heights = decode_height_m(path.read_bytes(), 1.0)
-    except (OSError, ValueError, ImageError, ContractError) as error:
-        raise GoalError(f"{path} cannot be read as a height map: {error}") from error
+    except (OSError, ValueError, EOFError, SyntaxError, TokenError, MemoryError, ImageError, ContractError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise GoalError(f"{path} cannot be read as a height map ({reason}); save it as 16-bit PNG or .npy.") from error
     if heights.ndim != 2 or heights.dtype.kind not in "fiu" or min(heights.shape) < 2:
         raise GoalError(f"{path} holds {heights.dtype}{list(heights.shape)}; a height map is real numbers [h, w].")
     heights = heights.astype(np.float64)

@@ -29,13 +29,16 @@ def mesh_relief(path: Path, side_px: int, up: Literal["x", "y", "z"] = "z") -> F
 
     try:
         mesh = trimesh.load_mesh(path)
-    except (OSError, ValueError, IndexError, KeyError, AttributeError, TypeError) as error:
-        raise GoalError(f"{path} cannot be read as a mesh: {' '.join(str(error).split())}") from error
+    except (OSError, ValueError, LookupError, ArithmeticError, AttributeError, TypeError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise GoalError(f"{path} cannot be read as a mesh ({reason}); export it again as STL, OBJ or PLY.") from error
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=np.float64)
     if faces.size == 0:
         raise GoalError(
             f"{path} has no faces; a mesh to sculpt needs triangles (a point cloud is another kind of file)."
         )
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.max() >= len(vertices):
+        raise GoalError(f"{path} has vertices without three coordinates, or faces without vertices; repair the mesh.")
     if not np.isfinite(vertices).all():
         raise GoalError(f"{path} has vertices that are not finite numbers; repair the mesh.")
     axis = "xyz".index(up)

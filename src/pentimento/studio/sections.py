@@ -28,7 +28,7 @@ def read_sections(path: Path, worlds: Path, seen: tuple[Path, ...] = ()) -> dict
         raise ConfigError(
             f"There is no world file {path}; give the path of a .toml file or one of: {known}."
         ) from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"World file {path} is not valid TOML: {error}.") from error
     base = document.pop("base", None)
     if base is None:

@@ -25,8 +25,15 @@ _STEP = 1e-5
 class PressedClay:
     """A ball of this radius in clay of which ``kept`` of what sinks reappears in rims."""
 
-    def __init__(self, radius_m: float = 0.01, kept: float = 0.5, strength: float = 1.0, end_effector: str = "ball"):
-        self.window_m = WINDOW_M
+    def __init__(
+        self,
+        radius_m: float = 0.01,
+        kept: float = 0.5,
+        strength: float = 1.0,
+        end_effector: str = "ball",
+        window_m: FloatArray = WINDOW_M,
+    ):
+        self.window_m = window_m
         self.end_effector = end_effector
         self._radius_m, self._kept, self._strength = radius_m, kept, strength
 
@@ -57,12 +64,12 @@ class PressedClay:
     def _press(self, height: FloatArray, action: FloatArray):
         side = len(height)
         pixels = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1)
-        k = side / WINDOW_M[2]
+        k = side / self.window_m[2]
         x_m, y_m, theta_rad, length_m, depth_m = action
-        local = canvas_to_stroke(pixel_to_canvas(pixels, WINDOW_M, k), x_m, y_m, theta_rad)
+        local = canvas_to_stroke(pixel_to_canvas(pixels, self.window_m, k), x_m, y_m, theta_rad)
         along = np.clip(local[..., 0], 0, length_m)
         square = (local[..., 0] - along) ** 2 + local[..., 1] ** 2
-        corner, weights = _bilinear(canvas_to_pixel((x_m, y_m), WINDOW_M, k), side)
+        corner, weights = _bilinear(canvas_to_pixel((x_m, y_m), self.window_m, k), side)
         sinking = self._strength * depth_m * along / max(length_m, 1e-9)
         bottom = (height[corner] * weights).sum() - sinking + square / (2 * self._radius_m)
         excess = (height - bottom) / _SOFT_M

@@ -183,6 +183,16 @@ def test_orientation_repeats_at_half_turns() -> None:
     torch.testing.assert_close(a, b)
 
 
+def test_orientation_needs_strokes_that_run_in_several_directions() -> None:
+    strokes = context()
+    path = strokes.path.clone()
+    chord = path[..., -1, 1:3] - path[..., 0, 1:3]
+    path[..., 4] = (torch.atan2(chord[..., 1], chord[..., 0]) + 0.3 * np.pi)[..., None]  # the arm turns with the stroke
+    with pytest.raises(NotObservable, match="same way"):
+        OrientationWidth.reference_of(strokes._replace(path=path))
+    assert OrientationWidth.reference_of(strokes) == {}
+
+
 def test_bleeding_keeps_the_line_of_half_darkness() -> None:
     strokes = context()
     plain = MODEL.double()(strokes.path)

@@ -18,7 +18,7 @@ from pentimento.gap.pushes.fit import equalised, fit
 from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import unexplained
-from pentimento.gap.pushes.search import Search, search
+from pentimento.gap.pushes.search import Search, least_of_floor, search
 from pentimento.gap.pushes.splits import split_pushes
 from pentimento.gap.score import projected
 from pentimento.gap.search import paired_p
@@ -31,8 +31,8 @@ Array = NDArray[Any]
 
 _CONFIRMED_P = 0.4
 _DRAWS = 1999
-_LEAST_GAIN, _LEAST_OF_FLOOR = 0.01, 0.03
-"""Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing, however sure it is."""
+_LEAST_GAIN = 0.01
+"""Of the gap on sealed pushes: what is worth less explains nothing, however sure it is."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -115,8 +115,8 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    least = max(_LEAST_GAIN, _LEAST_OF_FLOOR * floor.mse / above if floor else 0.0)
-    idle = [f.cause for f in established if f.gain < least]
+    least = {m.cause: max(_LEAST_GAIN, least_of_floor(m) * floor.mse / above if floor else 0.0) for m in named}
+    idle = [f.cause for f in established if f.gain < least[f.cause]]
     if idle:  # confirmed, and of no use on pushes that nothing was fitted to: the others are valued without it
         extended = base if len(idle) == len(established) else fit(extended.without(*idle), plainly)
         extended_losses = action_losses(extended, test)

@@ -28,10 +28,10 @@ _FIRST_P, _LATER_P = 0.02, 0.01
 _WORSE_P = 0.05
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
-_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.03, 0.01
+_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.03, 0.01
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
-_BESIDE, _BESIDE_SAME_DRIVER = 0.03, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
 """Of the largest gain so far: what a further cause must add."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 
@@ -103,9 +103,13 @@ def search(
         dismissed |= set(short) - set(refits)
         whole = action_losses(model, plain)
         error = float(whole.mean())
-        least = max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor))
         size = {cause: float((whole - action_losses(refit, plain)).mean()) for cause, refit in refits.items()}
-        small = {c for c in refits if size[c] < max(least, _enough(observable[c], observable, gained))}
+        small = {
+            c
+            for c in refits
+            if size[c] < max(least_of_floor(observable[c]) * (floor or error), _LEAST_OF_MISFIT * (error - floor))
+            or size[c] < _enough(observable[c], observable, gained)
+        }
         dismissed |= small
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
         if not losses:
@@ -141,6 +145,11 @@ def weigh(
         gain, interval, least = mean_and_bounds(gains, 999, seed)
         evidence[cause] = Evidence(p, p_adjusted, gain, interval, least)
     return evidence
+
+
+def least_of_floor(mechanism: Mechanism) -> float:
+    """How much of the noise floor a cause must remove at least."""
+    return _LEAST_IF_IMITABLE if mechanism.imitable else _LEAST_OF_FLOOR
 
 
 def is_physical(mechanism: Mechanism) -> bool:

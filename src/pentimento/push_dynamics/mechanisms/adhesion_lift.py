@@ -14,7 +14,6 @@ from pentimento.push_dynamics.mechanisms.mechanism import (
     Quantity,
     Settled,
     column,
-    peak,
     per_push,
     recorded,
 )
@@ -29,6 +28,7 @@ class AdhesionLift(Mechanism):
     cause = "adhesion_lift"
     site = "surface"
     driver = "retraction"
+    imitable = False
     quantities = (Quantity("lift_by_log_speed_m", "m", 0.0003),)
 
     @classmethod
@@ -38,5 +38,5 @@ class AdhesionLift(Mechanism):
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
         log = np.log(np.maximum(column(scene, _COLUMN), _SLOWEST_M_S) / self.reference[_COLUMN])
-        lift = per_push(self.values[0] * np.where(np.isfinite(log), log, 0.0)) * peak(contact)
+        lift = per_push(self.values[0] * np.where(np.isfinite(log), log, 0.0)) * contact.peak
         return settled._replace(lift_m=settled.lift_m + lift)

@@ -20,9 +20,6 @@ from pentimento.stroke_dynamics.simulation import NotObservable, Quantity
 
 Array = NDArray[Any]
 
-_PEAK, _COLLAR = 0.4, 0.8
-"""Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
-
 Site = Literal["command", "material", "surface"]
 
 __all__ = [
@@ -33,7 +30,6 @@ __all__ = [
     "Quantity",
     "Settled",
     "Site",
-    "peak",
     "per_push",
     "recorded",
 ]
@@ -59,12 +55,12 @@ class Contact(NamedTuple):
     """How far below the surface in ``before`` its envelope went."""
     inside: Array
     """0 outside the contact, 1 inside, soft at the edge."""
-    from_end: Array
-    """Distance to the end of travel, in radii of the contact there."""
     beyond_end: Array
-    """How far ahead of the end of travel, likewise."""
+    """How far ahead of the end of travel, in radii of the contact there."""
     progress: Array
     """-1 before the start of travel, 1 beyond its end."""
+    peak: Array
+    """What a tool draws up where it lifts off, out of what is around it: 1 in the middle, no volume."""
 
 
 class Settled(NamedTuple):
@@ -87,6 +83,9 @@ class Mechanism:
     driver: ClassVar[str]
     """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
     quantities: ClassVar[tuple[Quantity, ...]]
+    imitable: ClassVar[bool] = True
+    """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
+    depends on: a column of the table, the hour, or the sign of a direction."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""
@@ -151,11 +150,3 @@ def column(scene: PushScene, name: str) -> Array:
 def per_push(values: Array) -> Array:
     """Numbers [B] for maps [B, H, W]."""
     return np.asarray(values, dtype=np.float32)[:, None, None]
-
-
-def peak(contact: Contact) -> Array:
-    """What a tool draws up where it lifts off, out of what is around it: 1 in the middle, no volume, [B, H, W]."""
-    squared = np.square(contact.from_end)
-    inner = np.exp(squared * np.float32(-1 / (2 * _PEAK**2)))
-    collar = np.exp(squared * np.float32(-1 / (2 * _COLLAR**2))) * np.float32((_PEAK / _COLLAR) ** 2)
-    return (inner - collar) / np.float32(1 - (_PEAK / _COLLAR) ** 2)

@@ -29,6 +29,7 @@ class StiffnessDrift(Mechanism):
     cause = "stiffness_drift"
     site = "command"
     driver = "session"
+    imitable = False
     quantities = (
         Quantity("by_half_session", "1", 0.15),
         Quantity("by_half_range_of_temperature", "1", 0.15),

@@ -18,6 +18,7 @@ class ToolBacklash(Mechanism):
     cause = "tool_backlash"
     site = "command"
     driver = "reversal"
+    imitable = False
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

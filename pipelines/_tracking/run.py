@@ -1,34 +1,38 @@
-"""Each execution of a stage is one run in MLflow; this module alone knows MLflow (imported lazily: 3 s).
+"""A stage's execution as a run in MLflow (imported lazily: 3 s): parameters, curves, figures, pictures, data, tags.
 
 Tracked outputs hold no wall times and no run ids, because they would change every hash. Those are kept in
 MLflow and in `data/timings/` (untracked). The id of an interrupted run is kept in `.pentimento/`
 (git-ignored); the next execution of the same stage item with equal parameters and inputs continues that run.
+
+The same names everywhere: a figure `x` (or `x.value`) has its 95 % interval in `x.low` and `x.high`, and the values
+of the single held-out items that it is the mean of as steps of the curve `items.x`.
 """
 
-import hashlib
 import json
 import os
 import subprocess
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.contracts.errors import PentimentoError
 from pipelines._config import read_yaml
 from pipelines._io import failure_sentence
+from pipelines._tracking.digests import flatten, input_digest, md5, section_digest
+from pipelines._tracking.execution import PART, STAGE, execution_name, execution_run
+from pipelines._tracking.families import HEADLINES, experiment_of, family_of
+from pipelines._tracking.notes import note
+from pipelines._tracking.store import experiment_id, open_store, store_errors
+from pipelines._tracking.timings import write_timing
 
 if TYPE_CHECKING:
     from lightning.pytorch.loggers import MLFlowLogger
     from mlflow import MlflowClient
     from mlflow.entities import Metric
 
-EXPERIMENT = "pentimento"
-TIMINGS = Path("data/timings")
 UNFINISHED = Path(".pentimento/runs")
 _FLUSH_AT = 200  # metrics; one transaction each would cost 10 ms
 _PARAMS_A_BATCH = 100  # MLflow's limit
@@ -41,6 +45,10 @@ class Run:
 
     id: str
     _client: "MlflowClient"
+    parent: str | None = None
+    """The id of the execution's run above it."""
+    metrics: dict[str, Any] = field(default_factory=dict)
+    """What `log_metrics` was given, nested."""
     _pending: list["Metric"] = field(default_factory=list)
 
     def log(self, name: str, value: float, step: int | None = None) -> None:
@@ -52,10 +60,26 @@ class Run:
             self.flush()
 
     def log_metrics(self, metrics: Mapping[str, Any]) -> None:
-        """Log the numbers of a metrics.json, nested names joined by dots; other values stay there."""
-        for name, value in _flatten(metrics).items():
+        """Log the numbers of a metrics.json, nested names joined by dots; other values stay there.
+
+        The interval `x_ci: [low, high]` becomes `x.low` and `x.high`.
+        """
+        self.metrics |= metrics
+        for name, value in flatten(metrics).items():
             if isinstance(value, int | float):
                 self.log(name, value)
+            elif name.endswith("_ci") and isinstance(value, Sequence) and len(value) == 2:
+                for end, bound in zip(("low", "high"), value, strict=True):
+                    self.log(f"{name.removesuffix('_ci')}.{end}", bound)
+
+    def log_items(self, name: str, items: Sequence[object], values: Sequence[float]) -> None:
+        """Log what each held-out item contributes to the figure `name`, so that runs are compared item by item.
+
+        `items` are ids that mean the same in every run on the same data, one for each value.
+        """
+        for step, value in enumerate(values):
+            self.log(f"items.{name}", value, step)
+        self.tag(f"items.{name}", section_digest([str(item) for item in items]))
 
     def tag(self, name: str, value: str) -> None:
         """Say something of the run by which it can be found."""
@@ -70,7 +94,8 @@ class Run:
         from mlflow.entities import Metric
 
         parent = self._client.get_run(self.id)
-        own = {"mlflow.parentRunId": self.id, "stage": parent.data.tags["stage"], "item": parent.data.tags["item"]}
+        own = {"mlflow.parentRunId": self.id, "kind": PART}
+        own |= {name: parent.data.tags[name] for name in ("stage", "item", "execution") if name in parent.data.tags}
         child = self._client.create_run(parent.info.experiment_id, run_name=name, tags=own | dict(tags))
         now = int(time.time() * 1000)
         points = [
@@ -83,7 +108,8 @@ class Run:
         """Return the logger by which Lightning's trainer writes its curves into this run."""
         from lightning.pytorch.loggers import MLFlowLogger
 
-        return MLFlowLogger(EXPERIMENT, tracking_uri=os.environ["MLFLOW_TRACKING_URI"], run_id=self.id)
+        name = self._client.get_experiment(self._client.get_run(self.id).info.experiment_id).name
+        return MLFlowLogger(name, tracking_uri=os.environ["MLFLOW_TRACKING_URI"], run_id=self.id)
 
     def flush(self) -> None:
         """Write what was logged so far into the store."""
@@ -91,11 +117,23 @@ class Run:
         self._pending.clear()
 
     def end(self, status: str, **tags: str) -> None:
-        """Close the run as FINISHED, FAILED or KILLED (which may be continued)."""
+        """Close the run as FINISHED, FAILED or KILLED (which may be continued), and what is above it."""
         self.flush()
         for name, value in tags.items():
             self._client.set_tag(self.id, name, value)
         self._client.set_terminated(self.id, status)
+        if self.parent is not None:
+            self._client.set_terminated(self.parent, status)
+
+    def say(self, stage: str, item: str | None) -> None:
+        """Write the note on the run's page, and lift the main figure into the run above it."""
+        self._client.set_tag(self.id, "mlflow.note.content", note(stage, self.metrics))
+        headline, figures = HEADLINES.get(stage), flatten(self.metrics)
+        if self.parent is None or headline is None:
+            return
+        for name in (headline.metric, headline.baseline):
+            if isinstance(figures.get(name or ""), int | float):
+                self._client.log_metric(self.parent, "/".join(filter(None, (stage, item, name))), figures[str(name)])
 
 
 @contextmanager
@@ -109,9 +147,9 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
     name = stage if item is None else f"{stage}@{item}"
     digests = {label: input_digest(path) for label, path in inputs.items()}
     started = time.perf_counter()
-    with _store_errors():
-        client, experiment_id = _open_store()
-        run = _continue_or_create(client, experiment_id, name, _tags(stage, item), _key(params, digests))
+    with store_errors():
+        client = open_store()
+        run = _begin(client, stage, item, name, _key(params, digests))
         _describe(client, run.id, params, inputs, digests)
         try:
             yield run
@@ -124,43 +162,10 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
             raise
         seconds = time.perf_counter() - started
         run.log("wall_s", seconds)
+        run.say(stage, item)
         run.end("FINISHED")
     _state_file(name).unlink()
-    _write_timing(name, run.id, seconds)
-
-
-def input_digest(path: Path) -> str:
-    """Return the MD5 by which DVC knows `path`, or an MD5 of its files where DVC does not track it."""
-    lock = Path("dvc.lock")
-    if lock.is_file():
-        for stage in read_yaml(lock).get("stages", {}).values():
-            for out in stage.get("outs", []):
-                if Path(out["path"]) == path:
-                    return str(out["md5"])
-    if path.is_file():
-        return _md5(path.read_bytes())
-    if not path.is_dir():
-        raise FileNotFoundError(2, os.strerror(2), str(path))
-    files = sorted(file for file in path.rglob("*") if file.is_file())
-    return _md5("\n".join(f"{file.relative_to(path)} {_md5(file.read_bytes())}" for file in files).encode())
-
-
-@contextmanager
-def _store_errors() -> Iterator[None]:
-    """Turn what MLflow raises (a store that does not open, a full disk) into our sentence."""
-    _settings()
-    from alembic.util import CommandError
-    from mlflow.exceptions import MlflowException
-    from sqlalchemy.exc import SQLAlchemyError
-
-    try:
-        yield
-    except (MlflowException, SQLAlchemyError, CommandError) as error:
-        root: BaseException = error
-        while root.__cause__ is not None:
-            root = root.__cause__
-        store, reason = os.environ["MLFLOW_TRACKING_URI"], str(root).splitlines()[0]
-        raise PentimentoError(f"MLflow's store {store} fails ({reason}); see its disk or address.") from None
+    write_timing(name, run.id, seconds)
 
 
 def _end_failed(run: Run, sentence: str) -> None:
@@ -171,31 +176,22 @@ def _end_failed(run: Run, sentence: str) -> None:
         run.end("FAILED", error=sentence)
 
 
-def _settings() -> None:
-    os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{Path.cwd() / 'mlflow.db'}")
-    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-    os.environ.setdefault("DO_NOT_TRACK", "true")
-    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")  # what it raises is said in a sentence
+def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key: str) -> Run:
+    """Open the stage's run, below the run of the execution that this process belongs to."""
+    experiment = experiment_id(client, experiment_of(stage))
+    tags, execution, parent = _tags(stage, item), execution_name(), None
+    if execution:
+        shared: dict[str, str] = {
+            tag: tags[tag] for tag in ("profile", "commit", "dirty", "dvc_experiment", "family") if tag in tags
+        }
+        parent = execution_run(client, experiment, execution, shared)
+        client.update_run(parent, status="RUNNING")
+        tags |= {"execution": execution, "mlflow.parentRunId": parent}
+    return Run(_continue_or_create(client, experiment, name, tags, key), client, parent)
 
 
-def _open_store() -> tuple["MlflowClient", str]:
-    """Return a client and the experiment's id; by default the store is SQLite in the repository's root."""
-    from mlflow import MlflowClient
-
-    uri = os.environ["MLFLOW_TRACKING_URI"]
-    client = MlflowClient(uri)
-    known = client.get_experiment_by_name(EXPERIMENT)
-    if known is not None:
-        return client, known.experiment_id
-    beside = Path(uri.removeprefix("sqlite:///")).parent / "mlartifacts"
-    location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own place
-    return client, client.create_experiment(EXPERIMENT, artifact_location=location)
-
-
-def _continue_or_create(
-    client: "MlflowClient", experiment_id: str, name: str, tags: Mapping[str, str], key: str
-) -> Run:
-    """Continue the item's interrupted run if it had the same parameters and inputs, or create a run."""
+def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags: Mapping[str, str], key: str) -> str:
+    """Continue the item's interrupted run if it had the same parameters and inputs, or create a run; return its id."""
     from mlflow.exceptions import MlflowException
 
     state = _state_file(name)
@@ -206,14 +202,14 @@ def _continue_or_create(
                 client.update_run(left["run_id"], status="RUNNING")
                 for tag, value in tags.items():  # the commit may be another one by now
                     client.set_tag(left["run_id"], tag, value)
-                return Run(left["run_id"], client)
+                return str(left["run_id"])
             client.set_terminated(left["run_id"], "KILLED")  # it was killed without a chance to say so
         except (MlflowException, ValueError, KeyError, TypeError):
             pass  # that run was deleted from the store, or the file was damaged: there is nothing to continue
-    run = client.create_run(experiment_id, run_name=name.replace("@", " · "), tags=dict(tags))
+    run = client.create_run(experiment, run_name=name.replace("@", " · "), tags=dict(tags))
     state.parent.mkdir(parents=True, exist_ok=True)
     atomic_write(state, json.dumps({"run_id": run.info.run_id, "key": key}).encode())
-    return Run(run.info.run_id, client)
+    return run.info.run_id
 
 
 def _describe(
@@ -226,7 +222,7 @@ def _describe(
     """Log parameters and dataset inputs. Both are immutable: a continued run has equal ones (see `_key`)."""
     from mlflow.entities import Dataset, DatasetInput, InputTag, Param
 
-    flat = [Param(name, str(value)[:_PARAM_LENGTH]) for name, value in _flatten(params).items()]
+    flat = [Param(name, str(value)[:_PARAM_LENGTH]) for name, value in flatten(params).items()]
     for first in range(0, len(flat), _PARAMS_A_BATCH):
         client.log_batch(run_id, params=flat[first : first + _PARAMS_A_BATCH])
     datasets = [
@@ -241,18 +237,33 @@ def _describe(
 
 
 def _tags(stage: str, item: str | None) -> dict[str, str]:
-    commit, changes = _git("rev-parse", "HEAD"), _git("status", "--porcelain")
+    commit = _git("rev-parse", "HEAD")
+    # The pipeline itself changes dvc.lock.
+    changes = _git("status", "--porcelain", "--", ":(top)", ":(top,exclude)dvc.lock")
     tags = {
+        "kind": STAGE,
+        "family": family_of(stage),
         "stage": stage,
         "item": item or "",
-        "pipeline": os.environ.get("PENTIMENTO_PROFILE", "default"),
+        "profile": os.environ.get("PENTIMENTO_PROFILE", "default"),
         "commit": commit,
         "dirty": str(bool(changes)).lower(),
-        "experiment": os.environ.get("DVC_EXP_NAME", ""),
+        "dvc_experiment": os.environ.get("DVC_EXP_NAME", ""),
         "mlflow.source.name": f"pipelines/{stage}.py",
         "mlflow.source.git.commit": commit,
     }
-    return {name: value for name, value in tags.items() if value}
+    return {name: value for name, value in (tags | _as_written(stage, item)).items() if value}
+
+
+def _as_written(stage: str, item: str | None) -> dict[str, str]:
+    """What the pipeline's files say of the stage: its section's digest, and what kind of thing its item is."""
+    tags = {}
+    if Path("params.yaml").is_file() and stage in (sections := read_yaml(Path("params.yaml"))):
+        tags["params_md5"] = section_digest(sections[stage])
+    if item and Path("dvc.yaml").is_file():
+        matrix = read_yaml(Path("dvc.yaml")).get("stages", {}).get(stage, {}).get("matrix", {})
+        tags |= {axis: item for axis, values in matrix.items() if item in values}
+    return tags
 
 
 def _git(*arguments: str) -> str:
@@ -262,47 +273,8 @@ def _git(*arguments: str) -> str:
 
 
 def _key(params: Mapping[str, Any], digests: Mapping[str, str]) -> str:
-    return _md5(json.dumps([_flatten(params), dict(digests)], sort_keys=True, default=str).encode())
+    return md5(json.dumps([flatten(params), dict(digests)], sort_keys=True, default=str).encode())
 
 
 def _state_file(name: str) -> Path:
     return UNFINISHED / f"{name}.json"
-
-
-def _flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            flat |= _flatten(value, f"{prefix}{name}.")
-        else:
-            flat[f"{prefix}{name}"] = value
-    return flat
-
-
-def _md5(content: bytes) -> str:
-    return hashlib.md5(content, usedforsecurity=False).hexdigest()
-
-
-def _write_timing(name: str, run_id: str, seconds: float) -> None:
-    TIMINGS.mkdir(parents=True, exist_ok=True)
-    finished = time.strftime("%Y-%m-%d %H:%M:%S")
-    timing = {"stage": name, "seconds": round(seconds, 2), "finished": finished, "run_id": run_id}
-    atomic_write(TIMINGS / f"{name}.json", (json.dumps(timing, indent=2) + "\n").encode())
-    timings = [json.loads(file.read_text()) for file in TIMINGS.glob("*.json")]
-    atomic_write(TIMINGS / "index.html", _timings_page(timings).encode())
-
-
-def _timings_page(timings: list[dict[str, Any]]) -> str:
-    """Return a page with the latest execution of each stage item, as a table that needs nothing else."""
-    rows = "\n".join(
-        f"<tr><td>{escape(t['stage'])}<td class=n>{t['seconds']:.1f}<td>{t['finished']}<td>{t['run_id']}"
-        for t in sorted(timings, key=lambda t: (t["finished"], t["stage"]))
-    )
-    total = sum(t["seconds"] for t in timings)
-    return f"""<!doctype html><html lang=en><meta charset=utf-8><title>Timings</title>
-<style>body{{font:15px/1.5 system-ui,sans-serif;color:#333;margin:0}} table{{border-collapse:collapse}}
-td,th{{padding:.2em 1.2em .2em 0;text-align:left;border-bottom:1px solid #ddd}} .n{{text-align:right}}</style>
-<table><tr><th>stage<th class=n>seconds<th>finished<th>MLflow run
-{rows}
-<tr><th>together<th class=n>{total:.1f}<th><th></table></html>
-"""

@@ -1,0 +1,118 @@
+"""The models that the pipeline made, in MLflow's registry: a version for each, and the alias `champion`.
+
+DVC keeps the files; a version is a link to them (`dvc://<md5>/<path>`) with the run that made it. A version becomes
+the champion where its figure on the same held-out data is not worse than the champion's, and the blind tests of the
+gap finder, where they are about its kind of model, fall short in no more rows. A bundle becomes it where all of its
+models are champions. Otherwise the alias stays, and the version's tag `champion` says why.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipelines._review.agreement import made_by
+from pipelines._review.history import History, StageRun
+from pipelines._review.judgement import less_is_better
+from pipelines._review.lock import Locked, read_lock
+from pipelines._tracking.families import HEADLINES
+from pipelines._tracking.store import open_store, store_errors
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+    from mlflow.entities.model_registry import ModelVersion
+
+ALIAS = "champion"
+_REGISTERED = ("diagnose_gap", "train_semantics", "finetune_goal_planner", "diagnose_pushes", "deploy")
+"""Stages whose models are handed on: those that a bundle is made of, and the bundle."""
+_JUDGE = "models/judge/weights"  # it scores the answers of others, and is handed on to no one
+_BLIND_TESTS = {"stroke_": Path("docs/blind_tests.md")}
+"""By the beginning of a model's name, the page of the blind tests that are about it."""
+
+
+def register(folder: Path) -> list[str]:
+    """Register what dvc.lock in `folder` names and is not registered yet; return a sentence for each."""
+    said = []
+    with store_errors():
+        client, runs = open_store(), History().runs
+        for locked in sorted(read_lock(folder), key=lambda each: each.stage == "deploy"):  # the bundle last
+            run = made_by(locked, runs) if locked.stage in _REGISTERED else None
+            for path in sorted(locked.outputs):
+                if run is not None and path.startswith("models/") and path != _JUDGE:
+                    said += _register(client, folder, locked, path, run)
+    return said
+
+
+def _register(client: "MlflowClient", folder: Path, locked: Locked, path: str, run: StageRun) -> list[str]:
+    """Nothing where the very same model is known."""
+    name, digest = Path(path).parts[1], locked.outputs[path]
+    versions = _versions(client, name)
+    if any(version.tags["md5"] == digest for version in versions):
+        return []
+    champion = next((version for version in versions if ALIAS in version.aliases), None)
+    tags = {"md5": digest} | _figure_tags(locked.stage, run) | _blind_tests(folder, name)
+    tags |= {"manifest": run.tags["manifest"]} if "manifest" in run.tags else {}
+    against = _bundled(client, run) if locked.stage == "deploy" else _reasons(tags, champion)
+    tags[ALIAS] = f"no: {'; '.join(against)}" if against else "yes"
+    if not versions:
+        client.create_registered_model(name, description=f"Made by {locked.name}; DVC has the files, in {path}.")
+    made = client.create_model_version(name, f"dvc://{digest}/{path}", run.id, tags=tags)
+    if against:
+        return [f"{name}: version {made.version} is not the champion: {'; '.join(against)}."]
+    client.set_registered_model_alias(name, ALIAS, made.version)
+    return [f"{name}: version {made.version} is the champion."]
+
+
+def _versions(client: "MlflowClient", name: str) -> Sequence["ModelVersion"]:
+    """With their aliases, which MLflow's search leaves out."""
+    found = client.search_model_versions(f"name = '{name}'")
+    return [client.get_model_version(name, version.version) for version in found]
+
+
+def _figure_tags(stage: str, run: StageRun) -> dict[str, str]:
+    """The main figure, the one beside it, and the data that it was measured on."""
+    headline = HEADLINES[stage]
+    known = {name: run.metrics[name] for name in (headline.metric, headline.baseline) if name in run.metrics}
+    tags = {"metric": headline.metric}
+    tags |= {"value": repr(known[headline.metric])} if headline.metric in known else {}
+    if headline.baseline in known:
+        tags |= {"baseline": headline.baseline, "baseline_value": repr(known[headline.baseline])}
+    data = {path: digest for path, digest in run.inputs.items() if Path(path).parts[:1] == ("data",)}
+    return tags | {"data": " ".join(f"{path}:{data[path]}" for path in sorted(data))}
+
+
+def _blind_tests(folder: Path, name: str) -> dict[str, str]:
+    page = next((folder / file for start, file in _BLIND_TESTS.items() if name.startswith(start)), None)
+    if page is None or not page.is_file():
+        return {}
+    rows = re.findall(r"^\|.*\*\*falls short\*\*", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {"blind_tests_falling_short": str(len(rows))}
+
+
+def _reasons(tags: dict[str, str], champion: "ModelVersion | None") -> list[str]:
+    """What stands against a new champion; nothing stands against the first one that was measured."""
+    if "value" not in tags:
+        return [f"its run has no figure {tags['metric']}"]
+    if champion is None:
+        return []
+    known, said = champion.tags, []
+    if known["data"] != tags["data"]:
+        said.append(f"version {champion.version} was measured on other data; compare them and move the alias by hand")
+    else:
+        old, new = float(known["value"]), float(tags["value"])
+        if new != old and (new > old) == less_is_better(tags["metric"]):
+            said.append(f"its {tags['metric']} is {new:.4g}, worse than {old:.4g} of version {champion.version}")
+    short = [int(of.get("blind_tests_falling_short", 0)) for of in (known, tags)]
+    if short[1] > short[0]:
+        said.append(f"the blind tests fall short in {short[1]} rows, and did in {short[0]}")
+    return said
+
+
+def _bundled(client: "MlflowClient", run: StageRun) -> list[str]:
+    """Of a bundle: the models in it that are no champions."""
+    said = []
+    for path, digest in run.inputs.items():
+        name = Path(path).parts[1]
+        if not any(ALIAS in version.aliases and version.tags["md5"] == digest for version in _versions(client, name)):
+            said.append(f"its {name} is not the champion")
+    return said

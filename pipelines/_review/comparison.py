@@ -1,0 +1,158 @@
+"""What differs between two runs, or stage by stage between two executions of the pipeline."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pipelines._review.agreement import OUTPUT
+from pipelines._review.history import Execution, History, StageRun
+from pipelines._review.judgement import Figure, figures, paired
+from pipelines._tracking.families import HEADLINES
+
+Pair = tuple[str | None, str | None]
+
+_TIME = "wall_s"
+
+
+@dataclass(frozen=True)
+class Side:
+    """What is compared, as its column is headed."""
+
+    title: str
+    started_ms: int
+    status: str
+    commit: str
+    dirty: bool
+    profile: str
+    runs: dict[str, StageRun]
+    """By stage item."""
+
+    @property
+    def started(self) -> str:
+        """Local time."""
+        return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self.started_ms / 1000))
+
+
+@dataclass(frozen=True)
+class StageDifference:
+    """One stage item in both; a side is None where it has no run of it."""
+
+    name: str
+    runs: tuple[StageRun | None, StageRun | None]
+    params: dict[str, Pair]
+    """Those that differ."""
+    data: dict[str, Pair]
+    """MD5 of what was read and written, where it differs, by path."""
+    figures: tuple[Figure, ...]
+    """The main one first, then those of which one run is the better, then the rest."""
+    seconds: tuple[float | None, float | None]
+    pictures: tuple[dict[str, bytes], dict[str, bytes]]
+    """PNGs by name."""
+
+    @property
+    def same(self) -> bool:
+        """Whether it is one run, or two that differ in nothing but time."""
+        a, b = self.runs
+        if a is not None and b is not None and a.id == b.id:
+            return True
+        changed = any(figure.changed for figure in self.figures)
+        return None not in self.runs and not self.params and not self.data and not changed
+
+    @property
+    def headline(self) -> Figure | None:
+        """The stage's main figure."""
+        known = HEADLINES.get(self.name.partition("@")[0])
+        return next((each for each in self.figures if known and each.name == known.metric), None)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two sides and what differs."""
+
+    sides: tuple[Side, Side]
+    stages: tuple[StageDifference, ...]
+    """In the order in which they ran."""
+
+    @property
+    def changed(self) -> tuple[StageDifference, ...]:
+        """Those that are not the same."""
+        return tuple(stage for stage in self.stages if not stage.same)
+
+
+def compare(history: History, a: StageRun | Execution, b: StageRun | Execution) -> Comparison:
+    """Compare two runs of one stage, or two executions; runs of different stages have only figures in common."""
+    sides = (_side(history, a), _side(history, b))
+    pairs: dict[str, tuple[StageRun | None, StageRun | None]]
+    if isinstance(a, StageRun) and isinstance(b, StageRun):
+        pairs = {a.name if a.name == b.name else f"{a.name} and {b.name}": (a, b)}
+    else:
+        runs = [run for side in sides for run in side.runs.values()]
+        names = dict.fromkeys(run.name for run in sorted(runs, key=lambda run: run.started_ms))
+        pairs = {name: (sides[0].runs.get(name), sides[1].runs.get(name)) for name in names}
+    return Comparison(sides, tuple(_stage(history, name, *pair) for name, pair in pairs.items()))
+
+
+def _side(history: History, of: StageRun | Execution) -> Side:
+    if isinstance(of, Execution):
+        title, runs = of.name, history.of_execution(of)
+    else:
+        title, runs = f"{of.name} {of.id[:8]}", {of.name: of}
+    tags = of.tags
+    return Side(
+        title,
+        of.started_ms,
+        of.status,
+        tags.get("commit", ""),
+        tags.get("dirty") == "true",
+        tags.get("profile", ""),
+        runs,
+    )
+
+
+def _stage(history: History, name: str, a: StageRun | None, b: StageRun | None) -> StageDifference:
+    metrics_a, metrics_b = _metrics(a), _metrics(b)
+    seconds = (metrics_a.pop(_TIME, None), metrics_b.pop(_TIME, None))
+    if a is not None and b is not None and a.id == b.id:
+        return StageDifference(name, (a, b), {}, {}, (), seconds, ({}, {}))
+    found = [_with_items(history, figure, a, b) for figure in figures(metrics_a, metrics_b)]
+    return StageDifference(
+        name,
+        (a, b),
+        _differing(a.params if a else {}, b.params if b else {}) if a and b else {},
+        _differing(_data(a), _data(b)) if a and b else {},
+        tuple(sorted(found, key=lambda figure: _rank(name, figure))),
+        seconds,
+        (history.pictures(a) if a else {}, history.pictures(b) if b else {}),
+    )
+
+
+def _metrics(run: StageRun | None) -> dict[str, float]:
+    return dict(run.metrics) if run else {}
+
+
+def _with_items(history: History, figure: Figure, a: StageRun | None, b: StageRun | None) -> Figure:
+    """Paired where both runs kept their items, and these are the same."""
+    mark = f"items.{figure.name}"
+    if a is None or b is None or not figure.changed or mark not in a.tags or a.tags[mark] != b.tags.get(mark):
+        return figure
+    if a.inputs != b.inputs:  # an item of the same name may be another one in other data
+        return figure
+    return paired(figure, history.items(a, figure.name), history.items(b, figure.name), 0)
+
+
+def _data(run: StageRun) -> dict[str, str]:
+    outputs = {tag.removeprefix(OUTPUT): digest for tag, digest in run.tags.items() if tag.startswith(OUTPUT)}
+    return run.inputs | outputs
+
+
+def _differing(a: Mapping[str, str], b: Mapping[str, str]) -> dict[str, Pair]:
+    return {name: (a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b]) if a.get(name) != b.get(name)}
+
+
+def _rank(stage: str, figure: Figure) -> tuple[int, str]:
+    headline = HEADLINES.get(stage.partition("@")[0])
+    if headline is not None and figure.name in (headline.metric, headline.baseline):
+        return int(figure.name == headline.baseline), figure.name
+    if not figure.changed:
+        return 5, figure.name
+    return 2 + int(figure.better is None) + int(figure.name.startswith("training.")), figure.name

@@ -1,0 +1,84 @@
+"""Compare two runs, or two executions of the pipeline: what changed, which is better, and is it luck.
+
+python -m pipelines.compare RUN_A RUN_B       ids, their first letters, or an execution's name
+python -m pipelines.compare --last 2          the last two executions
+python -m pipelines.compare --last 2 --stage train_stroke_dynamics@marker
+python -m pipelines.compare --check           do MLflow and dvc.lock agree on what was run?
+"""
+
+import argparse
+from pathlib import Path
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.errors import PentimentoError
+from pipelines._io import stage_main
+from pipelines._review.agreement import check
+from pipelines._review.comparison import compare
+from pipelines._review.history import Execution, History, StageRun
+from pipelines._review.page import page
+from pipelines._review.wording import text
+from pipelines._tracking.store import store_errors
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Print the comparison and write its page; or check that MLflow and DVC agree."""
+    if arguments.check:
+        _check(arguments.profile)
+        return
+    with store_errors():
+        history = History()
+        a, b = _chosen(history, arguments)
+        comparison = compare(history, a, b)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    file = arguments.out / f"{_id(a)[:8]}_{_id(b)[:8]}.html"
+    atomic_write(file, page(comparison).encode())
+    print(text(comparison))
+    print(f"\nThe page:  {file}")
+
+
+def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun | Execution, StageRun | Execution]:
+    """Older first, where the last ones are asked for."""
+    if arguments.last is None:
+        if len(arguments.runs) != 2:
+            raise PentimentoError(
+                f"{len(arguments.runs)} runs are named and two are compared; name two, or use --last 2."
+            )
+        first, second = (history.find(reference) for reference in arguments.runs)
+        return first, second
+    if arguments.runs or arguments.last != 2:
+        raise PentimentoError("--last takes the number 2 and no other runs beside it.")
+    known: list[StageRun | Execution] = [*history.executions]
+    what = "executions"
+    if arguments.stage is not None:
+        known = [run for run in history.runs if arguments.stage in (run.name, run.stage) and run.status == "FINISHED"]
+        what = f"finished runs of {arguments.stage}"
+    if len(known) < 2:
+        raise PentimentoError(f"There are {len(known)} {what} in MLflow's store, and two are compared; run once more.")
+    return known[1], known[0]
+
+
+def _check(profile: str) -> None:
+    folder = Path.cwd() if profile == "default" else Path(".profiles") / profile
+    agreeing, said = check(folder, profile)
+    for sentence in said:
+        print(sentence)
+    if said:
+        raise PentimentoError(f"MLflow and dvc.lock disagree on {len(said)} of {agreeing + len(said)} stage items.")
+    print(f"MLflow and dvc.lock agree on all {agreeing} stage items.")
+
+
+def _id(of: StageRun | Execution) -> str:
+    return of.id if isinstance(of, StageRun) else of.ids[0]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        prog="compare", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("runs", nargs="*", metavar="RUN")
+    parser.add_argument("--last", type=int, metavar="2", help="the last two executions, or runs of --stage")
+    parser.add_argument("--stage", help="a stage, or stage@item")
+    parser.add_argument("--check", action="store_true", help="compare dvc.lock with MLflow instead")
+    parser.add_argument("--profile", default="default", help="of --check: whose dvc.lock")
+    parser.add_argument("--out", type=Path, default=Path("data/comparisons"), help="folder for the page")
+    stage_main(main, parser)

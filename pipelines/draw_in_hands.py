@@ -1,0 +1,208 @@
+"""Draw one photograph in every hand and with Bézier strokes, in the studio, and see who is taken to have drawn it."""
+
+import argparse
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
+from pentimento.contracts.demonstrations import CONTRACT
+from pentimento.contracts.images import write_png
+from pentimento.contracts.markers import markers_around
+from pentimento.contracts.plan import Plan, PlanHeader, write_plan
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.contracts.tables import read_table
+from pentimento.planning.hands.config import HandPlanConfig
+from pentimento.planning.hands.decoder import read_hand
+from pentimento.planning.hands.shapes import BezierShapes, Shapes
+from pentimento.planning.objective import PrintObjective
+from pentimento.planning.scene import Scene, scene_with
+from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.runner.observe import calibrate_camera
+from pentimento.runner.painter import as_linear, observe
+from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.semantics.encoder import Encoder
+from pentimento.semantics.scores import embed_all
+from pentimento.stroke_dynamics.extended import read_stroke_model
+from pentimento.stroke_hands.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.stroke_hands.drawing import Drawing, draw_in_hand
+from pentimento.stroke_hands.path_brush import TorchPathBrush
+from pentimento.stroke_hands.who_drew import StrokeClassifier
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import Run, tracked_run
+
+Image = NDArray[np.uint8]
+
+BEZIER, NOBODY = "bezier", "nobody"
+"""Drawings beside those in hands: with Bézier strokes, and with latents that no hand is known of."""
+
+
+@dataclass(frozen=True)
+class DrawInHands:
+    """Section `draw_in_hands` of params.yaml."""
+
+    photograph: str
+    """A file, or the name of a photograph that scikit-image ships."""
+    tool: str
+    """One with its own ink."""
+    world: str
+    """The studio's."""
+    darkest: float
+    """The lightness (0 to 1) of the target's darkest tone."""
+    ink_m: float
+    """Length of line in each drawing, about: by it, not by strokes, hands are comparable."""
+    seed: int
+    """Of the studio and of the classifier."""
+    planner: HandPlanConfig
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "darkest", "seed")
+        above_zero(self, "ink_m")
+        if self.darkest >= 1:
+            raise ValueError(f"darkest is {self.darkest}; below 1, the target is not all white.")
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: a folder a drawing, all of them side by side, and metrics.json with the confusion matrix."""
+    config = load_section(Path("params.yaml"), "draw_in_hands", DrawInHands)
+    single_threaded()
+    inputs = {
+        "demonstrations": arguments.demonstrations, "hands": arguments.hands, "stroke_model": arguments.model,
+        "judge": arguments.judge,
+    }  # fmt: skip
+    with (
+        tracked_run("draw_in_hands", None, asdict(config), inputs) as run,
+        output_folder(arguments.out) as out,
+    ):
+        tool = load_tool(config.tool)
+        table = read_table(arguments.demonstrations, CONTRACT).table
+        learned, held_out = last_session_held_out(demonstrated(table, config.planner.path_points))
+        who = StrokeClassifier(_paths(learned), learned.hand, config.seed)
+        ways: dict[str, Shapes] = {hand: read_hand(arguments.hands / "hands" / f"{hand}.npz") for hand in learned.hands}
+        ways |= {
+            NOBODY: read_hand(arguments.hands / "nobody.npz"),
+            BEZIER: BezierShapes(tool, config.planner.path_points),
+        }
+        brush = TorchPathBrush(read_stroke_model(arguments.model), tool, config.planner.path_points)
+        made = {name: _drawn(name, shapes, brush, config, run) for name, shapes in ways.items()}
+        scene, blank = _scene(brush, config)
+        target = to_uint8(linear_to_srgb(scene.target))
+        write_png(out / "target.png", target)
+        for name, drawing in made.items():
+            _write(out / name, drawing, scene)
+        write_png(out / "drawings.png", np.hstack([target, *(drawing.photo for drawing in made.values())]))
+        metrics = {
+            "error": _errors(made, scene, blank, config),
+            "likeness_of_meaning": _meanings(made, target, blank, arguments.judge),
+            "strokes": {name: len(drawing.planned) for name, drawing in made.items()},
+            "ink_m": {name: _length_m(drawing) for name, drawing in made.items()},
+            "taken_for": _taken_for(who, made, held_out),
+        }
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+        run.log_picture(out / "drawings.png")
+
+
+def _robot(config: DrawInHands) -> GuardedRobot:
+    """The same robot before the same blank sheet, every time."""
+    robot = VirtualRobot(Studio(load_world(config.world), config.seed))
+    return GuardedRobot(robot, envelope_for(load_tool(config.tool), robot.canvas_size_m))
+
+
+def _scene(brush: TorchPathBrush, config: DrawInHands) -> tuple[Scene, Image]:
+    """What is drawn, and a photograph of the sheet before."""
+    robot = _robot(config)
+    calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
+    blank = observe(robot, calibration, config.planner.pixels_per_m)
+    photograph = fit_to_canvas(load_photograph(config.photograph), blank.shape[:2])
+    target = fit_to_ink(photograph, config.darkest).astype(np.float32)
+    return scene_with(brush, brush.tool, robot.canvas_size_m, target), blank
+
+
+def _drawn(name: str, shapes: Shapes, brush: TorchPathBrush, config: DrawInHands, run: Run) -> Drawing:
+    robot = _robot(config)
+    calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
+    scene, _ = _scene(brush, config)
+    return draw_in_hand(
+        robot, calibration, scene, brush, shapes, config.ink_m, config.planner, partial(_log_as, run, name)
+    )  # fmt: skip
+
+
+def _write(folder: Path, drawing: Drawing, scene: Scene) -> None:
+    folder.mkdir()
+    envelope = envelope_for(scene.tool, scene.canvas_size_m).id
+    header = PlanHeader(scene.tool.name, np.array([scene.tool.color_srgb]), scene.canvas_size_m, envelope)
+    write_plan(folder / "plan.jsonl", Plan(header, tuple(drawing.planned)))
+    write_png(folder / "drawing.png", drawing.photo)
+    write_png(folder / "plan.png", drawing.foretold)
+
+
+def _errors(made: dict[str, Drawing], scene: Scene, blank: Image, config: DrawInHands) -> dict[str, float]:
+    """The print objective of photographs, against the target."""
+    objective = PrintObjective(scene.target, config.planner.distances_px)
+    photos = {name: drawing.photo for name, drawing in made.items()} | {"blank": blank}
+    return {name: objective(as_linear(photo))[0] for name, photo in photos.items()}
+
+
+def _meanings(made: dict[str, Drawing], target: Image, blank: Image, judge: Path) -> dict[str, float]:
+    """Cosine of each photograph with the target in the eyes of an encoder that guided nothing here."""
+    photos = {name: drawing.photo for name, drawing in made.items()} | {"blank": blank}
+    images = torch.stack([_tensor(image) for image in (target, *photos.values())])
+    seen = embed_all(Encoder.load(judge), images)
+    return dict(zip(photos, (seen[1:] @ seen[0]).tolist(), strict=True))
+
+
+def _tensor(image: Image) -> torch.Tensor:
+    return torch.from_numpy(np.ascontiguousarray(to_float(image).transpose(2, 0, 1)).astype(np.float32))
+
+
+def _taken_for(who: StrokeClassifier, made: dict[str, Drawing], held_out: Demonstrated) -> dict[str, Any]:
+    """Shares of strokes, by the path that the robot measured, that are taken for each hand's; rows: who drew.
+
+    Beside them how people's own strokes of a session that was not learned from are taken.
+    """
+    executed = {name: who.shares(drawing.measured_m) for name, drawing in made.items()}
+    people = {hand: who.shares(_paths(held_out.of(hand))) for hand in who.hands}
+    diagonal = [float(executed[hand][k]) for k, hand in enumerate(who.hands)]
+    return {
+        "hands": list(who.hands),
+        "executed": executed,
+        "people": people,
+        "diagonal": float(np.mean(diagonal)),
+        "diagonal_least": min(diagonal),
+        "diagonal_people": float(np.mean([people[hand][k] for k, hand in enumerate(who.hands)])),
+        "chance": 1 / len(who.hands),
+    }
+
+
+def _paths(strokes: Demonstrated) -> list[NDArray[np.float64]]:
+    return list(strokes.strokes.xy_m.double().numpy())
+
+
+def _length_m(drawing: Drawing) -> float:
+    paths = (stroke.path[:, 1:3] for stroke in drawing.planned)
+    return float(sum(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths))
+
+
+def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
+    run.log(f"{name}.{kind}", value, step)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="draw_in_hands", description=__doc__)
+    parser.add_argument("--demonstrations", required=True, type=Path)
+    parser.add_argument("--hands", required=True, type=Path, help="weights of TrajVAE")
+    parser.add_argument("--model", required=True, type=Path, help="weights of the tool's stroke model")
+    parser.add_argument("--judge", required=True, type=Path, help="weights of a text-image encoder")
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

@@ -1,0 +1,119 @@
+"""Train TrajVAE on all sessions but each hand's last; fine-tune it there on a few strokes: one file a hand."""
+
+import argparse
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from pentimento.contracts.demonstrations import CONTRACT
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import write_png
+from pentimento.contracts.ranges import at_least
+from pentimento.contracts.tables import read_table
+from pentimento.demonstrations.pictures import sheet
+from pentimento.planning.hands.decoder import HandDecoder, write_hand
+from pentimento.stroke_hands.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.stroke_hands.hand_files import generic_hand, hand_of
+from pentimento.stroke_hands.latent_map import drawn_map, flat_map, nearest_of_same_hand
+from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
+from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune, pretrain
+from pentimento.stroke_hands.trajvae import TrajVAE
+from pipelines._config import load_section
+from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._tracking import Run, tracked_run
+
+_SAMPLES = 24
+
+
+@dataclass(frozen=True)
+class TrainTrajVAE:
+    """Section `train_trajvae` of params.yaml."""
+
+    few: int
+    """Strokes of a hand's last session that it is fine-tuned on (thesis 5.3.3: fewer than 20)."""
+    mapped: int
+    """Strokes in the map of the latent space, at most."""
+    model: TrajVAEConfig
+
+    def __post_init__(self) -> None:
+        at_least(self, 2, "few", "mapped")
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Write `--out`: a decoder for each hand and for nobody, pictures of samples and of latents, metrics.json."""
+    config = load_section(Path("params.yaml"), "train_trajvae", TrainTrajVAE)
+    single_threaded()
+    with (
+        tracked_run("train_trajvae", None, asdict(config), {"demonstrations": arguments.demonstrations}) as run,
+        output_folder(arguments.out) as out,
+    ):
+        checked = read_table(arguments.demonstrations, CONTRACT)
+        learned, held_out = last_session_held_out(demonstrated(checked.table, config.model.points))
+        model = pretrain(learned.strokes, config.model, partial(_log_as, run, "pretraining"))
+        (out / "hands").mkdir()
+        write_hand(out / "nobody.npz", generic_hand(model))
+        metrics: dict[str, Any] = {"strokes": {"learned": len(learned.hand), "quarantined": len(checked.quarantined)}}
+        pictures = []
+        for hand in learned.hands:
+            decoder, metrics[hand] = _adapted(model, held_out.of(hand), hand, config, run)
+            write_hand(out / "hands" / f"{hand}.npz", decoder)
+            samples = decoder.some(_SAMPLES, np.random.default_rng([config.model.seed, 31]))
+            pictures += list(decoder.decode(samples)[0].astype(np.float64))
+        write_png(out / "samples.png", sheet(pictures))
+        metrics["map"] = _map(model, learned, config, out)
+        write_json(out / "metrics.json", metrics)
+        run.log_metrics(metrics)
+        for name in ("samples.png", "latent_map.png"):
+            run.log_picture(out / name)
+
+
+def _adapted(
+    model: TrajVAE, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
+) -> tuple[HandDecoder, dict[str, float]]:
+    """The hand from the first strokes of a session that the model has not seen, and errors on the rest of it, mm."""
+    count = len(session.hand)
+    if count <= config.few:
+        raise ContractError(
+            f"The last session of the hand {hand} has {count} strokes; more than train_trajvae.few = {config.few} "
+            "are needed, so that some are left to measure with."
+        )
+    few, rest = (session.strokes.pick(index) for index in (torch.arange(config.few), torch.arange(config.few, count)))
+    own = fine_tune(model, few, config.model, partial(_log_as, run, hand))
+    errors = {
+        "pretrained": reconstruction_mm(model, rest),
+        "fine_tuned": reconstruction_mm(own, rest),
+        "nearest_demonstration": nearest_mm(few, rest),
+        "mean_stroke": mean_stroke_mm(few, rest),
+    }
+    return hand_of(own, few, hand), errors
+
+
+def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path) -> dict[str, float]:
+    """Draw the map; how well latents keep hands apart, beside the coordinates themselves and chance."""
+    every = max(-(-len(learned.hand) // config.mapped), 1)
+    shown = learned.pick(np.arange(0, len(learned.hand), every))
+    with torch.no_grad():
+        latents = model.encode(shown.strokes)[0].double().numpy()
+    paths = shown.strokes.xy_m.double().numpy()
+    write_png(out / "latent_map.png", drawn_map(flat_map(latents, config.model.seed), paths, shown.hand))
+    shares = [shown.hand.count(hand) / len(shown.hand) for hand in shown.hands]
+    return {
+        "nearest_of_same_hand": nearest_of_same_hand(latents, shown.hand),
+        "nearest_of_same_hand_by_coordinates": nearest_of_same_hand(paths.reshape(len(paths), -1), shown.hand),
+        "chance": float(np.square(shares).sum()),
+    }
+
+
+def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
+    run.log(f"{name}.{kind}", value, step)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="train_trajvae", description=__doc__)
+    parser.add_argument("--demonstrations", required=True, type=Path)
+    parser.add_argument("--out", required=True, type=Path)
+    stage_main(main, parser)

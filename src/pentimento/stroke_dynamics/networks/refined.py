@@ -1,0 +1,40 @@
+"""Traj2Stroke with a U-Net behind it (thesis 5.4.3), for what seven numbers cannot say: texture, bristle drag."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from pentimento.stroke_dynamics.networks.coverage import CoverageModel, drawn, unmirrored
+from pentimento.stroke_dynamics.networks.frame import crop_around, frames_of, place
+from pentimento.stroke_dynamics.networks.unet import COARSER, UNet
+from pentimento.stroke_dynamics.samples import StrokeSamples
+from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
+
+
+class RefinedTraj2Stroke(CoverageModel):
+    """Untrained, it foretells what its Traj2Stroke does: the U-Net's last convolution is zero.
+
+    The U-Net sees the stroke in its own frame, so that what trails behind the tool lies on one side; what it adds or
+    takes away is laid on the canvas, where Traj2Stroke draws without resampling.
+    """
+
+    def __init__(self, base: Traj2Stroke, margin_m: float, pixels_per_m: float) -> None:
+        super().__init__()
+        self.base, self.net = base, UNet(1)
+        self.margin_m, self.pixels_per_m = margin_m, pixels_per_m
+
+    def forward(self, samples: StrokeSamples) -> Tensor:
+        """Coverage of the samples' windows, [B, H, W]."""
+        mark = self.base(samples.path)
+        scale = samples.pixels_per_m[:, None]
+        size = (samples.valid.shape[1], samples.valid.shape[2])
+        there = drawn(samples.view.to_pixels(mark.points_m), mark.radius_m * scale, mark.density, mark.softness, size)
+        crop = crop_around(samples.path, self.margin_m, self.pixels_per_m, COARSER)
+        mirror = self.mirror(len(samples.path))
+        local = frames_of(samples.path).to_stroke(mark.points_m)
+        local = torch.stack([local[..., 0], local[..., 1] * mirror[:, None]], dim=-1)
+        radius = mark.radius_m * crop.pixels_per_m
+        seen = drawn(crop.to_pixels(local), radius, mark.density, mark.softness, (crop.height, crop.width))
+        change = unmirrored(self.net(seen[:, None]), mirror)
+        return (there + place(change, crop, samples)).clamp(0.0, 1.0)

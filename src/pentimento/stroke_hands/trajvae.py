@@ -1,0 +1,91 @@
+"""TrajVAE: strokes in the standard frame as points of a latent space (thesis 5.3.3; Kingma & Welling 2014)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+
+class Strokes(NamedTuple):
+    """B demonstrated strokes in the standard frame."""
+
+    xy_m: Tensor  # [B, N, 2]
+    height_m: Tensor  # [B, N] of the tip over the paper, 0 where it is not known
+    height_known: Tensor  # [B] 0 or 1
+
+    def pick(self, index: Tensor) -> Strokes:
+        """The strokes with these indices."""
+        return Strokes(*(field[index] for field in self))
+
+
+class TrajVAE(nn.Module):
+    """A stroke → a normal distribution over latents; a latent → a stroke. Both are three-layer perceptrons."""
+
+    def __init__(self, points: int, latent: int, width: int, scale_m: float, height_scale_m: float) -> None:
+        """Scales are those by which places and heights are divided inside."""
+        super().__init__()
+        self.points, self.latent, self.width = points, latent, width
+        self.scale_m, self.height_scale_m = scale_m, height_scale_m
+        self.encoder = _perceptron(3 * points + 1, width, 2 * latent)
+        self.decoder = _perceptron(latent, width, 3 * points)
+        self.waves = _waves(points)  # [modes, N], a constant
+
+    def encode(self, strokes: Strokes) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation [B, latent] of each stroke's latent."""
+        known = strokes.height_known[:, None]
+        flat = torch.cat(
+            [strokes.xy_m.flatten(1) / self.scale_m, known * strokes.height_m / self.height_scale_m, known], dim=1
+        )
+        mean, log_deviation = self.encoder(flat).chunk(2, dim=1)
+        return mean, log_deviation.clamp(-6.0, 2.0).exp()
+
+    def decode(self, latent: Tensor) -> tuple[Tensor, Tensor]:
+        """Places [B, N, 2] and heights [B, N], metres, in the standard frame: from the origin to the x axis."""
+        flat = self.decoder(latent)
+        modes = flat[:, : 2 * self.points].reshape(-1, self.points, 2)
+        xy = torch.einsum("bkd,kn->bnd", modes, self.waves)
+        return xy * self.scale_m, flat[:, 2 * self.points :] * self.height_scale_m
+
+    def loss(self, strokes: Strokes, divergence: float, generator: torch.Generator) -> Tensor:
+        """Mean squared error of places and known heights, over strokes relative to their size, and the divergence.
+
+        Relative, since a curl of 3 mm has as much shape as a bow of 50 mm.
+
+        Args:
+            divergence: weight of the Kullback-Leibler divergence of the latents from the standard normal distribution.
+        """
+        mean, deviation = self.encode(strokes)
+        noise = torch.randn(mean.shape, generator=generator)
+        xy, height = self.decode(mean + deviation * noise)
+        size = sizes_m(strokes.xy_m)
+        places = (xy - strokes.xy_m).square().sum(-1).mean(-1) / size.square()
+        heights = ((height - strokes.height_m) / self.height_scale_m).square().mean(-1) * strokes.height_known
+        kl = 0.5 * (mean.square() + deviation.square() - 2 * deviation.log() - 1).sum(-1)
+        return (places + _HEIGHTS * heights + divergence * kl).mean()
+
+
+_HEIGHTS = 0.02
+"""Weight of heights beside places: planning chooses its own (thesis 5.3.3), so places come first."""
+
+
+def _waves(points: int) -> Tensor:
+    """Cosines [modes, N] of falling height, of which paths are sums: a hand's line is smooth, noise is not."""
+    mode, n = torch.arange(points)[:, None], torch.arange(points)
+    cosines = torch.cos(torch.pi * mode * (n + 0.5) / points)
+    return cosines / (1 + mode * _CALM)
+
+
+_CALM = 0.5
+
+
+def sizes_m(xy_m: Tensor) -> Tensor:
+    """[B] root mean square distance of strokes' points from their middle."""
+    return (xy_m - xy_m.mean(1, keepdim=True)).square().sum(-1).mean(-1).sqrt()
+
+
+def _perceptron(inputs: int, width: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Linear(inputs, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU(), nn.Linear(width, outputs)
+    )

@@ -1,0 +1,281 @@
+"""Everything that reads a file from outside, each with a sound file to begin with."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import io
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pentimento.contracts import pushes, strokes
+from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.contracts.images import decode_png, encode_png, read_image
+from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, read_plan, write_plan
+from pentimento.contracts.schema import TableContract
+from pentimento.contracts.tables import read_table
+from pentimento.gap.quarantine import sound_rows
+from pentimento.push_dynamics.measured import load_pushes
+from pentimento.recordings.photo_pairs import import_photo_pairs
+from pentimento.recordings.place import Placement
+from pentimento.robots.end_effectors import load_end_effector
+from pentimento.robots.rig import load_rig
+from pentimento.robots.tools import load_tool
+from pentimento.runner.bundle import open_bundle
+from pentimento.runner.onnx_header import read_header
+from pentimento.sculpting_goals.height_files import height_file_relief
+from pentimento.sculpting_goals.meshes import mesh_relief
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters, read_parameters
+from pentimento.studio.clay.world import load_clay_world
+from pentimento.studio.world import WORLDS, load_world
+from pipelines._config import load_section
+from pipelines.collect_strokes import CollectStrokes
+from studies.fuzz.mutate import mutated
+
+ROOT = Path(__file__).resolve().parents[2]
+_SHEET_MM = (60, 40)
+
+
+class Target(NamedTuple):
+    """One reader."""
+
+    name: str
+    sound: tuple[bytes, ...]
+    """Files that it reads without complaint."""
+    attempt: Callable[[bytes], Any]
+    """Reads a file's bytes as the project would; raises where it refuses them."""
+    must_refuse: bool = False
+    """No altered byte may pass."""
+
+
+def targets(folder: Path, bundle: Path | None) -> list[Target]:
+    """All readers; ``folder`` is theirs to write into. Without a bundle, none is altered."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return [
+        *_tables(folder),
+        *_pictures(folder),
+        *_settings(folder),
+        *_records(folder),
+        *_goals(folder),
+        *_imports(folder),
+        *([] if bundle is None else _bundles(folder, bundle)),
+    ]
+
+
+def _through_file(path: Path, read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
+    def attempt(data: bytes) -> Any:
+        path.write_bytes(data)
+        return read(path)
+
+    return attempt
+
+
+def _tables(folder: Path) -> list[Target]:
+    def strokes_of(path: Path) -> Any:
+        return sound_rows(read_table(path, strokes.CONTRACT).table)
+
+    def pushes_of(path: Path) -> Any:
+        return load_pushes(read_table(path, pushes.CONTRACT).table)
+
+    return [
+        Target("strokes.parquet", (_parquet(strokes),), _through_file(folder / "strokes.parquet", strokes_of)),
+        Target("pushes.parquet", (_parquet(pushes),), _through_file(folder / "pushes.parquet", pushes_of)),
+        Target("values of strokes", (_parquet(strokes),), _poisoned(strokes, folder / "rows.parquet", strokes_of)),
+        Target("values of pushes", (_parquet(pushes),), _poisoned(pushes, folder / "rows.parquet", pushes_of)),
+    ]
+
+
+def _parquet(module: Any) -> bytes:
+    written = io.BytesIO()
+    pq.write_table(module.example_table(3), written, compression="zstd")
+    return written.getvalue()
+
+
+def _poisoned(module: Any, path: Path, read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
+    """Altered values in place of an altered layout: which, is drawn by the altered bytes."""
+    contract: TableContract = module.CONTRACT
+    sound = module.example_table(3)
+    rows = sound.to_pylist()
+
+    def attempt(data: bytes) -> Any:
+        rng = np.random.default_rng(int.from_bytes(hashlib.sha256(data).digest()[:8]))
+        worse = copy.deepcopy(rows)
+        for _ in range(int(rng.integers(1, 4))):
+            row, column = worse[rng.integers(len(worse))], contract.columns[rng.integers(len(contract.columns))]
+            row[column.name] = _worse(row[column.name], rng)
+        try:
+            pq.write_table(pa.Table.from_pylist(worse, schema=sound.schema), path)
+        except (pa.ArrowException, TypeError, ValueError, OverflowError):
+            raise ContractError("No such table can be written: the values do not fit their columns.") from None
+        return read(path)
+
+    return attempt
+
+
+def _worse(value: Any, rng: np.random.Generator) -> Any:
+    if isinstance(value, dict):
+        return value | {"bytes": mutated(value["bytes"], rng)} if rng.random() < 0.7 else None
+    if isinstance(value, list) and value and rng.random() < 0.8:
+        worse = list(value)
+        at = int(rng.integers(len(worse)))
+        worse[at] = _worse(worse[at], rng)
+        return worse if rng.random() < 0.8 else worse[: int(rng.integers(len(worse) + 1))]
+    if isinstance(value, float | int):
+        return (
+            type(value)(0) if rng.random() < 0.2 else rng.choice([np.nan, np.inf, -value, 1e30, -1e-30, value * 1000])
+        )
+    return rng.choice(["", "nan", "x" * 1000, "\x00"]) if isinstance(value, str) else None
+
+
+def _pictures(folder: Path) -> list[Target]:
+    rng = np.random.default_rng(0)
+    colour = encode_png(rng.integers(0, 256, (12, 16, 3)).astype(np.uint8))
+    heights = encode_png(rng.integers(0, 2**16, (12, 16)).astype(np.uint16))
+    jpeg = bytes(cv2.imencode(".jpg", rng.integers(0, 256, (12, 16, 3)).astype(np.uint8))[1].tobytes())
+    return [
+        Target("PNG in a table", (colour, heights), decode_png),
+        Target("picture file", (colour, jpeg), _through_file(folder / "picture", read_image)),
+    ]
+
+
+def _settings(folder: Path) -> list[Target]:
+    for name in ("plain.toml", "table.toml"):
+        shutil.copy(WORLDS / name, folder)
+    for path in (WORLDS.parent / "clay" / WORLDS.name).glob("*.toml"):
+        shutil.copy(path, folder)
+
+    def packaged(package: str, kind: str) -> tuple[bytes, ...]:
+        found = sorted((resources.files(package) / kind).iterdir(), key=lambda entry: entry.name)
+        return tuple(entry.read_bytes() for entry in found if entry.name.endswith(".toml"))
+
+    def section(path: Path) -> Any:
+        return load_section(path, "collect_strokes", CollectStrokes)
+
+    # table.toml is no whole world: others are written over it.
+    worlds = tuple(path.read_bytes() for path in sorted(WORLDS.glob("*.toml")) if path.name != "table.toml")
+    clay = ((WORLDS.parent / "clay" / WORLDS.name / "foam.toml").read_bytes(),)
+    params = (ROOT / "params.yaml").read_bytes().partition(b"\ntrain_stroke_dynamics")[0]
+    return [
+        Target("params.yaml", (params,), _through_file(folder / "params.yaml", section)),
+        Target("tool", packaged("pentimento.robots", "tools"), _through_file(folder / "tool.toml", load_tool)),
+        Target("rig", packaged("pentimento.robots", "rigs"), _through_file(folder / "rig.toml", load_rig)),
+        Target(
+            "end-effector", packaged("pentimento.robots", "end_effectors"),
+            _through_file(folder / "end_effector.toml", load_end_effector),
+        ),
+        Target("world", worlds, _through_file(folder / "world.toml", load_world)),
+        Target("clay world", clay, _through_file(folder / "clay.toml", load_clay_world)),
+    ]  # fmt: skip
+
+
+def _records(folder: Path) -> list[Target]:
+    path = np.column_stack(
+        [np.linspace(0, 1, 4), np.linspace(0.02, 0.04, 4), np.full(4, 0.02), np.full(4, -1e-3), np.zeros(4)]
+    )
+    header = PlanHeader("marker", np.zeros((1, 3)), (0.06, 0.04), "envelope")
+    write_plan(folder / "plan.jsonl", Plan(header, (PlannedStroke(path, np.zeros(3), dip=False),) * 2))
+    model = json.dumps(asdict(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 0.001, 0.3, 0.9))).encode()
+    return [
+        Target("plan", ((folder / "plan.jsonl").read_bytes(),), _through_file(folder / "altered.jsonl", read_plan)),
+        Target("stroke model", (model,), _through_file(folder / "parameters.json", read_parameters)),
+    ]
+
+
+def _goals(folder: Path) -> list[Target]:
+    written = io.BytesIO()
+    np.save(written, np.random.default_rng(0).uniform(0, 0.01, (8, 8)), allow_pickle=False)
+    mesh = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n"
+    return [
+        Target("height map", (written.getvalue(),), _through_file(folder / "relief.npy", height_file_relief)),
+        Target("mesh", (mesh,), _through_file(folder / "mesh.obj", lambda path: mesh_relief(path, 16))),
+    ]
+
+
+def _imports(folder: Path) -> list[Target]:
+    photos = folder / "photos"
+    photos.mkdir(exist_ok=True)
+    paper = encode_png(np.full((_SHEET_MM[1] * 2, _SHEET_MM[0] * 2, 3), 240, np.uint8))
+    for name in ("a_before", "a_after", "b_before", "b_after"):
+        (photos / f"{name}.png").write_bytes(paper)
+    place = Placement.parsed(None, "2 px/mm", False)
+    points = "stroke,t_s,x_mm,y_mm,z_mm,yaw_deg,session,color,humidity\n" + "".join(
+        f"{name},{0.1 * at:.1f},{20 + 2 * at},{15 + at},-1,10,monday,#101020,0.4\n" for name in "ab" for at in range(4)
+    )
+    csv = folder / "paths.csv"
+
+    def from_paths(path: Path) -> Any:
+        return import_photo_pairs(path, photos, place, "quill", folder / "imported")
+
+    alone = "".join(line for line in points.splitlines(keepends=True) if not line.startswith("b"))
+
+    def from_photo(data: bytes) -> Any:
+        csv.write_text(alone)
+        (photos / "a_after.png").write_bytes(data)
+        try:
+            return import_photo_pairs(csv, photos, place, "quill", folder / "imported")
+        finally:
+            (photos / "a_after.png").write_bytes(paper)
+
+    return [
+        Target("imported paths", (points.encode(),), _through_file(csv, from_paths)),
+        Target("imported photograph", (paper,), from_photo),
+    ]
+
+
+def _bundles(folder: Path, bundle: Path) -> list[Target]:
+    """Each file of a bundle, altered by itself: the whole is refused by who knows its digest."""
+    copied = folder / "bundle"
+    shutil.copytree(bundle, copied, dirs_exist_ok=True)
+    digest = open_bundle(copied).digest
+    names = sorted(str(path.relative_to(copied)) for path in copied.rglob("*") if path.is_file())
+
+    def altered(name: str) -> Target:
+        sound = (bundle / name).read_bytes()
+
+        def attempt(data: bytes) -> Any:
+            (copied / name).write_bytes(data)
+            try:
+                if name != "manifest.json":  # one that is altered says another digest: whoever knows none cannot tell
+                    _refused(lambda: open_bundle(copied))
+                return open_bundle(copied, digest)
+            finally:
+                (copied / name).write_bytes(sound)
+
+        return Target(f"bundle: {name}", (sound,), attempt, must_refuse=True)
+
+    def manifest_alone(data: bytes) -> Any:
+        sound = (bundle / "manifest.json").read_bytes()
+        (copied / "manifest.json").write_bytes(data)
+        try:
+            return open_bundle(copied)
+        finally:
+            (copied / "manifest.json").write_bytes(sound)
+
+    graphs = tuple((bundle / name).read_bytes() for name in names if name.endswith(".onnx"))[:2]
+    return [
+        *(altered(name) for name in names),
+        Target("manifest whose digest nobody knows", ((bundle / "manifest.json").read_bytes(),), manifest_alone),
+        Target("ONNX header", graphs, read_header),
+    ]
+
+
+class SilentlyAccepted(Exception):
+    """An altered file passed where none may."""
+
+
+def _refused(opened: Callable[[], Any]) -> None:
+    try:
+        opened()
+    except PentimentoError:
+        return
+    raise SilentlyAccepted

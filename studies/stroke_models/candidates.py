@@ -1,0 +1,205 @@
+"""The models that are compared, each trained on the same strokes: what it foretells, and how long that takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import torch
+from torch import Tensor
+
+from pentimento.contracts.errors import ContractError
+from pentimento.gap.diagnose import diagnose
+from pentimento.gap.measured import covariates_of, load_measured
+from pentimento.stroke_dynamics.carried_paint import carried_paint
+from pentimento.stroke_dynamics.evaluation import mean_iou, predict_with
+from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, pace_of, predict_extended
+from pentimento.stroke_dynamics.joint import fit_jointly
+from pentimento.stroke_dynamics.mechanisms import VOCABULARY
+from pentimento.stroke_dynamics.networks.coverage import laid
+from pentimento.stroke_dynamics.networks.fit import (
+    Setting,
+    fit_param2stroke,
+    fit_path_image_cnn,
+    fit_refined,
+    fit_trajectory_cnn,
+    foretold,
+)
+from pentimento.stroke_dynamics.networks.stamp import fit_stamp
+from pentimento.stroke_dynamics.polyline import blank, fit_polyline
+from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
+from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train, weighted_l1
+from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
+
+Foretell = Callable[[MeasuredStrokes], Tensor]
+
+ANALYTIC = TrainingConfig(
+    path_points=32, pixels_per_m=1000.0, margin_m=0.012, epochs=25, batch=16, learning_rate=0.03, ink_weight=2.0,
+    held_out=0.25, seed=0,
+)  # fmt: skip
+"""Of Traj2Stroke, and of it with mechanisms: as the pipeline's, at 1 px/mm."""
+STEPS, STEPS_OF_NUMBERS = 400, 800
+"""In batches of 8: of a U-Net, and of a network that draws from numbers; small sets are seen more often."""
+NETWORK = replace(ANALYTIC, epochs=1, batch=8, learning_rate=0.003, held_out=0.15)
+DIAGNOSED = 120
+"""Strokes that the gap finder gets at most."""
+
+NAMES = {
+    "blank": "blank paper",
+    "stamp": "stamp",
+    "polyline": "constant-width polyline",
+    "param2stroke": "param2stroke",
+    "cnn": "CNN",
+    "coordconv": "CNN with CoordConv",
+    "path_image": "U-Net on the path's image",
+    "traj2stroke": "Traj2Stroke",
+    "refined": "Traj2Stroke + U-Net",
+    "mechanisms": "Traj2Stroke + mechanisms",
+}
+TRIVIAL = ("blank", "stamp", "polyline")
+NETWORKS = ("param2stroke", "cnn", "coordconv")
+"""Of the thesis; ``path_image`` is not."""
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A model as it came out of training."""
+
+    foretell: Foretell
+    """The photographs after strokes, sRGB [B, H, W, 3]."""
+    foretell_for_iou: Foretell
+    """The same, but for trivial models: those fitted for the IoU."""
+    said: Mapping[str, Any]
+    """What else there is to say of it."""
+
+
+def load_strokes(table: pa.Table) -> MeasuredStrokes:
+    """Samples with all that mechanisms may read."""
+    samples = load_samples(table, ANALYTIC.path_points, ANALYTIC.pixels_per_m, ANALYTIC.margin_m)
+    known = covariates_of(table) | carried_paint(table, samples)
+    return MeasuredStrokes(samples, {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()})
+
+
+class Training:
+    """The strokes that all models learn from; models that build on others find them here."""
+
+    def __init__(self, table: pa.Table, asked_path: Tensor, seed: int) -> None:
+        """``asked_path`` [B, N, 5]: the commands on which models will be asked."""
+        self.table, self.strokes, self.seed = table, load_strokes(table), seed
+        self.samples = self.strokes.samples
+        self.analytic = replace(ANALYTIC, seed=seed)
+        self.setting, self.longer = (self._setting(asked_path, steps) for steps in (STEPS, STEPS_OF_NUMBERS))
+        self._base: tuple[Traj2Stroke, float] | None = None
+
+    def fit(self, name: str) -> tuple[Trained, float]:
+        """The model ``name``, and the CPU seconds that its training took, models that it builds on included."""
+        started = time.process_time()
+        before = self._base[1] if self._base is not None and name in ("refined", "mechanisms", "traj2stroke") else 0.0
+        match name:
+            case "blank":
+                trained = _of(lambda strokes: blank(strokes.samples))
+            case "stamp":
+                trained = self._stamp()
+            case "polyline":
+                trained = self._polyline()
+            case "param2stroke":
+                trained = _network(fit_param2stroke(self.samples, self.longer, _quiet))
+            case "cnn" | "coordconv":
+                trained = _network(fit_trajectory_cnn(self.samples, self.longer, name == "coordconv", _quiet))
+            case "path_image":
+                trained = _network(fit_path_image_cnn(self.samples, self.setting, _quiet))
+            case "traj2stroke":
+                parameters = self.base().parameters_si()
+                trained = _of(lambda strokes: predict_with(parameters, strokes.samples))
+            case "refined":
+                trained = _network(fit_refined(self.base(), self.samples, self.setting, _quiet))
+            case "mechanisms":
+                trained = self._mechanisms()
+            case _:
+                raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")
+        return trained, before + time.process_time() - started
+
+    def base(self) -> Traj2Stroke:
+        """Traj2Stroke, trained once."""
+        if self._base is None:
+            started = time.process_time()
+            model = train(self.samples, self.analytic, _quiet)
+            self._base = model, time.process_time() - started
+        return self._base[0]
+
+    def _setting(self, asked_path: Tensor, steps: int) -> Setting:
+        an_epoch = max(round((1 - NETWORK.held_out) * len(self.samples.path) / NETWORK.batch), 1)
+        network = replace(NETWORK, seed=self.seed, epochs=max(round(steps / an_epoch), 1))
+        return Setting(asked_path, ANALYTIC.margin_m, network)
+
+    def _stamp(self) -> Trained:
+        margin, scale = ANALYTIC.margin_m, ANALYTIC.pixels_per_m
+        dark, crisp = (
+            fit_stamp(self.samples, margin, scale, lambda stamp, e=error: e(laid(stamp(self.samples), self.samples)))
+            for error in (self._l1, self._not_iou)
+        )
+        return Trained(
+            lambda strokes: laid(dark(strokes.samples), strokes.samples),
+            lambda strokes: laid(crisp(strokes.samples), strokes.samples),
+            {},
+        )
+
+    def _polyline(self) -> Trained:
+        dark, crisp = (
+            fit_polyline(lambda pen, e=error: e(predict_with(pen, self.samples))) for error in (self._l1, self._not_iou)
+        )
+        return Trained(
+            lambda strokes: predict_with(dark, strokes.samples),
+            lambda strokes: predict_with(crisp, strokes.samples),
+            {},
+        )
+
+    def _l1(self, foretold: Tensor) -> float:
+        return float(weighted_l1(foretold, self.samples, ANALYTIC.ink_weight))
+
+    def _not_iou(self, foretold: Tensor) -> float:
+        return -mean_iou(foretold, self.samples)
+
+    def _mechanisms(self) -> Trained:
+        """What the gap finder establishes on the training strokes, fitted jointly with Traj2Stroke."""
+        some = np.sort(np.random.default_rng([self.seed, 3]).permutation(self.table.num_rows)[:DIAGNOSED])
+        started = time.process_time()
+        found = diagnose(load_measured(self.table.take(some)), VOCABULARY, self.seed, lambda _: None)
+        diagnosing = time.process_time() - started
+        names = [finding.cause for finding in found.established]
+        causes = [m for m in found.extended.mechanisms if m.cause in names]
+        parts = split_by_action(self.samples, self.analytic.held_out, self.seed)
+        training, validation = (
+            self.strokes.pick(torch.nonzero(torch.isin(self.samples.action, part.action)).flatten()) for part in parts
+        )
+        pace = pace_of(self.strokes.covariates)
+        joint = fit_jointly(self.base().parameters_si(), causes, training, validation, pace, self.analytic, _quiet)
+        said = {
+            "established": names,
+            "suspected": [finding.cause for finding in found.suspected],
+            "kept": [m.cause for m in joint.model.mechanisms],
+            "validation_l1": list(joint.validation_l1),
+            "diagnosing_s": diagnosing,
+        }
+        return replace(_of(lambda strokes: _extended(joint.model, strokes)), said=said)
+
+
+def _extended(model: StrokeModel, strokes: MeasuredStrokes) -> Tensor:
+    with torch.no_grad():
+        return predict_extended(model.mark(), model.mechanisms, strokes)
+
+
+def _network(network: Callable[[StrokeSamples], Tensor]) -> Trained:
+    return _of(lambda strokes: foretold(network, strokes.samples))
+
+
+def _of(foretell: Foretell) -> Trained:
+    return Trained(foretell, foretell, {})
+
+
+def _quiet(name: str, value: float, step: int) -> None:
+    """Nobody watches a study's curves."""

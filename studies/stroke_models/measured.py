@@ -1,0 +1,51 @@
+"""Photographed robot strokes: which sets are trained on, and on which others their models are tested."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pentimento.gap.quarantine import sound_rows
+
+BRUSHES = (
+    "brush_2022a", "brush_2022b", "brush_2022c_16x20", "brush_big_11x14", "brush_big_16x20", "brush_small_16x20",
+    "brush_small2_16x20", "brush_small_spline",
+)  # fmt: skip
+PENS = ("sharpie_spline_1019", "sharpie_spline_1020", "sharpie_short", "marker_6x6")
+LIKE = {
+    "brush_2022a": "brush_2022b",
+    "brush_2022b": "brush_2022a",
+    "brush_2022c_16x20": "brush_2022b",
+    "brush_big_11x14": "brush_big_16x20",
+    "brush_big_16x20": "brush_big_11x14",
+    "brush_small_16x20": "brush_small2_16x20",
+    "brush_small2_16x20": "brush_small_16x20",
+    "brush_small_spline": "brush_small2_16x20",
+    "sharpie_spline_1019": "sharpie_spline_1020",
+    "sharpie_spline_1020": "sharpie_spline_1019",
+    "sharpie_short": "sharpie_spline_1019",
+    "marker_6x6": "sharpie_short",
+}
+"""A set of a like tool, recorded at another time. ``brush_2022c`` has no twin; ``brush_small_spline`` is executed as
+splines, and its like as Bézier strokes."""
+HELD_OUT = 0.25
+_OTHER = 120
+
+
+def parts(folder: Path, name: str) -> tuple[pa.Table, dict[str, pa.Table]]:
+    """Training strokes of a set; its held-out strokes (``own``) and, at most 120, strokes of its like (``other``)."""
+    table, other = (pq.read_table(folder / f"{each}.parquet") for each in (name, LIKE[name]))
+    some = np.sort(np.random.default_rng([0, 32]).permutation(other.num_rows)[:_OTHER])
+    training, held_out = held_out_of(sound_rows(table).table, 0)
+    return training, {"own": held_out, "other": sound_rows(other.take(some)).table}
+
+
+def held_out_of(table: pa.Table, seed: int) -> tuple[pa.Table, pa.Table]:
+    """(training, held-out) strokes of a table, the latter a quarter of its actions."""
+    action = np.array(table["action_id"].to_pylist())
+    order = np.random.default_rng([seed, 31]).permutation(np.unique(action))
+    apart = np.isin(action, order[: round(HELD_OUT * len(order))])
+    return table.filter(pa.array(~apart)), table.filter(pa.array(apart))

@@ -1,0 +1,258 @@
+"""The page of `studies.stroke_models`: which stroke model to choose, in tables with intervals and exact counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from studies.stroke_models.candidates import NAMES, TRIVIAL
+from studies.stroke_models.compare import Results
+from studies.stroke_models.measured import BRUSHES, LIKE, PENS
+from studies.stroke_models.statistics import Estimate, estimate, mean_of, ratio
+
+OURS = "mechanisms"
+_CNNS = ("cnn", "coordconv")
+_EXTRA = "path_image"
+_RATIO, _BELOW_NEXT, _BEST_OF_BRUSHES, _SECONDS = 0.6, 0.75, 6, 60.0
+
+_HEAD = """\
+# Which stroke model to choose
+
+Written by `python -m studies.stroke_models`; do not edit. Every model learns from the same strokes, commanded paths and
+windows, on the thesis's weighted L1 (5.3.4), and one function scores them all: L1 over a stroke's window in sRGB
+between 0 and 1, and IoU of the inked pixels (more than 110/255 of the contrast between paper and paint), both the mean
+over strokes at 1 px/mm. Trivial models are fitted to each score by itself. To compare them on a brush of your own:
+`python -m studies.stroke_models --strokes TABLE --out DIR`.
+
+| row | what it is |
+|---|---|
+| blank paper | nothing happens |
+| stamp | the training strokes' mean mark, stretched to the stroke's length |
+| constant-width polyline | the commanded path with one width and one opacity |
+| param2stroke | length, bend and press to a map (thesis 4.3.2) |
+| CNN, CNN with CoordConv | the whole path through a linear layer and transposed convolutions (5.4.3) |
+| U-Net on the path's image | a stronger rival than the thesis has: it sees the path drawn |
+| Traj2Stroke | seven numbers and an opacity (5.3.4) |
+| Traj2Stroke + U-Net | frozen for the first half, its last convolution zero (5.4.3) |
+| Traj2Stroke + mechanisms | with what `pentimento diagnose` establishes on the training strokes, fitted jointly |
+"""
+
+
+def whole(
+    tables: Mapping[str, Mapping[int, Results]],
+    sets: Mapping[str, Results],
+    curves: Mapping[str, Mapping[int, Results]],
+) -> str:
+    """Markdown of everything that there is."""
+    sections = [_HEAD]
+    for tool, runs in tables.items():
+        if runs:
+            sections.append(_studio(tool, list(runs.values())))
+    if any(tables.values()):
+        sections.append(
+            "Mean L1 with 95 % intervals (Figures 4.8 and Table 5.2):\n\n![Errors](stroke_models/errors.png)\n"
+        )
+    sections.append(_curves(curves))
+    sections.append(_sets(sets, [name for name in BRUSHES if name in sets], "Photographed strokes: brushes"))
+    sections.append(_sets(sets, [name for name in PENS if name in sets], "Photographed strokes: pens"))
+    sections += [_brush_bar(sets), _pen_bar(sets), _pictures(sets)]
+    return "\n".join(section for section in sections if section)
+
+
+def own_table(runs: Sequence[Results], name: str, rows: int) -> str:
+    """The page of one's own table: every run holds out another quarter of its actions."""
+    best = min(runs[0], key=lambda model: estimate(runs, model, "own", "l1").mean)
+    lines = [
+        f"# Stroke models on {name}\n",
+        f"{rows} strokes, of whose actions a quarter is held out, {len(runs)} times. Means over held-out strokes with "
+        "95 % intervals, by drawing strokes anew.\n",
+        *_table(runs, {"held out": "own"}),
+        f"\nThe least L1 has **{NAMES[best]}**. {_said(runs)}\n",
+    ]
+    return "\n".join(lines)
+
+
+def _studio(tool: str, runs: Sequence[Results]) -> str:
+    strokes = {len(run[name]["scores"]["B"]["l1"]) for run in runs for name in run}
+    lines = [
+        f"## In the studio: {tool}\n",
+        f"Trained on {runs[0][next(iter(runs[0]))]['strokes']} designed strokes (dataset A: Bézier strokes), "
+        f"tested on others of A and on {max(strokes)} strokes in hands that turn, loop and wind (dataset B), in "
+        f"studios of {len(runs)} seeds. 95 % intervals: strokes drawn anew within each.\n",
+        *_table(runs, {"A": "A", "B": "B"}),
+        "",
+        *_studio_bars(tool, runs),
+        "",
+        _said(runs) + "\n",
+        f"![{tool}](stroke_models/{tool}.png)\n",
+    ]
+    return "\n".join(lines)
+
+
+def _table(runs: Sequence[Results], tests: Mapping[str, str]) -> list[str]:
+    heads = [f"{score} {label}" for label in tests for score in ("L1", "IoU")]
+    lines = [
+        "| model | " + " | ".join(heads) + " | training, CPU s | rendering one, ms |",
+        "|---|" + "---|" * (len(heads) + 2),
+    ]
+    for name in _common(runs):
+        cells = []
+        for test in tests.values():
+            cells += [_number(estimate(runs, name, test, "l1"), 4), _number(estimate(runs, name, test, "iou"), 3)]
+        seconds = float(np.mean([run[name]["train_s"] - _finding(run[name]) for run in runs]))
+        milliseconds = float(np.mean([run[name]["render_ms"] for run in runs]))
+        lines.append(f"| {NAMES[name]} | " + " | ".join(cells) + f" | {seconds:.1f} | {milliseconds:.1f} |")
+    return lines
+
+
+def _studio_bars(tool: str, runs: Sequence[Results]) -> list[str]:
+    there = _common(runs)
+    lines = []
+    if tool == "marker" and {"traj2stroke", *_CNNS} <= set(there):
+        best = min(_CNNS, key=lambda name: estimate(runs, name, "B", "l1").mean)
+        found = ratio(runs, "traj2stroke", best, "B", "l1")
+        lines.append(
+            f"- Traj2Stroke's L1 on B over that of the better CNN ({NAMES[best]}): {_number(found, 2)}, bar ≤ {_RATIO} "
+            f"{_met(found.mean <= _RATIO)}."
+        )
+    if OURS in there:
+        rivals = [name for name in there if name not in (OURS, *TRIVIAL)]
+        for chosen, whom in (([n for n in rivals if n != _EXTRA], "the thesis's models"), (rivals, "all")):
+            best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").mean)
+            found = ratio(runs, OURS, best, "B", "l1")
+            bar = _BELOW_NEXT if tool != "marker" else 1.0
+            lines.append(
+                f"- Traj2Stroke + mechanisms on B over the next of {whom} ({NAMES[best]}): {_number(found, 2)}, "
+                f"bar {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(found.mean <= bar)}."
+            )
+    return lines
+
+
+def _curves(curves: Mapping[str, Mapping[int, Results]]) -> str:
+    lines = []
+    for tool, by_size in curves.items():
+        if by_size:
+            names = [name for name in NAMES if any(name in run for run in by_size.values())]
+            lines += [
+                f"\nL1 on B, {tool}:\n",
+                "| training strokes | " + " | ".join(NAMES[name] for name in names) + " |",
+                "|---|" + "---|" * len(names),
+            ]
+            for size, run in by_size.items():
+                cells = [f"{mean_of(run, name, 'B', 'l1'):.4f}" if name in run else "–" for name in names]
+                lines.append(f"| {size} | " + " | ".join(cells) + " |")
+    if not lines:
+        return ""
+    return "\n".join(["## How many strokes it takes\n", "One seed.", *lines, "\n![Curves](stroke_models/curve.png)\n"])
+
+
+def _sets(sets: Mapping[str, Results], names: Sequence[str], title: str) -> str:
+    if not names:
+        return ""
+    lines = [
+        f"## {title}\n",
+        "Trained on three quarters of a set; tested on its held-out strokes and on another set of a like tool. The "
+        "best of each row is bold.\n",
+    ]
+    for score, best, digits in (("iou", max, 3), ("l1", min, 4)):
+        models = [name for name in NAMES if any(name in sets[each] for each in names) and name != "blank"]
+        lines += [
+            f"\n{'IoU' if score == 'iou' else 'L1'}:\n",
+            "| trained on | tested on | " + " | ".join(NAMES[model] for model in models) + " |",
+            "|---|---|" + "---|" * len(models),
+        ]
+        for name in names:
+            for test in ("own", "other"):
+                values = {m: mean_of(sets[name], m, test, score) for m in models if m in sets[name]}
+                lines.append(_set_row(name, test, values, models, best, digits))
+    found = [f"{name}: {_causes(sets[name])}" for name in names if OURS in sets[name]]
+    lines.append("\nEstablished on the training strokes: " + "; ".join(found) + ".\n" if found else "")
+    return "\n".join(lines)
+
+
+def _set_row(
+    name: str, test: str, values: Mapping[str, float], models: Sequence[str], best: Callable[..., str], digits: int
+) -> str:
+    first = best(values, key=lambda model: values[model])
+    cells = [
+        "–" if m not in values else f"**{values[m]:.{digits}f}**" if m == first else f"{values[m]:.{digits}f}"
+        for m in models
+    ]
+    where = "held out" if test == "own" else LIKE[name]
+    return f"| {name} | {where} | " + " | ".join(cells) + " |"
+
+
+def _brush_bar(sets: Mapping[str, Results]) -> str:
+    there = [name for name in BRUSHES if OURS in sets.get(name, {})]
+    if not there:
+        return ""
+    lines = []
+    for test, where in (("own", "held-out strokes"), ("other", "another set")):
+        for left_out, whom in (((_EXTRA,), "the thesis's models and the trivial ones"), ((), "all rows")):
+            won = [name for name in there if _best(sets[name], test, left_out) == OURS]
+            lines.append(
+                f"- On {where}, Traj2Stroke + mechanisms has the best IoU of {whom} on {len(won)} of {len(there)} "
+                f"brush sets, bar {_BEST_OF_BRUSHES} of {len(BRUSHES)} {_met(len(won) >= _BEST_OF_BRUSHES)}."
+            )
+    return "\n".join(lines) + "\n"
+
+
+def _pen_bar(sets: Mapping[str, Results]) -> str:
+    there = [name for name in PENS if OURS in sets.get(name, {}) and "polyline" in sets[name]]
+    if not there:
+        return ""
+    lines = []
+    for test, where in (("own", "held-out strokes"), ("other", "another set")):
+        beaten = [n for n in there if mean_of(sets[n], OURS, test, "iou") < mean_of(sets[n], "polyline", test, "iou")]
+        lines.append(
+            f"- On {where} of pens, the polyline has a better IoU than it on {len(beaten)} of {len(there)} sets, bar "
+            f"none {_met(not beaten)}."
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _pictures(sets: Mapping[str, Results]) -> str:
+    lines = [f"Held-out strokes of `{name}`:\n\n![{name}](stroke_models/{name}.png)\n" for name in sets]
+    return "\n".join(lines)
+
+
+def _best(run: Results, test: str, left_out: Sequence[str]) -> str:
+    return max((name for name in run if name not in left_out), key=lambda name: mean_of(run, name, test, "iou"))
+
+
+def _said(runs: Sequence[Results]) -> str:
+    found = [_causes(run) for run in runs if OURS in run]
+    if not found:
+        return ""
+    slowest = max((run[n]["train_s"] - _finding(run[n]), n) for run in runs for n in run)
+    finding = np.mean([_finding(run[OURS]) for run in runs if OURS in run])
+    return (
+        f"Established on the training strokes, run by run: {'; '.join(found)}. Finding that took {finding:.0f} CPU "
+        f"seconds, which are not in the table. The slowest training, {NAMES[slowest[1]]}, took {slowest[0]:.0f} s, bar "
+        f"≤ {_SECONDS:.0f} {_met(slowest[0] <= _SECONDS)}."
+    )
+
+
+def _causes(run: Results) -> str:
+    said = run[OURS]["said"]
+    names = ", ".join(f"`{cause}`" for cause in said["established"]) or "nothing"
+    return names + ("" if said["kept"] or not said["established"] else " (the base has it, or fares no worse without)")
+
+
+def _finding(result: Mapping[str, object]) -> float:
+    said = result["said"]
+    assert isinstance(said, dict)
+    return float(said.get("diagnosing_s", 0.0))
+
+
+def _common(runs: Sequence[Results]) -> list[str]:
+    return [name for name in NAMES if all(name in run for run in runs)]
+
+
+def _number(found: Estimate, digits: int) -> str:
+    return f"{found.mean:.{digits}f} ({found.low:.{digits}f} to {found.high:.{digits}f})"
+
+
+def _met(met: bool) -> str:
+    return "(met)" if met else "(not met)"

@@ -1,0 +1,152 @@
+"""Two executions whose difference is known, compared by the command: what it says, and what it refuses."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pentimento.contracts.errors import PentimentoError
+from pipelines import compare
+from pipelines._review.agreement import check
+from pipelines._review.history import History
+from pipelines._tracking.store import store_errors
+from tests.pipelines.history import digest_of, execute, repository
+
+BOTH = ("train_stroke_dynamics", "paint")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Executions `first` (both stages), `second` (training alone, better beyond luck), `third` (nothing but luck)."""
+    folder = tmp_path_factory.mktemp("repository")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
+        repository(folder)
+        execute("first", 4, 0.30, patch, BOTH)
+        execute("second", 8, 0.20, patch, BOTH[:1])
+        execute("third", 9, 0.20, patch, BOTH[:1])
+        patch.delenv("PENTIMENTO_EXECUTION")
+        yield folder
+
+
+def ask(*runs: str, last: int | None = None, stage: str | None = None, check: bool = False) -> None:
+    compare.main(
+        argparse.Namespace(
+            runs=runs, last=last, stage=stage, check=check, profile="default", out=Path("data/comparisons")
+        )
+    )
+
+
+def test_executions_are_compared_stage_by_stage(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ask("first", "second")
+    said = capsys.readouterr().out
+    assert "1 parameter differs: train_stroke_dynamics@marker: epochs." in said
+    assert "epochs: 4 -> 8" in said
+    assert "train_stroke_dynamics@marker: B is better; beyond luck: B − A = −0." in said
+    assert "paired over 20 held-out items" in said
+    assert "The same in both: paint." in said  # the second found it done
+    assert "models/stroke_marker_base/weights" in said
+    page = next(Path("data/comparisons").glob("*.html")).read_text()
+    assert "http" not in page.replace("http-equiv", "")  # it needs nothing else
+    assert page.count("data:image/png;base64,") == 3  # both, and where they differ
+    assert page.index("What changed") < page.index("is it luck") < page.index('id="train-stroke-dynamics-marker"')
+    assert "figures are equal" in page
+
+
+def test_luck_is_called_luck_and_the_last_two_are_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ask(last=2)
+    said = capsys.readouterr().out
+    assert said.startswith("A  second") and "\nB  third" in said
+    assert "may be luck: B − A" in said
+
+
+def test_single_runs_are_compared_by_the_first_letters_of_their_ids(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with store_errors():
+        newest, _, oldest = [run for run in History().runs if run.stage == "train_stroke_dynamics"]
+    ask(oldest.id[:12], newest.id[:12])
+    by_id = capsys.readouterr().out
+    assert "train_stroke_dynamics@marker: B is better; beyond luck" in by_id
+    ask(last=2, stage="train_stroke_dynamics@marker")
+    assert "may be luck" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("runs", "options", "sentence"),
+    [
+        (("first",), {}, "1 runs are named and two are compared"),
+        (("first", "nothing"), {}, "No run or execution is called 'nothing'.*'third', 'second', 'first'"),
+        (("first", "train_stroke_dynamics · marker"), {}, "may be any of 3 runs"),
+        (("first",), {"last": 2}, "--last takes the number 2 and no other runs"),
+        ((), {"last": 2, "stage": "paint"}, "There are 1 finished runs of paint"),
+    ],
+)
+def test_what_cannot_be_compared_is_one_sentence(
+    folder: Path, runs: tuple[str, ...], options: dict[str, object], sentence: str
+) -> None:
+    with pytest.raises(PentimentoError, match=sentence):
+        ask(*runs, **options)  # type: ignore[arg-type]
+
+
+def test_executions_are_parents_that_carry_the_main_figures_and_what_stood(folder: Path) -> None:
+    from mlflow import MlflowClient
+
+    client = MlflowClient()
+    with store_errors():
+        history = History()
+    third, second, first = history.executions
+    assert [each.name for each in (first, second, third)] == ["first", "second", "third"]
+    assert (len(first.ids), len(second.ids)) == (2, 1)  # families
+    assert set(second.reused) == {"paint"}
+    parents = {parent: client.get_run(parent) for parent in first.ids}
+    (strokes,) = (run for run in parents.values() if run.data.tags["family"] == "strokes")
+    assert strokes.info.status == "FINISHED"
+    assert strokes.data.metrics["train_stroke_dynamics/marker/held_out.polyline.mse"] == 0.4
+    (run,) = (run for run in history.runs if run.tags["execution"] == "second")
+    assert run.tags["mlflow.parentRunId"] == second.ids[0]
+    assert (run.tags["tool"], run.tags["profile"], run.tags["kind"]) == ("marker", "default", "stage")
+    assert run.tags["output:models/stroke_marker_base/weights"] == digest_of(0.20)
+    note = run.tags["mlflow.note.content"]
+    assert note.startswith("Train Traj2Stroke") and "beside 0.4 of `held_out.polyline.mse`" in note
+    assert "| held_out | model | polyline |" in note
+
+
+def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ask(check=True)
+    assert capsys.readouterr().out == "MLflow and dvc.lock agree on all 2 stage items.\n"
+    lock = Path("dvc.lock").read_text()
+    strokes = History().runs[0].inputs["data/strokes"]
+    try:
+        for old, new, sentence in (
+            ("epochs: 9", "epochs: 10", "ran with other parameters than dvc.lock has in section train_stroke_dynamics"),
+            (strokes, "f" * 32, "read another data/strokes"),
+            (digest_of(0.20), "f" * 32, "wrote another models/stroke_marker_base/weights"),
+        ):
+            assert old in lock
+            Path("dvc.lock").write_text(lock.replace(old, new))
+            agreeing, (said,) = check(folder, "default")
+            assert agreeing == 1 and said.startswith("train_stroke_dynamics@marker: ") and sentence in said
+        with pytest.raises(PentimentoError, match="disagree on 1 of 2 stage items"):
+            ask(check=True)
+    finally:
+        Path("dvc.lock").write_text(lock)
+
+
+def test_results_that_dvc_brought_back_agree_with_the_earlier_run(folder: Path) -> None:
+    """DVC restores what it computed before without running the stage: the lock is then that of an older run."""
+    lock = Path("dvc.lock").read_text()
+    try:
+        Path("dvc.lock").write_text(lock.replace("epochs: 9", "epochs: 4").replace(digest_of(0.20), digest_of(0.30)))
+        assert check(folder, "default") == (2, [])
+    finally:
+        Path("dvc.lock").write_text(lock)
+
+
+def test_a_stage_that_never_ran_is_missing(folder: Path) -> None:
+    agreeing, said = check(folder, "smoke")
+    assert agreeing == 0 and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)

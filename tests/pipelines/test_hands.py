@@ -1,0 +1,125 @@
+"""The stages gather_demonstrations, train_trajvae and draw_in_hands: one after another, small."""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+import pipelines.draw_in_hands as draw
+import pipelines.gather_demonstrations as gather
+import pipelines.train_trajvae as train
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.images import read_image
+from pentimento.contracts.plan import read_plan
+from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
+from pentimento.semantics.tokenizer import learn_tokenizer
+from pentimento.stroke_dynamics.extended import base_model, model_files
+from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from pipelines._config import load_section
+from pipelines._io import write_json
+
+COURSE = {"steps": 40, "batch": 16, "rate": 0.002}
+SECTIONS = {
+    "gather_demonstrations": {
+        "points": 16,
+        "sources": [],
+        "made_up": {"sessions": 2, "strokes": 14, "seed": 3},
+        "limits": {"longest_hole": 5, "jump_m": "3 mm", "jump_times": 8.0, "shortest_m": "1 mm", "longest_m": "600 mm"},
+    },
+    "train_trajvae": {
+        "few": 10,
+        "mapped": 40,
+        "model": {
+            "points": 16, "latent": 8, "width": 32, "divergence": 3e-4, "pretraining": COURSE, "fine_tuning": COURSE,
+            "variation": 0.05, "seed": 1,
+        },
+    },
+    "draw_in_hands": {
+        "photograph": "astronaut", "tool": "marker", "world": "marker", "darkest": 0.35, "ink_m": 0.2, "seed": 7,
+        "planner": {
+            "candidates": 2, "rounds": 1, "iterations_per_round": 2, "iterations": 4, "relocate_every": 2,
+            "relocate_share": 0.2, "reach": 1.0, "path_points": 16, "pixels_per_m": 300.0, "edge_m": "6 mm",
+            "distances_px": [2], "seed": 1,
+            "learning_rates": {"middle_m": "0.8 mm", "theta_rad": 0.05, "press_m": "0.02 mm", "shape": 0.05},
+        },
+    },
+}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    YAML(typ="safe").dump(SECTIONS, tmp_path / "params.yaml")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    return tmp_path
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_from_made_up_hands_to_drawings(folder: Path) -> None:
+    for name in ("one", "other"):
+        gather.main(argparse.Namespace(out=folder / name / "demonstrations"))
+        train.main(
+            argparse.Namespace(demonstrations=folder / name / "demonstrations", out=folder / name / "hands")
+        )  # fmt: skip
+    assert bytes_of(folder / "one") == bytes_of(folder / "other")
+    told = json.loads((folder / "one/hands/metrics.json").read_text())
+    assert told["strokes"] == {"learned": 70, "quarantined": 0}
+    assert all(told["arcs"][name] > 0 for name in ("fine_tuned", "pretrained", "nearest_demonstration", "mean_stroke"))
+
+    (folder / "model").mkdir()
+    model = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 8e-4, 0.2, 0.95))
+    for name, value in model_files(model).items():
+        write_json(folder / "model" / name, value)
+    (folder / "judge").mkdir()
+    tokenizer = learn_tokenizer(["a house", "a red house"], 300, 24)
+    Encoder(new_model(EncoderShape(32, 8, 32, 1, 32, 1, 2, 16), tokenizer, 0), tokenizer).save(folder / "judge")
+    out = folder / "drawings"
+    draw.main(
+        argparse.Namespace(
+            demonstrations=folder / "one/demonstrations", hands=folder / "one/hands", model=folder / "model",
+            judge=folder / "judge", out=out,
+        )
+    )  # fmt: skip
+    metrics = json.loads((out / "metrics.json").read_text())
+    taken = metrics["taken_for"]
+    for shares in taken["executed"].values():
+        assert sum(shares) == pytest.approx(1)
+    assert taken["diagonal_people"] > 0.8
+    for name, error in metrics["error"].items():
+        assert name == "blank" or error < metrics["error"]["blank"]
+    height, width = read_image(out / "target.png").shape[:2]
+    assert read_image(out / "drawings.png").shape[:2] == (height, 8 * width)
+    drawn = read_plan(out / "dots/plan.jsonl")
+    assert len(drawn.strokes) == metrics["strokes"]["dots"]
+    lengths = [np.linalg.norm(np.diff(stroke.path[:, 1:3], axis=0), axis=1).sum() for stroke in drawn.strokes]
+    assert sum(lengths) == pytest.approx(metrics["ink_m"]["dots"], rel=1e-6)
+
+
+def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
+    sections = {**SECTIONS, "train_trajvae": {**SECTIONS["train_trajvae"], "few": 14}}
+    YAML(typ="safe").dump(sections, folder / "params.yaml")
+    gather.main(argparse.Namespace(out=folder / "demonstrations"))
+    with pytest.raises(ContractError, match=r"more than train_trajvae\.few = 14"):
+        train.main(argparse.Namespace(demonstrations=folder / "demonstrations", out=folder / "hands"))
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "kind", "sentence"),
+    [
+        ("gather_demonstrations", "points", 1, gather.GatherDemonstrations, "points is 1"),
+        ("train_trajvae", "few", 1, train.TrainTrajVAE, "few is 1"),
+        ("draw_in_hands", "darkest", 1.0, draw.DrawInHands, "darkest is 1.0; below 1"),
+    ],
+)
+def test_a_number_out_of_its_range_is_one_sentence(
+    folder: Path, section: str, key: str, value: object, kind: type, sentence: str
+) -> None:
+    YAML(typ="safe").dump({section: {**SECTIONS[section], key: value}}, folder / "params.yaml")
+    with pytest.raises(ConfigError, match=sentence):
+        load_section(folder / "params.yaml", section, kind)

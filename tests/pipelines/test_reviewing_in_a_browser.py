@@ -1,0 +1,167 @@
+"""A reviewer before MLflow's own page, served on this computer, and before the page of a comparison, in Chromium.
+
+How each question is answered: which execution is better (three clicks), which data and parameters (the run's page),
+show me the pictures (three clicks there), what changed and is it luck (one command, whose page needs no server).
+Screenshots of each answer are kept in the folder that PENTIMENTO_SCREENSHOTS names, by default pytest's own.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipelines import compare
+from pipelines._review.history import History
+from tests.browser import CHROMIUM, Browser, browser
+from tests.pipelines.history import execute, repository
+
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this computer: a reviewer's clicks are not tested"),
+    pytest.mark.timeout(900),  # a server and a browser start
+]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a server on this computer, and two executions in its store, tracked through it."""
+    folder = tmp_path_factory.mktemp("server")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [
+        sys.executable, "-m", "mlflow", "server", "--workers", "1", "--host", "127.0.0.1", "--port", str(port),
+        "--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}", "--artifacts-destination", str(folder / "served"),
+    ]  # fmt: skip
+    log = (folder / "log").open("wb")
+    plain = os.environ | {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+    process = subprocess.Popen(command, cwd=folder, env=plain, stdout=log, stderr=log, start_new_session=True)
+    address = f"http://127.0.0.1:{port}"
+    try:
+        _wait_for(f"{address}/health", process, folder / "log")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            patch.setenv("MLFLOW_TRACKING_URI", address)
+            repository(folder)
+            for number, (name, error) in enumerate((("before", 0.30), ("after", 0.20))):
+                execute(name, 4 + number, error, patch, ("train_stroke_dynamics",))
+            patch.delenv("PENTIMENTO_EXECUTION")
+            yield address
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)  # it and its worker; nothing of theirs is wanted any more
+        process.wait()
+        log.close()
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("browser")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    named = os.environ.get("PENTIMENTO_SCREENSHOTS")
+    return Path(named) if named else tmp_path_factory.getbasetemp() / "screenshots"
+
+
+def test_which_is_better_is_three_clicks_away(server: str, tab: Browser, screenshots: Path) -> None:
+    """Tick both executions, press Compare."""
+    experiment = _strokes(server)
+    tab.goto(f"{server}/#/experiments/{experiment}/runs")
+    for name in ("before", "after"):
+        tab.click(_box_of(name))
+    tab.wait(_button("Compare"))
+    tab.screenshot(screenshots / "executions.png")
+    tab.click(_button("Compare"))
+    tab.wait(_seen("Comparing 2 Runs"))
+    tab.wait(_seen("train_stroke_dynamics/marker/held_out.polyline.mse"))
+    said = tab.text()
+    assert "0.298" in said and "0.198" in said  # the main figure of both
+    tab.evaluate(f"({_named('Metrics')}).scrollIntoView()")
+    tab.screenshot(screenshots / "compared_in_mlflow.png")
+
+
+def test_a_runs_page_says_what_it_was_and_its_pictures_are_three_clicks_away(
+    server: str, tab: Browser, screenshots: Path
+) -> None:
+    """Open the run: its note, data, parameters and tags are there; the tab of artifacts has the picture."""
+    run = next(run for run in History().runs if run.tags["execution"] == "after")
+    tab.goto(f"{server}/#/experiments/{_strokes(server)}/runs/{run.id}")
+    for text in ("Train Traj2Stroke", "strokes", "epochs", "held_out.model.mse", "output:models/stroke_marker_base"):
+        tab.wait(_seen(text))
+    tab.screenshot(screenshots / "run.png")
+    tab.click(_named("Artifacts"))
+    tab.click(_named("pictures"))
+    tab.click(_named("strokes.png"))
+    tab.wait("[...document.querySelectorAll('img')].some(i => i.naturalWidth === 60)")
+    tab.screenshot(screenshots / "picture.png")
+
+
+def test_is_it_luck_is_one_command(
+    server: str, tab: Browser, screenshots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser_like = {"runs": (), "last": 2, "stage": None, "check": False, "profile": "default", "out": tmp_path}
+    compare.main(compare.argparse.Namespace(**parser_like))
+    assert "B is better; beyond luck" in capsys.readouterr().out
+    (page,) = tmp_path.glob("*.html")
+    tab.goto(page.as_uri())
+    said = tab.text()
+    assert "1 parameter differs: train_stroke_dynamics@marker: epochs." in said
+    assert "B is better; beyond luck" in said
+    broken = tab.evaluate("[...document.images].filter(i => !i.complete || !i.naturalWidth).length")
+    wider = tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    asked = tab.evaluate("performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length")
+    assert (tab.evaluate("document.images.length"), broken, wider, asked) == (3, 0, 0, 0)
+    tab.click("document.querySelector('td a, th a')")
+    tab.wait("location.hash === '#train-stroke-dynamics-marker'")
+    tab.screenshot(screenshots / "comparison.png", whole=True)
+    tab.resize(420, 900)  # a telephone
+    assert tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+    tab.resize(1500, 1000)
+
+
+def _strokes(server: str) -> str:
+    from mlflow import MlflowClient
+
+    experiment = MlflowClient(server).get_experiment_by_name("pentimento/strokes")
+    assert experiment is not None
+    return str(experiment.experiment_id)
+
+
+def _seen(text: str) -> str:
+    return f"document.body.innerText.includes({text!r})"
+
+
+def _button(text: str) -> str:
+    return f"[...document.querySelectorAll('button:enabled')].find(b => b.innerText.trim() === {text!r})"
+
+
+def _named(text: str) -> str:
+    """The innermost element that says this and can be seen."""
+    return (
+        "[...document.querySelectorAll('a, button, span, div, li')]"
+        f".filter(e => e.innerText && e.innerText.trim() === {text!r} && e.getClientRects().length).at(-1)"
+    )
+
+
+def _box_of(name: str) -> str:
+    row = f"[...document.querySelectorAll('[role=row]')].find(r => r.innerText.includes({name!r}))"
+    return f"({row} || document).querySelector('.ag-row .ag-selection-checkbox input, .ag-selection-checkbox input')"
+
+
+def _wait_for(address: str, process: "subprocess.Popen[bytes]", log: Path) -> None:
+    end = time.monotonic() + 500
+    while True:
+        try:
+            with urllib.request.urlopen(address, timeout=5):
+                return
+        except OSError:
+            assert process.poll() is None and time.monotonic() < end, log.read_text()
+            time.sleep(0.3)
