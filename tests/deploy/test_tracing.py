@@ -56,6 +56,33 @@ def test_a_graph_that_computes_something_else_is_not_deployed() -> None:
     assert session(model.SerializeToString()).get_inputs()[0].shape == [2, 3]
 
 
+def test_examples_on_a_kink_compare_nothing_and_the_others_still_do() -> None:
+    """Beside x = 1 the slope of |x − 1| is the sign of a rounding error."""
+
+    def kinked(x: Tensor) -> tuple[Tensor, Tensor]:
+        leaf = x.detach().requires_grad_(True)
+        with torch.enable_grad():
+            value = (leaf - 1).abs().sum()
+        return value.detach() + 1, torch.autograd.grad(value, leaf)[0]
+
+    def steeper(x: Tensor) -> tuple[Tensor, Tensor]:
+        value, slope = kinked(x)
+        return value, 1.01 * slope
+
+    kink, plain = torch.ones(1, 3) + 1e-7, torch.tensor([[0.5, 2.0, 3.0]])
+    model = export(kinked, [plain], ["x"], ["value", "slope"])
+
+    def flipped_there(x: Tensor) -> tuple[Tensor, Tensor]:
+        value, slope = kinked(x)
+        return value, -slope if x is kink else slope
+
+    assert compared("kink", model, flipped_there, [[kink], [plain]], UNITS, 1e-4, ()).parity["slope"] == 0
+    with pytest.raises(ParityError, match="relative difference"):
+        compared("kink", model, steeper, [[kink], [plain]], UNITS, 1e-4, ())
+    with pytest.raises(ParityError, match="at each of 1 examples"):
+        compared("kink", model, flipped_there, [[kink]], UNITS, 1e-4, ())
+
+
 def test_the_difference_is_relative_and_knows_no_mercy_for_shapes_and_nan() -> None:
     wanted = np.array([3.0, 4.0], np.float32)
     assert relative_difference(wanted, wanted) == 0

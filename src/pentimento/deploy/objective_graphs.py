@@ -25,7 +25,7 @@ from pentimento.semantics.encoder import Encoder
 from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
 _EXAMPLE_PX = (45, 37)  # sizes unlike each other and unlike any other size in the graphs
-_COMPARED_PX = ((64, 64), (96, 96), (50, 130))
+_COMPARED_PX = ((64, 64), (96, 96), (50, 130), (80, 60), (33, 47))
 _UNITS = {
     "image": "linear light, any values",
     "target": "linear light",
