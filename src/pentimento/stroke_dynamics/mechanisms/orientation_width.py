@@ -1,15 +1,24 @@
-"""Width depends on the heading relative to the tool's yaw."""
+"""Width depends on the heading relative to the tool's yaw: the contact patch is oblong.
+
+With h the heading less the yaw and e the length of (cos, sin), the patch's oblongness, the half-width changes by the
+factor exp(cos cos 2h + sin sin 2h) where e is small. Where it is not, the ends are no longer round but slanted or
+square, too: the mark is what a rod sweeps (``rod``) whose half-extents are exp(e) and exp(-e) times the half-width.
+Forked ends do not grow smoothly out of a round one, so they come in by the share e^2 / (e^2 + e0^2).
+"""
 
 from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions
+from pentimento.stroke_dynamics.mechanisms.rod import FEWEST_POINTS, direction, swept
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 _ONE_HEADING = 0.02
 """Spread (1 - mean resultant length) of doubled headings below which all strokes run the same way."""
+_LITTLE = 0.1
+"""e0: below it a mark is rather a plain one that is wider or narrower, above it what a rod sweeps."""
 
 
 class OrientationWidth(Mechanism):
@@ -31,10 +40,24 @@ class OrientationWidth(Mechanism):
         return canvas_directions(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        along = tangent(context.path)
-        twice = 2 * (torch.atan2(along[..., 1], along[..., 0]) - context.path[..., 4])
-        amount = self.values[0] * torch.cos(twice) + self.values[1] * torch.sin(twice)
-        return mark._replace(radius_m=mark.radius_m * torch.exp(amount))
+        """See ``Mechanism``. Marks of fewer points than forked ends take keep their round ones."""
+        # Where bristles trail, what counts is the way of the patch, not the command's.
+        along, yaw = direction(mark.points_m), context.path[..., 4]
+        cos, sin = self.values
+        twice = 2 * (torch.atan2(along[..., 1], along[..., 0]) - yaw)
+        widened = mark._replace(radius_m=mark.radius_m * torch.exp(cos * torch.cos(twice) + sin * torch.sin(twice)))
+        if mark.radius_m.shape[-1] < FEWEST_POINTS:
+            return widened
+        square = cos.square() + sin.square()
+        # At no effect any rod will do: its share is 0, and only its slope must be finite.
+        cos = torch.where(square > 0, cos, 1.0)
+        oblong = (cos.square() + sin.square()).sqrt()
+        broadside = yaw + torch.atan2(sin, cos) / 2
+        axis = torch.stack([-torch.sin(broadside), torch.cos(broadside)], dim=-1)
+        half_length = 2 * torch.sinh(oblong) * mark.radius_m
+        rod = swept(mark, axis, half_length, torch.exp(-oblong) * mark.radius_m)
+        share = square / (square + _LITTLE**2)
+        return Mark(*(plain + share * (forked - plain) for plain, forked in zip(widened, rod, strict=True)))
 
 
 def _spread_of_headings(context: StrokeContext) -> float:
