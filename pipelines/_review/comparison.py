@@ -78,6 +78,12 @@ class Comparison:
         """Those that are not the same."""
         return tuple(stage for stage in self.stages if not stage.same)
 
+    @property
+    def origins(self) -> dict[str, Pair]:
+        """Whose the data are that each side read, and under which licence, as far as they say it, by path."""
+        a, b = ({path: said for run in side.runs.values() for path, said in run.origins.items()} for side in self.sides)
+        return {path: (a.get(path), b.get(path)) for path in sorted(a | b)}
+
 
 def compare(history: History, a: StageRun | Execution, b: StageRun | Execution) -> Comparison:
     """Compare two runs of one stage, or two executions; runs of different stages have only figures in common."""

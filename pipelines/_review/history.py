@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pentimento.contracts.errors import PentimentoError
 from pipelines._tracking.execution import EXECUTION, PART, STAGE
 from pipelines._tracking.families import experiments
+from pipelines._tracking.origins import told_origin
 from pipelines._tracking.store import open_store
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ class StageRun:
     tags: dict[str, str]
     inputs: dict[str, str]
     """MD5 of what was read, by path."""
+    origins: dict[str, str]
+    """Whose the data are that were read, and under which licence, as far as they say it, by path."""
 
     @property
     def name(self) -> str:
@@ -137,11 +140,13 @@ class History:
 
 def _stage_run(run: "StoredRun") -> StageRun:
     used = run.inputs.dataset_inputs if run.inputs is not None else []
-    inputs = {json.loads(each.dataset.source)["uri"]: each.dataset.digest for each in used}
     tags = dict(run.data.tags)
+    paths = {str(json.loads(each.dataset.source)["uri"]): each.dataset for each in used}
+    inputs = {path: dataset.digest for path, dataset in paths.items()}
+    origins = {path: said for path, dataset in paths.items() if (said := told_origin(tags, dataset.name))}
     return StageRun(
         run.info.run_id, tags["stage"], tags.get("item", ""), run.info.status, run.info.start_time,
-        dict(run.data.params), dict(run.data.metrics), tags, inputs,
+        dict(run.data.params), dict(run.data.metrics), tags, inputs, origins,
     )  # fmt: skip
 
 

@@ -45,6 +45,7 @@ def page(comparison: Comparison) -> str:
             _overview(comparison),
             f"<p class='quiet'>The same in both: {escape(', '.join(same))}.</p>" if same else "",
             f"<p class='quiet'>{_LUCK}</p></section>",
+            _origins(comparison),
             *(_stage(stage) for stage in comparison.changed),
             "</main>",
         ]
@@ -77,6 +78,11 @@ def _overview(comparison: Comparison) -> str:
     if not rows:
         return "<p>Nothing differs.</p>"
     return table(["stage", "main figure", "A", "B", "verdict"], rows, "Stages that differ", numbers_from=9)
+
+
+def _origins(comparison: Comparison) -> str:
+    said = _pairs(comparison.origins, "What was read, and what it says of itself", "path")
+    return f"<section id='data'><h2>On which data?</h2>{said}</section>" if said else ""
 
 
 def _coloured(stage: StageDifference) -> str:

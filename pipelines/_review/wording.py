@@ -69,6 +69,10 @@ def text(comparison: Comparison) -> str:
     same = [stage.name for stage in comparison.stages if stage.same]
     if same:
         lines.append(f"The same in both: {', '.join(same)}.")
+    if comparison.origins:
+        lines += ["", "On which data:"]
+    for path, (one, other) in comparison.origins.items():
+        lines.append(f"    {path}: {one}" if one == other else f"    {path}: A {one or 'none'} -> B {other or 'none'}")
     return "\n".join(lines)
 
 

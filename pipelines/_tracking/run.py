@@ -25,6 +25,7 @@ from pipelines._tracking.digests import flatten, input_digest, md5, section_dige
 from pipelines._tracking.execution import PART, STAGE, execution_name, execution_run
 from pipelines._tracking.families import HEADLINES, experiment_of, family_of
 from pipelines._tracking.notes import note
+from pipelines._tracking.origins import origin_tags
 from pipelines._tracking.store import experiment_id, open_store, store_errors
 from pipelines._tracking.timings import write_timing
 
@@ -219,8 +220,8 @@ def _describe(
     inputs: Mapping[str, Path],
     digests: Mapping[str, str],
 ) -> None:
-    """Log parameters and dataset inputs. Both are immutable: a continued run has equal ones (see `_key`)."""
-    from mlflow.entities import Dataset, DatasetInput, InputTag, Param
+    """Log parameters, dataset inputs and whose the data are. A continued run has equal ones (see `_key`)."""
+    from mlflow.entities import Dataset, DatasetInput, InputTag, Param, RunTag
 
     flat = [Param(name, str(value)[:_PARAM_LENGTH]) for name, value in flatten(params).items()]
     for first in range(0, len(flat), _PARAMS_A_BATCH):
@@ -234,6 +235,7 @@ def _describe(
     ]
     if datasets:
         client.log_inputs(run_id, datasets=datasets)
+        client.log_batch(run_id, tags=[RunTag(name, value) for name, value in origin_tags(inputs).items()])
 
 
 def _tags(stage: str, item: str | None) -> dict[str, str]:

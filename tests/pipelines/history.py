@@ -18,6 +18,7 @@ def repository(folder: Path) -> None:
     """The pipeline's files and its data, in the current folder `folder`."""
     (folder / "data/strokes").mkdir(parents=True)
     (folder / "data/strokes/part").write_text("strokes")
+    (folder / "data/strokes/README.md").write_text("# Strokes\n\nMade by the robot in the studio. 108 rows.\n")
     (folder / "dvc.yaml").write_text(
         "stages:\n  train_stroke_dynamics: {cmd: x, matrix: {tool: [marker]}}\n  paint: {cmd: x}\n"
     )

@@ -10,7 +10,7 @@ from pentimento.contracts.errors import PentimentoError
 from pipelines import compare
 from pipelines._review.agreement import check
 from pipelines._review.history import History
-from pipelines._tracking.store import store_errors
+from pipelines._tracking.store import open_store, store_errors
 from tests.pipelines.history import digest_of, execute, repository
 
 BOTH = ("train_stroke_dynamics", "paint")
@@ -48,9 +48,11 @@ def test_executions_are_compared_stage_by_stage(folder: Path, capsys: pytest.Cap
     assert "paired over 20 held-out items" in said
     assert "The same in both: paint." in said  # the second found it done
     assert "models/stroke_marker_base/weights" in said
+    assert "\n    data/strokes: Made by the robot in the studio. 108 rows; licence not recorded\n" in said
     page = next(Path("data/comparisons").glob("*.html")).read_text()
     assert "http" not in page.replace("http-equiv", "")  # it needs nothing else
     assert page.count("data:image/png;base64,") == 3  # both, and where they differ
+    assert page.count("Made by the robot in the studio. 108 rows") == 2  # of A and of B
     assert page.index("What changed") < page.index("is it luck") < page.index('id="train-stroke-dynamics-marker"')
     assert "figures are equal" in page
 
@@ -92,11 +94,8 @@ def test_what_cannot_be_compared_is_one_sentence(
 
 
 def test_executions_are_parents_that_carry_the_main_figures_and_what_stood(folder: Path) -> None:
-    from mlflow import MlflowClient
-
-    client = MlflowClient()
     with store_errors():
-        history = History()
+        client, history = open_store(), History()
     third, second, first = history.executions
     assert [each.name for each in (first, second, third)] == ["first", "second", "third"]
     assert (len(first.ids), len(second.ids)) == (2, 1)  # families

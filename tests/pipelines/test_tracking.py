@@ -38,6 +38,7 @@ def unfinished() -> list[Path]:
 def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any, store: Path) -> None:
     Path("strokes").mkdir()
     Path("strokes/part").write_text("x")
+    Path("strokes/README.md").write_text("---\nlicense: cc-by-4.0\n---\n# Strokes\n\nOf the atelier.\n")
     Path("error.png").write_bytes(b"png")
     with tracked_run("paint", "colour", PARAMS, {"strokes": Path("strokes")}) as run:
         for step in range(250):
@@ -55,6 +56,7 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     assert {"stage": "paint", "item": "colour", "profile": "default"}.items() <= kept.data.tags.items()
     (used,) = kept.inputs.dataset_inputs
     assert (used.dataset.name, used.dataset.digest) == ("strokes", input_digest(Path("strokes")))
+    assert {"source:strokes": "Of the atelier.", "licence:strokes": "cc-by-4.0"}.items() <= kept.data.tags.items()
     assert [entry.path for entry in client.list_artifacts(run.id, "pictures")] == ["pictures/error.png"]
     assert (store / "mlartifacts").is_dir()
     assert json.loads(Path("data/timings/paint@colour.json").read_text())["run_id"] == run.id

@@ -5,23 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
-import onnx
-from onnx.parser import parse_model
-
 from pentimento.robots.strokes import shape_basis
-from pentimento.runner.bundle import GraphEntry, Port
-from pentimento.runner.plain import to_plain
-from tests.runner.tiny_bundle import IR_VERSION, OPSET, PLANNER, change, relist, write_tiny_bundle
+from tests.runner.tiny_bundle import PLANNER, add_graphs, numbers, relist, write_tiny_bundle
 
 POINTS = PLANNER.path_points
 
 
-def _numbers(values: np.ndarray) -> str:
-    return ", ".join(f"{float(value):.8f}" for value in values)
-
-
-_ALONG, _ACROSS = (_numbers(basis) for basis in shape_basis(POINTS))
+_ALONG, _ACROSS = (numbers(basis) for basis in shape_basis(POINTS))
 _STROKES = (
     "float[S,2] middle_m, float[S] theta_rad, float[S] length_m, float[S] bend_m, float[S,3] press_m, float[S,3] color"
 )
@@ -122,27 +112,9 @@ _GRAPHS = {
 def write_painting_bundle(folder: Path) -> Path:
     """Write it into a new folder."""
     write_tiny_bundle(folder)
-    graphs = json.loads((folder / "manifest.json").read_text())["graphs"]
-    for name, text in _GRAPHS.items():
-        model = parse_model(f'<ir_version: {IR_VERSION}, opset_import: ["": {OPSET}]> {name} {text}')
-        onnx.checker.check_model(model)
-        (folder / "graphs" / f"{name}.onnx").write_bytes(model.SerializeToString())
-        inputs, outputs = (_ports(values) for values in (model.graph.input, model.graph.output))
-        parity = {port.name: 0.0 for port in outputs}
-        entry = GraphEntry(f"graphs/{name}.onnx", inputs, outputs, parity, 1e-4, ("stroke_marker",))
-        graphs[name] = to_plain(entry)
+    add_graphs(folder, _GRAPHS, "stroke_marker")
     letters = [f"{letter}</w>" for letter in "abcdefghijklmnopqrstuvwxyz"]
     words = {word: number for number, word in enumerate([*letters, "<|startoftext|>", "<|endoftext|>"])}
     (folder / "words/vocab.json").write_text(json.dumps(words))
-    change(folder, graphs=graphs)
     relist(folder)
     return folder
-
-
-def _ports(values: list[onnx.ValueInfoProto]) -> tuple[Port, ...]:
-    ports = []
-    for value in values:
-        kind = value.type.tensor_type
-        shape = tuple(size.dim_param or size.dim_value for size in kind.shape.dim)
-        ports.append(Port(value.name, shape, "int64" if kind.elem_type == onnx.TensorProto.INT64 else "float32", "1"))
-    return tuple(ports)

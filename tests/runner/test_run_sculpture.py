@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,33 +19,19 @@ from pentimento.runner import run_sculpture as module
 from pentimento.runner.clay_letters import sunken_letters
 from pentimento.runner.commission import ClayCommission, read_clay_commission
 from pentimento.runner.control import Control
-from pentimento.runner.plain import to_plain
 from pentimento.runner.progress import Progress
-from pentimento.runner.push_graphs import ClayFacts
 from pentimento.runner.run_sculpture import Ended, clay_commission_of, run_sculpture
 from pentimento.runner.sculpture_state import SculptureState, load_sculpture
 from tests.planning.sculptor.clay import PressedClay
 from tests.planning.sculptor.settings import CONFIG
-from tests.runner.tiny_bundle import change, graph, relist, write_tiny_bundle
-
-PIXELS = 48
-FACTS = ClayFacts("ball", "push", (0.0, 0.0, 0.2, 0.2), (PIXELS, PIXELS), 0.03, 0.01)
+from tests.runner.sculpting_bundle import FACTS, add_clay
+from tests.runner.tiny_bundle import write_tiny_bundle
 
 
 @pytest.fixture
 def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A bundle with a push model of foam, whose graphs are stood in for by the tests' own model of clay."""
-    folder = write_tiny_bundle(tmp_path / "bundle")
-    manifest = json.loads((folder / "manifest.json").read_text())
-    graphs = dict(manifest["graphs"])
-    for name in ("clay_foam_after", "clay_foam_pull"):
-        (folder / f"graphs/{name}.onnx").write_bytes(graph().SerializeToString())
-        graphs[name] = graphs["semantic"] | {"file": f"graphs/{name}.onnx"}
-    (folder / "end_effectors").mkdir()
-    ball = (resources.files("pentimento.robots") / "end_effectors" / "ball.toml").read_bytes()
-    (folder / "end_effectors/ball.toml").write_bytes(ball)
-    change(folder, graphs=graphs, clays={"clay_foam": to_plain(FACTS)})
-    relist(folder)
+    folder = add_clay(write_tiny_bundle(tmp_path / "bundle"))
     monkeypatch.setattr(module, "GraphClay", lambda *_: PressedClay(window_m=np.array(FACTS.window_m)))
     monkeypatch.setattr(module, "_PLANNER", replace(CONFIG, edge_m=0.03, horizon=2, candidates=12, iterations=2))
     return folder

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import onnx
+from numpy.typing import ArrayLike
 from onnx import TensorProto, helper, numpy_helper
+from onnx.parser import parse_model
 
 from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.fitted import Pace
@@ -89,6 +92,33 @@ def write_tiny_bundle(folder: Path) -> Path:
     (folder / MANIFEST).write_text(json.dumps(to_plain(manifest)))
     relist(folder)
     return folder
+
+
+def add_graphs(folder: Path, texts: Mapping[str, str], made_of: str) -> None:
+    """Put graphs, in ONNX's own text form, into the bundle in place of those of the same names; then `relist` it."""
+    graphs = json.loads((folder / MANIFEST).read_text())["graphs"]
+    for name, text in texts.items():
+        model = parse_model(f'<ir_version: {IR_VERSION}, opset_import: ["": {OPSET}]> {name} {text}')
+        onnx.checker.check_model(model)
+        (folder / "graphs" / f"{name}.onnx").write_bytes(model.SerializeToString())
+        inputs, outputs = (_ports(values) for values in (model.graph.input, model.graph.output))
+        parity = {port.name: 0.0 for port in outputs}
+        graphs[name] = to_plain(GraphEntry(f"graphs/{name}.onnx", inputs, outputs, parity, 1e-4, (made_of,)))
+    change(folder, graphs=graphs)
+
+
+def numbers(values: ArrayLike) -> str:
+    """As ONNX's text form lists them."""
+    return ", ".join(f"{float(value):.8f}" for value in np.asarray(values).ravel())
+
+
+def _ports(values: Sequence[onnx.ValueInfoProto]) -> tuple[Port, ...]:
+    ports = []
+    for value in values:
+        kind = value.type.tensor_type
+        shape = tuple(size.dim_param or size.dim_value for size in kind.shape.dim)
+        ports.append(Port(value.name, shape, "int64" if kind.elem_type == TensorProto.INT64 else "float32", "1"))
+    return tuple(ports)
 
 
 def relist(folder: Path) -> None:

@@ -130,7 +130,7 @@ def test_a_brush_that_nothing_paints_with_is_not_made_up_a_painting(tmp_path: Pa
         ("../quill", "round_brush", None, "small letters"),
         ("quill_base", "round_brush", None, "_base"),
         ("quill", "feather", None, "known are marker"),
-        ("quill", "round_brush", 'base = "plain.toml"\n', "is that of a round_brush"),
+        ("quill", "round_brush", 'base = "plain.toml"\n', "is that of round_brush"),
         ("quill", "round_brush", 'base = "plain.toml"\n[tool]\nnam = "quill"\n', "Unknown key nam"),
         ("quill", "round_brush", "torn = [", "not valid TOML"),
     ],
@@ -146,6 +146,29 @@ def test_what_cannot_be_set_up_changes_nothing(
     before = contents(root)
     with pytest.raises(ConfigError, match=says):
         new_tool(root, name, like, world=place)
+    assert contents(root) == before
+
+
+@pytest.mark.parametrize(
+    ("world", "source", "says"),
+    [
+        (b'base = "foam.toml"\n', None, "is that of foam"),
+        (b"\xff\xfe", None, "not UTF-8"),
+        (None, Path("nowhere"), "nowhere does not exist"),
+    ],
+)
+@pytest.mark.parametrize("make", [new_tool, new_material])
+def test_files_that_cannot_be_used_change_nothing(
+    make: Callable[..., object], world: bytes | None, source: Path | None, says: str, tmp_path: Path
+) -> None:
+    root = copy_project(tmp_path)
+    place, like = None, "foam" if make is new_material else "round_brush"
+    if world is not None:
+        place = root / "world.toml"
+        place.write_bytes(world.replace(b"foam", b"plain") if make is new_tool else world)
+    before = contents(root)
+    with pytest.raises(ConfigError, match=says.replace("foam", like)):
+        make(root, "quill", like, world=place, source=source)
     assert contents(root) == before
 
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pentimento.contracts.atomic import atomic_write
-from pentimento.contracts.errors import ContractError
 from pentimento.contracts.scan import Scan
+from pentimento.runner.kept import Arrays, keep, kept
 from pentimento.runner.sculptor import Array, Progress, Stopped
 
 _SCHEMA: Final = 1
@@ -38,7 +33,6 @@ def save_sculpture(folder: Path, state: SculptureState) -> None:
     """Replace the folder's state. Raises OSError, and the old state is still there then."""
     progress = state.progress
     told = {
-        "schema": _SCHEMA,
         "sessions": state.sessions,
         "stopped": state.stopped,
         "due": progress.due,
@@ -47,8 +41,7 @@ def save_sculpture(folder: Path, state: SculptureState) -> None:
         "scanner_id": progress.scan.scanner_id,
         "t_s": progress.scan.t_s,
     }
-    shape = state.goal_m.shape
-    arrays: dict[str, NDArray[Any]] = {
+    arrays: Arrays = {
         "goal_m": state.goal_m,
         "scan_m": progress.scan.height_m,
         "window_m": progress.scan.window_m,
@@ -56,13 +49,11 @@ def save_sculpture(folder: Path, state: SculptureState) -> None:
         "actions": np.array(progress.actions, np.float64).reshape(-1, 5),
         "heights_m": np.stack(progress.heights_m),
         "values": np.array(progress.values),
-        "expected_m": np.array(progress.expected_m, np.float32).reshape(-1, *shape),
+        "expected_m": np.array(progress.expected_m, np.float32).reshape(-1, *state.goal_m.shape),
         "left": progress.left,
         "foreseen_m": progress.foreseen_m,
     }
-    written = io.BytesIO()
-    np.savez(written, allow_pickle=False, told=np.frombuffer(json.dumps(told).encode(), np.uint8), **arrays)
-    atomic_write(folder / _NAME, written.getvalue())
+    keep(folder / _NAME, _SCHEMA, told, arrays)
 
 
 def has_sculpture(folder: Path) -> bool:
@@ -76,21 +67,14 @@ def load_sculpture(folder: Path) -> SculptureState:
     Raises:
         ContractError: there is none, or it is damaged or of another version.
     """
-    path = folder / _NAME
-    if not path.is_file():
-        raise ContractError(f"{folder} holds no {_NAME}: no sculpture was begun there; begin one with --out.")
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-            arrays = dict(stored)
-        told: dict[str, Any] = json.loads(arrays["told"].tobytes())
-        if told["schema"] != _SCHEMA:
-            raise ContractError(f"{path} is of schema {told['schema']} and this is a runner of schema {_SCHEMA}.")
-        scan = Scan(arrays["scan_m"], arrays["window_m"], arrays["table_plane"], told["scanner_id"], told["t_s"])
-        progress = Progress(
-            scan, tuple(arrays["actions"]), tuple(arrays["heights_m"]), tuple(arrays["values"].tolist()),
-            tuple(arrays["expected_m"]), arrays["left"], arrays["foreseen_m"], told["due"], told["holes"],
-            told["pushing"],
-        )  # fmt: skip
-        return SculptureState(arrays["goal_m"], progress, told["sessions"], told["stopped"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise ContractError(f"{path} is damaged ({error!r}); begin the sculpture anew.") from error
+    return kept(folder / _NAME, _SCHEMA, "sculpture", _sculpture)
+
+
+def _sculpture(told: dict[str, Any], arrays: Arrays) -> SculptureState:
+    scan = Scan(arrays["scan_m"], arrays["window_m"], arrays["table_plane"], told["scanner_id"], told["t_s"])
+    progress = Progress(
+        scan, tuple(arrays["actions"]), tuple(arrays["heights_m"]), tuple(arrays["values"].tolist()),
+        tuple(arrays["expected_m"]), arrays["left"], arrays["foreseen_m"], told["due"], told["holes"],
+        told["pushing"],
+    )  # fmt: skip
+    return SculptureState(arrays["goal_m"], progress, told["sessions"], told["stopped"])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -12,10 +9,9 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.covariates import Memory
-from pentimento.contracts.errors import ContractError
 from pentimento.planning.strokes import Strokes
+from pentimento.runner.kept import Arrays, keep, kept
 
 FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -26,6 +22,9 @@ _SCHEMA: Final = 2
 _NAME: Final = "state.npz"
 _STROKES: Final = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 _NUMBERS: Final = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "mark_width_m", "canvas_size_m")
+_PLAIN: Final = (
+    "begun", "made", "sessions", "shard", "turns", "clock_s", "robot_clock_s", "unix_s", "phase", "sentence",
+)  # fmt: skip
 _ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink", "color", "carried")
 
 
@@ -66,18 +65,13 @@ def save_state(folder: Path, state: State) -> None:
     """Replace the folder's state. Raises OSError, and the old state is still there then."""
     memory = state.memory
     told = {
-        "schema": _SCHEMA,
         "memory": {name: getattr(memory, name) for name in _NUMBERS},
         **{name: getattr(state, name) for name in _PLAIN},
     }
-    arrays: dict[str, NDArray[Any]] = {
-        f"left_{name}": array for name, array in zip(_STROKES, state.left.arrays(), strict=True)
-    }
+    arrays: Arrays = {f"left_{name}": array for name, array in zip(_STROKES, state.left.arrays(), strict=True)}
     arrays |= {f"memory_{name}": getattr(memory, name) for name in _ARRAYS}
     arrays |= {"palette_srgb": state.palette_srgb, "canvas": state.canvas}
-    written = io.BytesIO()
-    np.savez(written, allow_pickle=False, told=np.frombuffer(json.dumps(told).encode(), np.uint8), **arrays)
-    atomic_write(folder / _NAME, written.getvalue())
+    keep(folder / _NAME, _SCHEMA, told, arrays)
 
 
 def has_state(folder: Path) -> bool:
@@ -91,28 +85,16 @@ def load_state(folder: Path) -> State:
     Raises:
         ContractError: there is none, or it is damaged or of another version.
     """
-    path = folder / _NAME
-    if not path.is_file():
-        raise ContractError(f"{folder} holds no {_NAME}: no painting was begun there; begin one with --out.")
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-            arrays = dict(stored)
-        told = json.loads(arrays["told"].tobytes())
-        if told["schema"] != _SCHEMA:
-            raise ContractError(f"{path} is of schema {told['schema']} and this is a runner of schema {_SCHEMA}.")
-        numbers = told["memory"] | {"canvas_size_m": tuple(told["memory"]["canvas_size_m"])}
-        memory = Memory(**numbers, **{name: arrays[f"memory_{name}"] for name in _ARRAYS})
-        return State(
-            left=Strokes(*(arrays[f"left_{name}"] for name in _STROKES)),
-            palette_srgb=arrays["palette_srgb"],
-            memory=memory,
-            canvas=arrays["canvas"],
-            **{name: told[name] for name in _PLAIN},
-        )
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise ContractError(f"{path} is damaged ({error!r}); begin the painting anew.") from error
+    return kept(folder / _NAME, _SCHEMA, "painting", _painting)
 
 
-_PLAIN: Final[tuple[Any, ...]] = (
-    "begun", "made", "sessions", "shard", "turns", "clock_s", "robot_clock_s", "unix_s", "phase", "sentence",
-)  # fmt: skip
+def _painting(told: dict[str, Any], arrays: Arrays) -> State:
+    memory: dict[str, Any] = told["memory"] | {name: arrays[f"memory_{name}"] for name in _ARRAYS}
+    memory |= {"canvas_size_m": tuple(memory["canvas_size_m"])}
+    return State(
+        left=Strokes(*(arrays[f"left_{name}"] for name in _STROKES)),
+        palette_srgb=arrays["palette_srgb"],
+        memory=Memory(**memory),
+        canvas=arrays["canvas"],
+        **{name: told[name] for name in _PLAIN},
+    )

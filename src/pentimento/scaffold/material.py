@@ -15,12 +15,13 @@ from pentimento.scaffold.pipeline_files import (
     open_pipeline,
     run_for,
     set_entry,
+    set_source,
 )
 from pentimento.scaffold.tool import Made
+from pentimento.scaffold.worlds import check_said, text_of, world_file, world_like
 from pentimento.scaffold.write import write_all
 from pentimento.studio.clay.world import CLAY_WORLDS, load_clay_world
 
-_PACKAGE = Path(__file__).resolve().parents[1]
 _OF_A_MATERIAL = (
     "data/pushes/{}",
     "models/push_{}_base/weights",
@@ -53,20 +54,15 @@ def new_material(
     dvc, params = files.dvc, files.params
     check_like(like, "material", run_for(dvc, "material"))
     check_name(name, "material", run_for(dvc, "material"))
-    if source is not None and not (root / source).exists():
-        raise ConfigError(f"--source: {root / source} does not exist; give a Parquet file or a folder of shards.")
     presses = end_effector or params.needed("collect_pushes", "end_effector").get(like)
     load_end_effector(presses)
-    place = root / "src" / CLAY_WORLDS.relative_to(_PACKAGE.parent) / f"{name}.toml"
+    place = world_file(root, CLAY_WORLDS, name)
     if world is not None and place.exists():
         raise ConfigError(f"{place} exists: leave --world out to use it, or choose another name than {name!r}.")
 
-    for key, value in (
-        ("source", None if source is None else str(source)),
-        ("world", name),
-        ("end_effector", presses),
-    ):
-        set_entry(params, ("collect_pushes", key), like, name, value)
+    set_source(files, "collect_pushes", root, like, name, source)
+    set_entry(params, ("collect_pushes", "world"), like, name, name)
+    set_entry(params, ("collect_pushes", "end_effector"), like, name, presses)
     add_entry(files, ("sculpt", "settings"), like, name, world=name, end_effector=presses)
     add_entry(files, ("deploy", "clays"), like, name)
     stages = add_to_matrices(dvc, "material", like, name)
@@ -76,19 +72,7 @@ def new_material(
 
     contents = files.contents()
     if not place.exists():
-        contents = {place: _world_like(like, name) if world is None else world.read_text(encoding="utf-8")} | contents
-    write_all(contents, lambda: _check(place, name))
+        truth = world_like("material", like, like, name) if world is None else text_of(world)
+        contents = {place: truth} | contents
+    write_all(contents, lambda: check_said("world", load_clay_world(place).material.name, name))
     return Made(tuple(contents), tuple(f"{stage}@{name}" for stage in stages), ())
-
-
-def _world_like(like: str, name: str) -> str:
-    return (
-        f"# {name} in the studio: as {like}. Change here how it really yields; the robot is never told.\n"
-        f'base = "{like}.toml"\n\n[material]\nname = "{name}"\n'
-    )
-
-
-def _check(world: Path, name: str) -> None:
-    said = load_clay_world(world).material.name
-    if said != name:
-        raise ConfigError(f'The world is that of {said}; write name = "{name}" below [material]. Nothing was changed.')

@@ -96,3 +96,13 @@ def set_entry(params: ProjectYaml, keys: Sequence[str], like: str, name: str, va
         raise ConfigError(f"{params.path}: {'.'.join(keys)} has no entry {like!r} to follow; add it.")
     add_copy(entries, like, name)
     entries[name] = value
+
+
+def set_source(files: PipelineFiles, stage: str, root: Path, like: str, name: str, source: Path | None) -> None:
+    """Say from where the stage takes the rows of ``name``: from a table, or (None) from the studio's robot.
+
+    Raises ConfigError where there is no such table.
+    """
+    if source is not None and not (root / source).exists():
+        raise ConfigError(f"--source: {root / source} does not exist; give a Parquet file or a folder of shards.")
+    set_entry(files.params, (stage, "source"), like, name, None if source is None else str(source))

@@ -18,13 +18,14 @@ from pentimento.scaffold.pipeline_files import (
     open_pipeline,
     run_for,
     set_entry,
+    set_source,
 )
+from pentimento.scaffold.worlds import check_said, text_of, world_file, world_like
 from pentimento.scaffold.write import write_all
 from pentimento.studio.world import WORLDS, load_world
 
 TOOLS = Path("src/pentimento/robots/tools")
 
-_PACKAGE = Path(__file__).resolve().parents[1]
 _OF_A_TOOL = ("data/strokes/{}", "models/stroke_{}_base/weights", "models/stroke_{}/weights", "data/gap/{}")
 _READERS = ("paint", "deploy", "report")
 """Stages that name tools in their commands and may name every one; others name those of their own settings."""
@@ -60,35 +61,22 @@ def new_tool(
     files = open_pipeline(root)
     settings = files.params.needed("paint", "settings")
     check_like(like, "tool", run_for(files.dvc, "tool"))
-    paths = {"tool": root / TOOLS / f"{name}.toml", "world": _worlds(root) / f"{name}.toml"}
+    paths = {"tool": root / TOOLS / f"{name}.toml", "world": world_file(root, WORLDS, name)}
     taken = [*run_for(files.dvc, "tool"), *run_for(files.dvc, "setting"), *settings]
     taken += [path.stem for path in paths.values() if path.exists()]
     check_name(name, "tool", taken)
-    if source is not None and not (root / source).exists():
-        raise ConfigError(f"--source: {root / source} does not exist; give a Parquet file or a folder of shards.")
-    told = _told(root / TOOLS / f"{like}.toml", like, name) if tool_file is None else _text(tool_file)
-    truth = _world_like(files, like, name) if world is None else _text(world)
+    told = _told(root / TOOLS / f"{like}.toml", like, name) if tool_file is None else text_of(tool_file)
+    truth = _world_like(files, like, name) if world is None else text_of(world)
 
-    stages, notes = _pipeline(files, name, like, source)
+    stages, notes = _pipeline(files, root, name, like, source)
     contents = {paths["tool"]: told, paths["world"]: truth} | files.contents()
     write_all(contents, lambda: _check(paths["tool"], paths["world"], name))
     return Made(tuple(contents), tuple(f"{stage}@{name}" for stage in stages), tuple(notes))
 
 
-def _worlds(root: Path) -> Path:
-    return root / "src" / WORLDS.relative_to(_PACKAGE.parent)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path} is not UTF-8 text; save it as plain text.") from error
-
-
 def _told(path: Path, like: str, name: str) -> str:
     """A tool file under another name; its comments may speak of the other tool, so that they say whose they are."""
-    text, found = re.subn(rf'(?m)^name = "{like}"', f'name = "{name}"', _text(path))
+    text, found = re.subn(rf'(?m)^name = "{like}"', f'name = "{name}"', text_of(path))
     if found != 1:
         raise ConfigError(f'{path} has no line name = "{like}" to change; give a tool file with --tool-file.')
     head = f"# {name}: a copy of {like}'s file so far. Write down what you read off the package or measure.\n"
@@ -100,23 +88,20 @@ def _world_like(files: PipelineFiles, like: str, name: str) -> str:
     base = (files.params.at("collect_strokes", "world") or {}).get(like, like)
     if str(base).endswith(".toml"):
         raise ConfigError(f"The world of {like} is the file {base}; give the new tool's with --world.")
-    return (
-        f"# {name} in the studio: as {like}. Change here what it really is; the robot is never told.\n"
-        f'base = "{base}.toml"\n\n[tool]\nname = "{name}"\n'
-    )
+    return world_like("tool", base, like, name)
 
 
-def _check(tool_file: Path, world_file: Path, name: str) -> None:
-    tool, world = load_tool(tool_file), load_world(world_file)
-    for what, said in (("tool file", tool.name), ("world", world.tool.name)):
-        if said != name:
-            raise ConfigError(f'The {what} is that of a {said}; write name = "{name}" into it. Nothing was changed.')
+def _check(tool: Path, world: Path, name: str) -> None:
+    check_said("tool file", load_tool(tool).name, name)
+    check_said("world", load_world(world).tool.name, name)
 
 
-def _pipeline(files: PipelineFiles, name: str, like: str, source: Path | None) -> tuple[list[str], list[str]]:
+def _pipeline(
+    files: PipelineFiles, root: Path, name: str, like: str, source: Path | None
+) -> tuple[list[str], list[str]]:
     """Edit the YAML files; returns the stages of the new tool, and what could not be set up."""
     dvc, params, notes = files.dvc, files.params, []
-    set_entry(params, ("collect_strokes", "source"), like, name, None if source is None else str(source))
+    set_source(files, "collect_strokes", root, like, name, source)
     set_entry(params, ("collect_strokes", "world"), like, name, name)
     stages = add_to_matrices(dvc, "tool", like, name)
     add_to_commands(dvc, _READERS, "--tools", like, name)
