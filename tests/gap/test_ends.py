@@ -18,13 +18,27 @@ def ends(*values: float) -> UnevenEnds:
     return UnevenEnds(torch.tensor(values, dtype=torch.float64), {})
 
 
-def test_each_end_moves_along_the_path_by_its_own_amount_and_nothing_else_does() -> None:
+def test_each_end_moves_along_the_path_by_its_own_amount() -> None:
     context, mark = straight()
     moved = ends(0.001, -0.002, 0, 0).mark(mark, context)
     shift = moved.points_m - mark.points_m
     torch.testing.assert_close(shift[0, 0, 0], torch.tensor([-0.001, 0.0], dtype=torch.float64))
     torch.testing.assert_close(shift[0, 0, -1], torch.tensor([-0.002, 0.0], dtype=torch.float64))
-    assert not shift[0, 0, 1:-1].any()
+    assert not shift[..., 1].any()
+
+
+def test_a_stroke_that_is_shorter_than_its_command_does_not_fold() -> None:
+    """Each end is 4 mm short; its neighbour lies 2 mm away."""
+    context, mark = straight()
+    along_m = ends(-0.004, -0.004, 0, 0).mark(mark, context).points_m[0, 0, :, 0]
+    assert bool((along_m.diff() > 0).all())
+    torch.testing.assert_close(along_m[[0, -1]], torch.tensor([0.104, 0.136], dtype=torch.float64))
+
+
+def test_ends_meet_in_the_middle_at_most() -> None:
+    context, mark = straight()
+    along_m = ends(-0.05, -0.05, 0, 0).mark(mark, context).points_m[0, 0, :, 0]
+    assert float(along_m[0]) < 0.12 < float(along_m[-1])
 
 
 def test_a_widening_fades_away_from_its_end() -> None:

@@ -7,10 +7,14 @@ the search looks back and drops these ends if nothing speaks for them any more.
 from __future__ import annotations
 
 import torch
+from torch import Tensor
 
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
+
+_SHORTEST_M = 1e-9
+_FARTHEST_IN = 0.45  # of the stroke's length
 
 
 class UnevenEnds(Mechanism):
@@ -28,11 +32,22 @@ class UnevenEnds(Mechanism):
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         start_m, end_m, start_widening, end_widening = self.values
-        along, arc = tangent(context.path), arc_m(context.path)
-        points = mark.points_m.clone()
-        points[..., 0, :] -= start_m * along[..., 0, :]
-        points[..., -1, :] += end_m * along[..., -1, :]
-        reach = mark.radius_m.mean()
+        arc, reach = arc_m(context.path), mark.radius_m.mean()
+        points = moved_ends(mark.points_m, context.path, start_m, end_m)
         widening = start_widening * torch.exp(-arc / reach)
         widening = widening + end_widening * torch.exp(-(arc[..., -1:] - arc) / reach)
         return mark._replace(points_m=points, radius_m=mark.radius_m * torch.exp(widening))
+
+
+def moved_ends(points_m: Tensor, path: Tensor, start_m: float | Tensor, end_m: float | Tensor) -> Tensor:
+    """Points [B, S, N, 2] of a mark whose ends lie further out, by two lengths, than those of its path [B, S, N, 5].
+
+    The points behind an end give way: were it moved alone past its neighbour, a stroke would fold back on itself and
+    be no shorter for it. No end is moved in by more than to the middle of the stroke.
+    """
+    along, arc = tangent(path), arc_m(path)
+    length = arc[..., -1:]
+    share = arc / length.clamp(min=_SHORTEST_M)
+    start, end = (torch.maximum(torch.as_tensor(moved), -_FARTHEST_IN * length) for moved in (start_m, end_m))
+    forward = end * share**2 - start * (1 - share) ** 2
+    return points_m + forward[..., None] * along

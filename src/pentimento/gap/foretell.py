@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
+from pentimento.gap.ends import moved_ends
 from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
@@ -106,9 +107,8 @@ class Model:
             radius = interpolate(widths, press)
             along, arc = tangent(path), arc_m(path)
             points = path[..., 1:3] + number["side_mm"] * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
-            points[..., 0, :] -= number["ends_mm"] * 1e-3 * along[..., 0, :]
-            points[..., -1, :] += number["ends_mm"] * 1e-3 * along[..., -1, :]
             middle = widths.mean()
+            points = moved_ends(points, path, number["ends_mm"] * 1e-3, number["ends_mm"] * 1e-3)
             from_end = torch.minimum(arc, arc[..., -1:] - arc)
             widened = number["ends_widening"] * torch.exp(-from_end / middle)
             density = torch.exp(number["density_by_press"] * (press - 0.5))
