@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from pentimento.planning.target import fit_to_canvas, fit_to_ink
 from pentimento.robots.tools import Tool
 from pentimento.runner.easel import as_picture
+from pentimento.runner.keep import keep_canvas
 from pentimento.runner.noise import normal, seed_for
 from pentimento.runner.painter import as_linear
-from pentimento.runner.sampler import Networks, NoiseSchedule, complete
+from pentimento.runner.sampler import Networks, NoiseSchedule, complete, round_trip
 from pentimento.runner.tokenizer import Tokenizer
 
 Picture = NDArray[np.uint8]
@@ -48,7 +49,8 @@ def goal_from_words(
     """What the goal planner makes of the canvas uint8 [H, W, 3] and of what a person asks for; "" only completes it.
 
     The goal planner sees and completes the largest centred square, at the size that it was trained with; the rest of
-    the canvas stays as it is. The same seed gives the same goal as in the workshop.
+    the canvas stays as it is, and so does what it leaves of the square. The same seed gives the same goal as in the
+    workshop.
 
     Args:
         latents: channels, and the side of the square of pixels that a place of the latents stands for.
@@ -63,10 +65,12 @@ def goal_from_words(
     noise = normal((1, channels, side_px // step_px, side_px // step_px), seed_for(seed, 0))
     made = complete(
         networks, schedule, shown[None], tokenizer.encode([words]), tokenizer.encode([""]), noise, steps, *guidances
-    )[0]
-    goal = canvas.copy()
-    if not np.array_equal(made, shown):  # else the canvas itself, which resizing would blur
-        goal[top : top + square, left : left + square] = _resized(made, square)
+    )
+    made = keep_canvas(shown[None], made, round_trip(networks, shown[None]), step_px)[0]
+    changed = (made != shown).any(-1).astype(np.uint8)
+    changed = cv2.resize(changed, (square, square), interpolation=cv2.INTER_NEAREST)[..., None] > 0
+    goal = canvas.copy()  # not resized where nothing is to change, which would blur it
+    goal[top : top + square, left : left + square] = np.where(changed, _resized(made, square), inner)
     return goal
 
 

@@ -94,7 +94,7 @@ def complete(
         progress: told (steps done, steps) after each step.
     """
     guided = text_guidance > 1 and image_guidance >= 1
-    shown = networks.encode((canvas.transpose(0, 3, 1, 2) / 127.5 - 1).astype(np.float32))
+    shown = networks.encode(_as_input(canvas))
     text = networks.read(tokens)
     if guided:
         blank = np.repeat(networks.read(no_words), len(canvas), axis=0)
@@ -110,8 +110,22 @@ def complete(
             told = neither + text_guidance * (both - image_only) + image_guidance * (image_only - neither)
         latents = _step(schedule, told, int(timestep), int(timestep) - apart, latents)
         progress(number + 1, steps)
-    picture = networks.decode((latents / networks.scaling).astype(np.float32))
-    return np.round(np.clip(picture / 2 + 0.5, 0, 1).transpose(0, 2, 3, 1) * 255).astype(np.uint8)
+    return _as_uint8(networks.decode((latents / networks.scaling).astype(np.float32)))
+
+
+def round_trip(networks: Networks, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Pictures uint8 [B, H, W, 3] as they come back from the autoencoder."""
+    return _as_uint8(networks.decode(networks.encode(_as_input(pictures))))
+
+
+def _as_input(pictures: NDArray[np.uint8]) -> FloatImage:
+    """uint8 [B, H, W, 3] as [B, 3, H, W] from −1 to 1."""
+    return (pictures.transpose(0, 3, 1, 2) / 127.5 - 1).astype(np.float32)
+
+
+def _as_uint8(pictures: FloatImage) -> NDArray[np.uint8]:
+    """[B, 3, H, W] from −1 to 1 as uint8 [B, H, W, 3]."""
+    return np.round(np.clip(pictures / 2 + 0.5, 0, 1).transpose(0, 2, 3, 1) * 255).astype(np.uint8)
 
 
 def _step(schedule: NoiseSchedule, told: Latents, now: int, then: int, latents: Latents) -> Latents:

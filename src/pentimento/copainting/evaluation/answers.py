@@ -20,7 +20,9 @@ from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_out, plan_goal, seeded, seen
 from pentimento.copainting.evaluation.text_guided import plan_text
 from pentimento.copainting.goal.planner import GoalPlanner, complete, load_goal_planner
+from pentimento.copainting.goal.vae import round_trip
 from pentimento.copainting.workers import Submit, gather
+from pentimento.runner.keep import keep_canvas
 from pentimento.semantics.encoder import Encoder
 
 Pictures = NDArray[np.uint8]
@@ -224,9 +226,10 @@ def _complete(folder: Path, inputs: Pictures, captions: Sequence[str], asking: A
 
 
 def ask(planner: GoalPlanner, inputs: Pictures, captions: Sequence[str], asking: Asking) -> Pictures:
-    """Goals, uint8 [B, H, W, 3], for canvases of that size and their prompts."""
+    """Goals, uint8 [B, H, W, 3], for canvases of that size and their prompts; what the planner leaves is the canvas."""
     guidances = asking.image_guidance, asking.text_guidance
-    return complete(planner, inputs, captions, asking.steps, *guidances, asking.seed)
+    made = complete(planner, inputs, captions, asking.steps, *guidances, asking.seed)
+    return keep_canvas(inputs, made, round_trip(planner.vae, inputs), planner.vae_scale_factor)
 
 
 @cache
