@@ -30,7 +30,7 @@ from pentimento.semantics.scores import clip_score, mismatched_quantile, object_
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pentimento.semantics.training import EncoderTraining, train_encoder
 from pipelines._config import load_section
-from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
 
 
@@ -85,7 +85,7 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         outs = {"main": main_out, "judge": judge_out}
         # Each makes its own examples: that takes no longer than to make them once while the other core waits.
-        with ProcessPoolExecutor(len(outs), multiprocessing.get_context("spawn")) as pool:
+        with ProcessPoolExecutor(len(outs), multiprocessing.get_context("spawn"), end_with_parent) as pool:
             begun = {name: pool.submit(_make, name, config, arguments.scenes, out) for name, out in outs.items()}
             made = {name: future.result() for name, future in begun.items()}
         for name, (metrics, curve) in made.items():

@@ -2,6 +2,11 @@
 
 import argparse
 import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +19,7 @@ from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
 from pentimento.semantics.encoder import Encoder
 from pipelines.train_semantics import main
 
+ROOT = Path(__file__).parents[2]
 SHAPE = {"image_px": 16, "patch_px": 8, "image_width": 32, "image_layers": 2, "text_width": 16, "text_layers": 1}
 SHAPE |= {"heads": 2, "embedding": 16}
 TRAINING = {"steps": 5, "batch": 8, "rate": 0.003, "warmup": 0.1, "weight_decay": 0.01}
@@ -30,11 +36,15 @@ def section() -> dict:
     }  # fmt: skip
 
 
-def run(folder: Path, monkeypatch: pytest.MonkeyPatch, params: dict, out: str) -> dict[str, Path]:
+def write_inputs(folder: Path, params: dict) -> None:
     if not (folder / "scenes").exists():
         table = build_scenes(ScenesConfig(70, 32, 0.1, 0.4, 4, 0), lambda *_: None)
         write_table(folder / "scenes", table, CONTRACT, "# Card")
     YAML(typ="safe").dump({"train_semantics": params}, folder / "params.yaml")
+
+
+def run(folder: Path, monkeypatch: pytest.MonkeyPatch, params: dict, out: str) -> dict[str, Path]:
+    write_inputs(folder, params)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
     outs = {"semantics": folder / out / "semantics", "judge": folder / out / "judge"}
@@ -69,3 +79,38 @@ def test_a_judge_that_is_the_same_is_a_sentence(tmp_path: Path, monkeypatch: pyt
     params["encoders"]["judge"] = params["encoders"]["main"]
     with pytest.raises(ConfigError, match="give the judge another seed"):
         run(tmp_path, monkeypatch, params, "same")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="who ends with whom is Linux's to say")
+def test_a_killed_stage_leaves_nobody_training(tmp_path: Path) -> None:
+    params = section()
+    for encoder in params["encoders"].values():
+        encoder["training"] = encoder["training"] | {"steps": 10**6}
+    write_inputs(tmp_path, params)
+    places = {"PYTHONPATH": str(ROOT), "MLFLOW_TRACKING_URI": f"sqlite:///{tmp_path / 'mlflow.db'}"}
+    arguments = ["--scenes", "scenes", "--semantics", "semantics", "--judge", "judge"]
+    stage = subprocess.Popen(
+        [sys.executable, "-m", "pipelines.train_semantics", *arguments], cwd=tmp_path, env=os.environ | places
+    )
+    workers = within_s(90, lambda: workers_of(stage.pid), 2)
+    stage.kill()
+    stage.wait()
+    assert within_s(30, lambda: [pid for pid in workers if at_work(pid)], 0) == []
+
+
+def workers_of(pid: int) -> list[int]:
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+def at_work(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and status.read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def within_s(most_s: float, look: Callable[[], list[int]], count: int) -> list[int]:
+    """What is seen once there are so many, or in the end."""
+    deadline_s = time.monotonic() + most_s
+    while len(seen := look()) != count and time.monotonic() < deadline_s:
+        time.sleep(0.1)
+    return seen
