@@ -70,13 +70,13 @@ def test_only_the_centred_square_of_a_wide_canvas_is_completed() -> None:
 
 
 def test_what_is_left_of_a_large_canvas_is_not_resized() -> None:
-    """Only the place that the networks darkened is drawn at their size and enlarged."""
+    """Only the place that the networks darkened, from pixel 48 on, and less than a place about it, is drawn anew."""
     canvas = np.full((64, 64, 3), 200, np.uint8)
     canvas[5::8] = 190  # finer than the networks see
     answers = np.full((1, 3, SIDE // STEP, SIDE // STEP), 197.5 / 127.5 - 1, np.float32)
     answers[..., 3, 3] = -1
     goal = _asked(canvas, answers)
-    assert np.array_equal(goal[:40, :40], canvas[:40, :40]) and goal[52:, 52:].max() == 0
+    assert np.array_equal(goal[:32, :32], canvas[:32, :32]) and goal[52:, 52:].max() == 0
 
 
 def test_a_goal_that_changes_nothing_is_the_canvas_itself() -> None:
