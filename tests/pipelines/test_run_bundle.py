@@ -18,6 +18,7 @@ from pipelines._tracking.families import experiment_of
 from tests.runner.painting_bundle import write_painting_bundle
 from tests.runner.sculpting_bundle import add_clay
 
+ROOT = Path(__file__).parents[2]
 PAINTINGS = {
     "photograph": {"setting": "pen", "words": None, "strokes": 4},
     "words": {"setting": "pen", "words": "a hut", "strokes": 3},
@@ -35,6 +36,7 @@ def folder(store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A bundle, and a painting of the workshop's."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", store)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))  # of the runner's process, which starts in the folder
     add_clay(write_painting_bundle(tmp_path / "bundle"))
     workshop = tmp_path / "paintings/pen"
     workshop.mkdir(parents=True)
