@@ -4,6 +4,7 @@ import argparse
 import ctypes
 import json
 import math
+import multiprocessing
 import os
 import shutil
 import signal
@@ -101,6 +102,9 @@ def end_with_parent() -> None:
     """Receive SIGTERM when the parent process dies (on Linux), so that `kill -9` leaves no orphan at work."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        parent = multiprocessing.parent_process()
+        if parent is not None and not parent.is_alive():  # it died while this process was starting
+            signal.raise_signal(signal.SIGTERM)
 
 
 def _terminate(_number: int, _frame: FrameType | None) -> NoReturn:

@@ -15,7 +15,8 @@ from pipelines._review.judgement import Figure
 from pipelines._review.wording import number, of_side, verdict, what_changed, with_interval
 
 _STYLE = """
-h1 { font-size: 2.2rem; } h2 { font-size: 1.5rem; margin-top: 3rem; } h3 { font-size: 1.1rem; margin-top: 1.75rem; }
+h1 { font-size: 2.2rem; } h2 { font-size: 1.5rem; margin-top: 3rem; overflow-wrap: anywhere; }
+h3 { font-size: 1.1rem; margin-top: 1.75rem; }
 .sides { display: grid; gap: 0 2rem; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); }
 .sides p { margin: .25rem 0; } .sides b { font-size: 1.05rem; }
 .sure { color: #1a7f4b; font-weight: 600; } .unsure { color: #a05a00; } .quiet { color: var(--quiet); }
