@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from pentimento.contracts.errors import PentimentoError
 from pentimento.runner.commission import Wanted
 from pentimento.runner.control import Control
 from pentimento.runner.progress import Progress
@@ -55,8 +56,11 @@ if __name__ == "__main__":
     parser.add_argument("--seed", required=True, type=int)
     parser.add_argument("--out", required=True, type=Path)
     chosen = parser.parse_args()
-    if chosen.material is None:
-        paint(chosen)
-    else:
-        sculpt(chosen)
+    try:
+        if chosen.material is None:
+            paint(chosen)
+        else:
+            sculpt(chosen)
+    except PentimentoError as error:
+        sys.exit(str(error))
     end_lean()

@@ -23,10 +23,10 @@ _PICTURES = "sculpting"
 
 _OPENING = """# Sculpting: what the planner can do
 
-Written by `python -m studies.sculpting.page`; do not edit. All of it happens in the virtual studio, where clay springs
-back, heaps up, slides and hardens by other laws than the models here know, and scans are noisy. Heights are compared
-over the whole slab of 20 × 20 cm, 128 × 128 pixels. *Height* is the mean squared error in mm², *slope* that of the
-spatial gradient. To do nothing leaves the error of *before*.
+Written by `python -m studies.sculpting.page --results DIR --out docs`; do not edit. All of it happens in the virtual
+studio, where clay springs back, heaps up, slides and hardens by other laws than the models here know, and scans are
+noisy. Heights are compared over the whole slab of 20 × 20 cm, 128 × 128 pixels. *Height* is the mean squared error in
+mm², *slope* that of the spatial gradient. To do nothing leaves the error of *before*.
 
 Each experiment is a share: the seeds are named, and `studies/sculpting/` makes others.
 """

@@ -40,12 +40,12 @@ def speed_m_s(path: Tensor) -> Tensor:
 
 
 def bending_per_m(path: Tensor) -> Tensor:
-    """Absolute curvature at each point [1/m], [B, S, N]."""
+    """Curvature at each point [1/m], positive where the path turns left (to +y from +x), [B, S, N]."""
     step = path[..., 1:3].diff(dim=-2)
     length = step.norm(dim=-1).clamp(min=_SHORTEST_M)
     heading = step / length[..., None]
     cross = heading[..., :-1, 0] * heading[..., 1:, 1] - heading[..., :-1, 1] * heading[..., 1:, 0]
-    inner = torch.asin(cross.clamp(-0.999, 0.999)).abs() / ((length[..., 1:] + length[..., :-1]) / 2)
+    inner = torch.asin(cross.clamp(-0.999, 0.999)) / ((length[..., 1:] + length[..., :-1]) / 2)
     return torch.cat([inner[..., :1], inner, inner[..., -1:]], dim=-1)
 
 

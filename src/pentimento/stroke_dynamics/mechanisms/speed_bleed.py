@@ -1,8 +1,6 @@
-"""The blur of the edge changes with the tip's speed."""
+"""With the tip's speed, ink runs further into the ground: the edge is softer and, of a thick film, further out."""
 
 from __future__ import annotations
-
-import torch
 
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import log_speed, usual_speed
@@ -16,12 +14,12 @@ class SpeedBleed(Mechanism):
     cause = "speed_bleed"
     site = "density"
     driver = "speed"
-    quantities = (Quantity("softening_per_log_speed", "1", 0.4),)
+    quantities = (Quantity("softening_per_log_speed", "1", 0.4), Quantity("spreading_per_log_speed", "1", 0.1))
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         return usual_speed(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        amount = self.values[0] * log_speed(context, self.reference["speed_m_s"])
-        return bleed(mark, amount, torch.zeros_like(amount))
+        faster = log_speed(context, self.reference["speed_m_s"])
+        return bleed(mark, self.values[0] * faster, self.values[1] * faster)
