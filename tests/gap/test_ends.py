@@ -53,3 +53,10 @@ def test_at_zero_nothing_changes() -> None:
     context, mark = straight()
     for before, after in zip(mark, ends(0, 0, 0, 0).mark(mark, context), strict=True):
         torch.testing.assert_close(before, after)
+
+
+def test_how_wide_the_mark_is_at_a_place_stays() -> None:
+    context, mark = straight()
+    tapered = mark._replace(radius_m=0.001 + 0.05 * (mark.points_m[..., 0] - 0.1))
+    moved = ends(-0.003, -0.005, 0, 0).mark(tapered, context)
+    torch.testing.assert_close(moved.radius_m, 0.001 + 0.05 * (moved.points_m[..., 0] - 0.1))

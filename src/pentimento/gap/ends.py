@@ -33,21 +33,36 @@ class UnevenEnds(Mechanism):
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         start_m, end_m, start_widening, end_widening = self.values
         arc, reach = arc_m(context.path), mark.radius_m.mean()
-        points = moved_ends(mark.points_m, context.path, start_m, end_m)
+        points, radius = moved_ends(mark.points_m, mark.radius_m, context.path, start_m, end_m)
         widening = start_widening * torch.exp(-arc / reach)
         widening = widening + end_widening * torch.exp(-(arc[..., -1:] - arc) / reach)
-        return mark._replace(points_m=points, radius_m=mark.radius_m * torch.exp(widening))
+        return mark._replace(points_m=points, radius_m=radius * torch.exp(widening))
 
 
-def moved_ends(points_m: Tensor, path: Tensor, start_m: float | Tensor, end_m: float | Tensor) -> Tensor:
-    """Points [B, S, N, 2] of a mark whose ends lie further out, by two lengths, than those of its path [B, S, N, 5].
+def moved_ends(
+    points_m: Tensor, radius_m: Tensor, path: Tensor, start_m: float | Tensor, end_m: float | Tensor
+) -> tuple[Tensor, Tensor]:
+    """Points [B, S, N, 2] and radii [B, S, N] of a mark whose ends lie further out, by two lengths, than its path's.
 
     The points behind an end give way: were it moved alone past its neighbour, a stroke would fold back on itself and
-    be no shorter for it. No end is moved in by more than to the middle of the stroke.
+    be no shorter for it. How wide the mark is at a place stays: only its ends are elsewhere. No end is moved in by more
+    than to the middle of the stroke.
+
+    Args:
+        path: [B, S, N, 5].
     """
     along, arc = tangent(path), arc_m(path)
     length = arc[..., -1:]
     share = arc / length.clamp(min=_SHORTEST_M)
     start, end = (torch.maximum(torch.as_tensor(moved), -_FARTHEST_IN * length) for moved in (start_m, end_m))
     forward = end * share**2 - start * (1 - share) ** 2
-    return points_m + forward[..., None] * along
+    within = (arc + forward).clamp(min=torch.zeros_like(length), max=length) - arc
+    return points_m + forward[..., None] * along, radius_m + _slope(radius_m, arc) * within
+
+
+def _slope(values: Tensor, arc: Tensor) -> Tensor:
+    """Change per metre at each point, [B, S, N], from the points on both sides; one-sided at the ends."""
+    rise, run = (
+        torch.cat([x[..., :1], x[..., 1:] + x[..., :-1], x[..., -1:]], -1) for x in (values.diff(), arc.diff())
+    )
+    return rise / run.clamp(min=_SHORTEST_M)

@@ -108,7 +108,8 @@ class Model:
             along, arc = tangent(path), arc_m(path)
             points = path[..., 1:3] + number["side_mm"] * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
             middle = widths.mean()
-            points = moved_ends(points, path, number["ends_mm"] * 1e-3, number["ends_mm"] * 1e-3)
+            ends_m = number["ends_mm"] * 1e-3
+            points, radius = moved_ends(points, radius, path, ends_m, ends_m)
             from_end = torch.minimum(arc, arc[..., -1:] - arc)
             widened = number["ends_widening"] * torch.exp(-from_end / middle)
             density = torch.exp(number["density_by_press"] * (press - 0.5))
