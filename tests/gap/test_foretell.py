@@ -16,7 +16,7 @@ from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
-from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
+from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +100,16 @@ def test_numbers_and_vector_are_one(measured: Measured) -> None:
     columns = np.concatenate([model.columns_of(m.cause) for m in model.mechanisms])
     np.testing.assert_array_equal(columns, np.arange(len(BASE) + model.color_offset.size, len(vector)))
     assert model.without("uneven_ends").vector.size == len(vector) - 4
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_the_base_may_lie_on_the_outer_side_of_a_bend(measured: Measured, turn: float) -> None:
+    angle = torch.linspace(0, 3, 40, dtype=torch.float64) * turn
+    path = torch.zeros(1, 1, 40, 5, dtype=torch.float64)
+    path[..., 1], path[..., 2] = 0.02 * torch.cos(angle), 0.02 * torch.sin(angle)
+    plain = first_model(measured)
+    vector = plain.vector.copy()
+    vector[BASE.index("outward_mm")] = 0.3
+    points = [model.mark(StrokeContext(path, {})).points_m for model in (plain, plain.at(vector))]
+    outward_m = ((points[1] - points[0]) * path[..., 1:3] / 0.02).sum(-1)
+    torch.testing.assert_close(outward_m, torch.full_like(outward_m, 3e-4), rtol=5e-3, atol=0)

@@ -22,6 +22,7 @@ _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
     "edge_by_press": 0.5,
     "ends_mm": 3.0,
     "side_mm": 0.5,
+    "outward_mm": 0.3,
     "ends_widening": 0.5,
 }
 _LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
@@ -39,6 +40,7 @@ _RANGE = (
         "log_edge_px": (np.log(0.3), np.log(6)),
         "ends_mm": (-50.0, 50.0),
         "side_mm": (-1.0, 1.0),
+        "outward_mm": (-1.0, 1.0),
         "ends_widening": (-1.0, 1.0),
     }
 )

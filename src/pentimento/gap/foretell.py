@@ -21,7 +21,7 @@ from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.gap.ends import moved_ends
 from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -31,9 +31,12 @@ WIDTHS = tuple(f"half_width_{k}_mm" for k in range(6))
 """Half-width at equal steps from the lightest to the deepest press."""
 SLABS = tuple(f"slab_{level:g}" for level in LEVELS)
 BASE = (
-    *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "ends_widening",
+    *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "outward_mm",
+    "ends_widening",
 )  # fmt: skip
 _THINNEST_M = 1e-5
+_TIGHT_M = 0.02
+"""Radius of a bend at whose outer side a stroke lies by ``outward_mm``: paint gathers where the tool passes twice."""
 _UNIT_EDGE = 0.15
 """Softness that stands for the base's edge: so hard that mechanisms that soften it leave the width alone."""
 
@@ -106,7 +109,9 @@ class Model:
             widths = torch.tensor([number[name] for name in WIDTHS], dtype=path.dtype) * 1e-3
             radius = interpolate(widths, press)
             along, arc = tangent(path), arc_m(path)
-            points = path[..., 1:3] + number["side_mm"] * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
+            bend = (bending_per_m(path) * _TIGHT_M).clamp(-2.0, 2.0)
+            left_mm = number["side_mm"] - number["outward_mm"] * bend[..., None]
+            points = path[..., 1:3] + left_mm * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
             middle = widths.mean()
             ends_m = number["ends_mm"] * 1e-3
             points, radius = moved_ends(points, radius, path, ends_m, ends_m)

@@ -9,7 +9,6 @@ from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.backlash import Backlash
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.canvas_tilt import CanvasTilt
-from pentimento.stroke_dynamics.mechanisms.curvature_width import CurvatureWidth
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, speed_m_s, tangent, trailing
 from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
@@ -209,19 +208,6 @@ def test_softening_keeps_the_line_of_half_darkness_and_spreading_moves_it() -> N
     torch.testing.assert_close(further.softness, softer.softness)
     moved = (half_darkness_m(further) / half_darkness_m(plain)).log()
     torch.testing.assert_close(moved, (softer.softness / plain.softness).log() * 0.3 / 0.8)
-
-
-@pytest.mark.parametrize("turn", [1.0, -1.0])
-def test_a_bend_moves_the_line_away_from_its_centre(turn: float) -> None:
-    angle = torch.linspace(0, 3, 40, dtype=torch.float64) * turn
-    path = torch.zeros(1, 1, 40, 5, dtype=torch.float64)
-    path[..., 1], path[..., 2] = 0.02 * torch.cos(angle), 0.02 * torch.sin(angle)
-    bend = CurvatureWidth(torch.tensor([0.0, 0.001], dtype=torch.float64), {"bending_per_m": 50.0})
-    moved = bend.mark(MODEL.double()(path), StrokeContext(path, {}))
-    plain = MODEL.double()(path)
-    outward = ((moved.points_m - plain.points_m) * path[..., 1:3] / 0.02).sum(-1)
-    torch.testing.assert_close(outward[..., 1:-1], torch.full_like(outward[..., 1:-1], 0.001), rtol=2e-3, atol=0)
-    torch.testing.assert_close(moved.radius_m, plain.radius_m)
 
 
 def test_what_was_not_recorded_is_not_observable() -> None:
