@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, at_lengths, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -56,13 +56,5 @@ def moved_ends(
     share = arc / length.clamp(min=_SHORTEST_M)
     start, end = (torch.maximum(torch.as_tensor(moved), -_FARTHEST_IN * length) for moved in (start_m, end_m))
     forward = end * share**2 - start * (1 - share) ** 2
-    within = (arc + forward).clamp(min=torch.zeros_like(length), max=length) - arc
-    return points_m + forward[..., None] * along, radius_m + _slope(radius_m, arc) * within
-
-
-def _slope(values: Tensor, arc: Tensor) -> Tensor:
-    """Change per metre at each point, [B, S, N], from the points on both sides; one-sided at the ends."""
-    rise, run = (
-        torch.cat([x[..., :1], x[..., 1:] + x[..., :-1], x[..., -1:]], -1) for x in (values.diff(), arc.diff())
-    )
-    return rise / run.clamp(min=_SHORTEST_M)
+    place = (arc + forward).clamp(min=torch.zeros_like(length), max=length)
+    return points_m + forward[..., None] * along, at_lengths(place, arc, radius_m[..., None])[..., 0]

@@ -26,6 +26,15 @@ def arc_m(path: Tensor) -> Tensor:
     return torch.cat([torch.zeros_like(along[..., :1]), along], dim=-1)
 
 
+def at_lengths(place_m: Tensor, arc: Tensor, field: Tensor) -> Tensor:
+    """A field [B, S, N, D] at lengths along the path, [B, S, N]: straight between points."""
+    after = (arc[..., None, :] < place_m[..., None]).sum(-1).clamp(1, arc.shape[-1] - 1)
+    low, high = arc.gather(-1, after - 1), arc.gather(-1, after)
+    share = ((place_m - low) / (high - low).clamp(min=1e-9))[..., None]
+    after = after[..., None].expand(*after.shape, field.shape[-1])
+    return torch.lerp(field.gather(-2, after - 1), field.gather(-2, after), share)
+
+
 def tangent(path: Tensor) -> Tensor:
     """Unit direction of motion at each point, [B, S, N, 2]; zero where the path does not move."""
     step = path[..., 1:3].diff(dim=-2)

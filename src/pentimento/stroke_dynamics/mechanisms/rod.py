@@ -12,7 +12,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, at_lengths, tangent
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 _FORK = 5
@@ -37,9 +37,9 @@ def swept(mark: Mark, axis: Tensor, half_length_m: Tensor, half_thickness_m: Ten
     share = ((torch.arange(count) - _FORK + 1) / (count - 2 * _FORK + 1)).clamp(0.0, 1.0).to(arc.dtype)
     place = first + share * (length - last - first)
 
-    points, u, t = (_at(place, arc, field) for field in (mark.points_m, axis, along))
+    points, u, t = (at_lengths(place, arc, field) for field in (mark.points_m, axis, along))
     a, b, density, softness = (
-        _at(place, arc, field[..., None])[..., 0]
+        at_lengths(place, arc, field[..., None])[..., 0]
         for field in (half_length_m, half_thickness_m, mark.density, mark.softness)
     )
     across = (u[..., 0] * t[..., 1] - u[..., 1] * t[..., 0]).abs()
@@ -70,12 +70,3 @@ def _fork(tip: Tensor, joint: Tensor, axis: Tensor, half_length_m: Tensor, reach
 def _path(points_m: Tensor) -> Tensor:
     """Points as geometry takes them, in the second and third column."""
     return torch.cat([torch.zeros_like(points_m[..., :1]), points_m], dim=-1)
-
-
-def _at(place_m: Tensor, arc_m: Tensor, field: Tensor) -> Tensor:
-    """A field [B, S, N, D] at lengths along the path, [B, S, N]: straight between points."""
-    after = (arc_m[..., None, :] < place_m[..., None]).sum(-1).clamp(1, arc_m.shape[-1] - 1)
-    low, high = arc_m.gather(-1, after - 1), arc_m.gather(-1, after)
-    share = ((place_m - low) / (high - low).clamp(min=1e-9))[..., None]
-    after = after[..., None].expand(*after.shape, field.shape[-1])
-    return torch.lerp(field.gather(-2, after - 1), field.gather(-2, after), share)
