@@ -40,6 +40,7 @@ def run(table: pa.Table, folder: Path, *more: str) -> int:
     return main(["diagnose", str(folder / "rows.parquet"), "--out", str(folder / "out"), *more])
 
 
+@pytest.mark.timeout(300)  # three models are fitted to two tables: a minute of one core
 def test_diagnose_finds_the_depletion_of_the_example_strokes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
