@@ -36,7 +36,7 @@ BASE = (
 )  # fmt: skip
 _THINNEST_M = 1e-5
 _TIGHT_M = 0.02
-"""Radius of a bend at whose outer side a stroke lies by ``outward_mm``: paint gathers where the tool passes twice."""
+"""Radius of a bend to whose outer side a mark lies by ``outward_mm``, also where no cause is at work."""
 _UNIT_EDGE = 0.15
 """Softness that stands for the base's edge: so hard that mechanisms that soften it leave the width alone."""
 
