@@ -1,4 +1,4 @@
-"""With the tip's speed, ink runs further into the ground: the edge is softer and, of a thick film, further out."""
+"""How far ink runs changes with the tip's speed: the edge is softer or harder and, of a thick film, further out."""
 
 from __future__ import annotations
 
