@@ -14,6 +14,8 @@ from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
+from pentimento.stroke_dynamics.mechanisms.tool_wear import ToolWear
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 KNOWN, FRESH = np.arange(40), np.arange(40, 56)
@@ -58,17 +60,45 @@ def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
     assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
 
 
-def test_no_score_of_any_cause_or_number_of_the_base_changes(
+def test_no_score_of_the_base_changes_though_the_misfit_falls(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     causes = strokes[2]
     measured, model = streaked
     _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
-    full = model.plus(*causes)
-    before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
+    before, after = (linearise(model, m.pick(KNOWN)) for m in (measured, learnt))
     unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
     np.testing.assert_allclose(before.slope.sum(0) / unit, after.slope.sum(0) / unit, atol=1e-3)
     assert after.energy.sum() < 0.9 * before.energy.sum()
+
+
+def test_a_cause_that_acts_alike_in_every_stroke_is_no_habit(
+    strokes: tuple[Measured, Model, list[Mechanism]],
+) -> None:
+    """A lag shows in all strokes at the same places about their paths; trees could learn it, and must leave it."""
+    measured, model, causes = strokes
+    full = model.plus(*causes)
+    lag = full.columns_of(BristleLag.cause)[0]
+    lagging = full.vector.copy()
+    lagging[lag] = 0.3
+    late = photographed(measured, measured.samples.after.numpy() + foretold(full.at(lagging), measured))
+    late = photographed(late, late.samples.after.numpy() - foretold(full, measured))
+    model = fit(model, late.pick(KNOWN))
+    _, learnt = learn_habits(late, model, KNOWN, causes, 0)
+    before, after = (linearise(model.plus(*causes), m.pick(KNOWN)).slope.sum(0)[lag] for m in (late, learnt))
+    assert after == pytest.approx(before, rel=0.1)
+
+
+def test_a_habit_that_looks_like_a_cause_by_chance_does_not_speak_for_it(streaked: tuple[Measured, Model]) -> None:
+    """Speeds and times are drawn; how clearly a streak shows has by chance something in common with them."""
+    measured, model = streaked
+    causes = [identity(kind, measured.context) for kind in (SpeedDensity, ToolWear)]
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    full = model.plus(*causes)
+    before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
+    scores = np.stack([before.slope.sum(0), after.slope.sum(0)])[:, full.nuisances :]
+    first, left = np.square(scores / np.sqrt(np.einsum("npp->p", before.curvature)[full.nuisances :])).sum(1)
+    assert left < 0.5 * first
 
 
 def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:

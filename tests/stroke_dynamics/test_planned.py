@@ -31,7 +31,7 @@ FITTED = {name: Span(0.0, 1.0, 1e3) for name in (*COLUMNS, "surface_level", "hum
 
 
 def some_strokes(count: int = 5) -> Strokes:
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(2)  # none within rounding of where pictures have a kink
     arrays = (
         rng.uniform((0.04, 0.03), (0.08, 0.05), (count, 2)), rng.uniform(-3, 3, count), rng.uniform(0.01, 0.03, count),
         rng.uniform(-3e-3, 3e-3, count), rng.uniform(5e-4, 2e-3, (count, 3)), rng.uniform(0.1, 0.9, (count, 3)),

@@ -3,8 +3,9 @@
 Boosted trees learn it, pixel by pixel, from where a pixel lies about its place of the path, the press there and how it
 changes, and how far it is to the stroke's ends: nothing that a cause depends on (no speed, time, load, heading, bend,
 length, place on the canvas). Two things keep them from learning an effect instead (GAP.md, rule 9). What they say of a
-stroke was learnt from others (cross-fitting; Chernozhukov et al. 2018), and what of it looks, over all strokes, like
-any of the causes is left in the residual, so that no cause's score changes: only the misfit about it falls.
+stroke was learnt from others (cross-fitting; Chernozhukov et al. 2018), and what of it looks, over all strokes and
+beyond chance, like any of the causes is left in the residual, so that this cause's score does not change: only the
+misfit about it falls.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot b
 _FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
 _TREES, _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 80, 64, 30, 0.12, 255
 _RIDGE = 1e-4
+_SURE = 3.5
+"""Standard errors. What goes with something that no tree is told (speed, time, the sheet) is no habit. Where habits
+look like it by a chance of the design, that must go with them: with all else gone, it would stand out.
+"""
 
 
 class _Trees(NamedTuple):
@@ -159,11 +164,19 @@ def _bins(features: Array, edges: Array) -> Array:
 
 def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -> Array:
     """Changes [P] of the model's numbers that would do to the strokes ``rows`` what comes nearest to photographs
-    [B, H, W, 3].
+    [B, H, W, 3]; 0 of those quantities of mechanisms that come to no more than chance.
     """
     after = torch.from_numpy((foretold(model, measured) + photographs).astype(np.float32))
     asked = replace(measured, samples=measured.samples._replace(after=after)).pick(rows)
     statistics = linearise(model, asked)
     curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
     ridged = curvature + np.diag(_RIDGE * np.diag(curvature) + 1e-15)
-    return np.asarray(np.linalg.lstsq(ridged, slope, rcond=None)[0])
+    inverse = np.linalg.pinv(ridged, hermitian=True)
+    amounts = inverse @ slope
+    # An action is one witness (White 1980): what it asks for beyond what all do.
+    own = (statistics.slope - statistics.curvature @ amounts) @ inverse
+    sure = np.abs(amounts) > _SURE * np.sqrt(np.square(own).sum(0))
+    sure[: model.nuisances] = True
+    amounts = np.zeros_like(slope)
+    amounts[sure] = np.linalg.lstsq(ridged[np.ix_(sure, sure)], slope[sure], rcond=None)[0]
+    return amounts

@@ -9,7 +9,14 @@ from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.backlash import Backlash
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.canvas_tilt import CanvasTilt
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, speed_m_s, tangent, trailing
+from pentimento.stroke_dynamics.mechanisms.geometry import (
+    arc_m,
+    bending_per_m,
+    speed_m_s,
+    tangent,
+    trailing,
+    usual_speed,
+)
 from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
@@ -17,6 +24,8 @@ from pentimento.stroke_dynamics.mechanisms.orientation_width import OrientationW
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
+from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
+from pentimento.stroke_dynamics.mechanisms.tool_wear import ToolWear
 from pentimento.stroke_dynamics.mechanisms.vignetting import Vignetting
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext, View, extended_mark, simulate
 from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
@@ -208,6 +217,26 @@ def test_softening_keeps_the_line_of_half_darkness_and_spreading_moves_it() -> N
     torch.testing.assert_close(further.softness, softer.softness)
     moved = (half_darkness_m(further) / half_darkness_m(plain)).log()
     torch.testing.assert_close(moved, (softer.softness / plain.softness).log() * 0.3 / 0.8)
+
+
+def test_less_paint_is_paler_and_may_be_softer_and_further_in() -> None:
+    strokes = context()
+    plain = MODEL.double()(strokes.path)
+    faster = torch.log(speed_m_s(strokes.path) / usual_speed(strokes)["speed_m_s"])[..., None]
+    thin = made(SpeedDensity, -0.2, 0.4, -0.1).mark(plain, strokes)
+    torch.testing.assert_close((thin.density / plain.density).log(), (-0.2 * faster).expand_as(thin.density))
+    torch.testing.assert_close((thin.softness / plain.softness).log(), (0.4 * faster).expand_as(thin.density))
+    moved = (half_darkness_m(thin) / half_darkness_m(plain)).log()
+    torch.testing.assert_close(moved, (-0.1 * faster).expand_as(moved))
+
+
+def test_wear_that_levels_off_is_the_same_at_both_ends_of_the_session() -> None:
+    strokes = context()
+    plain = MODEL.double()(strokes.path)
+    even, level = (made(ToolWear, 0.1, ahead, 0.0).mark(plain, strokes).radius_m[:, 0, 0] for ahead in (0.0, 0.05))
+    torch.testing.assert_close(level[[0, -1]], even[[0, -1]])
+    middle = (level / even).log()
+    torch.testing.assert_close(middle, 0.05 * (1 - torch.linspace(-1, 1, COUNT, dtype=torch.float64) ** 2))
 
 
 def test_what_was_not_recorded_is_not_observable() -> None:

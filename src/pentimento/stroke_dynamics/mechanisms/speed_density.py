@@ -1,27 +1,32 @@
-"""Darkness changes with the tip's speed."""
+"""Less paint is laid the faster the tip moves, or more: it is paler and, of a film, its rim softer and further in."""
 
 from __future__ import annotations
 
 import torch
 
+from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import log_speed, usual_speed
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 
 class SpeedDensity(Mechanism):
-    """See above."""
+    """See above. How much paler and how much narrower depends on how thick the paint lies, which is not recorded."""
 
     cause = "speed_density"
     site = "density"
     driver = "speed"
-    quantities = (Quantity("density_per_log_speed", "1", 0.2),)
+    quantities = (
+        Quantity("density_per_log_speed", "1", 0.2),
+        Quantity("softening_per_log_speed", "1", 0.4),
+        Quantity("spreading_per_log_speed", "1", 0.1),
+    )
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         return usual_speed(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        return mark._replace(
-            density=mark.density * torch.exp(self.values[0] * log_speed(context, self.reference["speed_m_s"]))
-        )
+        paler, softer, wider = self.values[:, None, None, None] * log_speed(context, self.reference["speed_m_s"])
+        mark = bleed(mark, softer, wider)
+        return mark._replace(density=mark.density * torch.exp(paler))

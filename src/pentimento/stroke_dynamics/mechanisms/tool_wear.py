@@ -1,9 +1,8 @@
-"""Width drifts over the tool's life and the session."""
+"""A tool's tip spreads, or is worn away, over its life and the session: evenly, or at first more than later."""
 
 from __future__ import annotations
 
-import torch
-
+from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import column, recorded
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
@@ -12,12 +11,16 @@ _COLUMNS = ("tool_age_m", "t_start_s", "order")
 
 
 class ToolWear(Mechanism):
-    """See above."""
+    """See above. A spread tip's rim is softer."""
 
     cause = "tool_wear"
     site = "width"
     driver = "session"
-    quantities = (Quantity("width_per_half_session", "1", 0.1),)
+    quantities = (
+        Quantity("width_per_half_session", "1", 0.1),
+        Quantity("ahead_at_half_session", "1", 0.05),
+        Quantity("softening_per_half_session", "1", 0.4),
+    )
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
@@ -26,6 +29,7 @@ class ToolWear(Mechanism):
         return {"column": float(number), "middle": middle, "half": half}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        age = column(context, _COLUMNS[int(self.reference["column"])])
+        age = column(context, _COLUMNS[int(self.reference["column"])])[..., None]
         age = (age - self.reference["middle"]) / self.reference["half"]
-        return mark._replace(radius_m=mark.radius_m * torch.exp(self.values[0] * age[..., None]))
+        width, ahead, softening = self.values
+        return bleed(mark, softening * age, width * age + ahead * (1 - age**2))
