@@ -8,7 +8,8 @@ from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.search import find_large, is_large
+from pentimento.gap.score import Evidence
+from pentimento.gap.search import _shortlist, find_large, is_large
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from tests.gap.test_habits import photographed
@@ -39,3 +40,15 @@ def test_a_lag_is_found_first_if_it_is_large(distance_m: float, found: set[str])
         lag = next(m for m in begun.model.mechanisms if m.cause == "bristle_lag")
         assert is_large(lag)
         assert float(lag.values[0]) == pytest.approx(distance_m, rel=0.1)
+
+
+def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:
+    """A lag of millimetres is far from linear: its test is sure, what it would gain to second order is not."""
+    lag = Evidence(0.001, 0.003, 0.02, (-0.001, 0.04), -0.0001)
+    assert shortlist({"bristle_lag": lag, "path_scale": lag._replace(p_adjusted=0.5)}, 0.01) == ["bristle_lag"]
+    assert shortlist({"bristle_lag": lag._replace(gain=-0.001)}, 0.01) == []
+
+
+def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:
+    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
+    return _shortlist(evidence, limit, 0.05, observable)

@@ -155,8 +155,16 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         small = {c for c in losses if size[c] < max(least, _enough(observable[c], observable, gained))}
         dismissed |= small
         losses = {cause: after for cause, after in losses.items() if cause not in small}
-        if not any(_stands(fresh[cause], limit) for cause in losses):
-            continue  # those that were tried for the sake of a cause that is dismissed are not sure enough themselves
+        # From no effect a large one may look like little; what its refit removes is then the witness.
+        sure = {
+            cause
+            for cause, after in losses.items()
+            if _stands(fresh[cause], limit)
+            and (fresh[cause].least_gain > 0 or paired_p(before - after, seed) < _LATER_P)
+        }
+        if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
+            dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
+            continue
         step = _best(evidence, losses, observable, seed, log)
         steps.append(step)
         assert step.chosen is not None
@@ -223,7 +231,7 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
 
 
 def _stands(evidence: Evidence, limit: float) -> bool:
-    return evidence.p_adjusted < limit and evidence.least_gain > 0
+    return evidence.p_adjusted < limit and evidence.gain > 0
 
 
 def _shortlist(
