@@ -76,7 +76,7 @@ def single_threaded() -> None:
     import torch
 
     torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
+    torch.set_deterministic_debug_mode("error")  # use_deterministic_algorithms would load a compiler: seconds a stage
 
 
 def failure_sentence(error: BaseException) -> str:

@@ -9,7 +9,6 @@ that git knows or would add, with DVC's cache and MLflow's store shared: the wor
 import filecmp
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -20,9 +19,11 @@ from ruamel.yaml import YAML
 
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._config import read_yaml
+from pipelines._dvc import run_dvc
 from pipelines._io import end_with_parent
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
+from pipelines._side_by_side import bring_up_to_date
 from pipelines._tracking.execution import VARIABLE
 from pipelines._tracking.timings import TIMINGS
 
@@ -49,7 +50,10 @@ def main(arguments: list[str]) -> int:
     started = time.time()
     execution = f"{profile or 'default'} · {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(started))}"
     os.environ[VARIABLE] = execution
-    status = run_dvc(["repro"], folder)
+    try:
+        status = bring_up_to_date(folder)
+    except KeyboardInterrupt:  # no stage had begun
+        status = 130
     try:
         if status != 0 or _ran_since(folder, started):
             link(folder, execution, _STATUS.get(status, "FAILED"))
@@ -74,31 +78,6 @@ def main(arguments: list[str]) -> int:
 def _ran_since(folder: Path, started: float) -> bool:
     """Whether a stage finished since then."""
     return any(file.stat().st_mtime >= started for file in (folder / TIMINGS).glob("*.json"))
-
-
-def run_dvc(arguments: list[str], folder: Path) -> int:
-    """Run DVC in `folder` and return its exit status, 130 after Ctrl-C, 143 after SIGTERM.
-
-    Ctrl-C reaches DVC and its stage from the terminal; we only wait for them. SIGTERM is passed on.
-    """
-    here = str(Path(sys.executable).parent)
-    environment = os.environ | {"PATH": f"{here}{os.pathsep}{os.environ.get('PATH', os.defpath)}"}
-    command = [sys.executable, "-m", "dvc", *arguments]
-    process = subprocess.Popen(command, cwd=folder, env=environment, preexec_fn=end_with_parent)
-    received: list[int] = []
-
-    def receive(number: int, _frame: object) -> None:
-        received.append(number)
-        if number == signal.SIGTERM:
-            process.terminate()
-
-    previous = {number: signal.signal(number, receive) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        status = process.wait()
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
-    return 128 + received[0] if received else abs(status)
 
 
 def restore_missing(folder: Path) -> None:

@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from filelock import FileLock
+
 from pentimento.contracts.atomic import atomic_write
 from pipelines._config import read_yaml
 from pipelines._io import failure_sentence
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from mlflow.entities import Metric
 
 UNFINISHED = Path(".pentimento/runs")
+_LOCK = UNFINISHED.parent / "begin.lock"
 _FLUSH_AT = 200  # metrics; one transaction each would cost 10 ms
 _PARAMS_A_BATCH = 100  # MLflow's limit
 _PARAM_LENGTH = 6000  # MLflow's limit
@@ -149,8 +152,9 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
     digests = {label: input_digest(path) for label, path in inputs.items()}
     started = time.perf_counter()
     with store_errors():
-        client = open_store()
-        run = _begin(client, stage, item, name, _key(params, digests))
+        with _alone():
+            client = open_store()
+            run = _begin(client, stage, item, name, _key(params, digests))
         _describe(client, run.id, params, inputs, digests)
         try:
             yield run
@@ -175,6 +179,12 @@ def _end_failed(run: Run, sentence: str) -> None:
 
     with suppress(MlflowException):
         run.end("FAILED", error=sentence)
+
+
+def _alone() -> FileLock:
+    """While stages begin at once, store, experiment and execution are made by the first of them only."""
+    _LOCK.parent.mkdir(parents=True, exist_ok=True)
+    return FileLock(_LOCK)
 
 
 def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key: str) -> Run:

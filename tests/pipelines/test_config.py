@@ -87,7 +87,7 @@ def test_a_section_becomes_its_dataclass_with_units_converted(tmp_path: Path) ->
         ("last: null", "last: 3", r"paint\.last is 3, expected indented `key: value` lines"),
         ("last: null", "last: null\n  last: null", "line 11: found duplicate key"),
         ("paint:", "pain:", r"has no section 'paint'"),
-        (GOOD, "[paint", "is not valid YAML at line 1"),
+        (GOOD, "[paint", r"is not valid YAML at line \d"),
         (GOOD, "paint", "holds 'paint' where sections are expected"),
     ],
 )

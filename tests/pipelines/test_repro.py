@@ -137,7 +137,7 @@ def test_an_execution_is_named_for_its_stages_and_closed(
     named: list[str] = []
     ended: list[tuple[Path, str, str]] = []
 
-    def dvc(_arguments: list[str], folder: Path) -> int:
+    def dvc(folder: Path) -> int:
         named.append(os.environ[VARIABLE])
         if ran:
             (folder / "data/timings").mkdir(parents=True, exist_ok=True)
@@ -147,7 +147,7 @@ def test_an_execution_is_named_for_its_stages_and_closed(
     monkeypatch.chdir(repository)
     for name in ("MLFLOW_TRACKING_URI", "PENTIMENTO_PROFILE", VARIABLE):
         monkeypatch.setenv(name, "unused")
-    monkeypatch.setattr("pipelines._repro.run_dvc", dvc)
+    monkeypatch.setattr("pipelines._repro.bring_up_to_date", dvc)
     monkeypatch.setattr("pipelines._repro.link", lambda *told: ended.append(told))
     assert main(["smoke"]) == status
     assert named[0].startswith("smoke · 20")

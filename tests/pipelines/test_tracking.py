@@ -1,5 +1,7 @@
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -192,3 +194,26 @@ def test_lightning_writes_into_the_run(client: Any) -> None:
     assert logger.run_id == run.id
     assert client.get_run(run.id).data.metrics["val_loss"] == 0.25
     assert client.get_experiment_by_name(experiment_of("paint")) is not None
+
+
+def test_stages_that_begin_at_once_share_store_experiment_and_execution(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each in its own process, as side by side they are; the store is not there yet."""
+    from mlflow import MlflowClient
+
+    (tmp_path / "params.yaml").write_text("{}")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    monkeypatch.setenv("PENTIMENTO_EXECUTION", "default · now")
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    code = (
+        "import sys; from pipelines._tracking import tracked_run\nwith tracked_run('paint', sys.argv[1], {}, {}): pass"
+    )
+    stages = [subprocess.Popen([sys.executable, "-c", code, item], cwd=tmp_path) for item in ("colour", "marker")]
+    assert [stage.wait(120) for stage in stages] == [0, 0]
+    client = MlflowClient(f"sqlite:///{tmp_path / 'mlflow.db'}")
+    (experiment,) = [one for one in client.search_experiments() if one.name == experiment_of("paint")]
+    runs = client.search_runs([experiment.experiment_id])
+    (parent,) = [run for run in runs if run.data.tags["kind"] == "execution"]
+    stages_of = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent.info.run_id]
+    assert {run.data.tags["item"] for run in stages_of} == {"colour", "marker"}

@@ -42,7 +42,7 @@ def gather(futures: Iterable[Future[R]]) -> list[R]:
 def _start(start: Callable[[], None]) -> None:
     start()
     torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
+    torch.set_deterministic_debug_mode("error")
 
 
 def _at_once(function: Callable[..., R], *arguments: Any) -> Future[R]:

@@ -50,7 +50,7 @@ class Job:
 def paint_shard(job: Job) -> bytes:
     """The shard's rows in the ``copaintings`` contract, as a Parquet file."""
     torch.set_num_threads(1)  # sums come in one order, and workers share the machine's cores
-    torch.use_deterministic_algorithms(True)
+    torch.set_deterministic_debug_mode("error")
     painter = _painter(job.name, job.setting, job.stroke_model, job.semantics)
     with threadpool_limits(1):  # k-means and linear algebra have threads of their own
         rows = [row for scene in job.scenes for row in paint_scene(scene, painter, job.partials)]

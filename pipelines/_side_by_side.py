@@ -1,0 +1,100 @@
+"""Two stages at a time: `dvc repro` runs one after the other, and most stages use one core.
+
+DVC itself runs each stage (`dvc repro --single-item`), as soon as all that it reads is there; the one from which the
+longest chain of stages hangs comes first.
+"""
+
+import json
+import os
+import re
+import signal
+import threading
+import time
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from subprocess import PIPE, STDOUT
+from typing import IO, cast
+
+from pipelines._dvc import Process, ask_dvc, run_dvc, send, signals_passed_on, start_dvc
+
+AT_ONCE = 2
+Reads = Mapping[str, frozenset[str]]
+"""By stage: the stages whose outputs it reads."""
+_POLL_S = 0.1
+_EDGE = re.compile(r'^\s*"([^"]+)" -> "([^"]+)";$', re.MULTILINE)
+
+
+def bring_up_to_date(folder: Path) -> int:
+    """Run what is out of date of the pipeline in `folder`; DVC's exit status, 130 after Ctrl-C, 143 after SIGTERM."""
+    stages = out_of_date(json.loads(ask_dvc(["status", "--json"], folder) or "{}"), ask_dvc(["dag", "--dot"], folder))
+    status = _run_all(stages, folder) if stages else 0
+    # What is wrong with the pipeline as a whole (a cycle, a file that cannot be read) is for DVC to say.
+    return status or run_dvc(["repro"], folder)
+
+
+def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
+    """Return the stages that must be looked at, and which of them each one reads.
+
+    Parameters
+    ----------
+    changed
+        By stage that is out of date by itself, in what (`dvc status --json`).
+    dot
+        The graph of the pipeline (`dvc dag --dot`), from a stage to those that read it.
+    """
+    edges = _EDGE.findall(dot)
+    found, new = set[str](), set(changed)
+    while new:
+        found |= new
+        new = {reader for stage, reader in edges if stage in found} - found
+    return {name: frozenset(stage for stage, reader in edges if reader == name and stage in found) for name in found}
+
+
+def in_order(reads: Reads) -> list[str]:
+    """Sort stages by the chain of stages that hangs from them, the longest first; of equals, by name."""
+
+    @cache
+    def below(name: str) -> int:
+        return max((1 + below(reader) for reader, read in reads.items() if name in read), default=0)
+
+    return sorted(reads, key=lambda name: (-below(name), name))
+
+
+def _run_all(reads: Reads, folder: Path) -> int:
+    """Run the stages, `AT_ONCE` at a time, until all are done or one has failed; then the others are stopped."""
+    os.environ["OMP_WAIT_POLICY"] = "PASSIVE"  # threads that spin while they wait take the other stage's core
+    waiting, done, running = in_order(reads), set[str](), dict[str, Process]()
+    readers: list[threading.Thread] = []
+    status = 0
+    with signals_passed_on(running.values()) as received:
+        while (waiting or running) and status == 0 and not received:
+            ready = [name for name in waiting if reads[name] <= done]
+            for name in ready[: AT_ONCE - len(running)]:
+                arguments = ["--wait-for-lock", "repro", "--single-item", name]
+                running[name] = start_dvc(arguments, folder, stdout=PIPE, stderr=STDOUT)
+                readers.append(_passing_on(running[name], name))
+                waiting.remove(name)
+            time.sleep(_POLL_S)
+            for name in [name for name, process in running.items() if process.poll() is not None]:
+                status = abs(running.pop(name).returncode) or status
+                done.add(name)
+        send(running.values(), signal.SIGTERM)
+        for process in running.values():
+            process.wait()
+    for reader in readers:
+        reader.join()
+    return 128 + received[0] if received else status
+
+
+def _passing_on(process: Process, name: str) -> threading.Thread:
+    """Print what a stage says, each line with its name before it."""
+
+    def pass_on() -> None:
+        with cast(IO[bytes], process.stdout) as lines:
+            for line in lines:
+                print(f"{name} | {line.decode(errors='replace')}", end="", flush=True)
+
+    thread = threading.Thread(target=pass_on)
+    thread.start()
+    return thread
