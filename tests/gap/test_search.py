@@ -9,9 +9,11 @@ from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _shortlist, find_large, is_large
+from pentimento.gap.search import _best, _shortlist, find_large, is_large
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from tests.gap.test_habits import photographed
 
 
@@ -52,3 +54,21 @@ def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -
 def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:
     observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
     return _shortlist(evidence, limit, 0.05, observable)
+
+
+@pytest.mark.parametrize(
+    ("by_the_simple", "chosen", "rivals"),
+    [
+        (0.97, "speed_width", ("speed_bleed",)),  # surely less than the other removes, but nearly as much
+        (0.80, "speed_bleed", ()),
+    ],
+)
+def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
+    by_the_simple: float, chosen: str, rivals: tuple[str, ...]
+) -> None:
+    """`speed_bleed` can do what `speed_width` does, and soften the edge."""
+    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (SpeedWidth, SpeedBleed)}
+    removed = np.random.default_rng(0).uniform(0.9, 1.1, 60)
+    losses = {"speed_bleed": 3.0 - removed, "speed_width": 3.0 - by_the_simple * removed}
+    step = _best({}, losses, 3.0, observable, 0, lambda line: None)
+    assert (step.chosen, step.rivals) == (chosen, rivals)

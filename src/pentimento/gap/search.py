@@ -26,6 +26,7 @@ Array = NDArray[Any]
 _DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
 _WORSE_P = 0.05
+_NEARLY = 0.95  # of what the best one removes
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
@@ -113,7 +114,7 @@ def find_large(
         losses = {cause: each for cause, each in losses.items() if error - each.mean() >= least}
         if not losses:
             break
-        step = _best(evidence, losses, observable, seed, log)
+        step = _best(evidence, losses, error, observable, seed, log)
         assert step.chosen is not None
         if not is_large(refits[step.chosen].mechanisms[-1]):
             break
@@ -165,7 +166,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
             dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
             continue
-        step = _best(evidence, losses, observable, seed, log)
+        step = _best(evidence, losses, error, observable, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
@@ -176,6 +177,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
 def _best(
     evidence: dict[str, Evidence],
     losses: Mapping[str, Array],
+    error: float,
     observable: Mapping[str, Mechanism],
     seed: int,
     log: Callable[[str], None],
@@ -183,10 +185,13 @@ def _best(
     """The simplest of the causes whose refit leaves no more error than the best one's, by held-out losses [n] of each.
 
     What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
-    causes that cannot be told apart, the one with the fewest is taken.
+    causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
+    removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
+    right, and a spare quantity takes up what the form lacks.
     """
     least = min(losses, key=lambda cause: float(losses[cause].mean()))
-    tied = [c for c in losses if c == least or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
+    nearly = error - _NEARLY * (error - float(losses[least].mean()))
+    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
     chosen = min(tied, key=lambda c: (len(observable[c].quantities), float(losses[c].mean())))
     rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
