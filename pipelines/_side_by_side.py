@@ -64,6 +64,7 @@ def in_order(reads: Reads) -> list[str]:
 def _run_all(reads: Reads, folder: Path) -> int:
     """Run the stages, `AT_ONCE` at a time, until all are done or one has failed; then the others are stopped."""
     os.environ["OMP_WAIT_POLICY"] = "PASSIVE"  # threads that spin while they wait take the other stage's core
+    os.environ["PYTHONUNBUFFERED"] = "1"  # into a pipe, what a stage says would come when it ends
     waiting, done, running = in_order(reads), set[str](), dict[str, Process]()
     readers: list[threading.Thread] = []
     status = 0
@@ -79,7 +80,8 @@ def _run_all(reads: Reads, folder: Path) -> int:
             for name in [name for name, process in running.items() if process.poll() is not None]:
                 status = abs(running.pop(name).returncode) or status
                 done.add(name)
-        send(running.values(), signal.SIGTERM)
+        if not received:  # else they know
+            send(running.values(), signal.SIGTERM)
         for process in running.values():
             process.wait()
     for reader in readers:
