@@ -1,4 +1,4 @@
-"""Two stages at a time: `dvc repro` runs one after the other, and most stages use one core.
+"""Two stages at a time: `dvc repro` runs one after the other, and many stages use one core.
 
 DVC itself runs each stage (`dvc repro --single-item`), as soon as all that it reads is there; the one from which the
 longest chain of stages hangs comes first.

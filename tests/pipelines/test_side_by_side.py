@@ -114,4 +114,5 @@ def test_a_terminated_run_ends_its_stages(tmp_path: Path) -> None:
 
 def test_a_pipeline_that_dvc_cannot_read_is_dvcs_to_explain(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     folder = pipeline(tmp_path, "  one: {comand: x}")
-    assert bring_up_to_date(folder) not in (0, 1) or "dvc.yaml" in capfd.readouterr().err
+    assert bring_up_to_date(folder) != 0
+    assert "dvc.yaml" in capfd.readouterr().err
