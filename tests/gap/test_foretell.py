@@ -10,7 +10,18 @@ from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import BASE, Model, foretold_linear, identity, ink, mean_squared_error, residual
+from pentimento.gap.foretell import (
+    BASE,
+    Model,
+    foretold,
+    foretold_linear,
+    identity,
+    ink,
+    mark_px,
+    marks_px,
+    mean_squared_error,
+    residual,
+)
 from pentimento.gap.jacobian import linearise, linearise_rows
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
@@ -38,6 +49,23 @@ def with_all_causes(measured: Measured) -> Model:
         except NotObservable:
             continue
     return first_model(measured).plus(*found)
+
+
+def test_many_marks_at_once_are_those_of_each(measured: Measured) -> None:
+    few = measured.pick(np.arange(3))
+    model = with_all_causes(measured)
+    rng = np.random.default_rng(1)
+    vectors = model.vector + 0.03 * rng.normal(size=(4, len(model.vector)))
+    at_once = marks_px(model, model.mechanisms, vectors, few)
+    np.testing.assert_allclose(at_once, [mark_px(model.at(vector), few) for vector in vectors], rtol=1e-9)
+
+
+def test_what_is_foretold_where_nothing_is_drawn_is_the_photograph_before(measured: Measured) -> None:
+    few = measured.pick(np.arange(3))
+    for model in (first_model(measured), with_all_causes(measured)):
+        moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
+        whole = linear_to_srgb(foretold_linear(ink(moved, few), few))
+        np.testing.assert_allclose(foretold(moved, few), whole, atol=2e-6)
 
 
 def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:

@@ -8,6 +8,7 @@ ends a little beyond their command and wider. What is left of the mark's own sha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.func import vmap
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.gap.ends import moved_ends
@@ -101,28 +103,33 @@ class Model:
 
     def mark(self, context: StrokeContext) -> Mark:
         """What the strokes leave, [B, S, N]; ``softness`` counts the base's edges, in ``_UNIT_EDGE``."""
-        number = dict(zip(BASE, map(float, self.base), strict=True))
-        low, high = self.press_m
+        return _mark(self.press_m, torch.tensor(self.base, dtype=torch.float64), self.at_work, context)
 
-        def base(path: Tensor) -> Mark:
-            press = (-path[..., 3] - low) / (high - low)
-            widths = torch.tensor([number[name] for name in WIDTHS], dtype=path.dtype) * 1e-3
-            radius = interpolate(widths, press)
-            along, arc = tangent(path), arc_m(path)
-            bend = (bending_per_m(path) * _TIGHT_M).clamp(-2.0, 2.0)
-            left_mm = number["side_mm"] - number["outward_mm"] * bend[..., None]
-            points = path[..., 1:3] + left_mm * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
-            middle = widths.mean()
-            ends_m = number["ends_mm"] * 1e-3
-            points, radius = moved_ends(points, radius, path, ends_m, ends_m)
-            from_end = torch.minimum(arc, arc[..., -1:] - arc)
-            widened = number["ends_widening"] * torch.exp(-from_end / middle)
-            density = torch.exp(number["density_by_press"] * (press - 0.5))
-            radius = (radius * torch.exp(widened)).clamp(min=_THINNEST_M)
-            edge = _UNIT_EDGE * torch.exp(number["edge_by_press"] * (press - 0.5))
-            return Mark(points, radius, density, edge)
 
-        return extended_mark(base, self.at_work, context)
+def _mark(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
+    """See ``Model.mark``; ``base`` [len(BASE)]."""
+    number = dict(zip(BASE, base, strict=True))
+    low, high = press_m
+
+    def plain(path: Tensor) -> Mark:
+        press = (-path[..., 3] - low) / (high - low)
+        widths = base[: len(WIDTHS)] * 1e-3
+        radius = interpolate(widths, press)
+        along, arc = tangent(path), arc_m(path)
+        bend = (bending_per_m(path) * _TIGHT_M).clamp(-2.0, 2.0)
+        left_mm = number["side_mm"] - number["outward_mm"] * bend[..., None]
+        points = path[..., 1:3] + left_mm * 1e-3 * torch.stack([-along[..., 1], along[..., 0]], dim=-1)
+        middle = widths.mean()
+        ends_m = number["ends_mm"] * 1e-3
+        points, radius = moved_ends(points, radius, path, ends_m, ends_m)
+        from_end = torch.minimum(arc, arc[..., -1:] - arc)
+        widened = number["ends_widening"] * torch.exp(-from_end / middle)
+        density = torch.exp(number["density_by_press"] * (press - 0.5))
+        radius = (radius * torch.exp(widened)).clamp(min=_THINNEST_M)
+        edge = _UNIT_EDGE * torch.exp(number["edge_by_press"] * (press - 0.5))
+        return Mark(points, radius, density, edge)
+
+    return extended_mark(plain, mechanisms, context)
 
 
 def interpolate(values: Tensor, share: Tensor) -> Tensor:
@@ -179,13 +186,32 @@ def press_shares(model: Model, measured: Measured) -> Array:
 
 def mark_px(model: Model, measured: Measured) -> Array:
     """float64[B, N, 5]: column, row, half-width, density, edge."""
-    mark, samples = model.mark(measured.context), measured.samples
+    base = torch.tensor(model.base, dtype=torch.float64)
+    return _mark_px(model.press_m, base, model.at_work, measured).numpy()
+
+
+def marks_px(model: Model, mechanisms: Sequence[Mechanism], vectors: Array, measured: Measured) -> Array:
+    """The marks of a model at many numbers at once, float64[K, B, N, 5] as ``mark_px``.
+
+    Args:
+        mechanisms: those of the model that are at work; the others are left out.
+        vectors: [K, P], as ``Model.vector``.
+    """
+    parts = [(m, model.columns_of(m.cause), torch.tensor(_typical(m))) for m in mechanisms]
+
+    def at(vector: Tensor) -> Tensor:
+        valued = [type(m)(vector[columns] * typical, m.reference) for m, columns, typical in parts]
+        return _mark_px(model.press_m, vector[: len(model.base)], valued, measured)
+
+    return np.asarray(vmap(at)(torch.tensor(vectors)).numpy())
+
+
+def _mark_px(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Mechanism], measured: Measured) -> Tensor:
+    mark, samples = _mark(press_m, base, mechanisms, measured.context), measured.samples
     scale = samples.pixels_per_m.double()[:, None, None]
     points = samples.view.to_pixels(mark.points_m)[:, 0]
-    edge = np.exp(model.base[BASE.index("log_edge_px")]) / _UNIT_EDGE * mark.softness
-    return torch.cat(
-        [points, *(v.transpose(1, 2) for v in (mark.radius_m * scale, mark.density, edge))], dim=-1
-    ).numpy()
+    edge = torch.exp(base[BASE.index("log_edge_px")]) / _UNIT_EDGE * mark.softness
+    return torch.cat([points, *(v.transpose(1, 2) for v in (mark.radius_m * scale, mark.density, edge))], dim=-1)
 
 
 def paint_and_gain(model: Model, measured: Measured, made: Imprint) -> tuple[Array, Array]:
@@ -221,11 +247,13 @@ def taken_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array
     return change
 
 
-def foretold_linear(laid: Ink, measured: Measured) -> Array:
-    """The windows after the strokes, linear light float32[B, H, W, 3]."""
+def foretold_linear(laid: Ink, measured: Measured, pixels: Any = ...) -> Array:
+    """The windows after the strokes, linear light float32[B, H, W, 3]; or those ``pixels`` of [B, H, W], [n, 3]."""
     below = measured.samples.before_linear.numpy()
-    mixed = below + laid.imprint.coverage[..., None] * (laid.paint - below)
-    return np.maximum(mixed * laid.gain[..., None], 0.0)
+    paint = np.broadcast_to(laid.paint, below.shape)[pixels]
+    below = below[pixels]
+    mixed = below + laid.imprint.coverage[pixels][..., None] * (paint - below)
+    return np.maximum(mixed * laid.gain[pixels][..., None], 0.0)
 
 
 def residual(model: Model, measured: Measured) -> Array:
@@ -235,7 +263,11 @@ def residual(model: Model, measured: Measured) -> Array:
 
 def foretold(model: Model, measured: Measured) -> Array:
     """The photographs after the strokes, sRGB float32[B, H, W, 3]."""
-    return np.asarray(linear_to_srgb(foretold_linear(ink(model, measured), measured)) + measured.habit)
+    laid = ink(model, measured)
+    changed = (laid.imprint.segment >= 0) | (laid.gain != 1)
+    after = measured.samples.before.numpy().copy()
+    after[changed] = linear_to_srgb(foretold_linear(laid, measured, changed))
+    return np.asarray(after + measured.habit)
 
 
 def mean_squared_error(residuals: Array, measured: Measured) -> Array:

@@ -94,13 +94,19 @@ def learn_habits(
     fold_of = dict(zip(actions, np.random.default_rng([seed, 21]).permutation(len(actions)) % _FOLDS, strict=True))
     fold = np.array([fold_of.get(action, -1) for action in measured.action])[pixels.stroke]
     trees = tuple(_grown(pixels, missing, known & (fold != k)) for k in range(_FOLDS))
-    says = np.stack([each.say(pixels.features) for each in trees], axis=1)
-    said = np.where(known, says[np.arange(len(says)), fold], says.mean(1))
+    said = np.zeros(len(missing))
+    for k, each in enumerate(trees):
+        told = ~known | (fold == k)  # a stroke that was learnt from, by those that did not see it
+        said[told] += each.say(pixels.features[told])
+    said[~known] /= _FOLDS
     right = (pixels.depth * missing * said)[known].sum() / max((pixels.depth * said**2)[known].sum(), 1e-12)
     share = float(np.clip(right, 0.0, 1.0))
     full = model.plus(*candidates)
     amounts = _fitted(share * pixels.photographs(said), measured, full, rows)
-    habits = Habits(full, trees, share, amounts)
+    unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
+    columns = [full.columns_of(cause) for cause in unlike]
+    amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
+    habits = Habits(full.without(*unlike), trees, share, amounts)
     return habits, habits._joined(measured, pixels, said)
 
 

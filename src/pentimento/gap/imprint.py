@@ -24,6 +24,7 @@ Array = NDArray[Any]
 LEVELS = np.array([1.0, 0.4, 0.7, 0.85, 1.15, 1.35])
 """Half-widths of the slabs over the stroke's; the first is the plain stroke."""
 _REACH_SIGMA = 4.0
+_SURE_SIGMA = 5.5  # from an edge, where a slab is whole or nothing in single precision
 _THINNEST_PX = 0.05
 _NARROWEST_PX = 0.25
 _FIELDS = 5
@@ -122,6 +123,12 @@ def _imprint_one(
             for level in range(len(levels)):
                 near = (levels[level] * radius - distance) / sigma
                 far = (-levels[level] * radius - distance) / sigma
+                if near < -_SURE_SIGMA:  # far outside of this slab
+                    continue
+                if near > _SURE_SIGMA and far < -_SURE_SIGMA:  # well inside
+                    by_level[row, column, level] = density
+                    value += weights[level]
+                    continue
                 slab = 0.5 * (math.erf(near * 0.7071067811865476) - math.erf(far * 0.7071067811865476))
                 by_level[row, column, level] = density * slab
                 peak_near, peak_far = math.exp(-0.5 * near * near), math.exp(-0.5 * far * far)
@@ -144,15 +151,15 @@ def _chain(by_mark: Array, segment: Array, along: Array, change: Array, changes:
     """Fill ``changes`` [P, H, W] by ``change`` [P, N, 5] of the mark."""
     height, width = segment.shape
     last = change.shape[1] - 1
-    for p in range(len(change)):
-        for row in range(height):
-            for column in range(width):
-                k = segment[row, column]
-                if k < 0:
-                    continue
-                t = along[row, column]
+    for row in range(height):
+        for column in range(width):
+            k = segment[row, column]
+            if k < 0:
+                continue
+            t, following = along[row, column], min(segment[row, column] + 1, last)
+            for p in range(len(change)):
                 total = np.float32(0)
                 for f in range(5):
-                    first = change[p, k, f]
-                    total += by_mark[row, column, f] * (first + t * (change[p, min(k + 1, last), f] - first))
+                    start = change[p, k, f]
+                    total += by_mark[row, column, f] * (start + t * (change[p, following, f] - start))
                 changes[p, row, column] = total

@@ -6,6 +6,7 @@ differences. All numbers of a row share one pass over its pixels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,11 +22,12 @@ from pentimento.gap.foretell import (
     acts_on,
     foretold_linear,
     ink,
-    mark_px,
+    marks_px,
     paint_and_gain,
 )
 from pentimento.gap.imprint import Imprint, change_of_coverage
 from pentimento.gap.measured import Measured
+from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
@@ -36,9 +38,8 @@ _ROWS_AT_ONCE = 48
 
 def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
     """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
-    below = measured.samples.before_linear.numpy()
-    steep = _srgb_slope(foretold_linear(laid, measured))
-    return np.asarray(steep * (laid.paint - below) * laid.gain[..., None])
+    _, steepness = _srgb_and_slope(foretold_linear(laid, measured))
+    return _by_coverage(laid, steepness, measured)
 
 
 def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
@@ -48,8 +49,8 @@ def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> A
     number, changes = _changes_of_mark(model, measured)
     drawn = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None])[0]
     drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
-    change = slope_by_coverage(laid, measured) * drawn[..., None]
-    steepness = _srgb_slope(linear)
+    _, steepness = _srgb_and_slope(linear)
+    change = _by_coverage(laid, steepness, measured) * drawn[..., None]
     for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
         change += steepness * (laid.imprint.coverage * laid.gain)[..., None] * (amounts[p] * paint)
         if gain is not None:
@@ -90,62 +91,79 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
     coverage; only what changes the paint or the picture needs all three.
     """
     laid = ink(model, measured)
-    linear = foretold_linear(laid, measured)
-    valid = measured.samples.valid.numpy()
-    steepness = _srgb_slope(linear) * valid[..., None]
-    by_coverage = slope_by_coverage(laid, measured) * valid[..., None]
-    by_paint = steepness * (laid.imprint.coverage * laid.gain)[..., None]
-    by_gain = steepness * linear / laid.gain[..., None]
-    rest = (measured.samples.after.numpy() - linear_to_srgb(linear) - measured.habit) * valid[..., None]
-
     number, changes = _changes_of_mark(model, measured)
-    drawn = change_of_coverage(laid.imprint, changes)
     of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
     of_paint = _changes_of_paint(model, measured, laid.imprint)
+    inked = laid.imprint.segment >= 0
+    by_camera = any(gain is not None for _, _, gain in of_paint)
+    pixels = np.ones_like(inked) if by_camera else inked  # elsewhere nothing changes
+    first, first_inked = (np.concatenate([[0], np.cumsum(some.sum((1, 2)))]) for some in (pixels, inked))
 
+    samples, valid = measured.samples, measured.samples.valid.numpy()
+    linear = foretold_linear(laid, measured, pixels)
+    srgb, steepness = _srgb_and_slope(linear)
+    steepness *= valid[pixels][:, None]
+    by_coverage = _by_coverage(laid, steepness, measured, pixels)
+    by_paint = steepness * (laid.imprint.coverage * laid.gain)[pixels][:, None]
+    by_gain = steepness * linear / laid.gain[pixels][:, None]
+    rest = (samples.after.numpy() - samples.before.numpy() - measured.habit) * valid[..., None]
+    missing = (samples.after.numpy()[pixels] - srgb - measured.habit[pixels]) * valid[pixels][:, None]
+    rest[pixels] = missing
+
+    maps = np.concatenate([laid.imprint.by_level[inked].T, change_of_coverage(laid.imprint, changes)[:, inked]])
     curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
     slope = np.zeros((len(measured), len(model.vector)))
     energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     for b in range(len(measured)):
-        inked = laid.imprint.segment[b] >= 0
-        maps = np.concatenate([laid.imprint.by_level[b][inked].T, drawn[:, b][:, inked]])
-        depth = by_coverage[b][inked]
-        curvature[b][np.ix_(of_mark, of_mark)] = (maps * np.square(depth).sum(1)) @ maps.T
-        slope[b][of_mark] = maps @ (depth * rest[b][inked]).sum(1)
+        own = slice(first[b], first[b + 1])
+        on = inked[b][pixels[b]]
+        drawn, depth = maps[:, first_inked[b] : first_inked[b + 1]], by_coverage[own][on]
+        curvature[b][np.ix_(of_mark, of_mark)] = (drawn * np.square(depth).sum(1)) @ drawn.T
+        slope[b][of_mark] = drawn @ (depth * missing[own][on]).sum(1)
         pictures = {
-            p: by_paint[b] * paint[b] + (0 if gain is None else by_gain[b] * gain[b][..., None])
+            p: by_paint[own] * np.broadcast_to(paint[b], rest.shape[1:])[pixels[b]]
+            + (0 if gain is None else by_gain[own] * gain[b][pixels[b]][:, None])
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
         if not pictures:
             continue
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
-        cross = maps @ (whole[:, inked] * depth).sum(-1).T
+        cross = drawn @ (whole[:, on] * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
         # A mechanism may act on the mark and on the paint: its two parts add up.
         curvature[b][np.ix_(of_mark, index)] += cross
         curvature[b][np.ix_(index, of_mark)] += cross.T
         curvature[b][np.ix_(index, index)] += flat @ flat.T
-        slope[b][index] += flat @ rest[b].ravel()
-    pixels = valid.sum((1, 2)) * 3
-    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
+        slope[b][index] += flat @ missing[own].ravel()
+    count = valid.sum((1, 2)) * 3
+    return curvature / count[:, None, None], slope / count[:, None], energy / count
 
 
 def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
-    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5]: central differences."""
-    acts = np.array(
-        [name not in SLABS for name in BASE]
-        + [False] * model.color_offset.size
-        + ["mark" in acts_on(m) for m in model.mechanisms for _ in m.quantities]
-    )
-    number = np.flatnonzero(acts)
-    steps = _MARK_STEP * np.eye(len(acts))
+    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5]: central differences.
 
-    def moved(step: Array) -> Array:
-        up, down = (mark_px(model.at(model.vector + sign * step), measured) for sign in (1, -1))
-        return np.asarray((up - down) / (2 * _MARK_STEP))
+    What is at work is moved together; each mechanism that is not yet, with that and without the others.
+    """
+    drawing = [m for m in model.mechanisms if "mark" in acts_on(m)]
+    busy = [m for m in drawing if not m.idle]
+    of_base = np.array([i for i, name in enumerate(BASE) if name not in SLABS])
+    number = np.concatenate([of_base, *(model.columns_of(m.cause) for m in busy)])
+    parts = [(number, _slopes_of_mark(model, busy, number, measured))]
+    for mechanism in drawing:
+        if mechanism.idle:
+            number = model.columns_of(mechanism.cause)
+            with_it = [m for m in drawing if m is mechanism or not m.idle]
+            parts.append((number, _slopes_of_mark(model, with_it, number, measured)))
+    numbers, slopes = zip(*parts, strict=True)
+    return np.concatenate(numbers), np.concatenate(slopes)
 
-    return number, np.stack([moved(steps[p]) for p in number])
+
+def _slopes_of_mark(model: Model, mechanisms: Sequence[Mechanism], number: Array, measured: Measured) -> Array:
+    """Derivatives by those numbers of the marks that these mechanisms make, [P', B, N, 5]."""
+    steps = _MARK_STEP * np.eye(len(model.vector))[number]
+    up, down = (marks_px(model, mechanisms, model.vector + sign * steps, measured) for sign in (1, -1))
+    return np.asarray((up - down) / (2 * _MARK_STEP))
 
 
 def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
@@ -174,7 +192,15 @@ def by_action(values: Array, action: Array) -> Array:
     return sums / count.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _srgb_slope(linear: Array) -> Array:
-    """d sRGB / d linear light."""
-    steep = np.float32(1.055 / 2.4) * np.maximum(linear, np.float32(0.0031308)) ** np.float32(1 / 2.4 - 1)
-    return np.where(linear <= 0.0031308, np.float32(12.92), steep)
+def _by_coverage(laid: Ink, steepness: Array, measured: Measured, pixels: Any = ...) -> Array:
+    """``slope_by_coverage`` of those pixels, with the slope of sRGB by linear light at hand."""
+    below = measured.samples.before_linear.numpy()
+    paint = np.broadcast_to(laid.paint, below.shape)[pixels]
+    return np.asarray(steepness * (paint - below[pixels]) * laid.gain[pixels][..., None])
+
+
+def _srgb_and_slope(linear: Array) -> tuple[Array, Array]:
+    """sRGB, and d sRGB / d linear light. The curve is a power of the light, whose slope is the power over the light."""
+    srgb = linear_to_srgb(linear)
+    steep = (srgb + np.float32(0.055)) / (np.float32(2.4) * np.maximum(linear, np.float32(0.0031308)))
+    return srgb, np.where(linear <= 0.0031308, np.float32(12.92), steep)
