@@ -9,7 +9,7 @@ from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _best, _shortlist, find_large, is_large
+from pentimento.gap.search import _shortlist, find_large, is_large, simplest_of_the_best
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
@@ -67,8 +67,8 @@ def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
     by_the_simple: float, chosen: str, rivals: tuple[str, ...]
 ) -> None:
     """`speed_bleed` can do what `speed_width` does, and soften the edge."""
-    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (SpeedWidth, SpeedBleed)}
+    quantities = {kind.cause: len(kind.quantities) for kind in (SpeedWidth, SpeedBleed)}
     removed = np.random.default_rng(0).uniform(0.9, 1.1, 60)
     losses = {"speed_bleed": 3.0 - removed, "speed_width": 3.0 - by_the_simple * removed}
-    step = _best({}, losses, 3.0, observable, 0, lambda line: None)
+    step = simplest_of_the_best({}, losses, 3.0, quantities, 0, lambda line: None)
     assert (step.chosen, step.rivals) == (chosen, rivals)

@@ -101,6 +101,7 @@ def find_large(
             observable[kind.cause] = identity(kind, all_strokes)
         except NotObservable as reason:
             unseen[kind.cause] = str(reason)
+    quantities = _quantities(observable)
     steps: list[Step] = []
     gained: dict[str, float] = {}
     while len(steps) < _MOST_CAUSES:
@@ -114,7 +115,7 @@ def find_large(
         losses = {cause: each for cause, each in losses.items() if error - each.mean() >= least}
         if not losses:
             break
-        step = _best(evidence, losses, error, observable, seed, log)
+        step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         assert step.chosen is not None
         if not is_large(refits[step.chosen].mechanisms[-1]):
             break
@@ -129,7 +130,7 @@ def find_large(
 def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
     """Go on with what was begun, by ``find_large`` or by this, with the tool's habits in what is foretold."""
     model = fit(begun.model, measured)
-    observable = begun.observable
+    observable, quantities = begun.observable, _quantities(begun.observable)
     steps = [step for step in begun.steps if step.chosen]
     gained = dict(begun.gained)
     evidence: dict[str, Evidence] = {}
@@ -166,7 +167,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
             dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
             continue
-        step = _best(evidence, losses, error, observable, seed, log)
+        step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
@@ -174,15 +175,16 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
 
 
-def _best(
+def simplest_of_the_best(
     evidence: dict[str, Evidence],
     losses: Mapping[str, Array],
     error: float,
-    observable: Mapping[str, Mechanism],
+    quantities: Mapping[str, int],
     seed: int,
     log: Callable[[str], None],
 ) -> Step:
-    """The simplest of the causes whose refit leaves no more error than the best one's, by held-out losses [n] of each.
+    """The cause with the fewest quantities of those whose refit leaves no more error than the best one's, by losses [n]
+    of each; the others are its rivals.
 
     What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
     causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
@@ -192,10 +194,14 @@ def _best(
     least = min(losses, key=lambda cause: float(losses[cause].mean()))
     nearly = error - _NEARLY * (error - float(losses[least].mean()))
     tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
-    chosen = min(tied, key=lambda c: (len(observable[c].quantities), float(losses[c].mean())))
+    chosen = min(tied, key=lambda c: (quantities[c], float(losses[c].mean())))
     rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
     return Step(evidence, chosen, rivals)
+
+
+def _quantities(observable: Mapping[str, Mechanism]) -> dict[str, int]:
+    return {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}
 
 
 def _held_out_losses(model: Model, measured: Measured, seed: int) -> Array:

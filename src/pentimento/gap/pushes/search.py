@@ -16,7 +16,7 @@ from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
-from pentimento.gap.search import Step, paired_p
+from pentimento.gap.search import Step, paired_p, simplest_of_the_best
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
@@ -25,7 +25,6 @@ Array = NDArray[Any]
 
 _DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
-_WORSE_P = 0.05
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
 _LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.03, 0.01
@@ -83,6 +82,7 @@ def search(
     """
     base = model = fit(start, measured)
     observable, unseen = observable_causes(measured, vocabulary)
+    quantities = {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}
     plain = replace(measured, weight=np.ones(len(measured)))
     steps: list[Step] = []
     gained: dict[str, float] = {}
@@ -114,7 +114,8 @@ def search(
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
         if not losses:
             continue
-        step = _best(evidence, losses, observable, seed, log)
+        weighted = float(action_losses(model, measured).mean())
+        step = simplest_of_the_best(evidence, losses, weighted, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
@@ -165,22 +166,6 @@ def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
     best = max(standing, key=lambda cause: evidence[cause].gain)
     near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
     return sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
-
-
-def _best(
-    evidence: dict[str, Evidence],
-    losses: Mapping[str, Array],
-    observable: Mapping[str, Mechanism],
-    seed: int,
-    log: Callable[[str], None],
-) -> Step:
-    """The simplest of the causes whose refit leaves no more error than the best one's, by losses [n] of each."""
-    least = min(losses, key=lambda cause: float(losses[cause].mean()))
-    tied = [c for c in losses if c == least or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
-    chosen = min(tied, key=lambda c: (len(observable[c].quantities), float(losses[c].mean())))
-    rivals = tuple(cause for cause in tied if cause != chosen)
-    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
-    return Step(evidence, chosen, rivals)
 
 
 def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
