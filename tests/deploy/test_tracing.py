@@ -8,6 +8,7 @@ from torch import Tensor
 from pentimento.deploy.graphs import ParityError, compared, generator, relative_difference, session
 from pentimento.deploy.tracing import IR_VERSION, OPSET, export
 from pentimento.runner.onnx_header import read_header
+from pentimento.stroke_dynamics.mechanisms.geometry import at_lengths
 
 WEIGHT = torch.linspace(-1, 1, 6).reshape(2, 3)
 UNITS = {"x": "1", "value": "1", "slope": "1"}
@@ -92,3 +93,20 @@ def test_the_difference_is_relative_and_knows_no_mercy_for_shapes_and_nan() -> N
     assert relative_difference(wanted[:1], wanted) == np.inf
     assert relative_difference(np.array([3.0, np.nan]), wanted) == np.inf
     assert relative_difference(np.array([3.0, np.nan]), np.array([3.0, np.nan])) == 0
+
+
+def test_the_gradient_of_a_field_along_a_path_can_be_exported() -> None:
+    """A flat tool's mark is read off its path in between the points."""
+    arc = torch.linspace(0, 1, 6).expand(1, 3, 6)
+
+    def pulled(place: Tensor, field: Tensor) -> tuple[Tensor, Tensor]:
+        leaves = [value.detach().requires_grad_(True) for value in (place, field)]
+        with torch.enable_grad():
+            there = at_lengths(leaves[0], arc, leaves[1]).square().sum()
+        return torch.autograd.grad(there, leaves)
+
+    numbers = generator("along", 3)
+    examples = [torch.rand(1, 3, 4, generator=numbers), torch.rand(1, 3, 6, 2, generator=numbers)]
+    model = export(pulled, examples, ["place", "field"], ["to_place", "to_field"])
+    units = dict.fromkeys(("place", "field", "to_place", "to_field"), "1")
+    assert max(compared("along", model, pulled, [examples], units, 1e-5, ()).parity.values()) < 1e-5

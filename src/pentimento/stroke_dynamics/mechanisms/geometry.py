@@ -32,7 +32,8 @@ def at_lengths(place_m: Tensor, arc: Tensor, field: Tensor) -> Tensor:
     low, high = arc.gather(-1, after - 1), arc.gather(-1, after)
     share = ((place_m - low) / (high - low).clamp(min=1e-9))[..., None]
     after = after[..., None].expand(*after.shape, field.shape[-1])
-    return torch.lerp(field.gather(-2, after - 1), field.gather(-2, after), share)
+    before, behind = field.gather(-2, after - 1), field.gather(-2, after)
+    return before + share * (behind - before)  # the gradient of torch.lerp cannot be exported to ONNX
 
 
 def tangent(path: Tensor) -> Tensor:
