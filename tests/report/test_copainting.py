@@ -56,7 +56,7 @@ def test_every_method_stands_in_the_table_with_its_interval(folder: Path) -> Non
     assert read(section).open == []
     for words in ("no change", "copy the input", "ignore the input", "text-guided", "no fine-tuning", "oracle"):
         assert words in section
-    assert "0.013<br><small>0.003&nbsp;… 0.023</small>" in section
+    assert "13.00<br><small>3.00&nbsp;… 23.00</small>" in section
     assert section.count('<td class="number">–</td>') >= 2  # no gap where there is no goal
     assert "4.769 (4.759&nbsp;… 4.779)" in section and "100 held-out prompts" in section and "1 prompt." in section
     assert "turn 3" in section and "0.325" in section and "r = −0.480, p = 2e−31" in section

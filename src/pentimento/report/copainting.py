@@ -26,14 +26,15 @@ _COLUMNS = {
     "clip_score": "CLIPScore ↑",
     "judge_score": "judge score ↑",
     "objects": "found ↑",
-    "delta_pix": "Δ<sub>pix</sub> ↓",
-    "delta_sem": "Δ<sub>sem</sub> ↓",
+    "delta_pix": "1000 Δ<sub>pix</sub> ↓",
+    "delta_sem": "1000 Δ<sub>sem</sub> ↓",
     "goal_keeps": "ink kept by the goal ↑",
     "drawing_keeps": "by the drawing ↑",
     "changed": "changed",
     "strokes": "strokes",
 }
 _SHARES = {"objects", "goal_keeps", "drawing_keeps", "changed"}
+_THOUSANDTHS = {"delta_pix", "delta_sem"}
 _PICTURES = {
     "methods": (
         "Begun drawings, and for each method its goal and the drawing that the robot foretells.",
@@ -125,17 +126,21 @@ def _of_setting(inputs: CopaintingInputs, album: Album) -> str:
 def _scores(rows: Mapping[str, Mapping[str, Any]], caption: str) -> str:
     used = [name for name in _COLUMNS if any(name in row for row in rows.values())]
     lines = [
-        (label, *(_cell(rows[method].get(name), name in _SHARES) for name in used))
+        (label, *(_cell(rows[method].get(name), name) for name in used))
         for method, label in _METHODS.items()
         if method in rows
     ]
     return table(("method", *(_COLUMNS[name] for name in used)), lines, caption)
 
 
-def _cell(estimate: Mapping[str, float] | None, share: bool) -> str:
+def _cell(estimate: Mapping[str, float] | None, column: str) -> str:
     if estimate is None:
         return "–"
-    value, low, high = (_number(estimate[name], share) for name in ("value", "low", "high"))
+    thousandths = column in _THOUSANDTHS
+    value, low, high = (
+        f"{1000 * estimate[name]:.2f}".replace("-", "−") if thousandths else _number(estimate[name], column in _SHARES)
+        for name in ("value", "low", "high")
+    )
     return f"{value}<br><small>{low}&nbsp;… {high}</small>"
 
 

@@ -72,9 +72,9 @@ def build_report(
 {hands_section(hands, album) if hands else ""}
 {copainting_section(evaluations, album) if evaluations else ""}
 {"".join(sculpting_section(sculpture, album) for sculpture in sculptures)}
+{performances_section(performances, album) if performances else ""}
 {benchmark_section(benchmarks, album)}
 {_text("closing.html")}
-{performances_section(performances, album) if performances else ""}
 </main>"""
     page = f"""<!doctype html>
 <html lang="en">
@@ -109,8 +109,8 @@ def _links(
     links += [("hands", "In a person’s hand")] if hands else []
     links += [("copainting", "Drawing with a person")] if evaluations else []
     links += [(f"sculpting-{sculpture.material}", f"Sculpting in {sculpture.material}") for sculpture in sculptures]
-    links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
     links += [("runner", "On the robot")] if performances else []
+    links += [("speed", "Speed"), ("runs", "Runs and timings"), ("brush", "Add a brush"), ("glossary", "Glossary")]
     return "".join(f'<li><a href="#{escape(target)}">{escape(text)}</a></li>' for target, text in links)
 
 
