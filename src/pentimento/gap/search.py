@@ -19,6 +19,7 @@ from pentimento.gap.foretell import Model, identity, mean_squared_error, residua
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.gap.standard_errors import values_with_errors
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext
 
 Array = NDArray[Any]
@@ -27,6 +28,7 @@ _DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
 _WORSE_P = 0.05
 _NEARLY = 0.95  # of what the best one removes
+_SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
@@ -115,6 +117,7 @@ def find_large(
         losses = {cause: each for cause, each in losses.items() if error - each.mean() >= least}
         if not losses:
             break
+        losses = _without_unlikely(losses, refits, measured)
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         assert step.chosen is not None
         if not is_large(refits[step.chosen].mechanisms[-1]):
@@ -167,6 +170,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
             dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
             continue
+        losses = _without_unlikely(losses, refits, measured)
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
@@ -198,6 +202,25 @@ def simplest_of_the_best(
     rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
     return Step(evidence, chosen, rivals)
+
+
+def _without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], measured: Measured) -> dict[str, Array]:
+    """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure.
+
+    Less paint at speed (``speed_density``) can do all that ``speed_bleed`` does, and is paler. If that is sure, it is
+    named, but not where the rest contradicts it: then what is paler is a lack of the other's form.
+    """
+    last = {cause: refits[cause].mechanisms[-1] for cause in losses}
+    names = {cause: {q.name for q in mechanism.quantities} for cause, mechanism in last.items()}
+    out: set[str] = set()
+    for cause in losses:
+        within = {other for other in losses if names[other] < names[cause]}
+        if within:
+            values = values_with_errors(refits[cause], last[cause], measured)
+            sure = {name for name, (value, error) in values.items() if abs(value) > _SURE * error}
+            within = {other for other in within if sure - names[other]}
+            out |= within if last[cause].coherent else {cause} if within else set()
+    return {cause: each for cause, each in losses.items() if cause not in out}
 
 
 def _quantities(observable: Mapping[str, Mechanism]) -> dict[str, int]:

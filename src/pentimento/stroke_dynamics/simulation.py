@@ -82,6 +82,11 @@ class Mechanism:
         """Whether it changes nothing, so that it need not be asked."""
         return not bool(self.values.any())
 
+    @property
+    def coherent(self) -> bool:
+        """Whether its quantities go together as they do in what it is named for."""
+        return True
+
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         """The constants that the effect is relative to.

@@ -22,6 +22,12 @@ class SpeedDensity(Mechanism):
         Quantity("spreading_per_log_speed", "1", 0.1),
     )
 
+    @property
+    def coherent(self) -> bool:
+        """What is paler for less paint is softer at the rim; sharper, it has rather bled less."""
+        density, softening, _ = self.values
+        return bool(density * softening <= 0)
+
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         return usual_speed(context)
