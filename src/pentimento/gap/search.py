@@ -215,11 +215,13 @@ def _without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], 
     out: set[str] = set()
     for cause in losses:
         within = {other for other in losses if names[other] < names[cause]}
-        if within:
-            values = values_with_errors(refits[cause], last[cause], measured)
-            sure = {name for name, (value, error) in values.items() if abs(value) > _SURE * error}
-            within = {other for other in within if sure - names[other]}
-            out |= within if last[cause].coherent else {cause} if within else set()
+        if not within:
+            continue
+        values = values_with_errors(refits[cause], last[cause], measured)
+        sure = {name for name, (value, error) in values.items() if abs(value) > _SURE * error}
+        told_apart = {other for other in within if sure - names[other]}
+        if told_apart:
+            out |= told_apart if last[cause].coherent else {cause}
     return {cause: each for cause, each in losses.items() if cause not in out}
 
 

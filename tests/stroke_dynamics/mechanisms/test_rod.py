@@ -109,3 +109,18 @@ def test_marks_of_few_points_are_wider_and_no_more() -> None:
     mark = OrientationWidth(torch.tensor([-0.6, 0.0], dtype=torch.float64), {}).mark(plain, context)
     torch.testing.assert_close(mark.radius_m, plain.radius_m * np.exp(0.6))
     torch.testing.assert_close(mark.points_m, plain.points_m)
+
+
+def test_a_mark_changes_little_with_a_tiny_turn_of_the_patch_whichever_way_it_lies() -> None:
+    """A rod turned by half a turn is the same, and so must be the order in which its corners are drawn."""
+    points = path(40.0, 10.0)
+    commanded = torch.zeros(1, 1, POINTS, 5, dtype=torch.float64)
+    commanded[..., 1:3], commanded[..., 4] = points, 0.3
+    plain = Mark(points, *(torch.ones(3, 1, 1, POINTS, dtype=torch.float64) * 9.0))
+    for degrees in range(0, 360, 15):  # of the doubled angle; 180 is where an arc tangent jumps
+        marks = []
+        for turned in (-1e-6, 1e-6):
+            twice = np.radians(degrees) + turned
+            values = 0.5 * torch.tensor([np.cos(twice), np.sin(twice)])
+            marks.append(OrientationWidth(values, {}).mark(plain, StrokeContext(commanded, {})))
+        assert float((marks[1].points_m - marks[0].points_m).abs().max()) < 1e-3

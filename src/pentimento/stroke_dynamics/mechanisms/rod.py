@@ -37,15 +37,17 @@ def swept(mark: Mark, axis: Tensor, half_length_m: Tensor, half_thickness_m: Ten
     share = ((torch.arange(count) - _FORK + 1) / (count - 2 * _FORK + 1)).clamp(0.0, 1.0).to(arc.dtype)
     place = first + share * (length - last - first)
 
+    # A rod is the same either way round, its corners in their order are not: they must not swap at a tiny turn.
+    leftward = torch.where(cross(along, axis)[..., None] < 0, -axis, axis)
     points, u, t = (at_lengths(place, arc, field) for field in (mark.points_m, axis, along))
     a, b, density, softness = (
         at_lengths(place, arc, field[..., None])[..., 0]
         for field in (half_length_m, half_thickness_m, mark.density, mark.softness)
     )
-    across = (u[..., 0] * t[..., 1] - u[..., 1] * t[..., 0]).abs()
+    across = cross(u, t).abs()
     radius = b + torch.minimum(a, length / 2) * across
     start, end = (
-        _fork(mark.points_m[..., k, :], points[..., k, :], axis[..., k, :], half_length_m[..., [k]], reach)
+        _fork(mark.points_m[..., k, :], points[..., k, :], leftward[..., k, :], half_length_m[..., [k]], reach)
         for k, reach in ((0, first), (-1, last))
     )
     points = torch.cat([start, points[..., _FORK:-_FORK, :], end.flip(-2)], dim=-2)
@@ -57,6 +59,11 @@ def swept(mark: Mark, axis: Tensor, half_length_m: Tensor, half_thickness_m: Ten
 def direction(points_m: Tensor) -> Tensor:
     """Unit direction in which points [B, S, N, 2] move on, [B, S, N, 2]."""
     return tangent(_path(points_m))
+
+
+def cross(a: Tensor, b: Tensor) -> Tensor:
+    """Cross product of vectors [..., 2], positive where the second points to the left of the first, [...]."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def _fork(tip: Tensor, joint: Tensor, axis: Tensor, half_length_m: Tensor, reach_m: Tensor) -> Tensor:
