@@ -51,7 +51,7 @@ def test_the_section_says_what_was_found_for_each_tool(folder: Path) -> None:
     html = diagnoses_section([read_diagnosis("round_brush", folder), read_diagnosis("marker", folder)], album)
     assert read(html).open == []
     assert "The round brush" in html and "The marker" in html
-    assert "ink_depletion &amp; nothing else" in html and "93 %" in html and "−0.31" in html
+    assert "ink_depletion &amp; nothing else" in html and "93\u00a0%" in html and "−0.31" in html
     assert set(album.files) == {f"gap_{t}_{n}.png" for t in ("round_brush", "marker") for n in ("waterfall", "strokes")}
 
 

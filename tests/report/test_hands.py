@@ -53,7 +53,14 @@ def test_the_section_shows_every_drawing_beside_its_rivals(tmp_path: Path) -> No
     html = hands_section(read_hands(*write(tmp_path)), album)
     assert {f"hands_{name}.png" for name in ("target", "ann", "b<o>b", "bezier", "latent_map")} <= set(album.files)
     assert "b<o>b" not in html
-    for said in ("<b>90 %</b>", "80 % on average", "chance is 50 %", "Bézier strokes", "blank sheet 0.0900", "nobody"):
+    for said in (
+        "<b>90\u00a0%</b>",
+        "80\u00a0% on average",
+        "chance is 50\u00a0%",
+        "Bézier strokes",
+        "blank sheet 0.0900",
+        "nobody",
+    ):
         assert said in html
 
 

@@ -70,8 +70,8 @@ def test_every_goal_is_shown_in_the_order_of_sculpting(section: tuple[str, Album
 
 def test_sentences_say_which_way_it_went(section: tuple[str, Album]) -> None:
     html, _ = section
-    assert "lowered the error in height by 75 %" in html
-    assert "raised the error in height by 50 %" in html
+    assert "lowered the error in height by 75\u00a0%" in html
+    assert "raised the error in height by 50\u00a0%" in html
     assert "reads it right" in html and "takes it for E" in html
     assert "2 pushes" in html and "0.0123" in html
     assert "Springback &amp; &lt;nothing&gt; else." in html

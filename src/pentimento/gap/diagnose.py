@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.floor import Floor, noise_floor
@@ -19,7 +20,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.score import projected
-from pentimento.gap.search import Search, action_losses, find_large, paired_p, search
+from pentimento.gap.search import Search, action_losses, find_large, search
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
 from pentimento.stroke_dynamics.simulation import Mechanism

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple, Protocol
 
 from numpy.typing import NDArray
 
+from pentimento.gap.choice import Step
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.floor import Floor
 from pentimento.gap.imitation import Imitation
 from pentimento.gap.modes import Unexplained
-from pentimento.gap.search import Step
 from pentimento.gap.survey import Dependence
 
 Array = NDArray[Any]

@@ -13,22 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_unlikely
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, identity, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
-from pentimento.gap.standard_errors import values_with_errors
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext
 
 Array = NDArray[Any]
 
 _DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
-_WORSE_P = 0.05
-_NEARLY = 0.95  # of what the best one removes
-_SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
@@ -41,17 +38,6 @@ _MOST_CAUSES, _MOST_STEPS = 6, 9
 _BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """One round of the search."""
-
-    evidence: dict[str, Evidence]
-    """Of every candidate at the model so far; gains as shares of the error at that point."""
-    chosen: str | None
-    rivals: tuple[str, ...]
-    """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +103,7 @@ def find_large(
         losses = {cause: each for cause, each in losses.items() if error - each.mean() >= least}
         if not losses:
             break
-        losses = _without_unlikely(losses, refits, measured)
+        losses = without_unlikely(losses, refits, measured)
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         assert step.chosen is not None
         if not is_large(refits[step.chosen].mechanisms[-1]):
@@ -170,59 +156,13 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
             dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
             continue
-        losses = _without_unlikely(losses, refits, measured)
+        losses = without_unlikely(losses, refits, measured)
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
         model = _without_idle(refits[step.chosen], begun.large, measured, seed, log)
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
-
-
-def simplest_of_the_best(
-    evidence: dict[str, Evidence],
-    losses: Mapping[str, Array],
-    error: float,
-    quantities: Mapping[str, int],
-    seed: int,
-    log: Callable[[str], None],
-) -> Step:
-    """The cause with the fewest quantities of those whose refit leaves no more error than the best one's, by losses [n]
-    of each; the others are its rivals.
-
-    What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
-    causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
-    removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
-    right, and a spare quantity takes up what the form lacks.
-    """
-    least = min(losses, key=lambda cause: float(losses[cause].mean()))
-    nearly = error - _NEARLY * (error - float(losses[least].mean()))
-    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
-    chosen = min(tied, key=lambda c: (quantities[c], float(losses[c].mean())))
-    rivals = tuple(cause for cause in tied if cause != chosen)
-    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
-    return Step(evidence, chosen, rivals)
-
-
-def _without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], measured: Measured) -> dict[str, Array]:
-    """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure.
-
-    Less paint at speed (``speed_density``) can do all that ``speed_bleed`` does, and is paler. If that is sure, it is
-    named, but not where the rest contradicts it: then what is paler is a lack of the other's form.
-    """
-    last = {cause: refits[cause].mechanisms[-1] for cause in losses}
-    names = {cause: {q.name for q in mechanism.quantities} for cause, mechanism in last.items()}
-    out: set[str] = set()
-    for cause in losses:
-        within = {other for other in losses if names[other] < names[cause]}
-        if not within:
-            continue
-        values = values_with_errors(refits[cause], last[cause], measured)
-        sure = {name for name, (value, error) in values.items() if abs(value) > _SURE * error}
-        told_apart = {other for other in within if sure - names[other]}
-        if told_apart:
-            out |= told_apart if last[cause].coherent else {cause}
-    return {cause: each for cause, each in losses.items() if cause not in out}
 
 
 def _quantities(observable: Mapping[str, Mechanism]) -> dict[str, int]:
@@ -325,16 +265,6 @@ def action_losses(model: Model, measured: Measured) -> Array:
     rows = mean_squared_error(residual(model, measured), measured)
     _, group = np.unique(measured.action, return_inverse=True)
     return np.bincount(group, rows) / np.bincount(group)
-
-
-def paired_p(differences: Array, seed: int) -> float:
-    """One-sided p that the mean of ``differences`` [n] is not above 0: sign flips of what is left after centring."""
-    n = len(differences)
-    signs = np.random.default_rng([seed, 5]).choice((-1.0, 1.0), (_DRAWS, n))
-    observed = differences.mean() / max(differences.std(), 1e-300)
-    flipped = signs * differences
-    drawn = flipped.mean(1) / np.maximum(flipped.std(1), 1e-300)
-    return float((1 + (drawn >= observed).sum()) / (_DRAWS + 1))
 
 
 def _without_idle(

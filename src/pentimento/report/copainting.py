@@ -146,7 +146,7 @@ def _cell(estimate: Mapping[str, float] | None, column: str) -> str:
 
 def _number(value: float, share: bool) -> str:
     if share:
-        return percent(value).replace(" ", "\u00a0")  # narrow columns break at spaces
+        return percent(value)
     text = f"{value:.3f}" if abs(value) < 10 else decimal(value)
     return text.replace("-", "−")
 

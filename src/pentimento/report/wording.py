@@ -18,7 +18,7 @@ def decimal(value: float, digits: int = 3) -> str:
 def percent(share: float) -> str:
     """0.234 -> 23 %, 0.052 -> 5.2 %, with a space that does not break."""
     number = 100 * share
-    return f"{number:.1f} %" if abs(number) < 9.95 else f"{number:.0f} %"
+    return f"{number:.1f}\u00a0%" if abs(number) < 9.95 else f"{number:.0f}\u00a0%"
 
 
 def signed_mm(length_m: float) -> str:

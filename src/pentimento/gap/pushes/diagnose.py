@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.choice import paired_p
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.floor import Floor, floor_of_repeats
 from pentimento.gap.modes import Unexplained
@@ -21,7 +22,6 @@ from pentimento.gap.pushes.modes import unexplained
 from pentimento.gap.pushes.search import Search, least_of_floor, search
 from pentimento.gap.pushes.splits import split_pushes
 from pentimento.gap.score import projected
-from pentimento.gap.search import paired_p
 from pentimento.gap.splits import Splits
 from pentimento.gap.standard_errors import covariance
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model, typical

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.choice import Step, paired_p, simplest_of_the_best
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
-from pentimento.gap.search import Step, paired_p, simplest_of_the_best
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable

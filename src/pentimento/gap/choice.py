@@ -1,0 +1,89 @@
+"""Which of several causes to take, each refitted in the same place; the others may be its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.foretell import Model
+from pentimento.gap.measured import Measured
+from pentimento.gap.score import Evidence
+from pentimento.gap.standard_errors import values_with_errors
+
+Array = NDArray[Any]
+
+_DRAWS = 4999
+_WORSE_P = 0.05
+_NEARLY = 0.95  # of what the best one removes
+_SURE = 4.5  # standard errors of a quantity that one cause has beyond another
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of the search."""
+
+    evidence: dict[str, Evidence]
+    """Of every candidate at the model so far; gains as shares of the error at that point."""
+    chosen: str | None
+    rivals: tuple[str, ...]
+    """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
+
+
+def simplest_of_the_best(
+    evidence: dict[str, Evidence],
+    losses: Mapping[str, Array],
+    error: float,
+    quantities: Mapping[str, int],
+    seed: int,
+    log: Callable[[str], None],
+) -> Step:
+    """The cause with the fewest quantities of those whose refit leaves no more error than the best one's, by losses [n]
+    of each; the others are its rivals.
+
+    What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
+    causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
+    removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
+    right, and a spare quantity takes up what the form lacks.
+    """
+    least = min(losses, key=lambda cause: float(losses[cause].mean()))
+    nearly = error - _NEARLY * (error - float(losses[least].mean()))
+    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
+    chosen = min(tied, key=lambda c: (quantities[c], float(losses[c].mean())))
+    rivals = tuple(cause for cause in tied if cause != chosen)
+    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
+    return Step(evidence, chosen, rivals)
+
+
+def without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], measured: Measured) -> dict[str, Array]:
+    """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure.
+
+    Less paint at speed (``speed_density``) can do all that ``speed_bleed`` does, and is paler. If that is sure, it is
+    named, but not where the rest contradicts it: then what is paler is a lack of the other's form.
+    """
+    last = {cause: refits[cause].mechanisms[-1] for cause in losses}
+    names = {cause: {q.name for q in mechanism.quantities} for cause, mechanism in last.items()}
+    out: set[str] = set()
+    for cause in losses:
+        within = {other for other in losses if names[other] < names[cause]}
+        if not within:
+            continue
+        values = values_with_errors(refits[cause], last[cause], measured)
+        sure = {name for name, (value, error) in values.items() if abs(value) > _SURE * error}
+        told_apart = {other for other in within if sure - names[other]}
+        if told_apart:
+            out |= told_apart if last[cause].coherent else {cause}
+    return {cause: each for cause, each in losses.items() if cause not in out}
+
+
+def paired_p(differences: Array, seed: int) -> float:
+    """One-sided p that the mean of ``differences`` [n] is not above 0: sign flips of what is left after centring."""
+    n = len(differences)
+    signs = np.random.default_rng([seed, 5]).choice((-1.0, 1.0), (_DRAWS, n))
+    observed = differences.mean() / max(differences.std(), 1e-300)
+    flipped = signs * differences
+    drawn = flipped.mean(1) / np.maximum(flipped.std(1), 1e-300)
+    return float((1 + (drawn >= observed).sum()) / (_DRAWS + 1))
