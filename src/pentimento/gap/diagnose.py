@@ -135,13 +135,20 @@ def diagnose(
             float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, known), step.rivals,
         )  # fmt: skip
 
-    established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
-    least = max(_LEAST_GAIN, _LEAST_BESIDE * max((f.gain for f in established), default=0.0))
-    idle = [f.cause for f in established if f.gain < least]
-    if idle:  # confirmed, and of no use on strokes that nothing was fitted to: the others are valued without it
-        extended = fit(_without(extended, idle, base), known)
+    def findings(model: Model) -> tuple[Finding, ...]:
+        return tuple(finding(model, m) for m in model.mechanisms if not isinstance(m, UnevenEnds))
+
+    established = findings(extended)
+    # What is confirmed and of no use on strokes that nothing was fitted to goes, one by one: of two causes that can do
+    # each other's work, neither is of use beside the other.
+    while established:
+        least = max(_LEAST_GAIN, _LEAST_BESIDE * max(f.gain for f in established))
+        worst = min(established, key=lambda f: f.gain)
+        if worst.gain >= least:
+            break
+        extended = fit(_without(extended, [worst.cause], base), known)
         extended_losses = action_losses(extended, test)
-        established = tuple(finding(extended, m) for m in extended.mechanisms if not isinstance(m, UnevenEnds))
+        established = findings(extended)
     # What is established itself is no other explanation of its neighbour.
     names_of = {f.cause for f in established}
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names_of)) for f in established)

@@ -5,7 +5,7 @@ ramps linearly and is relative to the surface there). Its lower envelope over a 
 
     E(u, v) = -m s + P(|(u - s, v)|),   m = g d / L,   s = clip(u + m R, 0, L),
 
-with the tool's profile P, a ball's of radius R near its tip and free further out, and s where that ball reaches lowest.
+with the tool's profile P, a ball's of radius R at its tip and free further out, and s where that ball reaches lowest.
 What lies above E in ``before`` is pressed down: the model depends on the state. A share of it stays as an indentation;
 its volume comes up again in rims (spread by Gaussians of two widths, outside the contact) and a heap towards the
 travel; where the tool lifts off it may leave a peak. A blur ends it. All of these numbers are the base's nuisances
@@ -29,10 +29,11 @@ from pentimento.push_dynamics.spread import spread
 
 Array = NDArray[Any]
 
-KNOTS = (0.85, 1.15, 1.6)
-"""Radii, in half-widths of the footprint, at which the profile may differ from a ball's; inside ``_ROUND`` it is one:
-were it free at its tip, it could pass for a tool that goes deeper by the same distance everywhere."""
-_ROUND = 0.6
+KNOTS = (0.35, 0.6, 0.85, 1.15, 1.6)
+"""Radii, in half-widths of the footprint, at which the profile may differ from a ball's. A flat tip that is taken for a
+ball's passes for a tool that goes deeper everywhere; so would a tip that is free at its very middle: inside ``_ROUND``
+it is a ball's."""
+_ROUND = 0.15
 PROFILE = tuple(f"profile_{k}_mm" for k in range(len(KNOTS)))
 CONTACT = ("log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "along_mm")
 KEPT = ("kept", "log_rims")

@@ -135,11 +135,14 @@ def centre(change: np.ndarray, along: np.ndarray) -> float:
     return float((sunk * along).sum() / sunk.sum())
 
 
-def test_a_faster_retract_leaves_a_higher_end(seen: PushScene, base: AnalyticPush) -> None:
-    lifted = base.plus(with_values(KINDS["adhesion_lift"], seen, 5e-4)).change(seen) - base.change(seen)
+@pytest.mark.parametrize(("by", "column"), [((5e-4, 0.0), "retract_speed_m_s"), ((0.0, 5e-4), "dwell_s")])
+def test_a_faster_retract_and_a_longer_rest_leave_a_higher_end(
+    seen: PushScene, base: AnalyticPush, by: tuple[float, float], column: str
+) -> None:
+    lifted = base.plus(with_values(KINDS["adhesion_lift"], seen, *by)).change(seen) - base.change(seen)
     at_end = np.hypot(seen.along - seen.action[:, 3, None, None], seen.across) < 0.002
     rise = np.array([lift[there].mean() for lift, there in zip(lifted, at_end, strict=True)])
-    order = np.argsort(seen.covariates["retract_speed_m_s"])
+    order = np.argsort(seen.covariates[column])
     assert rise[order[0]] < 0 < rise[order[-1]]
     assert np.abs(lifted.sum((1, 2))).max() < 0.05 * np.abs(lifted).sum((1, 2)).max()
 

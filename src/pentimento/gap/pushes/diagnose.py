@@ -116,9 +116,11 @@ def diagnose(
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
     least = {m.cause: max(_LEAST_GAIN, least_of_floor(m) * floor.mse / above if floor else 0.0) for m in named}
-    idle = [f.cause for f in established if f.gain < least[f.cause]]
-    if idle:  # confirmed, and of no use on pushes that nothing was fitted to: the others are valued without it
-        extended = base if len(idle) == len(established) else fit(extended.without(*idle), plainly)
+    # What is confirmed and of no use on pushes that nothing was fitted to goes, one by one: of two causes that can do
+    # each other's work, neither is of use beside the other.
+    while idle := [f for f in established if f.gain < least[f.cause]]:
+        worst = min(idle, key=lambda f: f.gain).cause
+        extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms)
     # What is established itself is no other explanation of its neighbour.

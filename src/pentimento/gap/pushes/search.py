@@ -31,7 +31,8 @@ _LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.03, 0.01
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
 _BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
-"""Of the largest gain so far: what a further cause must add."""
+"""Of the largest gain so far: what a further cause must add; the second where it can do the work of one that was found,
+having its driver or being its rival."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 
 
@@ -86,6 +87,7 @@ def search(
     plain = replace(measured, weight=np.ones(len(measured)))
     steps: list[Step] = []
     gained: dict[str, float] = {}
+    rivals: dict[str, tuple[str, ...]] = {}
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes that would have to act with the wrong sign, or do too little."""
@@ -108,17 +110,25 @@ def search(
             c
             for c in refits
             if size[c] < max(least_of_floor(observable[c]) * (floor or error), _LEAST_OF_MISFIT * (error - floor))
-            or size[c] < _enough(observable[c], observable, gained)
+            or size[c] < _enough(observable[c], observable, gained, rivals)
         }
         dismissed |= small
+        before = action_losses(model, measured)
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
+        # From no effect a large one may look like little; what its refit removes is then the witness.
+        unsure = {
+            cause
+            for cause, after in losses.items()
+            if fresh[cause].least_gain <= 0 and paired_p(before - after, seed) >= _LATER_P
+        }
+        dismissed |= unsure
+        losses = {cause: after for cause, after in losses.items() if cause not in unsure}
         if not losses:
             continue
-        weighted = float(action_losses(model, measured).mean())
-        step = simplest_of_the_best(evidence, losses, weighted, quantities, seed, log)
+        step = simplest_of_the_best(evidence, losses, float(before.mean()), quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
-        gained[step.chosen] = size[step.chosen]
+        gained[step.chosen], rivals[step.chosen] = size[step.chosen], step.rivals
         model = _without_idle(refits[step.chosen], measured, seed, log)
     return Search(base, model, tuple(steps), observable, unseen)
 
@@ -160,7 +170,7 @@ def is_physical(mechanism: Mechanism) -> bool:
 
 def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
     """Who is worth a refit: the best of those whose p is below ``limit``, and those near to it."""
-    standing = [cause for cause, e in evidence.items() if e.p_adjusted < limit and e.least_gain > 0]
+    standing = [cause for cause, e in evidence.items() if e.p_adjusted < limit and e.gain > 0]
     if not standing:
         return []
     best = max(standing, key=lambda cause: evidence[cause].gain)
@@ -168,10 +178,21 @@ def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
     return sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
 
 
-def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
-    """How much error a further cause must remove, mm²."""
-    same = {cause: observable[cause].driver == mechanism.driver for cause in gained}
-    return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in gained.items()), default=0.0)
+def _enough(
+    mechanism: Mechanism,
+    observable: Mapping[str, Mechanism],
+    gained: Mapping[str, float],
+    rivals: Mapping[str, tuple[str, ...]],
+) -> float:
+    """How much error a further cause must remove, mm².
+
+    A rival of what was found does its work, and what that one's form lacks.
+    """
+    least = 0.0
+    for found, gain in gained.items():
+        alike = mechanism.cause in rivals[found] or observable[found].driver == mechanism.driver
+        least = max(least, gain * (_BESIDE_SAME_DRIVER if alike else _BESIDE))
+    return least
 
 
 def _without_idle(model: AnalyticPush, measured: MeasuredPushes, seed: int, log: Callable[[str], None]) -> AnalyticPush:

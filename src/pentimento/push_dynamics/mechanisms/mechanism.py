@@ -22,6 +22,10 @@ Array = NDArray[Any]
 
 Site = Literal["command", "material", "surface"]
 
+_SHORTEST_S = 0.05
+_VARIED = 0.3
+"""Standard deviation of a logarithm: below it a time is always about the same."""
+
 __all__ = [
     "Contact",
     "Mechanism",
@@ -30,8 +34,10 @@ __all__ = [
     "Quantity",
     "Settled",
     "Site",
+    "log_times",
     "per_push",
     "recorded",
+    "usual_s",
 ]
 
 
@@ -145,6 +151,20 @@ def column(scene: PushScene, name: str) -> Array:
     if name not in scene.covariates:
         raise NotObservable(f"{name} is not known of these pushes, and the mechanism depends on it")
     return scene.covariates[name]
+
+
+def usual_s(seconds: Array | None) -> float | None:
+    """The geometric mean of times [B]; None if they are not known of every push, or hardly differ."""
+    if seconds is None or not np.isfinite(seconds).all():
+        return None
+    logs = np.log(np.maximum(seconds, _SHORTEST_S))
+    return float(np.exp(logs.mean())) if np.std(logs) > _VARIED else None
+
+
+def log_times(seconds: Array, usual: float) -> Array:
+    """Logarithms [B] of how many times what is usual; 0 where a time is not known."""
+    log = np.log(np.maximum(seconds, _SHORTEST_S) / usual)
+    return np.where(np.isfinite(log), log, 0.0)
 
 
 def per_push(values: Array) -> Array:

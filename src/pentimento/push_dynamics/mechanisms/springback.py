@@ -18,13 +18,12 @@ from pentimento.push_dynamics.mechanisms.mechanism import (
     Contact,
     Mechanism,
     Quantity,
+    log_times,
     per_push,
+    usual_s,
 )
 
-_SHORTEST_S = 0.05
 _DEEP_M = 0.005
-_VARIED = 0.3
-"""Standard deviation of a logarithm: below it a time is always about the same."""
 
 
 class Springback(Mechanism):
@@ -41,13 +40,8 @@ class Springback(Mechanism):
 
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
-        usual = {}
-        for name, seconds in (("dwell_s", _dwell_s(scene)), ("until_scan_s", _until_scan_s(scene))):
-            if seconds is not None and np.isfinite(seconds).all():
-                logs = np.log(np.maximum(seconds, _SHORTEST_S))
-                if np.std(logs) > _VARIED:
-                    usual[name] = float(np.exp(logs.mean()))
-        return usual
+        times = {"dwell_s": usual_s(_dwell_s(scene)), "until_scan_s": usual_s(_until_scan_s(scene))}
+        return {name: usual for name, usual in times.items() if usual is not None}
 
     def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
         by_rest = np.zeros(len(scene))
@@ -56,8 +50,7 @@ class Springback(Mechanism):
             (self.values[2], "until_scan_s", _until_scan_s(scene), -1),
         ):
             if name in self.reference and seconds is not None:
-                log = np.log(np.maximum(seconds, _SHORTEST_S) / self.reference[name])
-                by_rest = by_rest + sign * value * np.where(np.isfinite(log), log, 0.0)
+                by_rest = by_rest + sign * value * log_times(seconds, self.reference[name])
         by_compression = np.float32(self.values[0]) * (contact.pressed_m / np.float32(_DEEP_M) - np.float32(0.5))
         return kept_m * (1 + per_push(by_rest) + by_compression)
 

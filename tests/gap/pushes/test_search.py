@@ -1,0 +1,41 @@
+"""What a further cause must do beside those that were found; a flat tip is not a tool that goes too deep."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.measured import measure
+from pentimento.gap.pushes.search import _enough, observable_causes
+from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
+from pentimento.push_dynamics.mechanisms.far_field import FarField
+from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
+from pentimento.push_dynamics.mechanisms.volume_loss import VolumeLoss
+from tests.push_dynamics.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, played
+
+KINDS = (FarField, VolumeLoss, HeightOffset)
+
+
+def test_a_rival_of_what_was_found_must_do_as_much_again() -> None:
+    known, _ = observable_causes(measure(blank(12, 1), 0.006), KINDS)
+    gained = {"far_field": 1.0}
+    beside = {
+        cause: _enough(known[cause], known, gained, {"far_field": ("volume_loss",)})
+        for cause in ("volume_loss", "height_offset")
+    }
+    assert beside["volume_loss"] > 0.5 > beside["height_offset"] > 0
+    assert _enough(known["volume_loss"], known, gained, {"far_field": ()}) == beside["height_offset"]
+
+
+def test_a_flat_tip_is_not_taken_for_a_tool_that_goes_deeper() -> None:
+    ball = first_model_of(DEEP_M)
+    radius_mm, half_mm = 1e3 * ball.ball_radius_m, 1e3 * HALF_WIDTH_M
+    flattened = dict(zip(BASE, ball.base, strict=True))
+    for name, knot in zip(PROFILE, KNOTS, strict=True):
+        away_mm, flat_mm = knot * half_mm, 0.3 * half_mm
+        flattened[name] = (max(away_mm - flat_mm, 0.0) ** 2 - away_mm**2) / (2 * radius_mm)
+    tool = ball.at(np.array(list(flattened.values())))
+    measured = measure(played(model=tool))
+    known, _ = observable_causes(measured, [HeightOffset])
+    fitted = fit(first_model(measured.scene).plus(known["height_offset"]), measured)
+    assert np.abs(fitted.mechanisms[-1].values).max() < 2e-4
