@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from pentimento.contracts.errors import ContractError
 from studies.blind.make import write_world
 from studies.blind.one_world import NoVerdict, opened, verdict_by_table, write_parquet
 from studies.blind.series import seed_of
@@ -21,8 +22,9 @@ VERDICT_OF = "studies.blind_pushes.verdict_of"
 
 
 def judged(series: Series, index: int, commit: str, folder: Path) -> dict[str, Any]:
-    """The line of one world. It has `redrawn` (why) where an effect cannot be as strong as it is wanted; `failed` where
-    a table led to no verdict; else `truth`, `verdict`, and, where the series has one, the `second` verdict.
+    """The line of one world. It has `redrawn` (why) where an effect cannot be as strong as it is wanted, or the robot
+    cannot go on; `failed` where a table led to no verdict; else `truth`, `verdict`, and, where the series has one, the
+    `second` verdict.
     """
     seed = seed_of(commit, f"pushes, {series.name}", index)
     line: dict[str, Any] = {"series": series.name, "index": index, "seed": seed}
@@ -31,7 +33,7 @@ def judged(series: Series, index: int, commit: str, folder: Path) -> dict[str, A
     sketch = sketch_world(series.stratum, seed, cause, series.q)
     try:
         table, truth = make_world(sketch)
-    except StrengthError as reason:
+    except (StrengthError, ContractError) as reason:  # the latter: its scanner left a hole where a push should go
         return line | {"redrawn": str(reason)}
     line["make_s"] = round(time.process_time() - started, 2)
     shown, sealed = folder / "shown", folder / "sealed"

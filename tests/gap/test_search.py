@@ -9,9 +9,11 @@ from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _shortlist, find_large, is_large
+from pentimento.gap.search import _far, _shortlist, find_large, is_large
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from tests.gap.test_habits import photographed
 
 
@@ -47,6 +49,15 @@ def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -
     lag = Evidence(0.001, 0.003, 0.02, (-0.001, 0.04), -0.0001)
     assert shortlist({"bristle_lag": lag, "path_scale": lag._replace(p_adjusted=0.5)}, 0.01) == ["bristle_lag"]
     assert shortlist({"bristle_lag": lag._replace(gain=-0.001)}, 0.01) == []
+
+
+def test_a_displacement_is_tried_where_only_its_own_test_speaks_for_it() -> None:
+    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (Latency, BristleLag, SpeedWidth)}
+    late = Evidence(0.004, 0.055, 0.012, (-0.001, 0.02), -0.0008)
+    evidence = {"latency": late, "bristle_lag": late._replace(p=0.02), "speed_width": late}
+    assert _shortlist(evidence, 0.01, 0.05, observable) == []
+    assert _far(evidence, [], observable) == ["latency"]
+    assert _far(evidence, ["latency"], observable) == []
 
 
 def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:

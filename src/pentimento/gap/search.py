@@ -29,6 +29,8 @@ _FIRST_P, _LATER_P = 0.02, 0.01
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
+_FAR_P, _WITNESSED_P = 0.01, 0.001
+"""Of a displacement's own test, for it to be tried; and of what its refit removes, for that to be enough."""
 _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
@@ -133,6 +135,8 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = _LATER_P if number else _FIRST_P
         short = _shortlist(fresh, limit, _KIN_P, observable)
+        far = _far(fresh, short, observable)
+        short += far
         if not short or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
@@ -147,14 +151,15 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         dismissed |= small
         losses = {cause: after for cause, after in losses.items() if cause not in small}
         # From no effect a large one may look like little; what its refit removes is then the witness.
+        removes_p = {cause: paired_p(before - after, seed) for cause, after in losses.items()}
         sure = {
             cause
-            for cause, after in losses.items()
-            if _stands(fresh[cause], limit)
-            and (fresh[cause].least_gain > 0 or paired_p(before - after, seed) < _LATER_P)
+            for cause in losses
+            if (_stands(fresh[cause], limit) and (fresh[cause].least_gain > 0 or removes_p[cause] < _LATER_P))
+            or (cause in far and removes_p[cause] < _WITNESSED_P)
         }
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
-            dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
+            dismissed |= {cause for cause in losses if cause in far or _stands(fresh[cause], limit)}
             continue
         losses = without_unlikely(losses, refits, measured)
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
@@ -228,6 +233,18 @@ def _shortlist(
         if observable[cause].site == observable[best].site and e.p_adjusted <= kin_limit and cause not in near
     ]
     return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
+
+
+def _far(evidence: Mapping[str, Evidence], short: Sequence[str], observable: Mapping[str, Mechanism]) -> list[str]:
+    """Displacements that are worth a refit though they are not on the short list: the tests are about no effect, where
+    one that is wider than the mark shows little of what it does.
+    """
+    some = [
+        cause
+        for cause, e in evidence.items()
+        if observable[cause].site == "trajectory" and e.p < _FAR_P and e.gain > 0 and cause not in short
+    ]
+    return sorted(some, key=lambda cause: evidence[cause].p)[:_MOST_KIN]
 
 
 def _refits(
