@@ -56,8 +56,7 @@ def test_a_displacement_is_tried_where_only_its_own_test_speaks_for_it() -> None
     late = Evidence(0.004, 0.055, 0.012, (-0.001, 0.02), -0.0008)
     evidence = {"latency": late, "bristle_lag": late._replace(p=0.02), "speed_width": late}
     assert _shortlist(evidence, 0.01, 0.05, observable) == []
-    assert _far(evidence, [], observable) == ["latency"]
-    assert _far(evidence, ["latency"], observable) == []
+    assert _far(evidence, observable) == ["latency"]
 
 
 def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:

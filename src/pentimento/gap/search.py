@@ -135,7 +135,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = _LATER_P if number else _FIRST_P
         short = _shortlist(fresh, limit, _KIN_P, observable)
-        far = _far(fresh, short, observable)
+        far = [] if short else _far(fresh, observable)
         short += far
         if not short or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
@@ -235,14 +235,12 @@ def _shortlist(
     return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
 
 
-def _far(evidence: Mapping[str, Evidence], short: Sequence[str], observable: Mapping[str, Mechanism]) -> list[str]:
-    """Displacements that are worth a refit though they are not on the short list: the tests are about no effect, where
-    one that is wider than the mark shows little of what it does.
+def _far(evidence: Mapping[str, Evidence], observable: Mapping[str, Mechanism]) -> list[str]:
+    """Displacements that are worth a refit when nothing stands out: the tests are about no effect, where one that is
+    wider than the mark shows little of what it does.
     """
     some = [
-        cause
-        for cause, e in evidence.items()
-        if observable[cause].site == "trajectory" and e.p < _FAR_P and e.gain > 0 and cause not in short
+        cause for cause, e in evidence.items() if observable[cause].site == "trajectory" and e.p < _FAR_P and e.gain > 0
     ]
     return sorted(some, key=lambda cause: evidence[cause].p)[:_MOST_KIN]
 
