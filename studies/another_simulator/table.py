@@ -86,7 +86,7 @@ def page(said: dict[World, dict[str, Any]]) -> str:
     names = sum(len(_named(result)) for result in said.values())
     tail = (
         f"\nExactly what is hidden is named in {exact} of {len(said)} worlds, by the likelihood of pixels in {pixels}; "
-        f"of {names} names {false} are false.\n"
+        f"false names: {false} of {names}.\n"
     )
     return _HEAD + "\n".join(lines) + "\n" + tail
 
