@@ -112,4 +112,4 @@ def test_the_page_counts_what_is_exact() -> None:
 
     late = World("late", "nib", 1, Effects(latency=0.1))
     text = page({late: said("latency"), replace(late, tool="chisel"): said("latency", "backlash")})
-    assert "is named in 1 of 2 worlds, by the likelihood of pixels in 0; of 3 names 1 are false" in text
+    assert "is named in 1 of 2 worlds, by the likelihood of pixels in 0; false names: 1 of 3" in text
