@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from pentimento.stroke_dynamics.networks.fit import (
     fit_param2stroke,
     fit_path_image_cnn,
     fit_refined,
+    fit_refined_model,
     fit_trajectory_cnn,
     foretold,
 )
@@ -59,8 +61,12 @@ NAMES = {
     "traj2stroke": "Traj2Stroke",
     "refined": "Traj2Stroke + U-Net",
     "mechanisms": "Traj2Stroke + mechanisms",
+    "refined_mechanisms": "Traj2Stroke + mechanisms + U-Net",
 }
 TRIVIAL = ("blank", "stamp", "polyline")
+_BASE, _EXTENDED = ("traj2stroke",), ("mechanisms", "traj2stroke")
+BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "refined_mechanisms": _EXTENDED}
+"""Models that are trained once, of which a model is one or builds on one: on the first that is there."""
 NETWORKS = ("param2stroke", "cnn", "coordconv")
 """Of the thesis; ``path_image`` is not."""
 
@@ -93,12 +99,15 @@ class Training:
         self.samples = self.strokes.samples
         self.analytic = replace(ANALYTIC, seed=seed)
         self.setting, self.longer = (self._setting(asked_path, steps) for steps in (STEPS, STEPS_OF_NUMBERS))
-        self._base: tuple[Traj2Stroke, float] | None = None
+        self._base: Traj2Stroke | None = None
+        self._extended: tuple[StrokeModel, dict[str, Any]] | None = None
+        self._before: dict[str, float] = {}
+        """CPU seconds of models that others build on, by their names."""
 
     def fit(self, name: str) -> tuple[Trained, float]:
         """The model ``name``, and the CPU seconds that its training took, models that it builds on included."""
         started = time.process_time()
-        before = self._base[1] if self._base is not None and name in ("refined", "mechanisms", "traj2stroke") else 0.0
+        before = next((self._before[each] for each in BUILDS_ON.get(name, ()) if each in self._before), 0.0)
         match name:
             case "blank":
                 trained = _of(lambda strokes: blank(strokes.samples))
@@ -118,7 +127,13 @@ class Training:
             case "refined":
                 trained = _network(fit_refined(self.base(), self.samples, self.setting, _quiet))
             case "mechanisms":
-                trained = self._mechanisms()
+                model, said = self.extended()
+                mark = model.mark()
+                trained = _of(lambda strokes: predict_extended(mark, model.mechanisms, strokes), said)
+            case "refined_mechanisms":
+                model, said = self.extended()
+                network = fit_refined_model(model, self.strokes, self.setting, _quiet)
+                trained = _of(network, said)
             case _:
                 raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")
         return trained, before + time.process_time() - started
@@ -127,9 +142,20 @@ class Training:
         """Traj2Stroke, trained once."""
         if self._base is None:
             started = time.process_time()
-            model = train(self.samples, self.analytic, _quiet)
-            self._base = model, time.process_time() - started
-        return self._base[0]
+            self._base = train(self.samples, self.analytic, _quiet)
+            self._before["traj2stroke"] = time.process_time() - started
+        return self._base
+
+    def extended(self) -> tuple[StrokeModel, dict[str, Any]]:
+        """What the gap finder establishes on the training strokes, fitted jointly with Traj2Stroke; and what it said.
+
+        It is done once.
+        """
+        if self._extended is None:
+            base, started = self.base(), time.process_time()
+            self._extended = self._found_and_fitted(base)
+            self._before["mechanisms"] = self._before["traj2stroke"] + time.process_time() - started
+        return self._extended
 
     def _setting(self, asked_path: Tensor, steps: int) -> Setting:
         an_epoch = max(round((1 - NETWORK.held_out) * len(self.samples.path) / NETWORK.batch), 1)
@@ -164,8 +190,7 @@ class Training:
     def _not_iou(self, foretold: Tensor) -> float:
         return -mean_iou(foretold, self.samples)
 
-    def _mechanisms(self) -> Trained:
-        """What the gap finder establishes on the training strokes, fitted jointly with Traj2Stroke."""
+    def _found_and_fitted(self, base: Traj2Stroke) -> tuple[StrokeModel, dict[str, Any]]:
         some = np.sort(np.random.default_rng([self.seed, 3]).permutation(self.table.num_rows)[:DIAGNOSED])
         started = time.process_time()
         found = diagnose(load_measured(self.table.take(some)), VOCABULARY, self.seed, lambda _: None)
@@ -173,32 +198,33 @@ class Training:
         names = [finding.cause for finding in found.established]
         causes = [m for m in found.extended.mechanisms if m.cause in names]
         parts = split_by_action(self.samples, self.analytic.held_out, self.seed)
-        training, validation = (
-            self.strokes.pick(torch.nonzero(torch.isin(self.samples.action, part.action)).flatten()) for part in parts
-        )
+        training, validation = (self.strokes.pick(torch.isin(self.samples.action, part.action)) for part in parts)
         pace = pace_of(self.strokes.covariates)
-        joint = fit_jointly(self.base().parameters_si(), causes, training, validation, pace, self.analytic, _quiet)
-        said = {
+        joint = fit_jointly(base.parameters_si(), causes, training, validation, pace, self.analytic, _quiet)
+        return joint.model, {
             "established": names,
             "suspected": [finding.cause for finding in found.suspected],
             "kept": [m.cause for m in joint.model.mechanisms],
             "validation_l1": list(joint.validation_l1),
             "diagnosing_s": diagnosing,
         }
-        return replace(_of(lambda strokes: _extended(joint.model, strokes)), said=said)
 
 
-def _extended(model: StrokeModel, strokes: MeasuredStrokes) -> Tensor:
-    with torch.no_grad():
-        return predict_extended(model.mark(), model.mechanisms, strokes)
+def _without_gradients(foretell: Foretell) -> Foretell:
+    def foretell_only(strokes: MeasuredStrokes) -> Tensor:
+        with torch.no_grad():
+            return foretell(strokes)
+
+    return foretell_only
 
 
 def _network(network: Callable[[StrokeSamples], Tensor]) -> Trained:
     return _of(lambda strokes: foretold(network, strokes.samples))
 
 
-def _of(foretell: Foretell) -> Trained:
-    return Trained(foretell, foretell, {})
+def _of(foretell: Foretell, said: Mapping[str, Any] = MappingProxyType({})) -> Trained:
+    without = _without_gradients(foretell)
+    return Trained(without, without, said)
 
 
 def _quiet(name: str, value: float, step: int) -> None:

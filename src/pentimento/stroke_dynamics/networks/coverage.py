@@ -67,10 +67,13 @@ class CoverageModel(nn.Module):
         raise NotImplementedError
 
     def mirror(self, strokes: int) -> Tensor:
-        """[B] +1, or -1 for a stroke that is seen in the mirror."""
-        if not self.training:
-            return torch.ones(strokes)
-        return torch.randint(0, 2, (strokes,)).float() * 2 - 1
+        """See ``mirrors``."""
+        return mirrors(strokes, self.training)
+
+
+def mirrors(strokes: int, training: bool) -> Tensor:
+    """[B] +1, or -1 for a stroke that is seen in the mirror: in training, half of them."""
+    return torch.randint(0, 2, (strokes,)).float() * 2 - 1 if training else torch.ones(strokes)
 
 
 def unmirrored(images: Tensor, mirror: Tensor) -> Tensor:

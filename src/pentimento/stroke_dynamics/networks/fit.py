@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
+from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel
 from pentimento.stroke_dynamics.networks import param2stroke, trajectory_cnn
 from pentimento.stroke_dynamics.networks.coverage import CoverageModel, laid, press_range
 from pentimento.stroke_dynamics.networks.frame import Crop, crop_around
 from pentimento.stroke_dynamics.networks.param2stroke import Param2Stroke
 from pentimento.stroke_dynamics.networks.path_image import PathImageCnn
-from pentimento.stroke_dynamics.networks.refined import RefinedTraj2Stroke
+from pentimento.stroke_dynamics.networks.refined import RefinedModel, RefinedTraj2Stroke
 from pentimento.stroke_dynamics.networks.trajectory_cnn import TrajectoryCnn
 from pentimento.stroke_dynamics.samples import StrokeSamples
 from pentimento.stroke_dynamics.training import Log, TrainingConfig, descend, split_by_action, weighted_l1
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
 
 Model = TypeVar("Model", bound=CoverageModel)
+AnyNetwork = TypeVar("AnyNetwork", bound=nn.Module)
 
 _COARSE_SHARE, _BLUR_PX = 0.4, 9
 
@@ -72,6 +74,18 @@ def fit_refined(base: Traj2Stroke, samples: StrokeSamples, setting: Setting, log
     return train_network(network, samples, setting.config, log)
 
 
+def fit_refined_model(model: StrokeModel, strokes: MeasuredStrokes, setting: Setting, log: Log) -> RefinedModel:
+    """A U-Net behind a stroke model with its causes, which stay as they are."""
+    config = setting.config
+    torch.manual_seed(config.seed)
+    network = RefinedModel(model, setting.margin_m, config.pixels_per_m)
+    parts = split_by_action(strokes.samples, config.held_out, config.seed)
+    training, validation = (strokes.pick(torch.isin(strokes.samples.action, part.action)) for part in parts)
+    best = _Best(network, lambda: network(validation), validation.samples, config.ink_weight, log)
+    descend(network, lambda index: network(training.pick(index)), training.samples, config, log, best.after_epoch)
+    return best.taken()
+
+
 def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig, log: Log) -> Model:
     """Lower the weighted L1; the epoch that foretells the validation strokes best is taken, the untrained one included.
 
@@ -81,14 +95,7 @@ def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig
     ``log`` gets ``weighted_l1`` and ``validation_l1`` after every epoch.
     """
     training, validation = split_by_action(samples, config.held_out, config.seed)
-    least, best = _judged(network, validation, config.ink_weight), _copy(network)
-
-    def keep_best(epoch: int) -> None:
-        nonlocal least, best
-        now = _judged(network, validation, config.ink_weight)
-        log("validation_l1", now, epoch)
-        if now < least:
-            least, best = now, _copy(network)
+    best = _Best(network, lambda: laid(network(validation), validation), validation, config.ink_weight, log)
 
     def foretell(index: Tensor) -> Tensor:
         some = training.pick(index)
@@ -100,9 +107,8 @@ def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig
         sharp -= coarse
         hazy = training._replace(after=_blurred(training.after))
         descend(network, lambda index: _blurred(foretell(index)), hazy, replace(config, epochs=coarse), log)
-    descend(network, foretell, training, replace(config, epochs=sharp), log, keep_best)
-    network.load_state_dict(best)
-    return network.eval()
+    descend(network, foretell, training, replace(config, epochs=sharp), log, best.after_epoch)
+    return best.taken()
 
 
 def foretold(network: Callable[[StrokeSamples], Tensor], samples: StrokeSamples) -> Tensor:
@@ -111,12 +117,37 @@ def foretold(network: Callable[[StrokeSamples], Tensor], samples: StrokeSamples)
         return laid(network(samples), samples)
 
 
-def _judged(network: CoverageModel, samples: StrokeSamples, ink_weight: float) -> float:
-    learning = network.training
-    network.eval()
-    now = float(weighted_l1(foretold(network, samples), samples, ink_weight))
-    network.train(learning)
-    return now
+class _Best(Generic[AnyNetwork]):
+    """A network as it was after the epoch that foretold the validation strokes best, the untrained one included."""
+
+    def __init__(
+        self, network: AnyNetwork, foretell: Callable[[], Tensor], samples: StrokeSamples, ink_weight: float, log: Log
+    ) -> None:
+        self.network, self.foretell, self.samples, self.ink_weight, self.log = (
+            network, foretell, samples, ink_weight, log,
+        )  # fmt: skip
+        self.least, self.state = self._judged(), self._copied()
+
+    def after_epoch(self, epoch: int) -> None:
+        now = self._judged()
+        self.log("validation_l1", now, epoch)
+        if now < self.least:
+            self.least, self.state = now, self._copied()
+
+    def taken(self) -> AnyNetwork:
+        self.network.load_state_dict(self.state)
+        return self.network.eval()
+
+    def _judged(self) -> float:
+        learning = self.network.training
+        self.network.eval()
+        with torch.no_grad():
+            now = float(weighted_l1(self.foretell(), self.samples, self.ink_weight))
+        self.network.train(learning)
+        return now
+
+    def _copied(self) -> dict[str, Tensor]:
+        return {name: value.clone() for name, value in self.network.state_dict().items()}
 
 
 def _blurred(images: Tensor) -> Tensor:
@@ -124,10 +155,6 @@ def _blurred(images: Tensor) -> Tensor:
     channels = images.permute(0, 3, 1, 2)
     mean = avg_pool2d(channels, _BLUR_PX, 1, _BLUR_PX // 2, count_include_pad=False)
     return mean.permute(0, 2, 3, 1)
-
-
-def _copy(network: CoverageModel) -> dict[str, Tensor]:
-    return {name: value.clone() for name, value in network.state_dict().items()}
 
 
 def _crop(samples: StrokeSamples, setting: Setting, multiple: int) -> Crop:

@@ -1,28 +1,26 @@
-"""Traj2Stroke with a U-Net behind it (thesis 5.4.3), for what seven numbers cannot say: texture, bristle drag."""
+"""A stroke model with a U-Net behind it (thesis 5.4.3), for what its numbers cannot say: texture, bristle drag."""
 
 from __future__ import annotations
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from pentimento.stroke_dynamics.networks.coverage import CoverageModel, drawn, unmirrored
+from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, predict_extended
+from pentimento.stroke_dynamics.networks.coverage import CoverageModel, drawn, mirrors, unmirrored
 from pentimento.stroke_dynamics.networks.frame import crop_around, frames_of, place
 from pentimento.stroke_dynamics.networks.unet import COARSER, UNet
+from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
+from pentimento.stroke_dynamics.simulation import extended_mark, full_at_most
+from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke
 
 
 class RefinedTraj2Stroke(CoverageModel):
-    """Untrained, it foretells what its Traj2Stroke does: the U-Net's last convolution is zero.
-
-    The U-Net sees the stroke in its own frame, so that what trails behind the tool lies on one side; what it adds or
-    takes away is laid on the canvas, where Traj2Stroke draws without resampling.
-    """
+    """Untrained, it foretells what its Traj2Stroke does: the U-Net's last convolution is zero."""
 
     def __init__(self, base: Traj2Stroke, margin_m: float, pixels_per_m: float) -> None:
         super().__init__()
-        self.base, self.net = base, UNet(1)
-        self.margin_m, self.pixels_per_m = margin_m, pixels_per_m
+        self.base, self.retouch = base, Retouch(margin_m, pixels_per_m)
 
     def forward(self, samples: StrokeSamples) -> Tensor:
         """Coverage of the samples' windows, [B, H, W]."""
@@ -30,11 +28,46 @@ class RefinedTraj2Stroke(CoverageModel):
         scale = samples.pixels_per_m[:, None]
         size = (samples.valid.shape[1], samples.valid.shape[2])
         there = drawn(samples.view.to_pixels(mark.points_m), mark.radius_m * scale, mark.density, mark.softness, size)
+        return (there + self.retouch(mark, samples, self.mirror(len(mark.radius_m)))).clamp(0.0, 1.0)
+
+
+class RefinedModel(nn.Module):
+    """A stroke model with its causes, which stays as it is; untrained, it foretells what that does."""
+
+    def __init__(self, model: StrokeModel, margin_m: float, pixels_per_m: float) -> None:
+        super().__init__()
+        self.base, self.mechanisms = model.mark(), model.mechanisms
+        self.retouch = Retouch(margin_m, pixels_per_m)
+
+    def forward(self, strokes: MeasuredStrokes) -> Tensor:
+        """The photographs after strokes, sRGB [B, H, W, 3]."""
+        samples = strokes.samples
+        with torch.no_grad():
+            foretold = srgb_to_linear(predict_extended(self.base, self.mechanisms, strokes))
+            mark = full_at_most(extended_mark(self.base, self.mechanisms, strokes.context))
+        mirror = mirrors(len(samples.path), self.training)
+        change = self.retouch(Mark(*(values[:, 0] for values in mark)), samples, mirror)
+        more = change[..., None] * (srgb_to_linear(samples.color)[:, None, None] - samples.before_linear)
+        return linear_to_srgb((foretold + more).clamp(0.0, 1.0))
+
+
+class Retouch(nn.Module):
+    """What a U-Net adds to a mark's coverage or takes away.
+
+    It sees the mark in the stroke's own frame, so that what trails behind the tool lies on one side; its answer is laid
+    on the canvas, where marks are drawn without resampling.
+    """
+
+    def __init__(self, margin_m: float, pixels_per_m: float) -> None:
+        super().__init__()
+        self.net = UNet(1)
+        self.margin_m, self.pixels_per_m = margin_m, pixels_per_m
+
+    def forward(self, mark: Mark, samples: StrokeSamples, mirror: Tensor) -> Tensor:
+        """Coverage more or less in the samples' windows, [B, H, W], for marks [B, N]; ``mirror`` [B]."""
         crop = crop_around(samples.path, self.margin_m, self.pixels_per_m, COARSER)
-        mirror = self.mirror(len(samples.path))
         local = frames_of(samples.path).to_stroke(mark.points_m)
         local = torch.stack([local[..., 0], local[..., 1] * mirror[:, None]], dim=-1)
         radius = mark.radius_m * crop.pixels_per_m
         seen = drawn(crop.to_pixels(local), radius, mark.density, mark.softness, (crop.height, crop.width))
-        change = unmirrored(self.net(seen[:, None]), mirror)
-        return (there + place(change, crop, samples)).clamp(0.0, 1.0)
+        return place(unmirrored(self.net(seen[:, None]), mirror), crop, samples)
