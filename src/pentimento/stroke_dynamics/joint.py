@@ -18,6 +18,7 @@ from pentimento.stroke_dynamics.extended import (
     predict_extended,
     spans,
 )
+from pentimento.stroke_dynamics.polish import polish
 from pentimento.stroke_dynamics.simulation import Mechanism
 from pentimento.stroke_dynamics.training import Log, TrainingConfig, descend, predict, weighted_l1
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
@@ -46,7 +47,8 @@ def fit_jointly(
 ) -> JointFit:
     """Extend a trained base by ``causes``, which start from the values of a diagnosis.
 
-    The values of the epoch that foretells the validation strokes best are taken. Scale and offset start where the
+    The values of the epoch that foretells the validation strokes best are taken, or what ``polish`` makes of them on
+    the training strokes, where that foretells the others better still. Scale and offset start where the
     diagnosis saw them, at none where it did not: those of the base had to make up for what the causes now say.
     """
     mechanisms = [mechanism for mechanism in causes if mechanism.cause not in OWN_CAUSES]
@@ -71,6 +73,9 @@ def fit_jointly(
             least, best = now, {name: value.clone() for name, value in model.state_dict().items()}
 
     descend(model, lambda index: model(training.pick(index)), training.samples, config, log, keep_best)
+    model.load_state_dict(best)
+    polish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
+    keep_best(config.epochs)
     if least >= before:
         return JointFit(base_model(base), False, (before, least))
     model.load_state_dict(best)

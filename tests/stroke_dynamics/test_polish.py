@@ -1,0 +1,40 @@
+"""The search without gradients finds minima that a gradient does not see, and never makes things worse."""
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from pentimento.stroke_dynamics.polish import polish
+
+
+class Pair(nn.Module):
+    """Two parameters of unlike size."""
+
+    def __init__(self, first: float, second: float) -> None:
+        super().__init__()
+        self.first, self.second = nn.Parameter(torch.tensor([first])), nn.Parameter(torch.tensor(second))
+
+    def away(self) -> Tensor:
+        """How far from (1.5, -40) in L1, the second a tenth as much."""
+        return (self.first[0] - 1.5).abs() + 0.1 * (self.second + 40).abs()
+
+
+def test_it_finds_a_corner() -> None:
+    pair = Pair(0.8, -35.0)
+    polish(pair, pair.away)
+    assert pair.first.item() == pytest.approx(1.5, abs=0.01)
+    assert pair.second.item() == pytest.approx(-40, abs=0.1)
+
+
+def test_it_goes_down_steps_whose_slope_is_zero() -> None:
+    pair = Pair(0.0, -40.0)
+    before = pair.away().item()
+    polish(pair, lambda: (pair.away() * 20).floor() / 20)
+    assert pair.away().item() < 0.1 * before
+
+
+def test_where_nothing_is_lower_it_stays() -> None:
+    pair = Pair(1.5, -40.0)
+    polish(pair, pair.away)
+    assert pair.away().item() == 0
+    assert pair.first.requires_grad
