@@ -1,7 +1,8 @@
 """The last step of fitting a handful of numbers: a search without gradients, from where descent ended.
 
 A crisp mark's coverage, (1 - D/R)^c with c near 0, is nearly a step: what its gradient says of the edge lies in a few
-pixels, and descent drifts. The L1 itself is no harder to compare.
+pixels, and descent drifts. The L1 itself is no harder to compare. The pipeline's models do without: they are planned
+with, by gradients, and the crispness that L1 asks for costs them a fifth of their squared error.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from pentimento.stroke_dynamics.polish import polish
+from studies.stroke_models.polish import polish
 
 
 class Pair(nn.Module):
