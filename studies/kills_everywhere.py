@@ -52,20 +52,20 @@ def main() -> int:
     given.out.parent.mkdir(parents=True, exist_ok=True)
     rng, differences, runs = np.random.default_rng(given.seed), list[str](), 0
     with tempfile.TemporaryDirectory() as temporary, given.out.open("w", encoding="utf-8") as file:
+
+        def say(line: str) -> None:
+            print(line, flush=True)
+            print(line, file=file, flush=True)
+
         folder = Path(temporary) / "pipeline"
         shutil.copytree(given.pipeline, folder, ignore=shutil.ignore_patterns(".dvc", ".git", ".pentimento", ".venv"))
         for stage, times in zip(stages, shares(given.times, len(stages)), strict=True):
             found, whole_s = kill_again_and_again(stage, given.pipeline, folder, times, rng)
             differences += [f"{stage.name}: {difference}" for difference in found]
             runs += times
-            line = (
-                f"{stage.name}: {whole_s:.1f} s, killed {times} times; {'; '.join(found) or 'every byte is the same'}"
-            )
-            for where in (sys.stdout, file):
-                print(line, file=where, flush=True)
-        end = f"{len(stages)} stages, {runs} kills, {len(differences)} differences."
-        for where in (sys.stdout, file):
-            print(end, file=where, flush=True)
+            said = "; ".join(found) or "every byte is the same"
+            say(f"{stage.name}: {whole_s:.1f} s, killed {times} times; {said}")
+        say(f"{len(stages)} stages, {runs} kills, {len(differences)} differences.")
     return 1 if differences else 0
 
 

@@ -46,7 +46,7 @@ def fit_jointly(
     pace: Pace,
     config: TrainingConfig,
     log: Log,
-    finish: Finish = lambda *_: None,
+    finish: Finish | None = None,
 ) -> JointFit:
     """Extend a trained base by ``causes``, which start from the values of a diagnosis.
 
@@ -76,9 +76,10 @@ def fit_jointly(
             least, best = now, {name: value.clone() for name, value in model.state_dict().items()}
 
     descend(model, lambda index: model(training.pick(index)), training.samples, config, log, keep_best)
-    model.load_state_dict(best)
-    finish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
-    keep_best(config.epochs)
+    if finish:
+        model.load_state_dict(best)
+        finish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
+        keep_best(config.epochs)
     if least >= before:
         return JointFit(base_model(base), False, (before, least))
     model.load_state_dict(best)
