@@ -34,9 +34,8 @@ from pentimento.stroke_dynamics.networks.fit import (
 from pentimento.stroke_dynamics.networks.stamp import fit_stamp
 from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
-from pentimento.stroke_dynamics.training import TrainingConfig, predict, train, weighted_l1
+from pentimento.stroke_dynamics.training import TrainingConfig, train, weighted_l1
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
-from studies.stroke_models.polish import polish
 
 Foretell = Callable[[MeasuredStrokes], Tensor]
 
@@ -123,7 +122,7 @@ class Training:
             case "path_image":
                 trained = _network(fit_path_image_cnn(self.samples, self.setting, _quiet))
             case "traj2stroke":
-                parameters = self.polished().parameters_si()
+                parameters = self.base().parameters_si()
                 trained = _of(lambda strokes: predict_with(parameters, strokes.samples))
             case "refined":
                 trained = _network(fit_refined(self.base(), self.samples, self.setting, _quiet))
@@ -147,21 +146,14 @@ class Training:
             self._before["traj2stroke"] = time.process_time() - started
         return self._base
 
-    def polished(self) -> Traj2Stroke:
-        """The same, with its training ended by ``polish``."""
-        model = Traj2Stroke(self.base().parameters_si())
-        polish(model, lambda: weighted_l1(predict(model, self.samples), self.samples, ANALYTIC.ink_weight))
-        return model
-
     def extended(self) -> tuple[StrokeModel, dict[str, Any]]:
         """What the gap finder establishes on the training strokes, fitted jointly with Traj2Stroke; and what it said.
 
         It is done once.
         """
         if self._extended is None:
-            self.base()
-            started = time.process_time()
-            self._extended = self._found_and_fitted(self.polished())
+            base, started = self.base(), time.process_time()
+            self._extended = self._found_and_fitted(base)
             self._before["mechanisms"] = self._before["traj2stroke"] + time.process_time() - started
         return self._extended
 
@@ -207,9 +199,7 @@ class Training:
         causes = [m for m in found.extended.mechanisms if m.cause in names]
         pace = pace_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
-        joint = fit_jointly(
-            base.parameters_si(), causes, self.strokes, self.strokes, pace, self.analytic, _quiet, polish
-        )
+        joint = fit_jointly(base.parameters_si(), causes, self.strokes, self.strokes, pace, self.analytic, _quiet)
         return joint.model, {
             "established": names,
             "suspected": [finding.cause for finding in found.suspected],

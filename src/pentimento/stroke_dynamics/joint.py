@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -18,12 +18,10 @@ from pentimento.stroke_dynamics.extended import (
     predict_extended,
     spans,
 )
+from pentimento.stroke_dynamics.polish import polish
 from pentimento.stroke_dynamics.simulation import Mechanism
 from pentimento.stroke_dynamics.training import Log, TrainingConfig, descend, predict, weighted_l1
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
-
-Finish = Callable[[nn.Module, Callable[[], Tensor]], None]
-"""What lowers a model's loss, in place, after descent."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +44,10 @@ def fit_jointly(
     pace: Pace,
     config: TrainingConfig,
     log: Log,
-    finish: Finish | None = None,
 ) -> JointFit:
     """Extend a trained base by ``causes``, which start from the values of a diagnosis.
 
-    The values of the epoch that foretells the validation strokes best are taken, or what ``finish`` makes of them on
+    The values of the epoch that foretells the validation strokes best are taken, or what ``polish`` makes of them on
     the training strokes, where that foretells the others better still. Scale and offset start where the
     diagnosis saw them, at none where it did not: those of the base had to make up for what the causes now say.
     """
@@ -76,10 +73,9 @@ def fit_jointly(
             least, best = now, {name: value.clone() for name, value in model.state_dict().items()}
 
     descend(model, lambda index: model(training.pick(index)), training.samples, config, log, keep_best)
-    if finish:
-        model.load_state_dict(best)
-        finish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
-        keep_best(config.epochs)
+    model.load_state_dict(best)
+    polish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
+    keep_best(config.epochs)
     if least >= before:
         return JointFit(base_model(base), False, (before, least))
     model.load_state_dict(best)

@@ -1,8 +1,8 @@
 """The last step of fitting a handful of numbers: a search without gradients, from where descent ended.
 
 A crisp mark's coverage, (1 - D/R)^c with c near 0, is nearly a step: what its gradient says of the edge lies in a few
-pixels, and descent drifts. The L1 itself is no harder to compare. The pipeline's models do without: they are planned
-with, by gradients, and the crispness that L1 asks for costs them a fifth of their squared error.
+pixels, and descent drifts. The L1 itself is no harder to compare. Softness c stays what descent made it: L1 asks for
+marks as crisp as can be, which a planner that follows gradients cannot move, and which cost squared error.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 from torch import Tensor
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
+_HELD = "softness_raw"
 _STEP, _STEP_OF_VALUE = 0.1, 0.1
 """The first simplex, in the parameters' own units and as a share of each."""
 _SAME_LOSS, _SAME_VALUE = 1e-4, 5e-3
@@ -25,11 +26,11 @@ _EVALUATIONS = 100
 
 
 def polish(model: torch.nn.Module, loss: Callable[[], Tensor]) -> None:
-    """Lower the loss of the model as it is over all of its parameters, in place, by Nelder-Mead (1965).
+    """Lower the loss of the model as it is over its parameters but softness, in place, by Nelder-Mead (1965).
 
     The loss never rises. Parameters should count in units in which 0.1 is a small change.
     """
-    parameters = list(model.parameters())
+    parameters = [parameter for name, parameter in model.named_parameters() if not name.endswith(_HELD)]
 
     def loss_of(values: NDArray[np.float64]) -> float:
         vector_to_parameters(torch.from_numpy(values).float(), parameters)
