@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from pentimento.planning.fitted import Pace
+from pentimento.stroke_dynamics.evaluation import mean_squared_error
 from pentimento.stroke_dynamics.extended import (
     OWN_CAUSES,
     MeasuredStrokes,
@@ -48,8 +49,9 @@ def fit_jointly(
     """Extend a trained base by ``causes``, which start from the values of a diagnosis.
 
     The values of the epoch that foretells the validation strokes best are taken, or what ``polish`` makes of them on
-    the training strokes, where that foretells the others better still. Scale and offset start where the
-    diagnosis saw them, at none where it did not: those of the base had to make up for what the causes now say.
+    the training strokes, where that foretells the others better still, by squared error, too: the pixels of few thin
+    marks can be made to fit by chance. Scale and offset start where the diagnosis saw them, at none where it did not:
+    those of the base had to make up for what the causes now say.
     """
     mechanisms = [mechanism for mechanism in causes if mechanism.cause not in OWN_CAUSES]
 
@@ -74,14 +76,21 @@ def fit_jointly(
 
     descend(model, lambda index: model(training.pick(index)), training.samples, config, log, keep_best)
     model.load_state_dict(best)
+    squared = _squared_error(model, validation)
     polish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
-    keep_best(config.epochs)
+    if _squared_error(model, validation) < squared:
+        keep_best(config.epochs)
     if least >= before:
         return JointFit(base_model(base), False, (before, least))
     model.load_state_dict(best)
     fitted = tuple(type(m)(m.values.detach(), m.reference) for m in model.mechanisms())
     spanned = spans(columns_read(fitted, training), training)
     return JointFit(StrokeModel(model.base.parameters_si(), fitted, spanned, pace), True, (before, least))
+
+
+def _squared_error(model: _Joint, strokes: MeasuredStrokes) -> float:
+    with torch.no_grad():
+        return mean_squared_error(model(strokes), strokes.samples)
 
 
 def _start(base: Traj2StrokeParameters, causes: Sequence[Mechanism]) -> Traj2StrokeParameters:

@@ -18,7 +18,6 @@ from torch.utils.data import DataLoader, TensorDataset
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
-from pentimento.stroke_dynamics.polish import polish
 from pentimento.stroke_dynamics.samples import INK_THRESHOLD, StrokeSamples, inked_share
 from pentimento.stroke_dynamics.simulation import StrokeContext, simulate
 from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
@@ -130,7 +129,6 @@ def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stro
     torch.manual_seed(config.seed)
     model = Traj2Stroke(first_guess(samples))
     descend(model, lambda index: predict(model, samples.pick(index)), samples, config, log)
-    polish(model, lambda: weighted_l1(predict(model, samples), samples, config.ink_weight))
     return model.eval()
 
 
