@@ -32,8 +32,9 @@ export DO_NOT_TRACK ?= true
 repro: env
 	@$(BIN)/python -m pipelines._repro $(PROFILE)
 
+# A file's tests stay together: they share what is slow to make.
 test: env
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 check: env
 	$(BIN)/ruff format --check .
@@ -62,7 +63,7 @@ $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
-	$(PIP_INSTALL) -c constraints.txt -e ".[train,dev]"
+	$(PIP_INSTALL) -c constraints.txt -e ".[train,distributed,dev]"
 	$(BIN)/python -m compileall -q -j 0 -x py312_intrinsics .venv/lib # PyTorch ships that one for later Pythons only
 	rm -f .venv/.installed-*
 	touch $@

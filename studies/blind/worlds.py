@@ -134,8 +134,8 @@ def sketch_world(
         palette = np.array([told.color_srgb])
     else:
         told = replace(told, strokes_per_dip=STROKES_PER_DIP)
-    world = _nuisances(_without_effects(load_world(name)), rng)
-    world = _misshapen(world, rng) if misshaped else _even(world)
+    world = with_nuisances(without_effects(load_world(name)), rng)
+    world = misshapen(world, rng) if misshaped else _even(world)
     return Sketch(
         stratum, seed, told, world, palette, causes, outside, wanted if q is None else (q,) * hidden, misshaped
     )
@@ -166,11 +166,11 @@ def _draw_causes(rng: np.random.Generator, stratum: Stratum, tool: ToolName, cau
     return first, others[rng.integers(len(others))]
 
 
-def _without_effects(world: World) -> World:
+def without_effects(world: World) -> World:
     return replace(world, effects=Effects(**{f.name: 0.0 for f in fields(Effects)}))
 
 
-def _nuisances(world: World, rng: np.random.Generator) -> World:
+def with_nuisances(world: World, rng: np.random.Generator) -> World:
     """Another sheet, mixture, camera and arm than the shipped ones; nothing of it is a cause."""
 
     def by(low: float, high: float) -> float:
@@ -222,7 +222,7 @@ def _even(world: World) -> World:
     return replace(world, tool=tool, paint=paint)
 
 
-def _misshapen(world: World, rng: np.random.Generator) -> World:
+def misshapen(world: World, rng: np.random.Generator) -> World:
     """A bundle whose imprint is another than the simulation's simple disc in yet another way."""
     tool = world.tool
     scale = np.exp(rng.uniform(-0.6, 0.6, 6))

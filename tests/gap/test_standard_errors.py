@@ -3,16 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold_linear, identity, ink
+from pentimento.gap.jacobian import Statistics
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.modes import MODES, AllModes
 from pentimento.gap.modulator import Modulation
-from pentimento.gap.standard_errors import values_with_errors
+from pentimento.gap.standard_errors import covariance, values_with_errors
 from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
@@ -53,3 +55,22 @@ def test_95_percent_intervals_hold_the_truth() -> None:
                 total += 1
     assert total >= 60
     assert 0.88 <= held / total <= 0.99, f"{held} of {total}"
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), (1.0, 300.0, 1e-3)])
+def test_scatter_is_what_leaving_out_each_action_changes_in_any_units(units: tuple[float, ...]) -> None:
+    """Of least squares that is exact, also where one action alone decides one of the numbers."""
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(12, 5, 3)) * units
+    columns[1:, :, 2] = 0.0
+    values = rng.normal(size=(12, 1)) + 0.1 * rng.normal(size=(12, 5))
+
+    def slopes(actions: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(columns[actions].reshape(-1, 3), values[actions].ravel(), rcond=None)[0]
+
+    every = np.arange(12)
+    best = slopes(every)
+    left = values - columns @ best
+    statistics = Statistics(columns.mT @ columns, np.einsum("npi,np->ni", columns, left), np.square(left).sum(1))
+    changes = np.stack([slopes(np.delete(every, action)) - best for action in every])[:, :2]
+    assert np.allclose(covariance(statistics)[:2, :2], changes.T @ changes, rtol=1e-6)

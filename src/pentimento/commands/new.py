@@ -48,7 +48,7 @@ def _tool(arguments: argparse.Namespace) -> None:
         )
     _tell(arguments.name, arguments.like, made)
     print(
-        f"""What to expect: collection, training, diagnosis and a painting take about seven minutes on two cores.
+        f"""What to expect: collection, training, diagnosis and a painting take about five minutes on two cores.
 Whether the strokes are enough: pentimento enough data/strokes/{arguments.name}
 What they are, and what they cannot tell: pentimento card data/strokes/{arguments.name}
 What the model gets wrong, and why: data/gap/{arguments.name}/report.html"""

@@ -16,8 +16,10 @@ from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.stroke_dynamics.simulation import Mechanism
 
-_OPEN = 1e-6
-"""Directions in which a single action decides alone tell nothing about its scatter."""
+_SEEN = 1e-10
+"""Of the largest curvature: what lies below is not seen at all."""
+_OPEN = 0.01
+"""Directions of which a single action decides all but so little tell nothing about its scatter."""
 
 
 def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
@@ -39,13 +41,14 @@ def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -
 
 def covariance(statistics: Statistics) -> NDArray[np.float64]:
     """Of all numbers of a fitted model, [P, P]."""
-    curvature = statistics.curvature.sum(0)
-    inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
-    leverage = statistics.curvature @ inverse  # [n, P, P]
-    left_out = np.stack(
-        [
-            np.linalg.lstsq(np.eye(len(own)) - own, score, rcond=_OPEN)[0]
-            for own, score in zip(leverage, statistics.slope, strict=True)
-        ]
-    )
-    return np.asarray(inverse @ (left_out.T @ left_out) @ inverse)
+    whole = statistics.curvature.sum(0)
+    unit = 1 / np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))  # in which each number is seen as well
+    size, direction = np.linalg.eigh(whole * np.outer(unit, unit))
+    seen = size > _SEEN * size[-1]
+    half = unit[:, None] * direction[:, seen] / np.sqrt(size[seen])
+    # In these directions what an action decides of each, its leverage, lies between nothing and all.
+    open_share, own = np.linalg.eigh(np.eye(half.shape[1]) - half.T @ statistics.curvature @ half)  # [n, K], [n, K, K]
+    factor = np.where(open_share > _OPEN, 1 / np.maximum(open_share, _OPEN), 0.0)
+    score = np.einsum("nij,ni->nj", own, statistics.slope @ half) * factor
+    left_out = np.einsum("nij,nj->ni", own, score) @ half.T  # [n, P]: by what leaving an action out moves each number
+    return np.asarray(left_out.T @ left_out)
