@@ -51,7 +51,7 @@ studies: env
 	$(BIN)/python -m studies.stroke_models
 
 clean:
-	rm -rf data models/*/weights models/bundle .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf data/*/ models/*/weights models/bundle .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 env: $(STAMP)

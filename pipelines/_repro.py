@@ -24,6 +24,7 @@ from pipelines._io import end_with_parent
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._side_by_side import bring_up_to_date
+from pipelines._tracking.dvc_lock import locked_stages
 from pipelines._tracking.execution import VARIABLE
 from pipelines._tracking.timings import TIMINGS
 
@@ -82,12 +83,13 @@ def _ran_since(folder: Path, started: float) -> bool:
 
 def restore_missing(folder: Path) -> None:
     """Take what dvc.lock names and is gone from the cache: DVC deletes outputs before a stage runs."""
-    if not (folder / "dvc.lock").is_file():
+    locked = locked_stages(folder)
+    if not locked:
         return
     stages = read_yaml(folder / "dvc.yaml").get("stages", {})
     missing = [
         out["path"]
-        for name, stage in read_yaml(folder / "dvc.lock").get("stages", {}).items()
+        for name, stage in locked.items()
         for out in stage.get("outs", [])
         if name.partition("@")[0] in stages and not (folder / out["path"]).exists()
     ]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pipelines._config import read_yaml
 from pipelines._tracking.digests import section_digest
+from pipelines._tracking.dvc_lock import locked_stages
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,12 @@ class Locked:
 
 def read_lock(folder: Path) -> list[Locked]:
     """Return the items of dvc.lock in `folder` whose stages are in dvc.yaml; none where nothing ran yet."""
-    if not (folder / "dvc.lock").is_file():
+    locked = locked_stages(folder)
+    if not locked:
         return []
     stages = read_yaml(folder / "dvc.yaml").get("stages", {})
     made = []
-    for name, entry in read_yaml(folder / "dvc.lock").get("stages", {}).items():
+    for name, entry in locked.items():
         stage, _, item = name.partition("@")
         if stage not in stages or (item and item not in _items(stages[stage].get("matrix", {}))):
             continue

@@ -7,17 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pipelines._config import read_yaml
+from pipelines._tracking.dvc_lock import locked_stages
 
 
 def input_digest(path: Path) -> str:
     """Return the MD5 by which DVC knows `path`, or an MD5 of its files where DVC does not track it."""
-    lock = Path("dvc.lock")
-    if lock.is_file():
-        for stage in read_yaml(lock).get("stages", {}).values():
-            for out in stage.get("outs", []):
-                if Path(out["path"]) == path:
-                    return str(out["md5"])
+    for stage in locked_stages(Path()).values():
+        for out in stage.get("outs", []):
+            if Path(out["path"]) == path:
+                return str(out["md5"])
     if path.is_file():
         return md5(path.read_bytes())
     if not path.is_dir():
