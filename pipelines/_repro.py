@@ -18,6 +18,7 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from pentimento.contracts.errors import ConfigError, PentimentoError
+from pipelines._broken_lock import put_aside_broken_lock
 from pipelines._config import read_yaml
 from pipelines._dvc import run_dvc
 from pipelines._io import end_with_parent
@@ -45,6 +46,7 @@ def main(arguments: list[str]) -> int:
     os.environ["PENTIMENTO_PROFILE"] = profile or "default"
     try:
         folder = overlay(root, profile) if profile else root
+        put_aside_broken_lock(folder)
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
         return 1
