@@ -197,7 +197,7 @@ def execute(stage: Stage, folder: Path, out: str, kill_at_s: float | None) -> En
         PentimentoError: it failed by itself.
     """
     environment = os.environ | {
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'src'}", "HF_HUB_DISABLE_PROGRESS_BARS": "1", "OMP_NUM_THREADS": "1",
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'src'}", "HF_HUB_DISABLE_PROGRESS_BARS": "1",
         "MLFLOW_TRACKING_URI": f"sqlite:///{folder / stage.name}.db",
     }  # fmt: skip
     before = set(folder.glob(f".{out}.*.tmp"))

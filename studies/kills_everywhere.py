@@ -121,7 +121,6 @@ def execute(stage: Stage, folder: Path, kill_at_s: float | None) -> float:
         shutil.rmtree(folder / out, ignore_errors=True)
     command = [sys.executable if word == "python" else word for word in stage.command]
     environment = os.environ | {
-        "OMP_NUM_THREADS": "2",  # as the Makefile says: linear algebra adds up in another order on another number
         "PYTHONPATH": f"{folder}{os.pathsep}{folder / 'src'}",
         "MLFLOW_TRACKING_URI": f"sqlite:///{folder / 'mlflow.db'}",
     }
