@@ -26,7 +26,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro test check bench studies clean env
+.PHONY: repro test coverage check bench studies licences clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -35,6 +35,13 @@ repro: env
 # A file's tests stay together: they share what is slow to make.
 test: env
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+
+coverage: env
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder --cov --cov-report term:skip-covered
+
+licences: env
+	( printf '# Licences\n\nOf what `make env` installs, as the packages themselves say; written by `make licences`.\n\n' && \
+	$(BIN)/pip-licenses --from=mixed --with-system --format=markdown --ignore-packages pentimento setuptools ) > docs/licences.md
 
 check: env
 	$(BIN)/ruff format --check .
@@ -57,8 +64,8 @@ clean:
 env: $(STAMP)
 
 # Measured on a fresh clone: the pip that comes with Python 3.11 takes twice as long as the pinned one, and it compiles
-# bytecode on one core; afterwards, on all, that is a minute, which the first run of every stage gives back. A package that was being copied when an install was interrupted has no
-# RECORD: forgetting it makes pip redo it.
+# bytecode on one core; afterwards, on all, that is a minute, which the first run of every stage gives back. A package
+# that was being copied when an install was interrupted has no RECORD: forgetting it makes pip redo it.
 $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
