@@ -13,6 +13,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, fields, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -197,20 +198,19 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("data/studies/push_models"))
     given = parser.parse_args()
     torch.set_num_threads(1)
-    left, found = given.parts, []
-    for seed in range(1, given.worlds + 1):
-        world, results = World(given.out, seed), {}
-        for name, do in world.parts().items():
-            file = world.folder / f"{name}.json"
-            if not file.exists() and left > 0:
-                print(f"world {seed}: {name} …", flush=True)
-                file.write_text(json.dumps(do(), indent=1))
-                left -= 1
-            if file.exists():
-                results[name] = json.loads(file.read_text())
-        if results:
-            found.append(results)
-    DOCS.write_text(page(found))
+    left, seeds = given.parts, range(1, given.worlds + 1)
+    found: dict[int, dict[str, Any]] = {seed: {} for seed in seeds}
+    # Part by part: a study that is stopped has its first parts of all worlds.
+    for name, seed in product(World(given.out, 1).parts(), seeds):
+        world = World(given.out, seed)
+        file = world.folder / f"{name}.json"
+        if not file.exists() and left > 0:
+            print(f"world {seed}: {name} …", flush=True)
+            file.write_text(json.dumps(world.parts()[name](), indent=1))
+            left -= 1
+        if file.exists():
+            found[seed][name] = json.loads(file.read_text())
+    DOCS.write_text(page([results for results in found.values() if results]))
 
 
 if __name__ == "__main__":
