@@ -42,6 +42,12 @@ METRICS: dict[str, Any] = {
 }  # fmt: skip
 
 
+def test_where_base_and_oracle_do_not_differ_it_is_said(folder: Path) -> None:
+    section = copainting_section([read_copainting("marker", folder)], Album())
+    assert "Of the gap Δ<sub>pix</sub> between base and oracle, fine-tuning closes" in section
+    assert "The base’s Δ<sub>sem</sub> is no larger than the oracle’s: there is no gap to close." in section
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "metrics.json").write_text(json.dumps(METRICS))

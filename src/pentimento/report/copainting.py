@@ -160,6 +160,8 @@ def _gains(metrics: Mapping[str, Any]) -> str:
         closed, ratio = found.get(f"{name}_closed"), found.get(f"{name}_ratio")
         if closed is not None:
             lines.append(f"Of the gap {symbol} between base and oracle, fine-tuning closes {_estimate(closed, True)}.")
+        else:
+            lines.append(f"The base’s {symbol} is no larger than the oracle’s: there is no gap to close.")
         if ratio is not None:
             lines.append(f"{symbol} of the base is {_estimate(ratio, False)} times that of the fine-tuned planner.")
     for other, words in (("no_change", "no change"), ("base", "no fine-tuning")):
