@@ -1,18 +1,22 @@
 """Of causes that explain the same the simplest is taken, unless one does what the other cannot."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.choice import simplest_of_the_best, without_unlikely
+from pentimento.gap.choice import Step, simplest_of_the_best, without_echoes, without_unlikely
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import foretold, identity
-from pentimento.gap.measured import load_measured
+from pentimento.gap.foretell import Model, foretold, identity
+from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.search import action_losses
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
 from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
+from pentimento.stroke_dynamics.mechanisms.tool_wear import ToolWear
+from pentimento.stroke_dynamics.simulation import Mechanism
 from tests.gap.test_habits import photographed
 
 
@@ -45,14 +49,37 @@ def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
 def test_of_two_causes_with_one_form_what_one_has_beyond_the_other_decides(
     paler: float, softer: float, left: set[str]
 ) -> None:
-    measured = load_measured(example_table(60))
-    base = first_model(measured)
-    kinds = (SpeedBleed, SpeedDensity)
-    truth = identity(SpeedDensity, measured.context)
-    truth = SpeedDensity(torch.tensor([paler, softer, 0.05], dtype=torch.float64), truth.reference)
-    rng = np.random.default_rng(0)
-    after = foretold(base.plus(truth), measured)
-    made = photographed(measured, after + 0.003 * rng.standard_normal(after.shape))
-    refits = {kind.cause: fit(base.plus(identity(kind, made.context)), made) for kind in kinds}
+    refits, made = refitted(SpeedDensity, [paler, softer, 0.05], (SpeedBleed, SpeedDensity))
     losses = {cause: action_losses(refit, made) for cause, refit in refits.items()}
     assert set(without_unlikely(losses, refits, made)) == left
+
+
+@pytest.mark.parametrize(
+    ("softer", "rivals"),
+    [
+        (0.0, ()),  # a bleed whose edge stays as it is: the mark is wider, and that is all
+        (1.6, ("speed_bleed",)),
+    ],
+)
+def test_a_cause_that_does_what_another_does_and_no_more_is_no_rival(softer: float, rivals: tuple[str, ...]) -> None:
+    refits, made = refitted(SpeedBleed, [softer, 0.2], (SpeedWidth, SpeedBleed))
+    step = Step({}, "speed_width", ("speed_bleed",))
+    assert without_echoes(step, refits, made).rivals == rivals
+
+
+def test_causes_of_other_forms_stay_rivals() -> None:
+    refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, ToolWear))
+    step = Step({}, "speed_width", ("tool_wear",))
+    assert without_echoes(step, refits, made).rivals == ("tool_wear",)
+
+
+def refitted(
+    hidden: type[Mechanism], values: list[float], kinds: Sequence[type[Mechanism]]
+) -> tuple[dict[str, Model], Measured]:
+    """Each of the kinds fitted to sixty strokes that the hidden cause made, and those strokes."""
+    measured = load_measured(example_table(60))
+    base = first_model(measured)
+    truth = hidden(torch.tensor(values, dtype=torch.float64), identity(hidden, measured.context).reference)
+    after = foretold(base.plus(truth), measured)
+    made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
+    return {kind.cause: fit(base.plus(identity(kind, made.context)), made) for kind in kinds}, made

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ _DRAWS = 4999
 _WORSE_P = 0.05
 _NEARLY = 0.95  # of what the best one removes
 _SURE = 4.5  # standard errors of a quantity that one cause has beyond another
+_MINOR = 0.5
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,43 @@ def without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], m
         if told_apart:
             out |= told_apart if last[cause].coherent else {cause}
     return {cause: each for cause, each in losses.items() if cause not in out}
+
+
+def without_echoes(step: Step, refits: Mapping[str, Model], measured: Measured) -> Step:
+    """The step without rivals that say the same as its cause: they can do all that it does, and do it, and what they
+    can do beside that is surely less than half as much, each in its quantities' typical sizes.
+
+    Ink that bleeds at speed is spread wider and has a soft edge. Where the edge surely stays as it is, the mark is
+    wider, and that is all.
+    """
+    assert step.chosen is not None
+    own = _by_effect(refits[step.chosen])
+    rivals = []
+    for cause in step.rivals:
+        sizes = {
+            _effect(name): (abs(value), error)
+            for name, (value, error) in _in_typical_sizes(refits[cause], measured).items()
+        }
+        more = [value + 2 * error for name, (value, error) in sizes.items() if name not in own]
+        if not (own < set(sizes) and max(more) < _MINOR * max(sizes[name][0] for name in own)):
+            rivals.append(cause)
+    return replace(step, rivals=tuple(rivals))
+
+
+def _by_effect(refit: Model) -> set[str]:
+    return {_effect(q.name) for q in refit.mechanisms[-1].quantities}
+
+
+def _effect(name: str) -> str:
+    """What a quantity does to a mark: one that spreads is wider."""
+    return name.replace("spreading", "width")
+
+
+def _in_typical_sizes(refit: Model, measured: Measured) -> dict[str, tuple[float, float]]:
+    """The last mechanism's quantities with their standard errors, in typical sizes, by name."""
+    last = refit.mechanisms[-1]
+    found, typical = values_with_errors(refit, last, measured), {q.name: q.typical for q in last.quantities}
+    return {name: (value / typical[name], error / typical[name]) for name, (value, error) in found.items()}
 
 
 def paired_p(differences: Array, seed: int) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_unlikely
+from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, identity, mean_squared_error, residual
@@ -106,7 +106,7 @@ def find_large(
         if not losses:
             break
         losses = without_unlikely(losses, refits, measured)
-        step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
+        step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
         assert step.chosen is not None
         if not is_large(refits[step.chosen].mechanisms[-1]):
             break
@@ -162,7 +162,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
             dismissed |= {cause for cause in losses if cause in far or _stands(fresh[cause], limit)}
             continue
         losses = without_unlikely(losses, refits, measured)
-        step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
+        step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
