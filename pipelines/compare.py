@@ -1,12 +1,13 @@
 """Compare two runs, or two executions of the pipeline: what changed, which is better, and is it luck.
 
 python -m pipelines.compare RUN_A RUN_B       ids, their first letters, or an execution's name
-python -m pipelines.compare --last 2          the last two executions
+python -m pipelines.compare --last 2          the last two executions of one profile
 python -m pipelines.compare --last 2 --stage train_stroke_dynamics@marker
 python -m pipelines.compare --check           do MLflow and dvc.lock agree on what was run?
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from pentimento.contracts.atomic import atomic_write
@@ -47,14 +48,21 @@ def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun |
         return first, second
     if arguments.runs or arguments.last != 2:
         raise PentimentoError("--last takes the number 2 and no other runs beside it.")
-    known: list[StageRun | Execution] = [*history.executions]
-    what = "executions"
+    known: list[StageRun | Execution] = [each for each in history.executions if each.status != "RUNNING"]
+    what = "executions that ended"
     if arguments.stage is not None:
         known = [run for run in history.runs if arguments.stage in (run.name, run.stage) and run.status == "FINISHED"]
         what = f"finished runs of {arguments.stage}"
     if len(known) < 2:
         raise PentimentoError(f"There are {len(known)} {what} in MLflow's store, and two are compared; run once more.")
-    return known[1], known[0]
+    return last_two(known)
+
+
+def last_two(known: Sequence[StageRun | Execution]) -> tuple[StageRun | Execution, StageRun | Execution]:
+    """Of two or more, the newest first: the one before the newest of its profile, or of any, and the newest."""
+    newest, *earlier = known
+    alike = [each for each in earlier if each.tags.get("profile") == newest.tags.get("profile")]
+    return (alike or earlier)[0], newest
 
 
 def _check(profile: str) -> None:
@@ -76,7 +84,9 @@ if __name__ == "__main__":
         prog="compare", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("runs", nargs="*", metavar="RUN")
-    parser.add_argument("--last", type=int, metavar="2", help="the last two executions, or runs of --stage")
+    parser.add_argument(
+        "--last", type=int, metavar="2", help="the last two executions, or runs of --stage, of one profile"
+    )
     parser.add_argument("--stage", help="a stage, or stage@item")
     parser.add_argument("--check", action="store_true", help="compare dvc.lock with MLflow instead")
     parser.add_argument("--profile", default="default", help="of --check: whose dvc.lock")

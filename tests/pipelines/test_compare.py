@@ -9,8 +9,9 @@ import pytest
 from pentimento.contracts.errors import PentimentoError
 from pipelines import compare
 from pipelines._review.agreement import check
-from pipelines._review.history import History
+from pipelines._review.history import Execution, History
 from pipelines._tracking.store import open_store, store_errors
+from pipelines.compare import last_two
 from tests.pipelines.history import digest_of, execute, repository
 
 BOTH = ("train_stroke_dynamics", "paint")
@@ -62,6 +63,16 @@ def test_luck_is_called_luck_and_the_last_two_are_found(folder: Path, capsys: py
     said = capsys.readouterr().out
     assert said.startswith("A  second") and "\nB  third" in said
     assert "may be luck: B − A" in said
+
+
+def test_the_last_two_are_of_one_profile() -> None:
+    """A run in small stands between two whole ones; only where there is no other is it compared with one."""
+    whole, small, again = (
+        Execution(name, ("0",), "FINISHED", 0, {"profile": profile})
+        for name, profile in (("whole", "default"), ("small", "smoke"), ("again", "default"))
+    )
+    assert last_two([again, small, whole]) == (whole, again)
+    assert last_two([small, whole]) == (whole, small)
 
 
 def test_single_runs_are_compared_by_the_first_letters_of_their_ids(
