@@ -7,6 +7,7 @@ python -m pipelines.compare --check           do MLflow and dvc.lock agree on wh
 """
 
 import argparse
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,6 +27,7 @@ def main(arguments: argparse.Namespace) -> None:
     if arguments.check:
         _check(arguments.profile)
         return
+    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")  # a line for each picture
     with store_errors():
         history = History()
         a, b = _chosen(history, arguments)
