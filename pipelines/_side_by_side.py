@@ -28,9 +28,9 @@ _EDGE = re.compile(r'^\s*"([^"]+)" -> "([^"]+)";$', re.MULTILINE)
 def bring_up_to_date(folder: Path) -> int:
     """Run what is out of date of the pipeline in `folder`; DVC's exit status, 130 after Ctrl-C, 143 after SIGTERM."""
     stages = out_of_date(json.loads(ask_dvc(["status", "--json"], folder) or "{}"), ask_dvc(["dag", "--dot"], folder))
-    status = _run_all(stages, folder) if stages else 0
-    # What is wrong with the pipeline as a whole (a cycle, a file that cannot be read) is for DVC to say.
-    return status or run_dvc(["repro"], folder)
+    # That nothing is to be done, or that the pipeline as a whole is wrong (a cycle, a file that cannot be read), is for
+    # DVC to say.
+    return _run_all(stages, folder) if stages else run_dvc(["repro"], folder)
 
 
 def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
