@@ -60,6 +60,21 @@ def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
     assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
 
 
+def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[Measured, Model]) -> None:
+    """What scatters with each stroke's place is not in the way: the habit is nearly the same as without it."""
+    measured, model = streaked
+    placed, causes = model.plus(identity(PathOffset, measured.context)), [identity(BristleLag, measured.context)]
+    apart = np.zeros((len(measured), *foretold(model, measured).shape[1:]))
+    for row, shift in enumerate(np.random.default_rng(3).normal(0, 0.3, (len(measured), 2))):
+        moved = placed.at(np.concatenate([model.vector, shift]))
+        apart[row] = (
+            foretold(moved, measured.pick(np.array([row]))) - foretold(model, measured.pick(np.array([row])))
+        )[0]
+    scattered = photographed(measured, measured.samples.after.numpy() + apart)
+    calm, found = (learn_habits(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()
+
+
 def test_no_score_of_the_base_changes_though_the_misfit_falls(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:

@@ -5,7 +5,8 @@ changes, and how far it is to the stroke's ends: nothing that a cause depends on
 length, place on the canvas). Two things keep them from learning an effect instead (GAP.md, rule 9). What they say of a
 stroke was learnt from others (cross-fitting; Chernozhukov et al. 2018), and what of it looks, over all strokes and
 beyond chance, like any of the causes is left in the residual, so that this cause's score does not change: only the
-misfit about it falls.
+misfit about it falls. They learn twice: where each stroke as a whole came to lie is chance, hides what is alike, and is
+known better once that has been learnt.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ _FOLDS = 3
 _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
 _TREES, _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 80, 64, 30, 0.12, 255
+_FIRST_TREES = 30  # enough to see by how much each stroke is displaced
 _RIDGE = 1e-4
 _SURE = 3.5
 """Standard errors. What goes with something that no tree is told (speed, time, the sheet) is no habit. Where habits
@@ -88,19 +90,12 @@ def learn_habits(
     """
     measured = replace(measured, habit=np.zeros_like(measured.habit))
     pixels = _Pixels(model, measured)
-    known = np.isin(pixels.stroke, rows)
     missing = pixels.along_slope(residual(model, measured))
-    actions = np.unique(measured.action[rows])
-    fold_of = dict(zip(actions, np.random.default_rng([seed, 21]).permutation(len(actions)) % _FOLDS, strict=True))
-    fold = np.array([fold_of.get(action, -1) for action in measured.action])[pixels.stroke]
-    trees = tuple(_grown(pixels, missing, known & (fold != k)) for k in range(_FOLDS))
-    said = np.zeros(len(missing))
-    for k, each in enumerate(trees):
-        told = ~known | (fold == k)  # a stroke that was learnt from, by those that did not see it
-        said[told] += each.say(pixels.features[told])
-    said[~known] /= _FOLDS
-    right = (pixels.depth * missing * said)[known].sum() / max((pixels.depth * said**2)[known].sum(), 1e-12)
-    share = float(np.clip(right, 0.0, 1.0))
+    fold = _folds(measured.action, rows, seed)[pixels.stroke]
+    _, said, share = _learnt(pixels, missing, fold, _FIRST_TREES)
+    # Where a stroke as a whole came to lie is chance, and much of the noise. It shows once what is alike is taken away.
+    missing -= pixels.displaced(missing - share * said)
+    trees, said, share = _learnt(pixels, missing, fold, _TREES)
     full = model.plus(*candidates)
     amounts = _fitted(share * pixels.photographs(said), measured, full, rows)
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
@@ -108,6 +103,30 @@ def learn_habits(
     amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
     habits = Habits(full.without(*unlike), trees, share, amounts)
     return habits, habits._joined(measured, pixels, said)
+
+
+def _folds(action: Array, rows: Array, seed: int) -> Array:
+    """Of each stroke the fold that its action is in, [B]; -1 where it is none of ``rows``."""
+    _, number = np.unique(action[rows], return_inverse=True)
+    drawn = np.random.default_rng([seed, 21]).permutation(number.max() + 1) % _FOLDS
+    fold = np.full(len(action), -1)
+    fold[rows] = drawn[number]
+    return fold
+
+
+def _learnt(pixels: _Pixels, missing: Array, fold: Array, count: int) -> tuple[tuple[_Trees, ...], Array, float]:
+    """``count`` trees for each ``fold`` [n], which are not grown on its pixels; what they say is ``missing`` of the
+    coverage where they were not grown, [n]; and what share of this is to be believed.
+    """
+    known = fold >= 0
+    trees = tuple(_grown(pixels, missing, known & (fold != k), count) for k in range(_FOLDS))
+    said = np.zeros(len(missing))
+    for k, each in enumerate(trees):
+        told = ~known | (fold == k)  # a stroke that was learnt from, by those that did not see it
+        said[told] += each.say(pixels.features[told])
+    said[~known] /= _FOLDS
+    right = (pixels.depth * missing * said)[known].sum() / max((pixels.depth * said**2)[known].sum(), 1e-12)
+    return trees, said, float(np.clip(right, 0.0, 1.0))
 
 
 class _Pixels:
@@ -122,11 +141,26 @@ class _Pixels:
         """How clearly coverage shows, [n]."""
         self.stroke = np.nonzero(self._seen)[0]
         """Index of each one's stroke, [n]."""
+        self._by_place = laid.imprint.by_mark[self._seen][:, :2].astype(float)
         self.features = _features(laid.imprint, self._seen, mark_px(model, measured), press_shares(model, measured))
 
     def along_slope(self, photographs: Array) -> Array:
         """The coverage [n] that photographs [B, H, W, 3] amount to."""
         return np.asarray((photographs * self._towards).sum(-1)[self._seen] / self.depth)
+
+    def displaced(self, coverage: Array) -> Array:
+        """What of a coverage [n] a displacement of each stroke as a whole does, by least squares, [n]."""
+        by = self._by_place
+        pairs = (self.depth[:, None, None] * by[:, :, None] * by[:, None, :]).reshape(-1, 4)
+        curvature = self._summed(pairs).reshape(-1, 2, 2)
+        slope = self._summed((self.depth * coverage)[:, None] * by)
+        moved = np.linalg.pinv(curvature, hermitian=True) @ slope[..., None]
+        return np.asarray((by * moved[self.stroke, :, 0]).sum(1))
+
+    def _summed(self, values: Array) -> Array:
+        """Sums over the pixels of each stroke: of [n, C], [B, C]."""
+        strokes = len(self._seen)
+        return np.stack([np.bincount(self.stroke, column, strokes) for column in values.T], axis=1)
 
     def photographs(self, coverage: Array) -> Array:
         """What coverage [n] does to the photographs, float32[B, H, W, 3]."""
@@ -154,11 +188,11 @@ def _features(made: Imprint, seen: Array, mark: Array, press: Array) -> Array:
     return np.stack([*made.place[seen].T, made.coverage[seen], there(press), there(slope), *ends], axis=1)
 
 
-def _grown(pixels: _Pixels, missing: Array, used: Array) -> _Trees:
+def _grown(pixels: _Pixels, missing: Array, used: Array, count: int) -> _Trees:
     features = pixels.features[used]
     edges = np.quantile(features, np.linspace(0, 1, _BINS + 1)[1:-1], axis=0).T
     trees = HistGradientBoostingRegressor(
-        max_iter=_TREES, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
+        max_iter=count, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
         early_stopping=False, random_state=0,
     )  # fmt: skip
     return _Trees(edges, trees.fit(_bins(features, edges), missing[used], pixels.depth[used]))

@@ -176,11 +176,21 @@ def test_depletion_goes_on_along_the_stroke() -> None:
 
 
 def test_lens_distortion_leaves_the_middle_and_grows_with_the_cube() -> None:
+    torch.testing.assert_close(through_lens(8e-4, 0.0), torch.tensor([0.0, 1e-4, 8e-4], dtype=torch.float64))
+
+
+def test_a_rectification_by_markers_keeps_these_at_their_places() -> None:
+    edge = through_lens(8e-4, 8e-4)
+    assert float(edge[0]) == float(edge[2]) == 0 and float(edge[1]) < 0
+
+
+def through_lens(at_edge_m: float, taken_up_m: float) -> torch.Tensor:
+    """By how much the middle, a point half way to the edge and one at the edge are displaced outwards, m."""
     reference = {"x_m": 0.1, "y_m": 0.1, "half_m": 0.1}
     points = torch.tensor([[[[0.1, 0.1], [0.15, 0.1], [0.2, 0.1]]]], dtype=torch.float64)
     one = torch.ones(1, 1, 3, dtype=torch.float64)
-    moved = LensDistortion(torch.tensor([8e-4]), reference).mark(Mark(points, one, one, one), context()).points_m
-    torch.testing.assert_close(moved[..., 0] - points[..., 0], torch.tensor([[[0.0, 1e-4, 8e-4]]], dtype=torch.float64))
+    lens = LensDistortion(torch.tensor([at_edge_m, taken_up_m], dtype=torch.float64), reference)
+    return (lens.mark(Mark(points, one, one, one), context()).points_m - points)[0, 0, :, 0]
 
 
 def test_orientation_repeats_at_half_turns() -> None:

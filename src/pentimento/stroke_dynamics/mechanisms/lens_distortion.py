@@ -1,4 +1,9 @@
-"""Points are displaced along the radius from the picture's middle, by the cube of their distance."""
+"""Points are displaced along the radius from the picture's middle, by the cube of their distance.
+
+A photograph that is rectified by markers keeps its places at these: the rectification takes up a part that grows with
+the distance itself (a straight line through the cube), which is a quantity of its own, as it hangs on where the
+markers lie.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,15 @@ from pentimento.stroke_dynamics.traj2stroke import Mark
 
 
 class LensDistortion(Mechanism):
-    """See above."""
+    """See above (the first radial term of Brown 1971)."""
 
     cause = "lens_distortion"
     site = "camera"
     driver = "view"
-    quantities = (Quantity("at_edge_m", "m", 0.0005),)
+    quantities = (
+        Quantity("at_edge_m", "m", 0.0005),
+        Quantity("taken_up_at_edge_m", "m", 0.0005),
+    )
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
@@ -21,4 +29,5 @@ class LensDistortion(Mechanism):
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         at = relative_place(mark.points_m, self.reference)
-        return mark._replace(points_m=mark.points_m + self.values[0] * at * at.square().sum(-1, keepdim=True))
+        cubic, taken_up = self.values
+        return mark._replace(points_m=mark.points_m + at * (cubic * at.square().sum(-1, keepdim=True) - taken_up))
