@@ -9,9 +9,10 @@ from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _far, _shortlist, find_large, is_large
+from pentimento.gap.search import _far, _shortlist, find_large, is_large, is_physical
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
+from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from tests.gap.test_habits import photographed
@@ -62,3 +63,10 @@ def test_a_displacement_is_tried_where_only_its_own_test_speaks_for_it() -> None
 def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:
     observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
     return _shortlist(evidence, limit, 0.05, observable)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("taken_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
+def test_a_wrong_scale_alone_is_no_lens(taken_up: float, lens: bool, sign: float) -> None:
+    values = sign * torch.tensor([1.0, taken_up], dtype=torch.float64)
+    assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens

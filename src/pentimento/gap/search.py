@@ -20,6 +20,7 @@ from pentimento.gap.foretell import Model, identity, mean_squared_error, residua
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext
 
 Array = NDArray[Any]
@@ -36,6 +37,9 @@ _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
 like a cause."""
 _LARGE, _LARGE_OF_MISFIT = 2.0, 0.04
 """Typical sizes, and the share that it removes of the error above the noise floor: a large cause has both."""
+_LEAST_TAKEN_UP, _MOST_TAKEN_UP = -0.5, 3.0
+"""Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified, what brings it back to its place
+at markers a little beyond the strokes where it is. What is linear alone is a wrong scale, and no lens."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 _BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
@@ -266,7 +270,10 @@ def _refit(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
 
 
 def is_physical(mechanism: Mechanism) -> bool:
-    """Whether all of its quantities have signs that they can have."""
+    """Whether all of its quantities have signs that they can have; of a lens, whether they can be of one picture."""
+    if isinstance(mechanism, LensDistortion):
+        at_edge, taken_up = map(float, mechanism.values)
+        return _LEAST_TAKEN_UP * at_edge**2 <= taken_up * at_edge <= _MOST_TAKEN_UP * at_edge**2
     return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
 
 
