@@ -38,8 +38,8 @@ like a cause."""
 _LARGE, _LARGE_OF_MISFIT = 2.0, 0.04
 """Typical sizes, and the share that it removes of the error above the noise floor: a large cause has both."""
 _LEAST_TAKEN_UP, _MOST_TAKEN_UP = -0.5, 3.0
-"""Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified, what brings it back to its place
-at markers a little beyond the strokes where it is. What is linear alone is a wrong scale, and no lens."""
+"""Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified; where it is, what brings
+markers a little beyond the strokes back to their places. What is linear alone is a wrong scale, and no lens."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 _BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
