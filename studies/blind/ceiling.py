@@ -48,7 +48,7 @@ verdict says it. All else is without chance: every command was executed six time
 photographs differ by from what is foretold is no noise. *Left*: the mean squared misfit of the extended model on sealed
 strokes over the noise floor; *closed*: the share of the base's misfit that this is short of. *Best habits*: the same
 with the tool's habits learnt from the averaged, all but noiseless photographs of all other strokes, with nothing held
-back for any cause: what more strokes or a quieter camera could give these habits at most."""
+back for any cause: what a quieter camera and a surer hand could give these habits at most, from as many strokes."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,16 @@ class Line:
     base: float
     extended: float
     best: float
+
+    @property
+    def closed(self) -> float:
+        """Share of the base's misfit that the extended model does not have."""
+        return 1 - self.extended / self.base
+
+    @property
+    def closed_at_best(self) -> float:
+        """The same with the best habits."""
+        return 1 - self.best / self.base
 
 
 def line_of(sketch: Sketch) -> Line | None:
@@ -128,16 +138,13 @@ def page(lines: Sequence[Line], commit: str) -> str:
         verdict = "–" if line.verdict is None else f"{line.verdict:.2f}"
         rows.append(
             f"| {truth.causes[0]} | {truth.tool} | {'yes' if truth.misshaped else 'no'} | {truth.strengths[0].q:.2f} "
-            f"| {verdict} | {line.extended:.2f} | {1 - line.extended / line.base:.2f} "
-            f"| {line.best:.2f} | {1 - line.best / line.base:.2f} |"
+            f"| {verdict} | {line.extended:.2f} | {line.closed:.2f} "
+            f"| {line.best:.2f} | {line.closed_at_best:.2f} |"
         )
     said = [line.verdict for line in lines if line.verdict is not None]
-    closed, best = ([1 - value / line.base for value, line in zip(values, lines, strict=True)] for values in (
-        [line.extended for line in lines], [line.best for line in lines],
-    ))  # fmt: skip
     medians = (
-        f"Medians: verdict {np.median(said):.2f}, closed {np.median(closed):.2f}, "
-        f"with the best habits {np.median(best):.2f}."
+        f"Medians: verdict {np.median(said):.2f}, closed {np.median([line.closed for line in lines]):.2f}, "
+        f"with the best habits {np.median([line.closed_at_best for line in lines]):.2f}."
     )
     origin = f"Seeds: sha256 of the commit `{commit}`, the series “{_SERIES}” and a number."
     return "\n\n".join([_INTRODUCTION, "\n".join(rows), medians, origin]) + "\n"
