@@ -5,13 +5,16 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.diagnose import _without
+from pentimento.gap.diagnose import Finding, _is_of_use, _without
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model
 from pentimento.gap.foretell import Model, identity
 from pentimento.gap.measured import load_measured
+from pentimento.gap.search import Search
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
+from pentimento.stroke_dynamics.simulation import Mechanism
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +40,28 @@ def test_ends_that_are_there_are_kept_and_a_model_that_loses_nothing_stays(base:
     assert causes(_without(both, ["bristle_lag"], base)) == {"uneven_ends"}
     lag = both.without("uneven_ends")
     assert causes(_without(lag, [], base)) == {"bristle_lag"}
+
+
+def worth(cause: str, gain: float, surely: float) -> Finding:
+    """A finding that is worth ``gain`` of the gap, and at least ``surely``."""
+    return Finding(cause, 0.001, 0.001, gain, (surely, 2 * gain - surely), {}, ())
+
+
+@pytest.mark.parametrize(
+    ("little", "of_use"),
+    [
+        (worth("path_offset", 0.04, 0.02), False),  # a lag's wrong form displaces as well
+        (worth("speed_width", 0.04, 0.02), True),
+        (worth("speed_width", 0.04, -0.01), False),
+        (worth("speed_width", 0.06, -0.01), True),
+        (worth("speed_width", 0.005, 0.004), False),
+    ],
+)
+def test_what_is_worth_little_must_be_of_another_kind_and_sure(little: Finding, of_use: bool) -> None:
+    measured = load_measured(example_table(16))
+    observable: dict[str, Mechanism] = {
+        kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, SpeedWidth)
+    }
+    model = first_model(measured)
+    found = Search(model, model, (), observable, {}, 0.0, {}, frozenset())
+    assert _is_of_use(little, (worth("bristle_lag", 1.0, 0.9), little), found) == of_use

@@ -5,26 +5,26 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _far, _shortlist, find_large, is_large, is_physical
+from pentimento.gap.search import _far, _shortlist, displaces, find_large, is_large, is_physical
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
+from pentimento.stroke_dynamics.simulation import Mechanism
 from tests.gap.test_habits import photographed
 
 
-def lagging(distance_m: float) -> tuple[Measured, Model]:
-    """Strokes whose ink trails the tip, each one a little darker or paler than the others, and a first base."""
+def strokes_of(kind: type[Mechanism], *values: float) -> tuple[Measured, Model]:
+    """Strokes with that in them, each one a little darker or paler than the others, and a first base."""
     measured = load_measured(example_table(40))
     base = fit(first_model(measured), measured)
-    mechanism = BristleLag(
-        torch.tensor([distance_m], dtype=torch.float64), identity(BristleLag, measured.context).reference
-    )
+    mechanism = kind(torch.tensor(values, dtype=torch.float64), identity(kind, measured.context).reference)
     after = foretold(base.plus(mechanism), measured)
     rng = np.random.default_rng(0)
     darker = 1 + 0.05 * rng.standard_normal((len(measured), 1, 1, 1))
@@ -34,15 +34,29 @@ def lagging(distance_m: float) -> tuple[Measured, Model]:
     return strokes, fit(first_model(strokes), strokes)
 
 
-@pytest.mark.parametrize(("distance_m", "found"), [(0.009, {"bristle_lag"}), (0.0004, set[str]())])
-def test_a_lag_is_found_first_if_it_is_large(distance_m: float, found: set[str]) -> None:
-    measured, base = lagging(distance_m)
+@pytest.mark.parametrize(("distance_m", "large"), [(0.009, True), (0.0004, False)])
+def test_a_lag_is_found_and_uneven_ends_do_not_hide_it(distance_m: float, large: bool) -> None:
+    measured, base = strokes_of(BristleLag, distance_m)
     begun = find_large(base, measured, measured.context, 0.0, (BristleLag, PathScale), 0, lambda line: None)
-    assert begun.found == found
-    if found:
-        lag = next(m for m in begun.model.mechanisms if m.cause == "bristle_lag")
-        assert is_large(lag)
-        assert float(lag.values[0]) == pytest.approx(distance_m, rel=0.1)
+    assert begun.found == {"bristle_lag"}
+    assert (begun.found == begun.large) == large
+    lag = begun.model.mechanisms[-1]
+    assert is_large(lag) == large
+    assert float(lag.values[0]) == pytest.approx(distance_m, rel=0.1)
+    assert not begun.base.mechanisms, "what the lag explains is no freedom of the base"
+
+
+def test_ends_that_no_lag_makes_are_the_bases() -> None:
+    measured, base = strokes_of(UnevenEnds, -0.0008, 0.0008, 0.3, 0.0)
+    begun = find_large(base, measured, measured.context, 0.0, (BristleLag, Latency), 0, lambda line: None)
+    assert begun.found == set()
+    assert [m.cause for m in begun.base.mechanisms] == ["uneven_ends"]
+
+
+def test_a_lens_displaces_and_a_width_does_not() -> None:
+    kinds = (Latency, BristleLag, LensDistortion, SpeedWidth)
+    observable: dict[str, Mechanism] = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds}
+    assert [displaces(mechanism) for mechanism in observable.values()] == [True, True, True, False]
 
 
 def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:

@@ -20,7 +20,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.score import projected
-from pentimento.gap.search import Search, action_losses, find_large, search
+from pentimento.gap.search import Search, action_losses, displaces, find_large, search
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
 from pentimento.stroke_dynamics.simulation import Mechanism
@@ -31,8 +31,9 @@ _CONFIRMED_P = 0.4
 _DRAWS = 1999
 _PASSES = 2
 _LEAST_GAIN, _LEAST_BESIDE = 0.01, 0.05
-"""Of the gap on sealed strokes, and of the largest gain there: what is worth less explains nothing, however sure it is.
-Where a cause's form is not quite right, another takes up a little of what it leaves."""
+"""Of the gap on sealed strokes, and of the largest gain there of its kind, among what displaces the mark or among the
+others: what is worth less explains nothing, however sure it is. Where a cause's form is not quite right, another takes
+up a little of what it leaves. What is worth as little beside one of the other kind must be sure there."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -141,11 +142,8 @@ def diagnose(
     established = findings(extended)
     # What is confirmed and of no use on strokes that nothing was fitted to goes, one by one: of two causes that can do
     # each other's work, neither is of use beside the other.
-    while established:
-        least = max(_LEAST_GAIN, _LEAST_BESIDE * max(f.gain for f in established))
-        worst = min(established, key=lambda f: f.gain)
-        if worst.gain >= least:
-            break
+    while useless := [f for f in established if not _is_of_use(f, established, found)]:
+        worst = min(useless, key=lambda f: f.gain)
         extended = fit(_without(extended, [worst.cause], base), known)
         extended_losses = action_losses(extended, test)
         established = findings(extended)
@@ -161,6 +159,15 @@ def diagnose(
         splits, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
         tuple(left), strength, tuple(names),
     )  # fmt: skip
+
+
+def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search) -> bool:
+    """Whether it is worth enough on sealed strokes: surely something, where it is little beside any other."""
+    displaced = {f.cause: displaces(found.observable[f.cause]) for f in established}
+    alike = max(f.gain for f in established if displaced[f.cause] == displaced[finding.cause])
+    if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * alike):
+        return False
+    return finding.gain_interval[0] > 0 or finding.gain >= _LEAST_BESIDE * max(f.gain for f in established)
 
 
 def _confirmation(found: Search, mechanism: Mechanism, known: Measured, fresh: Array, seed: int) -> float:

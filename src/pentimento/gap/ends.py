@@ -1,7 +1,8 @@
 """A mark whose two ends differ: what a tool leaves where it comes down and where it lifts off. Part of the base.
 
-Where strokes are straight it looks like a lag. A cause that moves the path must explain more than that; once it does,
-the search looks back and drops these ends if nothing speaks for them any more.
+Where strokes are straight it looks like a lag. One that leaves nothing for these ends to do takes their place. Any
+other cause that moves the path must explain more than they do; once it does, the search looks back and drops them if
+nothing speaks for them any more.
 """
 
 from __future__ import annotations

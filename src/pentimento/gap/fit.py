@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model, mean_squared_error, residual
+from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 
@@ -72,19 +72,19 @@ def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
 
     What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
     """
-    loss = _loss(model, measured)
-    hold = _hold(model, loss)
-    loss += _cost(model.vector, hold)
+    statistics = linearise(model, measured)
+    hold = _hold(model, _loss(statistics))
+    loss = _loss(statistics) + _cost(model.vector, hold)
     damping = 1e-3
     low, high = _bounds(model)
     reach = _longest_steps(model)
     for _ in range(iterations):
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
-        statistics = linearise(model, measured)
         improved = False
         for _ in range(6):
             candidate = model.at(_step(model, statistics, damping, hold, *near))
-            new = _loss(candidate, measured) + _cost(candidate.vector, hold)
+            there = linearise(candidate, measured)  # where a step is taken, the next one needs it
+            new = _loss(there) + _cost(candidate.vector, hold)
             if new < loss:
                 improved = True
                 break
@@ -92,6 +92,7 @@ def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
         if not improved:
             break
         gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
+        statistics = there
         if gained < _ENOUGH:
             break
     return model
@@ -163,5 +164,5 @@ def _longest_steps(model: Model) -> Array:
     return reach
 
 
-def _loss(model: Model, measured: Measured) -> float:
-    return float(mean_squared_error(residual(model, measured), measured).mean())
+def _loss(statistics: Statistics) -> float:
+    return float(statistics.energy.mean())

@@ -121,7 +121,7 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
         curvature[b][np.ix_(of_mark, of_mark)] = (drawn * np.square(depth).sum(1)) @ drawn.T
         slope[b][of_mark] = drawn @ (depth * missing[own][on]).sum(1)
         pictures = {
-            p: by_paint[own] * np.broadcast_to(paint[b], rest.shape[1:])[pixels[b]]
+            p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][pixels[b]])
             + (0 if gain is None else by_gain[own] * gain[b][pixels[b]][:, None])
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()

@@ -50,10 +50,9 @@ def projected(statistics: Statistics, nuisances: Array, candidate: Array) -> tup
     """
     pull = _pull(statistics, nuisances, candidate)
     slope = statistics.slope[:, candidate] - statistics.slope[:, nuisances] @ pull
-    mixed = statistics.curvature[:, nuisances][:, :, candidate]
-    curvature = statistics.curvature[:, candidate][:, :, candidate] - np.einsum("bq,nbp->nqp", pull, mixed)
-    curvature -= np.einsum("nbq,bp->nqp", mixed, pull)
-    curvature += np.einsum("bq,nbc,cp->nqp", pull, statistics.curvature[:, nuisances][:, :, nuisances], pull)
+    made_up = pull.T @ statistics.curvature[:, nuisances][:, :, candidate]
+    curvature = statistics.curvature[:, candidate][:, :, candidate] - made_up - made_up.swapaxes(1, 2)
+    curvature += pull.T @ statistics.curvature[:, nuisances][:, :, nuisances] @ pull
     return slope, curvature
 
 

@@ -44,6 +44,9 @@ _MOST_CAUSES, _MOST_STEPS = 6, 9
 _BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
+_ALL_BUT = 0.95
+"""Of the error that uneven ends remove, and of what they do beside a cause: where it removes as much without them, it
+needs none."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,8 @@ def find_large(
         all_strokes: with those that causes will be confirmed and valued on: a cause must be observable there, too.
         noise_share: what of the base's error is the noise floor; 0 if that is unknown.
     """
-    base = model = fit(start.plus(identity(UnevenEnds, measured.context)), measured)
+    plain = fit(start, measured)
+    base = model = fit(plain.plus(identity(UnevenEnds, measured.context)), measured)
     error = float(action_losses(base, measured).mean())
     floor = noise_share * error
     observable: dict[str, Mechanism] = {}
@@ -98,6 +102,18 @@ def find_large(
     quantities = _quantities(observable)
     steps: list[Step] = []
     gained: dict[str, float] = {}
+    instead = _instead_of_ends(plain, base, floor, observable, measured)
+    evidence = weigh(plain, list(observable.values()), measured, seed) if instead else {}
+    instead = {cause: refit for cause, refit in instead.items() if _stands(evidence[cause], _FIRST_P)}
+    if instead:
+        losses = {cause: action_losses(refit, measured) for cause, refit in instead.items()}
+        before = float(action_losses(plain, measured).mean())
+        step = without_echoes(simplest_of_the_best(evidence, losses, before, quantities, seed, log), instead, measured)
+        assert step.chosen is not None
+        steps.append(step)
+        base, model = plain, instead[step.chosen]
+        error = float(losses[step.chosen].mean())
+        gained[step.chosen] = before - error
     while len(steps) < _MOST_CAUSES:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken]
@@ -118,7 +134,7 @@ def find_large(
         gained[step.chosen] = error - float(losses[step.chosen].mean())
         model = _without_idle(refits[step.chosen], frozenset(), measured, seed, log)
         error = float(action_losses(model, measured).mean())
-    large = frozenset(m.cause for m in model.mechanisms if m.cause in observable)
+    large = frozenset(m.cause for m in model.mechanisms if m.cause in observable and is_large(m))
     return Search(base, model, tuple(steps), observable, unseen, floor, gained, large)
 
 
@@ -187,10 +203,39 @@ def _held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
     return action_losses(model, measured) - gains
 
 
+def _instead_of_ends(
+    plain: Model, uneven: Model, floor: float, observable: Mapping[str, Mechanism], measured: Measured
+) -> dict[str, Model]:
+    """The plain base with each cause that does what its ``uneven`` ends do, in their place, where one of these leaves
+    them nothing to do: a lag is one number, and explains why a mark is short where it ends; uneven ends are four, and
+    hide it.
+    """
+
+    def left(model: Model) -> float:
+        return float(action_losses(model, measured).mean())
+
+    missed, at_best = left(plain), left(uneven)
+    if missed - at_best < _LARGE_OF_MISFIT * (missed - floor):
+        return {}
+    alike = [cause for cause, mechanism in observable.items() if mechanism.driver == UnevenEnds.driver]
+    instead = _refits(plain, alike, observable, measured)
+    removed = {cause: missed - left(refit) for cause, refit in instead.items()}
+    instead = {c: refit for c, refit in instead.items() if removed[c] >= _ALL_BUT * (missed - at_best)}
+    ends = identity(UnevenEnds, measured.context)
+    if any(removed[c] >= _ALL_BUT * (missed - left(fit(r.plus(ends), measured))) for c, r in instead.items()):
+        return instead
+    return {}
+
+
 def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
     """How much error a further cause must remove, sRGB."""
     same = {cause: observable[cause].driver == mechanism.driver for cause in gained}
     return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in gained.items()), default=0.0)
+
+
+def displaces(mechanism: Mechanism) -> bool:
+    """Whether it moves the mark; the others change it where it lies."""
+    return mechanism.site == "trajectory" or isinstance(mechanism, LensDistortion)
 
 
 def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int) -> dict[str, Evidence]:

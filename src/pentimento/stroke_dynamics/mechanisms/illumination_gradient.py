@@ -36,4 +36,5 @@ class IlluminationGradient(Mechanism):
         return image * torch.exp(self._gain(pixel_places(view, image), self.values[2:]))
 
     def _gain(self, xy_m: Tensor, values: Tensor) -> Tensor:
-        return (relative_place(xy_m, self.reference) * values).sum(-1, keepdim=True)
+        at = relative_place(xy_m, self.reference)
+        return at[..., :1] * values[0] + at[..., 1:] * values[1]
