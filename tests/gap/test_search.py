@@ -7,13 +7,14 @@ import torch
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import Model, foretold, identity
+from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _far, _shortlist, displaces, find_large, is_large, is_physical
+from pentimento.gap.search import _enough, _far, _shortlist, displaces, find_large, is_far, is_large, is_physical
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
+from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from pentimento.stroke_dynamics.simulation import Mechanism
@@ -53,10 +54,25 @@ def test_ends_that_no_lag_makes_are_the_bases() -> None:
     assert [m.cause for m in begun.base.mechanisms] == ["uneven_ends"]
 
 
-def test_a_lens_displaces_and_a_width_does_not() -> None:
+def test_a_further_cause_must_be_worth_something_beside_others_of_its_kind() -> None:
     kinds = (Latency, BristleLag, LensDistortion, SpeedWidth)
     observable: dict[str, Mechanism] = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds}
+    lag, lens = observable["bristle_lag"], observable["lens_distortion"]
     assert [displaces(mechanism) for mechanism in observable.values()] == [True, True, True, False]
+    gained = {"latency": 1.0, "speed_width": 0.1}
+    assert _enough(lag, observable, gained) > _enough(lens, observable, gained) > 0  # latency and lag: one driver
+    assert _enough(observable["speed_width"], observable, {"latency": 1.0}) == 0
+
+
+def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
+    measured = load_measured(example_table(12))
+    base = fit(first_model(measured), measured)
+    half_m = 1e-3 * float(base.base[: len(WIDTHS)].mean())
+
+    def shifted(by_m: float) -> Model:
+        return base.plus(PathOffset(torch.tensor([by_m, 0.0], dtype=torch.float64), {}))
+
+    assert is_far(shifted(2 * half_m), measured) and not is_far(shifted(0.5 * half_m), measured)
 
 
 def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model, identity, mean_squared_error, residual
+from pentimento.gap.foretell import Model, identity, mark_px, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
@@ -161,6 +161,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
             steps.append(Step(evidence, None, ()))
             break
         refits = _refits(model, short, observable, measured)
+        refits = {cause: refit for cause, refit in refits.items() if cause not in far or is_far(refit, measured)}
         dismissed |= set(short) - set(refits)
         before = action_losses(model, measured)
         error = float(before.mean())
@@ -228,9 +229,12 @@ def _instead_of_ends(
 
 
 def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
-    """How much error a further cause must remove, sRGB."""
-    same = {cause: observable[cause].driver == mechanism.driver for cause in gained}
-    return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in gained.items()), default=0.0)
+    """How much error a further cause must remove, sRGB, to be more than what those of its kind have left: among what
+    displaces the mark, or among the others. What a displacement leaves has two signs across a mark; no width takes it up.
+    """
+    alike = {cause: gain for cause, gain in gained.items() if displaces(observable[cause]) == displaces(mechanism)}
+    same = {cause: observable[cause].driver == mechanism.driver for cause in alike}
+    return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in alike.items()), default=0.0)
 
 
 def displaces(mechanism: Mechanism) -> bool:
@@ -325,6 +329,14 @@ def is_physical(mechanism: Mechanism) -> bool:
 def is_large(mechanism: Mechanism) -> bool:
     """Whether one of its quantities is many times what is typical."""
     return any(abs(float(v)) >= _LARGE * q.typical for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
+
+
+def is_far(model: Model, measured: Measured) -> bool:
+    """Whether its last mechanism moves marks by more than their half-width, by the root mean square: so far that the
+    surroundings of no effect say little of it.
+    """
+    moved, unmoved = mark_px(model, measured), mark_px(model.without(model.mechanisms[-1].cause), measured)
+    return bool(np.square(moved[..., :2] - unmoved[..., :2]).sum(-1).mean() > np.square(unmoved[..., 2]).mean())
 
 
 def action_losses(model: Model, measured: Measured) -> Array:
