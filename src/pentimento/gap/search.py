@@ -230,7 +230,8 @@ def _instead_of_ends(
 
 def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
     """How much error a further cause must remove, sRGB, to be more than what those of its kind have left: among what
-    displaces the mark, or among the others. What a displacement leaves has two signs across a mark; no width takes it up.
+    displaces the mark, or among the others. What a displacement leaves has two signs across a mark: no width takes it
+    up.
     """
     alike = {cause: gain for cause, gain in gained.items() if displaces(observable[cause]) == displaces(mechanism)}
     same = {cause: observable[cause].driver == mechanism.driver for cause in alike}
