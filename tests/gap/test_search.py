@@ -10,7 +10,17 @@ from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
-from pentimento.gap.search import _enough, _far, _shortlist, displaces, find_large, is_far, is_large, is_physical
+from pentimento.gap.search import (
+    _enough,
+    _far,
+    _shortlist,
+    _with_that_of_refits,
+    displaces,
+    find_large,
+    is_far,
+    is_large,
+    is_physical,
+)
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
@@ -82,12 +92,25 @@ def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -
     assert shortlist({"bristle_lag": lag._replace(gain=-0.001)}, 0.01) == []
 
 
-def test_a_displacement_is_tried_where_only_its_own_test_speaks_for_it() -> None:
-    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (Latency, BristleLag, SpeedWidth)}
-    late = Evidence(0.004, 0.055, 0.012, (-0.001, 0.02), -0.0008)
-    evidence = {"latency": late, "bristle_lag": late._replace(p=0.02), "speed_width": late}
-    assert _shortlist(evidence, 0.01, 0.05, observable) == []
-    assert _far(evidence, observable) == ["latency"]
+def test_a_tip_that_trails_further_than_the_mark_is_wide_is_found_from_its_typical_size() -> None:
+    """What it does far from none says nothing of it at none, beside ends that were fitted in its place."""
+    strokes, plain = strokes_of(BristleLag, 0.009)
+    model = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
+    candidates = [identity(kind, strokes.context) for kind in (BristleLag, PathOffset)]
+    refits = _far(model, candidates, strokes)
+    assert list(refits) == ["bristle_lag"]
+    assert float(refits["bristle_lag"].mechanisms[-1].values[0]) == pytest.approx(0.009, rel=0.1)
+
+
+@pytest.mark.parametrize("offset_m", [0.001, 0.0])
+def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset_m: float) -> None:
+    strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
+    silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
+    refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
+    evidence = _with_that_of_refits(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
+    assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
+    said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
+    assert _with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
 
 
 def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
@@ -30,8 +31,6 @@ _FIRST_P, _LATER_P = 0.02, 0.01
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _KIN_P = 0.05
-_FAR_P, _WITNESSED_P = 0.01, 0.001
-"""Of a displacement's own test, for it to be tried; and of what its refit removes, for that to be enough."""
 _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
@@ -118,21 +117,18 @@ def find_large(
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken]
         evidence = weigh(model, candidates, measured, seed + len(steps))
-        short = _shortlist(evidence, _LATER_P if steps else _FIRST_P, 1.0, observable)
-        refits = _refits(model, short, observable, measured)
-        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
-        least = _LARGE_OF_MISFIT * (error - floor)
-        losses = {cause: each for cause, each in losses.items() if error - each.mean() >= least}
-        if not losses:
+        limit = _LATER_P if steps else _FIRST_P
+        short = _shortlist(evidence, limit, 1.0, observable)
+        found = _large_step(
+            model, _refits(model, short, observable, measured), evidence, limit, floor, measured, seed, log
+        ) or _large_step(model, _far(model, candidates, measured), evidence, limit, floor, measured, seed, log)
+        if found is None:
             break
-        losses = without_unlikely(losses, refits, measured)
-        step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
+        step, refit = found
         assert step.chosen is not None
-        if not is_large(refits[step.chosen].mechanisms[-1]):
-            break
         steps.append(step)
-        gained[step.chosen] = error - float(losses[step.chosen].mean())
-        model = _without_idle(refits[step.chosen], frozenset(), measured, seed, log)
+        gained[step.chosen] = error - float(action_losses(refit, measured).mean())
+        model = _without_idle(refit, frozenset(), measured, seed, log)
         error = float(action_losses(model, measured).mean())
     large = frozenset(m.cause for m in model.mechanisms if m.cause in observable and is_large(m))
     return Search(base, model, tuple(steps), observable, unseen, floor, gained, large)
@@ -155,13 +151,10 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = _LATER_P if number else _FIRST_P
         short = _shortlist(fresh, limit, _KIN_P, observable)
-        far = [] if short else _far(fresh, observable)
-        short += far
         if not short or number == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
         refits = _refits(model, short, observable, measured)
-        refits = {cause: refit for cause, refit in refits.items() if cause not in far or is_far(refit, measured)}
         dismissed |= set(short) - set(refits)
         before = action_losses(model, measured)
         error = float(before.mean())
@@ -176,11 +169,10 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         sure = {
             cause
             for cause in losses
-            if (_stands(fresh[cause], limit) and (fresh[cause].least_gain > 0 or removes_p[cause] < _LATER_P))
-            or (cause in far and removes_p[cause] < _WITNESSED_P)
+            if _stands(fresh[cause], limit) and (fresh[cause].least_gain > 0 or removes_p[cause] < _LATER_P)
         }
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
-            dismissed |= {cause for cause in losses if cause in far or _stands(fresh[cause], limit)}
+            dismissed |= {cause for cause in losses if _stands(fresh[cause], limit)}
             continue
         losses = without_unlikely(losses, refits, measured)
         step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
@@ -289,14 +281,69 @@ def _shortlist(
     return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
 
 
-def _far(evidence: Mapping[str, Evidence], observable: Mapping[str, Mechanism]) -> list[str]:
-    """Displacements that are worth a refit when nothing stands out: the tests are about no effect, where one that is
-    wider than the mark shows little of what it does.
+def _far(model: Model, candidates: Sequence[Mechanism], measured: Measured) -> dict[str, Model]:
+    """The model with each cause by which a tip trails, where that is by more than the mark's half-width.
+
+    The tests are about no effect. There, and in every small step from there, such a cause may show nothing of what it
+    does: it is fitted from its typical size.
     """
-    some = [
-        cause for cause, e in evidence.items() if observable[cause].site == "trajectory" and e.p < _FAR_P and e.gain > 0
-    ]
-    return sorted(some, key=lambda cause: evidence[cause].p)[:_MOST_KIN]
+    refits = {}
+    for mechanism in candidates:
+        if mechanism.site == "trajectory" and not any(quantity.signed for quantity in mechanism.quantities):
+            typical = torch.tensor([quantity.typical for quantity in mechanism.quantities], dtype=torch.float64)
+            refit = _refit(model, type(mechanism)(typical, mechanism.reference), measured)
+            if is_physical(refit.mechanisms[-1]) and is_far(refit, measured):
+                refits[mechanism.cause] = refit
+    return refits
+
+
+def _large_step(
+    model: Model,
+    refits: Mapping[str, Model],
+    evidence: Mapping[str, Evidence],
+    limit: float,
+    floor: float,
+    measured: Measured,
+    seed: int,
+    log: Callable[[str], None],
+) -> tuple[Step, Model] | None:
+    """The step to the best of the refits of causes, where it removes a good part of the error and is large or far; and
+    that refit.
+    """
+    evidence = _with_that_of_refits(evidence, refits, limit, model, measured, seed)
+    error = float(action_losses(model, measured).mean())
+    losses = {c: action_losses(refit, measured) for c, refit in refits.items() if _stands(evidence[c], limit)}
+    losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
+    if not losses:
+        return None
+    losses = without_unlikely(losses, refits, measured)
+    quantities = _quantities({cause: refits[cause].mechanisms[-1] for cause in losses})
+    step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
+    assert step.chosen is not None
+    best = refits[step.chosen]
+    return (step, best) if is_large(best.mechanisms[-1]) or is_far(best, measured) else None
+
+
+def _with_that_of_refits(
+    evidence: Mapping[str, Evidence],
+    refits: Mapping[str, Model],
+    limit: float,
+    model: Model,
+    measured: Measured,
+    seed: int,
+) -> dict[str, Evidence]:
+    """The evidence; where a cause's test does not speak for it, what its refit removes from actions that it was not
+    fitted to, for as many as need that with Bonferroni's correction.
+    """
+    unsaid = [cause for cause in refits if not _stands(evidence[cause], limit)]
+    # What the base alone gains by being fitted longer is no cause's.
+    before = action_losses(fit(model, measured) if unsaid else model, measured)
+    weighed = dict(evidence)
+    for cause in unsaid:
+        gains = before - _held_out_losses(refits[cause], measured, seed)
+        p = paired_p(gains, seed)
+        weighed[cause] = Evidence(p, min(len(unsaid) * p, 1.0), *mean_and_bounds(gains / before.mean(), 999, seed))
+    return weighed
 
 
 def _refits(
