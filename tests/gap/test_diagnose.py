@@ -53,7 +53,8 @@ def worth(cause: str, gain: float, surely: float) -> Finding:
         (worth("path_offset", 0.04, 0.02), False),  # a lag's wrong form displaces as well
         (worth("speed_width", 0.04, 0.02), True),
         (worth("speed_width", 0.04, -0.01), False),
-        (worth("speed_width", 0.06, -0.01), True),
+        (worth("speed_width", 0.09, -0.01), False),
+        (worth("speed_width", 0.11, -0.01), True),
         (worth("speed_width", 0.005, 0.004), False),
     ],
 )

@@ -34,6 +34,9 @@ _LEAST_GAIN, _LEAST_BESIDE = 0.01, 0.05
 """Of the gap on sealed strokes, and of the largest gain there of its kind, among what displaces the mark or among the
 others: what is worth less explains nothing, however sure it is. Where a cause's form is not quite right, another takes
 up a little of what it leaves. What is worth as little beside one of the other kind must be sure there."""
+_GOOD_GAIN = 0.1
+"""Of the gap: what is worth less must surely be worth something on sealed strokes. Where the tool's own mark is not
+what the base can draw, a little is easily explained by what is not there."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -162,12 +165,13 @@ def diagnose(
 
 
 def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search) -> bool:
-    """Whether it is worth enough on sealed strokes: surely something, where it is little beside any other."""
+    """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another."""
     displaced = {f.cause: displaces(found.observable[f.cause]) for f in established}
     alike = max(f.gain for f in established if displaced[f.cause] == displaced[finding.cause])
     if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * alike):
         return False
-    return finding.gain_interval[0] > 0 or finding.gain >= _LEAST_BESIDE * max(f.gain for f in established)
+    good = max(_GOOD_GAIN, _LEAST_BESIDE * max(f.gain for f in established))
+    return finding.gain >= good or finding.gain_interval[0] > 0
 
 
 def _confirmation(found: Search, mechanism: Mechanism, known: Measured, fresh: Array, seed: int) -> float:
