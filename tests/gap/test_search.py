@@ -5,12 +5,14 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
+from pentimento.gap.choice import Step
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.score import Evidence
 from pentimento.gap.search import (
+    Search,
     _enough,
     _far,
     _shortlist,
@@ -20,6 +22,8 @@ from pentimento.gap.search import (
     is_far,
     is_large,
     is_physical,
+    settle,
+    weigh,
 )
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
@@ -111,6 +115,21 @@ def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset
     assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
     said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
     assert _with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
+
+
+@pytest.mark.parametrize(("taken", "rival"), [(PathScale, PathOffset), (PathOffset, PathScale)])
+def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_rival(
+    taken: type[Mechanism], rival: type[Mechanism]
+) -> None:
+    strokes, plain = strokes_of(PathOffset, 0.0008, -0.0005)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (taken, rival)}
+    evidence = weigh(plain, list(observable.values()), strokes, 0)
+    model = fit(plain.plus(observable[taken.cause]), strokes)
+    step, last = Step(evidence, taken.cause, (rival.cause,)), Step(evidence, None, ())
+    begun = Search(plain, model, (step, last), observable, {}, 0.0, {taken.cause: 1e-4}, frozenset())
+    settled = settle(begun, strokes, 0, lambda _: None)
+    assert [(s.chosen, s.rivals) for s in settled.steps] == [("path_offset", ()), (None, ())]
+    assert settled.found == {"path_offset"} and list(settled.gained) == ["path_offset"]
 
 
 def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:

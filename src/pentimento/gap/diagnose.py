@@ -20,7 +20,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.score import projected
-from pentimento.gap.search import Search, action_losses, displaces, find_large, search
+from pentimento.gap.search import Search, action_losses, displaces, find_large, search, settle
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
 from pentimento.stroke_dynamics.simulation import Mechanism
@@ -115,6 +115,7 @@ def diagnose(
         found = search(found, measured.pick(splits.discovery), seed, log)
         if found.found == before:
             break
+    found = settle(found, measured.pick(splits.discovery), seed, log)
     test = measured.pick(splits.test)
     known = measured.pick(np.sort(np.concatenate(splits[:2])))
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]

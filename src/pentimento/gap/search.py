@@ -183,6 +183,36 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
 
 
+def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
+    """What was found, with each cause and its rivals compared once more, beside all other causes of the model.
+
+    When a cause was taken, what others do was still in the residual: with it, a rival may have looked as good or better
+    (a latency beside a backlash that is not known yet, a lag). In the end the one that fits best stands there.
+    """
+    model, steps, gained = found.model, [], dict(found.gained)
+    for step in found.steps:
+        chosen, names = step.chosen, {m.cause for m in model.mechanisms}
+        rivals = [rival for rival in step.rivals if rival not in names]
+        if chosen is None or chosen not in names or not rivals:
+            steps.append(replace(step, rivals=tuple(rivals)))
+            continue
+        without = fit(model.without(chosen), measured)
+        now = next(m for m in model.mechanisms if m.cause == chosen)
+        refits = {chosen: fit(model.without(chosen).plus(now), measured)}
+        refits |= _refits(without, rivals, found.observable, measured)
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
+        error = float(action_losses(without, measured).mean())
+        settled = simplest_of_the_best(
+            step.evidence, losses, error, _quantities({cause: found.observable[cause] for cause in losses}), seed, log
+        )
+        settled = without_echoes(settled, refits, measured)
+        assert settled.chosen is not None
+        steps.append(settled)
+        model = refits[settled.chosen]
+        gained[settled.chosen] = gained.pop(chosen)
+    return replace(found, model=model, steps=tuple(steps), gained=gained)
+
+
 def _quantities(observable: Mapping[str, Mechanism]) -> dict[str, int]:
     return {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}
 
