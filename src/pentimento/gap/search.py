@@ -208,8 +208,9 @@ def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], No
         settled = without_echoes(settled, refits, measured)
         assert settled.chosen is not None
         steps.append(settled)
-        model = refits[settled.chosen]
-        gained[settled.chosen] = gained.pop(chosen)
+        if settled.chosen != chosen:
+            model = refits[settled.chosen]
+            gained[settled.chosen] = gained.pop(chosen)
     return replace(found, model=model, steps=tuple(steps), gained=gained)
 
 
