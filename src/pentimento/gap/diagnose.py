@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
@@ -92,6 +93,9 @@ class Diagnosis:
         return float(fall.mean() / gap.mean()), (float(low), float(high))
 
 
+# Matrices and trees are too small for threads, which on busy cores wait for each other a hundred times as long as they
+# work.
+@threadpool_limits.wrap(1)
 def diagnose(
     measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
 ) -> Diagnosis:

@@ -24,12 +24,13 @@ _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
     "side_mm": 0.5,
     "outward_mm": 0.3,
     "ends_widening": 0.5,
+    "mixing": 0.5,
 }
 _LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
 _LIKELY_COLOR = 0.03  # linear light
 _ENOUGH = 5e-4
 """Relative fall of the error below which a fit has ended."""
-_LONGEST = dict.fromkeys(SLABS, 0.3) | {"log_edge_px": 0.3, "ends_widening": 0.3}
+_LONGEST = dict.fromkeys(SLABS, 0.3) | {"log_edge_px": 0.3, "ends_widening": 0.3, "mixing": 0.3}
 _LONGEST_WIDTH_MM = 0.7
 _RANGE = (
     dict.fromkeys(WIDTHS, (0.02, 50.0))
@@ -42,6 +43,7 @@ _RANGE = (
         "side_mm": (-1.0, 1.0),
         "outward_mm": (-1.0, 1.0),
         "ends_widening": (-1.0, 1.0),
+        "mixing": (-2.5, 0.7),
     }
 )
 _QUIETEST = 0.05  # of the mean variance

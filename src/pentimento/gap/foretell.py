@@ -34,9 +34,13 @@ WIDTHS = tuple(f"half_width_{k}_mm" for k in range(6))
 SLABS = tuple(f"slab_{level:g}" for level in LEVELS)
 BASE = (
     *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "outward_mm",
-    "ends_widening",
+    "ends_widening", "mixing",
 )  # fmt: skip
+"""``mixing``: paint and ground mix in light to the power of ``exp(mixing)``: 0 is linear light, about -0.8 the
+numbers of an sRGB picture, far below that a filter that dims by a share."""
 _THINNEST_M = 1e-5
+_DARKEST = 1e-3
+"""Linear light that a power is taken of at least."""
 _TIGHT_M = 0.02
 """Radius of a bend to whose outer side a mark lies by ``outward_mm``, also where no cause is at work."""
 _UNIT_EDGE = 0.15
@@ -167,6 +171,7 @@ class Ink(NamedTuple):
     imprint: Imprint
     paint: Array  # float32[B, 1, 1, 3], or [B, H, W, 3] where paint below is carried along; linear light
     gain: Array  # float32[B, H, W], of the camera on the whole picture
+    power: float  # of linear light, in which paint and what is below mix
 
 
 def ink(model: Model, measured: Measured) -> Ink:
@@ -175,7 +180,7 @@ def ink(model: Model, measured: Measured) -> Ink:
     weights = np.array([number[name] for name in SLABS])
     height, width = measured.samples.valid.shape[1:]
     made = imprint(mark_px(model, measured), weights, (height, width))
-    return Ink(made, *paint_and_gain(model, measured, made))
+    return Ink(made, *paint_and_gain(model, measured, made), float(np.exp(number["mixing"])))
 
 
 def press_shares(model: Model, measured: Measured) -> Array:
@@ -251,9 +256,28 @@ def foretold_linear(laid: Ink, measured: Measured, pixels: Any = ...) -> Array:
     """The windows after the strokes, linear light float32[B, H, W, 3]; or those ``pixels`` of [B, H, W], [n, 3]."""
     below = measured.samples.before_linear.numpy()
     paint = np.broadcast_to(laid.paint, below.shape)[pixels]
-    below = below[pixels]
-    mixed = below + laid.imprint.coverage[pixels][..., None] * (paint - below)
+    mixed = mixture(below[pixels], paint, laid.imprint.coverage[pixels][..., None], laid.power)
     return np.maximum(mixed * laid.gain[pixels][..., None], 0.0)
+
+
+def mixture(below: Array, paint: Array, coverage: Array, power: float) -> Array:
+    """Paint over what is below it: linear light, by a mean of its ``power``; what is to be mixed is not quite black."""
+    if power == 1:
+        return np.asarray(below + coverage * (paint - below))
+    raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
+    mixed: Array = np.maximum(raised + coverage * (laid - raised), _DARKEST**power) ** np.float32(1 / power)
+    return mixed
+
+
+def slopes_of_mixture(below: Array, paint: Array, coverage: Array, power: float) -> tuple[Array, Array]:
+    """Derivatives of ``mixture`` by coverage and by paint."""
+    if power == 1:
+        return paint - below, np.broadcast_to(coverage, below.shape)
+    mixed = mixture(below, paint, coverage, power)
+    raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
+    steepness = mixed ** np.float32(1 - power)
+    of_paint = coverage * steepness * np.maximum(paint, _DARKEST) ** np.float32(power - 1)
+    return steepness * (laid - raised) / np.float32(power), of_paint
 
 
 def residual(model: Model, measured: Measured) -> Array:

@@ -23,7 +23,9 @@ from pentimento.gap.foretell import (
     foretold_linear,
     ink,
     marks_px,
+    mixture,
     paint_and_gain,
+    slopes_of_mixture,
 )
 from pentimento.gap.imprint import Imprint, change_of_coverage
 from pentimento.gap.measured import Measured
@@ -31,6 +33,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
+_MIXING = BASE.index("mixing")
 _COLOR_STEP = 0.01
 _MARK_STEP = 1e-4
 _ROWS_AT_ONCE = 48
@@ -39,7 +42,7 @@ _ROWS_AT_ONCE = 48
 def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
     """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
     _, steepness = _srgb_and_slope(foretold_linear(laid, measured))
-    return _by_coverage(laid, steepness, measured)
+    return steepness * _slopes(laid, measured)[0]
 
 
 def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
@@ -50,9 +53,10 @@ def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> A
     drawn = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None])[0]
     drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
     _, steepness = _srgb_and_slope(linear)
-    change = _by_coverage(laid, steepness, measured) * drawn[..., None]
+    by_coverage, by_paint = _slopes(laid, measured)
+    change = steepness * (by_coverage * drawn[..., None] + amounts[_MIXING] * _by_mixing(laid, measured))
     for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
-        change += steepness * (laid.imprint.coverage * laid.gain)[..., None] * (amounts[p] * paint)
+        change += steepness * by_paint * (amounts[p] * paint)
         if gain is not None:
             change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
     return np.asarray(change, dtype=np.float32)
@@ -76,22 +80,24 @@ def linearise(model: Model, measured: Measured) -> Statistics:
 
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
-    parts = [
-        _row_statistics(model, measured.pick(np.arange(first, min(first + _ROWS_AT_ONCE, len(measured)))))
-        for first in range(0, len(measured), _ROWS_AT_ONCE)
-    ]
+    number, changes = _changes_of_mark(model, measured)
+    batches = np.array_split(np.arange(len(measured)), -(-len(measured) // _ROWS_AT_ONCE))
+    parts = [_row_statistics(model, measured.pick(rows), number, changes[:, rows]) for rows in batches]
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
 
 
-def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
+def _row_statistics(model: Model, measured: Measured, number: Array, changes: Array) -> tuple[Array, Array, Array]:
     """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
 
     What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
     coverage; only what changes the paint or the picture needs all three.
+
+    Args:
+        number: which of the model's numbers change the mark.
+        changes: the mark's derivatives by them, [len(number), B, N, 5].
     """
     laid = ink(model, measured)
-    number, changes = _changes_of_mark(model, measured)
     of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
     of_paint = _changes_of_paint(model, measured, laid.imprint)
     inked = laid.imprint.segment >= 0
@@ -103,8 +109,8 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
     linear = foretold_linear(laid, measured, pixels)
     srgb, steepness = _srgb_and_slope(linear)
     steepness *= valid[pixels][:, None]
-    by_coverage = _by_coverage(laid, steepness, measured, pixels)
-    by_paint = steepness * (laid.imprint.coverage * laid.gain)[pixels][:, None]
+    by_coverage, by_paint = (steepness * slope for slope in _slopes(laid, measured, pixels))
+    by_mixing = steepness * _by_mixing(laid, measured, pixels)
     by_gain = steepness * linear / laid.gain[pixels][:, None]
     rest = (samples.after.numpy() - samples.before.numpy() - measured.habit) * valid[..., None]
     missing = (samples.after.numpy()[pixels] - srgb - measured.habit[pixels]) * valid[pixels][:, None]
@@ -126,8 +132,7 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
-        if not pictures:
-            continue
+        pictures[_MIXING] = by_mixing[own]
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
         cross = drawn @ (whole[:, on] * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
@@ -147,7 +152,7 @@ def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
     """
     drawing = [m for m in model.mechanisms if "mark" in acts_on(m)]
     busy = [m for m in drawing if not m.idle]
-    of_base = np.array([i for i, name in enumerate(BASE) if name not in SLABS])
+    of_base = np.array([i for i, name in enumerate(BASE) if name not in (*SLABS, "mixing")])
     number = np.concatenate([of_base, *(model.columns_of(m.cause) for m in busy)])
     parts = [(number, _slopes_of_mark(model, busy, number, measured))]
     for mechanism in drawing:
@@ -192,11 +197,21 @@ def by_action(values: Array, action: Array) -> Array:
     return sums / count.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _by_coverage(laid: Ink, steepness: Array, measured: Measured, pixels: Any = ...) -> Array:
-    """``slope_by_coverage`` of those pixels, with the slope of sRGB by linear light at hand."""
+def _slopes(laid: Ink, measured: Measured, pixels: Any = ...) -> tuple[Array, Array]:
+    """Derivatives of the windows' linear light by coverage and by paint, of those pixels, [..., 3]."""
     below = measured.samples.before_linear.numpy()
-    paint = np.broadcast_to(laid.paint, below.shape)[pixels]
-    return np.asarray(steepness * (paint - below[pixels]) * laid.gain[pixels][..., None])
+    paint, gain = np.broadcast_to(laid.paint, below.shape)[pixels], laid.gain[pixels][..., None]
+    slopes = slopes_of_mixture(below[pixels], paint, laid.imprint.coverage[pixels][..., None], laid.power)
+    by_coverage, by_paint = (slope * gain for slope in slopes)
+    return by_coverage, by_paint
+
+
+def _by_mixing(laid: Ink, measured: Measured, pixels: Any = ...) -> Array:
+    """Derivative of the same by ``mixing``: central differences."""
+    below = measured.samples.before_linear.numpy()
+    paint, coverage = np.broadcast_to(laid.paint, below.shape)[pixels], laid.imprint.coverage[pixels][..., None]
+    up, down = (mixture(below[pixels], paint, coverage, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
+    return np.asarray((up - down) / (2 * _COLOR_STEP) * laid.gain[pixels][..., None])
 
 
 def _srgb_and_slope(linear: Array) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p
 from pentimento.gap.diagnose import Finding
@@ -71,6 +72,7 @@ class PushDiagnosis:
         return float(fall.mean() / gap.mean()), (float(low), float(high))
 
 
+@threadpool_limits.wrap(1)  # as for strokes
 def diagnose(
     measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
 ) -> PushDiagnosis:
