@@ -58,7 +58,7 @@ def recorded(world: World) -> pa.Table:
         below = _paper(world, tool, window_m, cover.shape, rng)
         grain = 1 - _GRAIN * cv2.GaussianBlur(rng.standard_normal(cover.shape).astype(np.float32), (0, 0), 1.2)
         covered = np.clip(cover * paint * grain, 0, 1)[..., None]
-        after = (1 - covered) * below + covered * _linear(world.color_srgb)
+        after = _over(world, below, covered)
         rows.append(
             {
                 "session": f"session_{session}",
@@ -91,6 +91,13 @@ def recorded(world: World) -> pa.Table:
     return pa.Table.from_pylist(rows, schema=pa.schema(columns))
 
 
+def _over(world: World, below: Array, covered: Array) -> Array:
+    """Linear light [H, W, 3] of the paint over what is below; ``covered`` [H, W, 1]."""
+    if world.mixed_in == "light":
+        return np.asarray((1 - covered) * below + covered * _linear(world.color_srgb))
+    return _linear((1 - covered) * _srgb(below) + covered * np.array(world.color_srgb))
+
+
 def _paint(effects: Effects, command: Command, since_dip_m: float, passed: float) -> float:
     """Share of the paint that a stroke leaves; ``passed`` of the session."""
     left = 1 / (1 + (effects.ink_depletion * since_dip_m) ** 1.5)
@@ -121,11 +128,14 @@ def _paper(world: World, tool: Tool, window_m: Array, shape: tuple[int, ...], rn
 def _photograph(linear: Array, rng: np.random.Generator) -> dict[str, Any]:
     """An 8-bit PNG under a light that flickers."""
     lit = np.clip(linear * (1 + rng.normal(0, _FLICKER)), 0, 1)
-    srgb = np.where(lit <= 0.0031308, 12.92 * lit, 1.055 * lit ** (1 / 2.4) - 0.055)
-    noisy = srgb + rng.normal(0, _NOISE, srgb.shape)
+    noisy = _srgb(lit) + rng.normal(0, _NOISE, lit.shape)
     return {"bytes": encode_png(np.clip(np.rint(255 * noisy), 0, 255).astype(np.uint8)), "path": None}
 
 
-def _linear(srgb: tuple[float, float, float]) -> Array:
-    s = np.array(srgb)
+def _linear(srgb: Array | tuple[float, float, float]) -> Array:
+    s = np.asarray(srgb)
     return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
+
+
+def _srgb(linear: Array) -> Array:
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

@@ -17,6 +17,7 @@ from studies.another_simulator.session import recorded
 from studies.another_simulator.world import Effects, World
 from studies.blind.one_world import verdict_by_table, write_parquet
 
+_RED = (0.60, 0.15, 0.10)
 WORLDS = (
     World("pen", "nib", 1),
     World("broad pen", "chisel", 2, pixels_per_m=900),
@@ -24,7 +25,7 @@ WORLDS = (
     World("pen, no repeats", "nib", 4, rows=120, repeats=False),
     World("ink runs out", "nib", 5, Effects(ink_depletion=4.0)),
     World("hairs spread", "hairs", 6, Effects(tool_wear=0.3)),
-    World("red, thin when fast", "nib", 7, Effects(speed_width=0.18), color_srgb=(0.60, 0.15, 0.10)),
+    World("red, thin when fast", "nib", 7, Effects(speed_width=0.18), color_srgb=_RED),
     World("hairs drag", "hairs", 8, Effects(bristle_lag=0.004)),
     World("broad pen, late", "chisel", 9, Effects(latency=0.05)),
     World("play, two sessions", "nib", 10, Effects(backlash=0.0018), sessions=2),
@@ -38,6 +39,8 @@ WORLDS = (
     World("damp paper", "nib", 18, Effects(paper_bleed=0.18)),
     World("runs out and drags", "nib", 19, Effects(ink_depletion=3.3, bristle_lag=0.003)),
     World("broad, too long, pale when fast", "chisel", 20, Effects(path_scale=0.07, speed_density=0.3)),
+    World("red, mixed in sRGB", "nib", 21, color_srgb=_RED, painted_over=True, mixed_in="numbers"),
+    World("pale when fast, the same", "nib", 22, Effects(speed_density=0.35), 168, True, 1100, _RED, True, "numbers"),
 )
 
 _HEAD = """\
@@ -49,6 +52,8 @@ whose faults follow laws of their own: a tractrix for hairs that drag, play that
 delay, paint that thins hyperbolically. The finder gets the table alone. *Hidden* has `orientation_width` wherever the
 tool is a broad box, for nothing in the table says so. *Pixels*: how many causes the likelihood of pixels names with
 the same base and candidates (BIC, forward).
+
+Two worlds mix paint with what is below it in the numbers of the picture, not in its light.
 
 The rule by which a displacement is tried on its own test's word came of an earlier draw of the late broad pen; the
 other worlds changed nothing in the finder.

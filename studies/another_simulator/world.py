@@ -65,6 +65,8 @@ class World:
     color_srgb: tuple[float, float, float] = (0.10, 0.10, 0.12)
     painted_over: bool = False
     """Whether some strokes cross older, pale ones, of unknown age."""
+    mixed_in: Literal["light", "numbers"] = "light"
+    """Whether paint covers what is below in linear light, or in the picture's sRGB numbers, as drawing programs do."""
     sessions: int = 1
 
     @property

@@ -113,3 +113,14 @@ def test_the_page_counts_what_is_exact() -> None:
     late = World("late", "nib", 1, Effects(latency=0.1))
     text = page({late: said("latency"), replace(late, tool="chisel"): said("latency", "backlash")})
     assert "is named in 1 of 2 worlds, by the likelihood of pixels in 0; false names: 1 of 3" in text
+
+
+def test_in_numbers_pale_paint_mixes_darker_than_in_light() -> None:
+    world = World("red", "nib", 3, Effects(speed_density=0.3), rows=4, repeats=False, color_srgb=(0.6, 0.15, 0.1))
+    in_light, in_numbers = (
+        [decode_png(row["bytes"]).astype(int) for row in recorded(w)["after"].to_pylist()]
+        for w in (world, replace(world, mixed_in="numbers"))
+    )
+    for light, numbers in zip(in_light, in_numbers, strict=True):
+        assert (numbers <= light).all()
+        assert (numbers < light).mean() > 0.01
