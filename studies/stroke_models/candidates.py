@@ -27,10 +27,10 @@ from pentimento.stroke_dynamics.networks.fit import (
     fit_param2stroke,
     fit_path_image_cnn,
     fit_refined,
-    fit_refined_model,
     fit_trajectory_cnn,
     foretold,
 )
+from pentimento.stroke_dynamics.networks.imprint import fit_imprint
 from pentimento.stroke_dynamics.networks.stamp import fit_stamp
 from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
@@ -61,11 +61,11 @@ NAMES = {
     "traj2stroke": "Traj2Stroke",
     "refined": "Traj2Stroke + U-Net",
     "mechanisms": "Traj2Stroke + mechanisms",
-    "refined_mechanisms": "Traj2Stroke + mechanisms + U-Net",
+    "imprint": "Traj2Stroke + mechanisms + learnt imprint",
 }
 TRIVIAL = ("blank", "stamp", "polyline")
 _BASE, _EXTENDED = ("traj2stroke",), ("mechanisms", "traj2stroke")
-BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "refined_mechanisms": _EXTENDED}
+BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "imprint": _EXTENDED}
 """Models that are trained once, of which a model is one or builds on one: on the first that is there."""
 NETWORKS = ("param2stroke", "cnn", "coordconv")
 """Of the thesis; ``path_image`` is not."""
@@ -130,10 +130,12 @@ class Training:
                 model, said = self.extended()
                 mark = model.mark()
                 trained = _of(lambda strokes: predict_extended(mark, model.mechanisms, strokes), said)
-            case "refined_mechanisms":
+            case "imprint":
                 model, said = self.extended()
-                network = fit_refined_model(model, self.strokes, self.setting, _quiet)
-                trained = _of(network, said)
+                learnt = fit_imprint(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
+                trained = _of(
+                    learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.network is not None}
+                )
             case _:
                 raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")
         return trained, before + time.process_time() - started
