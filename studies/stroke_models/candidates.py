@@ -18,7 +18,7 @@ from pentimento.gap.diagnose import diagnose
 from pentimento.gap.measured import covariates_of, load_measured
 from pentimento.stroke_dynamics.carried_paint import carried_paint
 from pentimento.stroke_dynamics.evaluation import mean_iou, predict_with
-from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, pace_of, predict_extended
+from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, base_model, pace_of, predict_extended
 from pentimento.stroke_dynamics.joint import fit_jointly
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.networks.coverage import laid
@@ -36,6 +36,7 @@ from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
 from pentimento.stroke_dynamics.training import TrainingConfig, train, weighted_l1
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
+from studies.stroke_models.as_commanded import is_pressed, train_unscaled
 
 Foretell = Callable[[MeasuredStrokes], Tensor]
 
@@ -202,10 +203,13 @@ class Training:
         pace = pace_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
         joint = fit_jointly(base.parameters_si(), causes, self.strokes, self.strokes, pace, self.analytic, _quiet)
-        return joint.model, {
+        model = joint.model
+        if not joint.kept and "path_scale" not in names and not is_pressed(self.samples.path):
+            model = base_model(train_unscaled(self.samples, self.analytic, _quiet))
+        return model, {
             "established": names,
             "suspected": [finding.cause for finding in found.suspected],
-            "kept": [m.cause for m in joint.model.mechanisms],
+            "kept": [m.cause for m in model.mechanisms],
             "weighted_l1": list(joint.validation_l1),
             "diagnosing_s": diagnosing,
         }

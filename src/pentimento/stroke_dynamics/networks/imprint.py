@@ -26,7 +26,9 @@ from pentimento.stroke_dynamics.traj2stroke import Mark
 _FOLDS = 3
 _WIDTH, _LAYERS = 64, 3
 _STEPS, _STEPS_OF_A_FOLD = 1000, 600
-_PIXELS, _RATE, _DECAY = 4096, 3e-3, 1e-4
+_PIXELS, _PIXELS_OF_A_FOLD = 4096, 2048
+"""Whether networks are to be believed shows early; seen for long, few strokes are learnt by heart."""
+_RATE, _DECAY = 3e-3, 1e-4
 _FAINTEST = 0.03
 """Shares of paint nearer to none or to all than this are changed as easily as this one."""
 _SMALLEST = 1e-9
@@ -61,11 +63,11 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
     weight = (samples.valid * torch.where(samples.ink, ink_weight, 1.0)).flatten()
     fold = _folds(samples.action, seed).repeat_interleave(samples.valid[0].numel())
 
-    def learnt(known: Tensor, steps: int, number: int) -> _Network:
+    def learnt(known: Tensor, number: int, steps: int, batch: int) -> _Network:
         torch.manual_seed(seed * (_FOLDS + 1) + number)
         known = known & (weight > 0)
         network = _Network(pixels.told[known])
-        _descend(network, pixels.pick(known), after[known], weight[known], steps, log)
+        _descend(network, pixels.pick(known), after[known], weight[known], steps, batch, log)
         return network.eval()
 
     def weighted_l1(foretold: Tensor) -> float:
@@ -73,11 +75,11 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
 
     unseen = pixels.foretold.clone()
     for number in range(int(fold.max()) + 1 if fold.any() else 0):
-        network = learnt(fold != number, _STEPS_OF_A_FOLD, number)
+        network = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD)
         with torch.no_grad():
             unseen[fold == number] = network(pixels.pick(fold == number))
     errors = weighted_l1(pixels.foretold), weighted_l1(unseen)
-    network_of_all = learnt(fold >= 0, _STEPS, _FOLDS) if errors[1] < errors[0] else None
+    network_of_all = learnt(fold >= 0, _FOLDS, _STEPS, _PIXELS) if errors[1] < errors[0] else None
     return LearntImprint(model, network_of_all, errors)
 
 
@@ -142,12 +144,14 @@ class _Network(nn.Module):
         return pixels.foretold + change[:, None] * pixels.towards
 
 
-def _descend(network: _Network, pixels: _Pixels, after: Tensor, weight: Tensor, steps: int, log: Log) -> None:
+def _descend(
+    network: _Network, pixels: _Pixels, after: Tensor, weight: Tensor, steps: int, batch: int, log: Log
+) -> None:
     """AdamW (Loshchilov & Hutter 2019), its rate up and down in one cycle, on pixels drawn with replacement."""
     optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
     rate = torch.optim.lr_scheduler.OneCycleLR(optimiser, _RATE, total_steps=steps, pct_start=0.1)
     for step in range(steps):
-        some = torch.randint(0, len(after), (_PIXELS,))
+        some = torch.randint(0, len(after), (batch,))
         off = (network(pixels.pick(some)) - after[some]).abs().mean(-1)
         loss = (weight[some] * off).sum() / weight[some].sum()
         optimiser.zero_grad()
