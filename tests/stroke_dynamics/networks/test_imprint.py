@@ -17,6 +17,7 @@ from tests.stroke_dynamics.conftest import TRUTH
 
 @pytest.fixture(autouse=True)
 def _few_steps(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(imprint, "_FEWEST", 20)
     monkeypatch.setattr(imprint, "_STEPS", 200)
     monkeypatch.setattr(imprint, "_STEPS_OF_A_FOLD", 100)
     yield
@@ -51,9 +52,9 @@ def test_where_nothing_is_left_the_model_stays_as_it_is(made_by_truth: StrokeSam
     torch.testing.assert_close(learnt(strokes), _alone(model, strokes))
 
 
-def test_one_action_says_nothing_of_others(made_by_truth: StrokeSamples) -> None:
-    one = made_by_truth._replace(action=torch.zeros_like(made_by_truth.action))
-    model, strokes = _fading(one)
+def test_repeats_of_few_actions_say_nothing_of_others(made_by_truth: StrokeSamples) -> None:
+    few = made_by_truth._replace(action=made_by_truth.action % 19)
+    model, strokes = _fading(few)
     assert fit_imprint(model, strokes, 2.0, 0, _quiet).network is None
 
 

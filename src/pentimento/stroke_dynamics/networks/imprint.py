@@ -24,6 +24,8 @@ from pentimento.stroke_dynamics.training import Log
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 _FOLDS = 3
+_FEWEST = 50
+"""Actions: of fewer, the left-out ones cannot tell a gain from chance."""
 _WIDTH, _LAYERS = 64, 3
 _STEPS, _STEPS_OF_A_FOLD = 1000, 600
 _PIXELS, _PIXELS_OF_A_FOLD = 4096, 2048
@@ -74,7 +76,7 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
         return float(((foretold - after).abs().mean(-1) * weight).sum() / weight.sum())
 
     unseen = pixels.foretold.clone()
-    for number in range(int(fold.max()) + 1 if fold.any() else 0):
+    for number in range(_FOLDS if len(samples.action.unique()) >= _FEWEST else 0):
         network = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD)
         with torch.no_grad():
             unseen[fold == number] = network(pixels.pick(fold == number))
