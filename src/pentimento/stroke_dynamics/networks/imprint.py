@@ -76,7 +76,7 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
         return float(((foretold - after).abs().mean(-1) * weight).sum() / weight.sum())
 
     unseen = pixels.foretold.clone()
-    for number in range(_FOLDS if len(samples.action.unique()) >= _FEWEST else 0):
+    for number in range(_FOLDS if len(set(samples.action.tolist())) >= _FEWEST else 0):
         network = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD)
         with torch.no_grad():
             unseen[fold == number] = network(pixels.pick(fold == number))
