@@ -18,7 +18,7 @@ from pentimento.gap.diagnose import diagnose
 from pentimento.gap.measured import covariates_of, load_measured
 from pentimento.stroke_dynamics.carried_paint import carried_paint
 from pentimento.stroke_dynamics.evaluation import mean_iou, predict_with
-from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, pace_of, predict_extended
+from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, base_model, pace_of, predict_extended
 from pentimento.stroke_dynamics.joint import fit_jointly
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.networks.coverage import laid
@@ -27,15 +27,16 @@ from pentimento.stroke_dynamics.networks.fit import (
     fit_param2stroke,
     fit_path_image_cnn,
     fit_refined,
-    fit_refined_model,
     fit_trajectory_cnn,
     foretold,
 )
+from pentimento.stroke_dynamics.networks.imprint import fit_imprint
 from pentimento.stroke_dynamics.networks.stamp import fit_stamp
 from pentimento.stroke_dynamics.polyline import blank, fit_polyline
 from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
 from pentimento.stroke_dynamics.training import TrainingConfig, train, weighted_l1
 from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
+from studies.stroke_models.as_commanded import is_pressed, train_unscaled
 
 Foretell = Callable[[MeasuredStrokes], Tensor]
 
@@ -61,11 +62,11 @@ NAMES = {
     "traj2stroke": "Traj2Stroke",
     "refined": "Traj2Stroke + U-Net",
     "mechanisms": "Traj2Stroke + mechanisms",
-    "refined_mechanisms": "Traj2Stroke + mechanisms + U-Net",
+    "imprint": "Traj2Stroke + mechanisms + learnt imprint",
 }
 TRIVIAL = ("blank", "stamp", "polyline")
 _BASE, _EXTENDED = ("traj2stroke",), ("mechanisms", "traj2stroke")
-BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "refined_mechanisms": _EXTENDED}
+BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "imprint": _EXTENDED}
 """Models that are trained once, of which a model is one or builds on one: on the first that is there."""
 NETWORKS = ("param2stroke", "cnn", "coordconv")
 """Of the thesis; ``path_image`` is not."""
@@ -130,10 +131,12 @@ class Training:
                 model, said = self.extended()
                 mark = model.mark()
                 trained = _of(lambda strokes: predict_extended(mark, model.mechanisms, strokes), said)
-            case "refined_mechanisms":
+            case "imprint":
                 model, said = self.extended()
-                network = fit_refined_model(model, self.strokes, self.setting, _quiet)
-                trained = _of(network, said)
+                learnt = fit_imprint(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
+                trained = _of(
+                    learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.network is not None}
+                )
             case _:
                 raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")
         return trained, before + time.process_time() - started
@@ -200,10 +203,13 @@ class Training:
         pace = pace_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
         joint = fit_jointly(base.parameters_si(), causes, self.strokes, self.strokes, pace, self.analytic, _quiet)
-        return joint.model, {
+        model = joint.model
+        if not joint.kept and "path_scale" not in names and not is_pressed(self.samples.path):
+            model = base_model(train_unscaled(self.samples, self.analytic, _quiet))
+        return model, {
             "established": names,
             "suspected": [finding.cause for finding in found.suspected],
-            "kept": [m.cause for m in joint.model.mechanisms],
+            "kept": [m.cause for m in model.mechanisms],
             "weighted_l1": list(joint.validation_l1),
             "diagnosing_s": diagnosing,
         }

@@ -103,7 +103,7 @@ def test_the_page_says_what_is_met_and_what_is_not() -> None:
         in said
     )
     assert "over the next of the thesis's models (Traj2Stroke): 0.50 (0.50 to 0.50), bar ≤ 0.75 (met)" in said
-    for better, sets in (("mechanisms", 7), ("mechanisms + U-Net", 8)):
+    for better, sets in (("mechanisms", 7), ("mechanisms + learnt imprint", 8)):
         won = f"{better} has a better IoU than all other rows on {sets} of 8 brush sets, bar 6 of 8 (met)"
         assert said.count(f"Traj2Stroke + {won}") == 2
     assert said.count("the polyline has a better IoU than it on 1 of 4 sets, bar none (not met)") == 2

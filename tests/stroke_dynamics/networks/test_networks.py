@@ -1,15 +1,12 @@
 """Networks of coverage: what they know before they learn, that mirrors do not deceive them, and that they learn."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 import torch
 from torch import Tensor
 
 from pentimento.stroke_dynamics.evaluation import predict_with
-from pentimento.stroke_dynamics.extended import MeasuredStrokes, base_model, predict_extended
-from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.networks.coverage import (
     CoverageModel,
     PressRange,
@@ -23,14 +20,13 @@ from pentimento.stroke_dynamics.networks.fit import (
     fit_param2stroke,
     fit_path_image_cnn,
     fit_refined,
-    fit_refined_model,
     fit_trajectory_cnn,
     foretold,
 )
 from pentimento.stroke_dynamics.networks.frame import crop_around
 from pentimento.stroke_dynamics.networks.param2stroke import Param2Stroke, shape_numbers
 from pentimento.stroke_dynamics.networks.path_image import PathImageCnn
-from pentimento.stroke_dynamics.networks.refined import RefinedModel, RefinedTraj2Stroke
+from pentimento.stroke_dynamics.networks.refined import RefinedTraj2Stroke
 from pentimento.stroke_dynamics.networks.stamp import fit_stamp
 from pentimento.stroke_dynamics.networks.trajectory_cnn import TrajectoryCnn
 from pentimento.stroke_dynamics.networks.unet import UNet
@@ -150,21 +146,6 @@ def test_the_u_net_takes_up_what_the_base_leaves(made_by_truth: StrokeSamples) -
     error = weighted_l1(foretold(learnt, made_by_truth), made_by_truth, 2.0)
     assert error < 0.7 * weighted_l1(predict_with(held, made_by_truth), made_by_truth, 2.0)
     assert all(torch.equal(value, before[name]) for name, value in narrow.state_dict().items())
-
-
-def test_behind_a_model_with_causes_it_does_the_same(made_by_truth: StrokeSamples) -> None:
-    """A mechanism that makes strokes fade, which they did not: what it takes too much the U-Net lays."""
-    rows = torch.arange(len(made_by_truth.path), dtype=torch.float32)
-    strokes = MeasuredStrokes(made_by_truth, {"ink_since_reload_m": 0.02 * (rows % 4)})
-    fading = InkDepletion(torch.tensor([0.6, 0.2]), InkDepletion.reference_of(strokes.context))
-    model = replace(base_model(TRUTH), mechanisms=(fading,))
-    alone = predict_extended(model.mark(), model.mechanisms, strokes)
-    untrained_yet = RefinedModel(model, MARGIN_M, 1000.0).eval()(strokes)
-    learnt = fit_refined_model(model, strokes, Setting(made_by_truth.path, MARGIN_M, CONFIG), _quiet)
-    refined = learnt(strokes)
-    torch.testing.assert_close(untrained_yet, alone, atol=1e-5, rtol=0)
-    assert weighted_l1(refined, made_by_truth, 2.0) < 0.7 * weighted_l1(alone, made_by_truth, 2.0)
-    assert learnt.base.parameters_si() == model.mark().parameters_si()
 
 
 def test_a_stamp_is_the_mark_that_all_strokes_leave(made_by_truth: StrokeSamples) -> None:

@@ -10,13 +10,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
-from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel
 from pentimento.stroke_dynamics.networks import param2stroke, trajectory_cnn
 from pentimento.stroke_dynamics.networks.coverage import CoverageModel, laid, press_range
 from pentimento.stroke_dynamics.networks.frame import Crop, crop_around
 from pentimento.stroke_dynamics.networks.param2stroke import Param2Stroke
 from pentimento.stroke_dynamics.networks.path_image import PathImageCnn
-from pentimento.stroke_dynamics.networks.refined import RefinedModel, RefinedTraj2Stroke
+from pentimento.stroke_dynamics.networks.refined import RefinedTraj2Stroke
 from pentimento.stroke_dynamics.networks.trajectory_cnn import TrajectoryCnn
 from pentimento.stroke_dynamics.samples import StrokeSamples
 from pentimento.stroke_dynamics.training import Log, TrainingConfig, descend, split_by_action, weighted_l1
@@ -72,18 +71,6 @@ def fit_refined(base: Traj2Stroke, samples: StrokeSamples, setting: Setting, log
     copied = Traj2Stroke(base.parameters_si())
     network = RefinedTraj2Stroke(copied, setting.margin_m, setting.config.pixels_per_m)
     return train_network(network, samples, setting.config, log)
-
-
-def fit_refined_model(model: StrokeModel, strokes: MeasuredStrokes, setting: Setting, log: Log) -> RefinedModel:
-    """A U-Net behind a stroke model with its causes, which stay as they are."""
-    config = setting.config
-    torch.manual_seed(config.seed)
-    network = RefinedModel(model, setting.margin_m, config.pixels_per_m)
-    parts = split_by_action(strokes.samples, config.held_out, config.seed)
-    training, validation = (strokes.pick(torch.isin(strokes.samples.action, part.action)) for part in parts)
-    best = _Best(network, lambda: network(validation), validation.samples, config.ink_weight, log)
-    descend(network, lambda index: network(training.pick(index)), training.samples, config, log, best.after_epoch)
-    return best.taken()
 
 
 def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig, log: Log) -> Model:

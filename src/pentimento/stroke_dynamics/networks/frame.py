@@ -88,17 +88,22 @@ def crop_around(path: Tensor, margin_m: float, pixels_per_m: float, multiple: in
     return Crop(low, height / pixels_per_m / 2, height, width)
 
 
-def place(drawn: Tensor, crop: Crop, samples: StrokeSamples, stretch: Tensor | None = None) -> Tensor:
-    """Lay images [B, h, w] of the strokes' frames on the samples' windows: [B, H, W], 0 where the crop does not reach.
-
-    ``stretch`` [B]: how much longer along x a stroke is than its image.
-    """
+def places_of(samples: StrokeSamples) -> Tensor:
+    """Where the centres of the windows' pixels lie in the strokes' frames, [B, H, W, 2]."""
     height, width = samples.valid.shape[1:]
     row, column = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     scale = samples.pixels_per_m[:, None, None]
     x = samples.top_left_m[:, 0, None, None] + (column + 0.5) / scale
     y = samples.top_left_m[:, 1, None, None] - (row + 0.5) / scale
-    local = frames_of(samples.path).to_stroke(torch.stack([x, y], dim=-1))
+    return frames_of(samples.path).to_stroke(torch.stack([x, y], dim=-1))
+
+
+def place(drawn: Tensor, crop: Crop, samples: StrokeSamples, stretch: Tensor | None = None) -> Tensor:
+    """Lay images [B, h, w] of the strokes' frames on the samples' windows: [B, H, W], 0 where the crop does not reach.
+
+    ``stretch`` [B]: how much longer along x a stroke is than its image.
+    """
+    local = places_of(samples)
     if stretch is not None:
         local = local / torch.stack([stretch, torch.ones_like(stretch)], dim=-1)[:, None, None]
     return _sampled(drawn, crop.to_pixels(local))

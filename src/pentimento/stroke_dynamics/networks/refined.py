@@ -1,17 +1,14 @@
-"""A stroke model with a U-Net behind it (thesis 5.4.3), for what its numbers cannot say: texture, bristle drag."""
+"""Traj2Stroke with a U-Net behind it (thesis 5.4.3), for what its numbers cannot say: texture, bristle drag."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
 
-from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, predict_extended
-from pentimento.stroke_dynamics.networks.coverage import CoverageModel, drawn, mirrors, unmirrored
+from pentimento.stroke_dynamics.networks.coverage import CoverageModel, drawn, unmirrored
 from pentimento.stroke_dynamics.networks.frame import crop_around, frames_of, place
 from pentimento.stroke_dynamics.networks.unet import COARSER, UNet
-from pentimento.stroke_dynamics.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.simulation import extended_mark, full_at_most
 from pentimento.stroke_dynamics.traj2stroke import Mark, Traj2Stroke
 
 
@@ -29,26 +26,6 @@ class RefinedTraj2Stroke(CoverageModel):
         size = (samples.valid.shape[1], samples.valid.shape[2])
         there = drawn(samples.view.to_pixels(mark.points_m), mark.radius_m * scale, mark.density, mark.softness, size)
         return (there + self.retouch(mark, samples, self.mirror(len(mark.radius_m)))).clamp(0.0, 1.0)
-
-
-class RefinedModel(nn.Module):
-    """A stroke model with its causes, which stays as it is; untrained, it foretells what that does."""
-
-    def __init__(self, model: StrokeModel, margin_m: float, pixels_per_m: float) -> None:
-        super().__init__()
-        self.base, self.mechanisms = model.mark(), model.mechanisms
-        self.retouch = Retouch(margin_m, pixels_per_m)
-
-    def forward(self, strokes: MeasuredStrokes) -> Tensor:
-        """The photographs after strokes, sRGB [B, H, W, 3]."""
-        samples = strokes.samples
-        with torch.no_grad():
-            foretold = srgb_to_linear(predict_extended(self.base, self.mechanisms, strokes))
-            mark = full_at_most(extended_mark(self.base, self.mechanisms, strokes.context))
-        mirror = mirrors(len(samples.path), self.training)
-        change = self.retouch(Mark(*(values[:, 0] for values in mark)), samples, mirror)
-        more = change[..., None] * (srgb_to_linear(samples.color)[:, None, None] - samples.before_linear)
-        return linear_to_srgb((foretold + more).clamp(0.0, 1.0))
 
 
 class Retouch(nn.Module):
