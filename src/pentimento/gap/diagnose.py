@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit
+from pentimento.gap.fit import first_model, fit, mixed
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
@@ -106,7 +106,7 @@ def diagnose(
     """
     splits = split(measured, seed)
     plain = measured.pick(splits.discovery)
-    first = fit(first_model(plain), plain)
+    first = mixed(fit(first_model(plain), plain), plain, seed)
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0

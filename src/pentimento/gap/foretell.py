@@ -67,6 +67,11 @@ class Model:
         return np.concatenate(parts)
 
     @property
+    def mixes_in_light(self) -> bool:
+        """Whether paint and ground mix in linear light, as a plain base has them do; fits then leave it at that."""
+        return bool(self.base[BASE.index("mixing")] == 0)
+
+    @property
     def nuisances(self) -> int:
         """How many come before the mechanisms' quantities."""
         return len(self.base) + self.color_offset.size
