@@ -170,8 +170,6 @@ def _bounds(model: Model) -> tuple[Array, Array]:
     low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
         low[i], high[i] = _RANGE[name]
-    if model.mixes_in_light:
-        low[_MIXING] = high[_MIXING] = 0.0
     colors = slice(len(model.base), model.nuisances)
     low[colors], high[colors] = -0.2, 0.2
     half_mm = float(model.base[: len(WIDTHS)].mean())

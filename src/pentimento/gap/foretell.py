@@ -2,8 +2,9 @@
 
 A model is a base and any mechanisms of the vocabulary. The base is the thesis's (half-width by press, a profile, an
 amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration (GAP.md, rule 2):
-the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of each paint's colour, both
-ends a little beyond their command and wider. What is left of the mark's own shape comes with the strokes (``habits``).
+the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of each paint's colour, a power
+of light in which paint and ground mix, both ends a little beyond their command and wider. What is left of the mark's
+own shape comes with the strokes (``habits``).
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class Model:
 
     @property
     def mixes_in_light(self) -> bool:
-        """Whether paint and ground mix in linear light, as a plain base has them do; fits then leave it at that."""
+        """Whether paint and ground mix in linear light, which a fit then leaves at that: no Jacobian has ``mixing``."""
         return bool(self.base[BASE.index("mixing")] == 0)
 
     @property

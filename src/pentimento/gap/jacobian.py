@@ -54,7 +54,9 @@ def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> A
     drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
     _, steepness = _srgb_and_slope(linear)
     by_coverage, by_paint = _slopes(laid, measured)
-    change = steepness * (by_coverage * drawn[..., None] + amounts[_MIXING] * _by_mixing(laid, measured))
+    change = steepness * by_coverage * drawn[..., None]
+    if not model.mixes_in_light:
+        change += steepness * amounts[_MIXING] * _by_mixing(laid, measured)
     for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
         change += steepness * by_paint * (amounts[p] * paint)
         if gain is not None:
@@ -110,7 +112,7 @@ def _row_statistics(model: Model, measured: Measured, number: Array, changes: Ar
     srgb, steepness = _srgb_and_slope(linear)
     steepness *= valid[pixels][:, None]
     by_coverage, by_paint = (steepness * slope for slope in _slopes(laid, measured, pixels))
-    by_mixing = steepness * _by_mixing(laid, measured, pixels)
+    by_mixing = None if model.mixes_in_light else steepness * _by_mixing(laid, measured, pixels)
     by_gain = steepness * linear / laid.gain[pixels][:, None]
     rest = (samples.after.numpy() - samples.before.numpy() - measured.habit) * valid[..., None]
     missing = (samples.after.numpy()[pixels] - srgb - measured.habit[pixels]) * valid[pixels][:, None]
@@ -132,7 +134,10 @@ def _row_statistics(model: Model, measured: Measured, number: Array, changes: Ar
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
-        pictures[_MIXING] = by_mixing[own]
+        if by_mixing is not None:
+            pictures[_MIXING] = by_mixing[own]
+        if not pictures:
+            continue
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
         cross = drawn @ (whole[:, on] * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
