@@ -9,7 +9,7 @@ import torch
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, mixed
+from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import (
     BASE,
     Model,
@@ -20,9 +20,7 @@ from pentimento.gap.foretell import (
     mark_px,
     marks_px,
     mean_squared_error,
-    mixture,
     residual,
-    slopes_of_mixture,
 )
 from pentimento.gap.jacobian import linearise, linearise_rows
 from pentimento.gap.measured import Measured, load_measured
@@ -92,56 +90,6 @@ def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:
     np.testing.assert_allclose(energy, np.square(rest).sum(1) / pixels, rtol=1e-4)
     expected = np.einsum("pbx,bx->bp", numeric, rest) / pixels[:, None]
     assert np.corrcoef(slope[seen], expected[seen])[0, 1] > 0.99
-
-
-def test_paint_mixes_in_linear_light_until_told_otherwise() -> None:
-    below, paint, coverage = np.float32([0.9, 0.5, 0.02]), np.float32([0.05, 0.5, 0.3]), np.float32([0.3])
-    np.testing.assert_allclose(mixture(below, paint, coverage, 1), 0.7 * below + 0.3 * paint, rtol=1e-6)
-    # A mean of logarithms dims by a share, as a filter does.
-    np.testing.assert_allclose(mixture(below, paint, coverage, 1e-3), below**0.7 * paint**0.3, rtol=2e-3)
-    for power in (0.2, 0.5, 1.0, 1.5):
-        for whole, light in ((0, below), (1, paint)):
-            np.testing.assert_allclose(mixture(below, paint, np.float32([whole]), power), light, rtol=1e-5)
-
-
-@pytest.mark.parametrize("power", [0.3, 0.45, 1.0, 1.6])
-def test_slopes_of_a_mixture_are_those_of_the_mixture(power: float) -> None:
-    rng = np.random.default_rng(0)
-    below, paint = rng.uniform(0.05, 0.95, (2, 50, 3))
-    coverage, step = rng.uniform(0.1, 0.9, (50, 1)), 1e-4
-    by_coverage, by_paint = slopes_of_mixture(below, paint, coverage, power)
-    for slope, up, down in (
-        (by_coverage, (below, paint, coverage + step), (below, paint, coverage - step)),
-        (by_paint, (below, paint + step, coverage), (below, paint - step, coverage)),
-    ):
-        np.testing.assert_allclose(slope, (mixture(*up, power) - mixture(*down, power)) / (2 * step), rtol=1e-3)
-
-
-def pale_red(measured: Measured, mixing: float) -> tuple[Model, Measured]:
-    """A plain base, and noisy photographs of pale red that lies over grey in every second window."""
-    samples, plain = measured.samples, fit(first_model(measured), measured)
-    grey = torch.where(torch.arange(len(measured)) % 2 == 0, 1.0, 0.3)[:, None, None, None] * samples.before_linear
-    before, red = torch.from_numpy(linear_to_srgb(grey.numpy())), torch.tensor([0.75, 0.2, 0.35])
-    samples = samples._replace(before=before, before_linear=grey, color=red.expand(len(measured), 3))
-    pale = plain.base.copy()
-    pale[BASE.index("slab_1")], pale[BASE.index("mixing")] = 0.6, mixing
-    made = photographed(replace(plain, base=pale), replace(measured, samples=samples)).samples
-    noise = 0.004 * torch.randn(made.after.shape, generator=torch.Generator().manual_seed(0))
-    return plain, replace(measured, samples=made._replace(after=made.after + noise))
-
-
-def test_paint_that_mixes_in_the_numbers_of_a_picture_is_found_out(measured: Measured) -> None:
-    plain, made = pale_red(measured, -0.8)
-    in_light = fit(plain, made)
-    assert in_light.mixes_in_light
-    # What holds numbers near the plainest base goes with the error at the start of a fit.
-    found = fit(mixed(in_light, made, 0), made)
-    assert found.base[BASE.index("mixing")] == pytest.approx(-0.8, abs=0.15)
-
-
-def test_paint_that_mixes_in_light_is_left_at_that(measured: Measured) -> None:
-    plain, made = pale_red(measured, 0.0)
-    assert mixed(fit(plain, made), made, 0).mixes_in_light
 
 
 def test_statistics_of_actions_are_means_over_their_rows(measured: Measured) -> None:

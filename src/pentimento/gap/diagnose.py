@@ -12,12 +12,13 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, mixed
+from pentimento.gap.fit import first_model, fit
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
+from pentimento.gap.mixing import mixed
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.score import projected

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model
 from pentimento.gap.jacobian import Statistics, linearise
@@ -28,10 +26,6 @@ _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
     "ends_widening": 0.5,
     "mixing": 0.5,
 }
-_MIXING = BASE.index("mixing")
-_FIRST_MIXING = -0.4
-_MIXED_P, _LEAST_OF_MIXING = 0.01, 0.1
-"""How sure another mixing than in light must be, and what it must remove of the error."""
 _LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
 _LIKELY_COLOR = 0.03  # linear light
 _ENOUGH = 5e-4
@@ -104,26 +98,6 @@ def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
         if gained < _ENOUGH:
             break
     return model
-
-
-def mixed(model: Model, measured: Measured, seed: int) -> Model:
-    """The fitted base, or one in which paint and ground mix in another power of light, where that is surely nearer to
-    the photographs than the best that mixes in light.
-    """
-    other = fit(_mixing_by(model, _FIRST_MIXING), measured)
-    # What another start does for all other numbers is not the mixing's.
-    rival = fit(_mixing_by(other, 0.0), measured)
-    plain = min(model, rival, key=lambda each: _loss(linearise(each, measured)))
-    before = linearise(plain, measured).energy
-    removed = before - linearise(other, measured).energy
-    sure = paired_p(removed, seed) < _MIXED_P and removed.mean() >= _LEAST_OF_MIXING * before.mean()
-    return other if sure else plain
-
-
-def _mixing_by(model: Model, mixing: float) -> Model:
-    numbers = model.base.copy()
-    numbers[_MIXING] = mixing
-    return replace(model, base=numbers)
 
 
 def _hold(model: Model, loss: float) -> Array:

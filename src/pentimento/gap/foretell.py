@@ -24,6 +24,7 @@ from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.gap.ends import moved_ends
 from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
+from pentimento.gap.mixture import mixture
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
 from pentimento.stroke_dynamics.traj2stroke import Mark
@@ -40,8 +41,6 @@ BASE = (
 """``mixing``: paint and ground mix in light to the power of ``exp(mixing)``: 0 is linear light, about -0.8 the
 numbers of an sRGB picture, far below that a filter that dims by a share."""
 _THINNEST_M = 1e-5
-_DARKEST = 1e-3
-"""Linear light that a power is taken of at least."""
 _TIGHT_M = 0.02
 """Radius of a bend to whose outer side a mark lies by ``outward_mm``, also where no cause is at work."""
 _UNIT_EDGE = 0.15
@@ -264,26 +263,6 @@ def foretold_linear(laid: Ink, measured: Measured, pixels: Any = ...) -> Array:
     paint = np.broadcast_to(laid.paint, below.shape)[pixels]
     mixed = mixture(below[pixels], paint, laid.imprint.coverage[pixels][..., None], laid.power)
     return np.maximum(mixed * laid.gain[pixels][..., None], 0.0)
-
-
-def mixture(below: Array, paint: Array, coverage: Array, power: float) -> Array:
-    """Paint over what is below it: linear light, by a mean of its ``power``; what is to be mixed is not quite black."""
-    if power == 1:
-        return np.asarray(below + coverage * (paint - below))
-    raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
-    mixed: Array = np.maximum(raised + coverage * (laid - raised), _DARKEST**power) ** np.float32(1 / power)
-    return mixed
-
-
-def slopes_of_mixture(below: Array, paint: Array, coverage: Array, power: float) -> tuple[Array, Array]:
-    """Derivatives of ``mixture`` by coverage and by paint."""
-    if power == 1:
-        return paint - below, np.broadcast_to(coverage, below.shape)
-    mixed = mixture(below, paint, coverage, power)
-    raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
-    steepness = mixed ** np.float32(1 - power)
-    of_paint = coverage * steepness * np.maximum(paint, _DARKEST) ** np.float32(power - 1)
-    return steepness * (laid - raised) / np.float32(power), of_paint
 
 
 def residual(model: Model, measured: Measured) -> Array:

@@ -23,12 +23,11 @@ from pentimento.gap.foretell import (
     foretold_linear,
     ink,
     marks_px,
-    mixture,
     paint_and_gain,
-    slopes_of_mixture,
 )
 from pentimento.gap.imprint import Imprint, change_of_coverage
 from pentimento.gap.measured import Measured
+from pentimento.gap.mixture import mixture, slopes_of_mixture
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
