@@ -1,30 +1,13 @@
-"""Causes that are large are found in the whole residual; small ones are left to the search that takes scatter out."""
+"""A further cause must be worth something beside others, and in the end the one that fits best stands."""
 
-import numpy as np
 import pytest
 import torch
 
-from pentimento.contracts.strokes import example_table
+from pentimento.gap.candidates import displaces, weigh
 from pentimento.gap.choice import Step
-from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
-from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.score import Evidence
-from pentimento.gap.search import (
-    Search,
-    _enough,
-    _far,
-    _shortlist,
-    _with_that_of_refits,
-    displaces,
-    find_large,
-    is_far,
-    is_large,
-    is_physical,
-    settle,
-    weigh,
-)
+from pentimento.gap.fit import fit
+from pentimento.gap.foretell import identity
+from pentimento.gap.search import Search, _enough, settle
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
@@ -32,40 +15,7 @@ from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from pentimento.stroke_dynamics.simulation import Mechanism
-from tests.gap.test_habits import photographed
-
-
-def strokes_of(kind: type[Mechanism], *values: float) -> tuple[Measured, Model]:
-    """Strokes with that in them, each one a little darker or paler than the others, and a first base."""
-    measured = load_measured(example_table(40))
-    base = fit(first_model(measured), measured)
-    mechanism = kind(torch.tensor(values, dtype=torch.float64), identity(kind, measured.context).reference)
-    after = foretold(base.plus(mechanism), measured)
-    rng = np.random.default_rng(0)
-    darker = 1 + 0.05 * rng.standard_normal((len(measured), 1, 1, 1))
-    below = measured.samples.before.numpy()
-    after = below + darker * (after - below) + 0.01 * rng.standard_normal(after.shape)
-    strokes = photographed(measured, after)
-    return strokes, fit(first_model(strokes), strokes)
-
-
-@pytest.mark.parametrize(("distance_m", "large"), [(0.009, True), (0.0004, False)])
-def test_a_lag_is_found_and_uneven_ends_do_not_hide_it(distance_m: float, large: bool) -> None:
-    measured, base = strokes_of(BristleLag, distance_m)
-    begun = find_large(base, measured, measured.context, 0.0, (BristleLag, PathScale), 0, lambda line: None)
-    assert begun.found == {"bristle_lag"}
-    assert (begun.found == begun.large) == large
-    lag = begun.model.mechanisms[-1]
-    assert is_large(lag) == large
-    assert float(lag.values[0]) == pytest.approx(distance_m, rel=0.1)
-    assert not begun.base.mechanisms, "what the lag explains is no freedom of the base"
-
-
-def test_ends_that_no_lag_makes_are_the_bases() -> None:
-    measured, base = strokes_of(UnevenEnds, -0.0008, 0.0008, 0.3, 0.0)
-    begun = find_large(base, measured, measured.context, 0.0, (BristleLag, Latency), 0, lambda line: None)
-    assert begun.found == set()
-    assert [m.cause for m in begun.base.mechanisms] == ["uneven_ends"]
+from tests.gap.test_large import strokes_of
 
 
 def test_a_further_cause_must_be_worth_something_beside_others_of_its_kind() -> None:
@@ -76,45 +26,6 @@ def test_a_further_cause_must_be_worth_something_beside_others_of_its_kind() -> 
     gained = {"latency": 1.0, "speed_width": 0.1}
     assert _enough(lag, observable, gained) > _enough(lens, observable, gained) > 0  # latency and lag: one driver
     assert _enough(observable["speed_width"], observable, {"latency": 1.0}) == 0
-
-
-def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
-    measured = load_measured(example_table(12))
-    base = fit(first_model(measured), measured)
-    half_m = 1e-3 * float(base.base[: len(WIDTHS)].mean())
-
-    def shifted(by_m: float) -> Model:
-        return base.plus(PathOffset(torch.tensor([by_m, 0.0], dtype=torch.float64), {}))
-
-    assert is_far(shifted(2 * half_m), measured) and not is_far(shifted(0.5 * half_m), measured)
-
-
-def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:
-    """A lag of millimetres is far from linear: its test is sure, what it would gain to second order is not."""
-    lag = Evidence(0.001, 0.003, 0.02, (-0.001, 0.04), -0.0001)
-    assert shortlist({"bristle_lag": lag, "path_scale": lag._replace(p_adjusted=0.5)}, 0.01) == ["bristle_lag"]
-    assert shortlist({"bristle_lag": lag._replace(gain=-0.001)}, 0.01) == []
-
-
-def test_a_tip_that_trails_further_than_the_mark_is_wide_is_found_from_its_typical_size() -> None:
-    """What it does far from none says nothing of it at none, beside ends that were fitted in its place."""
-    strokes, plain = strokes_of(BristleLag, 0.009)
-    model = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
-    candidates = [identity(kind, strokes.context) for kind in (BristleLag, PathOffset)]
-    refits = _far(model, candidates, strokes)
-    assert list(refits) == ["bristle_lag"]
-    assert float(refits["bristle_lag"].mechanisms[-1].values[0]) == pytest.approx(0.009, rel=0.1)
-
-
-@pytest.mark.parametrize("offset_m", [0.001, 0.0])
-def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset_m: float) -> None:
-    strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
-    silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
-    refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
-    evidence = _with_that_of_refits(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
-    assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
-    said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
-    assert _with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
 
 
 @pytest.mark.parametrize(("taken", "rival"), [(PathScale, PathOffset), (PathOffset, PathScale)])
@@ -130,15 +41,3 @@ def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_ri
     settled = settle(begun, strokes, 0, lambda _: None)
     assert [(s.chosen, s.rivals) for s in settled.steps] == [("path_offset", ()), (None, ())]
     assert settled.found == {"path_offset"} and list(settled.gained) == ["path_offset"]
-
-
-def shortlist(evidence: dict[str, Evidence], limit: float) -> list[str]:
-    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
-    return _shortlist(evidence, limit, 0.05, observable)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(("taken_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
-def test_a_wrong_scale_alone_is_no_lens(taken_up: float, lens: bool, sign: float) -> None:
-    values = sign * torch.tensor([1.0, taken_up], dtype=torch.float64)
-    assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens

@@ -18,13 +18,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.gap.candidates import action_losses
 from pentimento.gap.foretell import Model
 from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, AllModes, Unexplained
 from pentimento.gap.path_covariates import path_covariates
 from pentimento.gap.score import folds
-from pentimento.gap.search import action_losses
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext

@@ -1,0 +1,156 @@
+"""What speaks for a cause that a model does not have yet: tests at the model, and the model refitted with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.gap.choice import paired_p
+from pentimento.gap.ends import UnevenEnds
+from pentimento.gap.fit import fit
+from pentimento.gap.foretell import Model, mark_px, mean_squared_error, residual
+from pentimento.gap.jacobian import linearise
+from pentimento.gap.measured import Measured
+from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
+from pentimento.stroke_dynamics.simulation import Mechanism
+
+Array = NDArray[Any]
+
+FIRST_P, LATER_P = 0.02, 0.01
+_DRAWS = 4999
+_SHORTLIST = 0.4  # of the best gain
+_MOST_REFITS, _MOST_KIN = 4, 2
+_LARGE = 2.0  # times what is typical
+_LEAST_TAKEN_UP, _MOST_TAKEN_UP = -0.5, 3.0
+"""Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified; where it is, what brings
+markers a little beyond the strokes back to their places. What is linear alone is a wrong scale, and no lens."""
+
+
+def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int) -> dict[str, Evidence]:
+    """Evidence for each candidate at a fitted model."""
+    if not candidates:
+        return {}
+    statistics = linearise(model.plus(*candidates), measured)
+    held = np.arange(len(model.vector))
+    index, at = {}, len(held)
+    for mechanism in candidates:
+        index[mechanism.cause] = np.arange(at, at + len(mechanism.quantities))
+        at += len(mechanism.quantities)
+    tests = score_tests(statistics, held, index, _DRAWS, seed)
+    error = float(statistics.energy.mean())
+    _, first = np.unique(measured.action, return_index=True)
+    blocks = measured.block[first]
+    evidence = {}
+    for cause, columns in index.items():
+        gains = held_out_gains(statistics, held, columns, blocks, seed) / error
+        gain, interval, least = mean_and_bounds(gains, 999, seed)
+        evidence[cause] = Evidence(*tests[cause], gain, interval, least)
+    return evidence
+
+
+def stands(evidence: Evidence, limit: float) -> bool:
+    return evidence.p_adjusted < limit and evidence.gain > 0
+
+
+def shortlist(
+    evidence: Mapping[str, Evidence], limit: float, kin_limit: float, observable: Mapping[str, Mechanism]
+) -> list[str]:
+    """Who is worth a refit: the best of those whose p is below ``limit``, those near to it, and those at its site whose
+    p is at most ``kin_limit``: a large effect is far from linear, and a lag of centimetres looks like little from none.
+    """
+    standing = [cause for cause, e in evidence.items() if stands(e, limit)]
+    if not standing:
+        return []
+    best = max(standing, key=lambda cause: evidence[cause].gain)
+    near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
+    near = sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
+    kin = [
+        cause
+        for cause, e in evidence.items()
+        if observable[cause].site == observable[best].site and e.p_adjusted <= kin_limit and cause not in near
+    ]
+    return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
+
+
+def refits_with(
+    model: Model, causes: Sequence[str], observable: Mapping[str, Mechanism], measured: Measured
+) -> dict[str, Model]:
+    """The model with each cause added, where its fit makes physical sense."""
+    refits = {cause: refit_with(model, observable[cause], measured) for cause in causes}
+    return {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
+
+
+def refit_with(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
+    """The model with one more mechanism.
+
+    Ends that have been fitted in the place of a cause that moves the path hide it from small steps: such a cause is
+    tried without them, too.
+    """
+    refits = [fit(model.plus(mechanism), measured)]
+    if mechanism.site == "trajectory" and any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        refits.append(fit(model.without(UnevenEnds.cause).plus(mechanism), measured))
+    return min(refits, key=lambda refit: float(action_losses(refit, measured).mean()))
+
+
+def held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
+    """Mean squared error of each action, sRGB, [n], had its last mechanism been fitted to the other blocks alone."""
+    columns = model.columns_of(model.mechanisms[-1].cause)
+    held = np.setdiff1d(np.arange(len(model.vector)), columns)
+    _, first = np.unique(measured.action, return_index=True)
+    gains = held_out_gains(linearise(model, measured), held, columns, measured.block[first], seed)
+    return action_losses(model, measured) - gains
+
+
+def action_losses(model: Model, measured: Measured) -> Array:
+    """Mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
+    rows = mean_squared_error(residual(model, measured), measured)
+    _, group = np.unique(measured.action, return_inverse=True)
+    return np.bincount(group, rows) / np.bincount(group)
+
+
+def is_physical(mechanism: Mechanism) -> bool:
+    """Whether all of its quantities have signs that they can have; of a lens, whether they can be of one picture."""
+    if isinstance(mechanism, LensDistortion):
+        at_edge, taken_up = map(float, mechanism.values)
+        return _LEAST_TAKEN_UP * at_edge**2 <= taken_up * at_edge <= _MOST_TAKEN_UP * at_edge**2
+    return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
+
+
+def is_large(mechanism: Mechanism) -> bool:
+    """Whether one of its quantities is many times what is typical."""
+    return any(abs(float(v)) >= _LARGE * q.typical for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
+
+
+def is_far(model: Model, measured: Measured) -> bool:
+    """Whether its last mechanism moves marks by more than their half-width, by the root mean square: so far that the
+    surroundings of no effect say little of it.
+    """
+    moved, unmoved = mark_px(model, measured), mark_px(model.without(model.mechanisms[-1].cause), measured)
+    return bool(np.square(moved[..., :2] - unmoved[..., :2]).sum(-1).mean() > np.square(unmoved[..., 2]).mean())
+
+
+def displaces(mechanism: Mechanism) -> bool:
+    """Whether it moves the mark; the others change it where it lies."""
+    return mechanism.site == "trajectory" or isinstance(mechanism, LensDistortion)
+
+
+def without_idle(
+    model: Model, kept: frozenset[str], measured: Measured, seed: int, log: Callable[[str], None]
+) -> Model:
+    """The model less the mechanisms that it no longer needs, now that it has a new one; the causes ``kept`` stay."""
+    for mechanism in model.mechanisms[:-1]:
+        if mechanism.cause in kept or (isinstance(mechanism, UnevenEnds) and model.mechanisms[-1].site != "trajectory"):
+            continue
+        refit = fit(model.without(mechanism.cause), measured)
+        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > LATER_P:
+            log(f"{mechanism.cause} is no longer needed")
+            return without_idle(refit, kept, measured, seed, log)
+    return model
+
+
+def quantities_of(observable: Mapping[str, Mechanism]) -> dict[str, int]:
+    return {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}

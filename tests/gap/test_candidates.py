@@ -1,0 +1,45 @@
+"""What is worth a refit, and what a refit may be."""
+
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.candidates import is_far, is_physical, shortlist
+from pentimento.gap.fit import first_model, fit
+from pentimento.gap.foretell import WIDTHS, Model
+from pentimento.gap.measured import load_measured
+from pentimento.gap.score import Evidence
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
+from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+
+
+def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
+    measured = load_measured(example_table(12))
+    base = fit(first_model(measured), measured)
+    half_m = 1e-3 * float(base.base[: len(WIDTHS)].mean())
+
+    def shifted(by_m: float) -> Model:
+        return base.plus(PathOffset(torch.tensor([by_m, 0.0], dtype=torch.float64), {}))
+
+    assert is_far(shifted(2 * half_m), measured) and not is_far(shifted(0.5 * half_m), measured)
+
+
+def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:
+    """A lag of millimetres is far from linear: its test is sure, what it would gain to second order is not."""
+    lag = Evidence(0.001, 0.003, 0.02, (-0.001, 0.04), -0.0001)
+    assert worth_a_refit({"bristle_lag": lag, "path_scale": lag._replace(p_adjusted=0.5)}, 0.01) == ["bristle_lag"]
+    assert worth_a_refit({"bristle_lag": lag._replace(gain=-0.001)}, 0.01) == []
+
+
+def worth_a_refit(evidence: dict[str, Evidence], limit: float) -> list[str]:
+    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
+    return shortlist(evidence, limit, 0.05, observable)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("taken_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
+def test_a_wrong_scale_alone_is_no_lens(taken_up: float, lens: bool, sign: float) -> None:
+    values = sign * torch.tensor([1.0, taken_up], dtype=torch.float64)
+    assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens
