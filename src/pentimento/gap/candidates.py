@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import fit
+from pentimento.gap.fit import fit, held
 from pentimento.gap.foretell import Model, mark_px, mean_squared_error, residual
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
@@ -34,19 +34,20 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
     """Evidence for each candidate at a fitted model."""
     if not candidates:
         return {}
-    statistics = linearise(model.plus(*candidates), measured)
-    held = np.arange(len(model.vector))
-    index, at = {}, len(held)
+    extended = model.plus(*candidates)
+    statistics = held(linearise(extended, measured), extended)
+    nuisances = np.arange(len(model.vector))
+    index, at = {}, len(nuisances)
     for mechanism in candidates:
         index[mechanism.cause] = np.arange(at, at + len(mechanism.quantities))
         at += len(mechanism.quantities)
-    tests = score_tests(statistics, held, index, _DRAWS, seed)
+    tests = score_tests(statistics, nuisances, index, _DRAWS, seed)
     error = float(statistics.energy.mean())
     _, first = np.unique(measured.action, return_index=True)
     blocks = measured.block[first]
     evidence = {}
     for cause, columns in index.items():
-        gains = held_out_gains(statistics, held, columns, blocks, seed) / error
+        gains = held_out_gains(statistics, nuisances, columns, blocks, seed) / error
         gain, interval, least = mean_and_bounds(gains, 999, seed)
         evidence[cause] = Evidence(*tests[cause], gain, interval, least)
     return evidence
@@ -99,9 +100,9 @@ def refit_with(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
 def held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
     """Mean squared error of each action, sRGB, [n], had its last mechanism been fitted to the other blocks alone."""
     columns = model.columns_of(model.mechanisms[-1].cause)
-    held = np.setdiff1d(np.arange(len(model.vector)), columns)
+    nuisances = np.setdiff1d(np.arange(len(model.vector)), columns)
     _, first = np.unique(measured.action, return_index=True)
-    gains = held_out_gains(linearise(model, measured), held, columns, measured.block[first], seed)
+    gains = held_out_gains(held(linearise(model, measured), model), nuisances, columns, measured.block[first], seed)
     return action_losses(model, measured) - gains
 
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.candidates import action_losses, displaces
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit
+from pentimento.gap.fit import first_model, fit, held
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
@@ -186,27 +185,13 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search) 
 def _confirmation(found: Search, mechanism: Mechanism, known: Measured, fresh: Array, seed: int) -> float:
     """One-sided p that strokes which were not searched do not ask for the cause, as it was found: sign flips of their
     scores in its direction (a difference of losses would have half the power).
-
-    The smaller of two, about the model with the cause and about the best one without it: where a cause is at work,
-    small steps of the base (wider, and less dense) may seem to take back what they cannot from where it is not; and
-    from where it is not, one that acts far shows nothing of what it does.
     """
-    with_it, cause = found.model, mechanism.cause
-    without = fit(_without(with_it, [cause], found.base), known)
-    zero = without.plus(type(mechanism)(torch.zeros_like(mechanism.values), mechanism.reference))
-    at_work = _p_of_asking(with_it, cause, with_it.vector[with_it.columns_of(cause)], known, fresh, seed)
-    return min(at_work, _p_of_asking(zero, cause, with_it.vector[with_it.columns_of(cause)], known, fresh, seed))
-
-
-def _p_of_asking(model: Model, cause: str, values: Array, known: Measured, fresh: Array, seed: int) -> float:
-    """One-sided p that fresh actions do not ask for these values of a cause, by their scores about a model, the rest of
-    which makes up for the cause as well as it can.
-    """
-    columns = model.columns_of(cause)
-    rest = np.setdiff1d(np.arange(len(model.vector)), columns)
-    slope, curvature = projected(linearise(model, known), rest, columns)
-    there = model.vector[columns]
-    return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, there))[fresh], seed)
+    statistics = held(linearise(found.model, known), found.model)
+    columns = found.model.columns_of(mechanism.cause)
+    rest = np.setdiff1d(np.arange(len(found.model.vector)), columns)
+    slope, curvature = projected(statistics, rest, columns)
+    values = found.model.vector[columns]
+    return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, values))[fresh], seed)
 
 
 def _without(model: Model, causes: Sequence[str], base: Model) -> Model:

@@ -100,6 +100,17 @@ def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
     return model
 
 
+def held(statistics: Statistics, model: Model) -> Statistics:
+    """Statistics of what ``fit`` minimises: strokes, and what holds the base where they leave it open, shared out among
+    actions. Without that, a step that no fit would take may seem to make up for a cause.
+    """
+    hold = _hold(model, _loss(statistics))
+    pull = hold @ model.vector
+    return Statistics(
+        statistics.curvature + hold, statistics.slope - pull, statistics.energy + _cost(model.vector, hold)
+    )
+
+
 def _hold(model: Model, loss: float) -> Array:
     """Curvature [P, P] of what holds the base where strokes leave it open."""
     size = len(model.vector)

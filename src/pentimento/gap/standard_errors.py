@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.fit import held
 from pentimento.gap.foretell import Model
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
@@ -29,7 +30,7 @@ def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -
         model: fitted to ``measured``.
         mechanism: the model's, by its cause.
     """
-    spread = covariance(linearise(model, measured))
+    spread = covariance(held(linearise(model, measured), model))
     number = [m.cause for m in model.mechanisms].index(mechanism.cause)
     fitted = model.mechanisms[number]
     at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
