@@ -134,9 +134,7 @@ class Training:
             case "imprint":
                 model, said = self.extended()
                 learnt = fit_imprint(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
-                trained = _of(
-                    learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.network is not None}
-                )
+                trained = _of(learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.believed})
             case _:
                 raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")
         return trained, before + time.process_time() - started

@@ -34,7 +34,7 @@ Array = NDArray[Any]
 _CONFIRMED_P = 0.4
 _DRAWS = 1999
 _PASSES = 2
-_LEAST_GAIN, _LEAST_BESIDE = 0.01, 0.05
+_LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
 """Of the gap on sealed strokes, and of the largest gain there of its kind, among what displaces the mark or among the
 others: what is worth less explains nothing, however sure it is. Where a cause's form is not quite right, another takes
 up a little of what it leaves. What is worth as little beside one of the other kind must be sure there."""

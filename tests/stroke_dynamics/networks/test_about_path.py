@@ -58,3 +58,18 @@ def test_what_is_said_of_a_stroke_holds_for_each_of_its_pixels() -> None:
     torch.testing.assert_close(told["x"][0, 20, 10], torch.tensor(0.0005))
     torch.testing.assert_close(told["y"][0, 20, 10], torch.tensor(-0.0005))
     assert (told["from start, command"] + told["to end, command"] - told["length"]).abs().max() < 1e-6
+
+
+def test_the_way_of_the_tip_is_seen_from_each_pixel_and_ends_where_the_stroke_does() -> None:
+    straight = _straight()
+    straight.path[..., 2] = 0.02
+    told = _told(straight)
+    # Half a millimetre above the line, 10 and 25 mm from its start of 30: the tip is that much to the right.
+    for x, ahead in ((20, {-30: -0.0105, -10: -0.01, 5: 0.005, 20: 0.0195}), (35, {-10: -0.01, 5: 0.0045, 20: 0.0045})):
+        for away, there in ahead.items():
+            torch.testing.assert_close(
+                told[f"tip at {away} mm, ahead"][0, 19, x], torch.tensor(there), atol=2e-6, rtol=0
+            )
+            torch.testing.assert_close(
+                told[f"tip at {away} mm, left"][0, 19, x], torch.tensor(-0.0005), atol=2e-6, rtol=0
+            )

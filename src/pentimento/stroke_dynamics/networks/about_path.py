@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, at_lengths, bending_per_m
 from pentimento.stroke_dynamics.networks.coverage import drawn
 from pentimento.stroke_dynamics.networks.frame import frames_of, local_paths, places_of
 from pentimento.stroke_dynamics.samples import StrokeSamples
@@ -21,10 +21,14 @@ _SHORTEST_M = 1e-9
 _GENTLE_PER_M = 30.0
 """Bends of a radius above some 30 mm count in proportion, sharper ones by their logarithm."""
 
+_AWAY_MM = (-30, -20, -10, -5, 5, 10, 20)
+"""Lengths along the command, from the nearest place, at which the tip was or will be: a brush remembers its way."""
+
 _ABOUT_LINE = ("left", "ahead", "from start", "to end", "press", "bend")
 _LOCAL = (
     *(f"{name}, mark" for name in _ABOUT_LINE), "distance", "half-width", "left in half-widths",
     "ahead in half-widths", "coverage", *(f"{name}, command" for name in _ABOUT_LINE), "x", "y", "x from end",
+    *(f"tip at {away} mm, {side}" for away in _AWAY_MM for side in ("ahead", "left")),
 )  # fmt: skip
 _QUARTERS = ("y at 1/4", "y at 1/2", "y at 3/4")
 _OF_STROKE = ("length", "chord", *_QUARTERS, "heading at start", "heading at end", "deepest press")
@@ -32,7 +36,7 @@ NAMES = (*_LOCAL, *_OF_STROKE)
 """Of what is told."""
 _ODD = {
     "left, mark", "bend, mark", "left in half-widths", "left, command", "bend, command", "y", *_QUARTERS,
-    "heading at start", "heading at end",
+    "heading at start", "heading at end", *(f"tip at {away} mm, left" for away in _AWAY_MM),
 }  # fmt: skip
 
 
@@ -48,6 +52,7 @@ class Nearest(NamedTuple):
     along: Tensor  # [P] where on it, 0 to 1
     left_m: Tensor  # [P] how far left of it a point lies
     ahead_m: Tensor  # [P] how far ahead of it: 0 but at ends and corners
+    heading: Tensor  # [P, 2] of the segment, a unit vector; 0 where it has no length
 
     def there(self, values: Tensor) -> Tensor:
         """Values [N] of the polyline's points at the nearest places, [P]."""
@@ -64,7 +69,7 @@ def nearest(line_m: Tensor, points_m: Tensor) -> Nearest:
     here = torch.arange(len(points_m))
     rest, heading = rest[here, segment], (step / step.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST_M))[segment]
     left = heading[:, 0] * rest[:, 1] - heading[:, 1] * rest[:, 0]
-    return Nearest(segment, along[here, segment], left, (heading * rest).sum(-1))
+    return Nearest(segment, along[here, segment], left, (heading * rest).sum(-1), heading)
 
 
 def about_path(mark: Mark, samples: StrokeSamples) -> Tensor:
@@ -106,8 +111,18 @@ def _of_pixels(
     columns = [
         *_about_line(by_mark, along), distance, half, by_mark.left_m / half, by_mark.ahead_m / half, covered,
         *_about_line(by_command, along), places[:, 0], places[:, 1], places[:, 0] - command[-1, 0],
+        *_of_the_way(by_command, command, along[0], places),
     ]  # fmt: skip
     return torch.stack(columns, dim=1)
+
+
+def _of_the_way(by: Nearest, command: Tensor, arc: Tensor, places: Tensor) -> list[Tensor]:
+    """Where the tip was and will be, seen from each pixel: ahead and left of the heading at its nearest place."""
+    there = (by.there(arc) + 1e-3 * torch.tensor(_AWAY_MM)[:, None]).clamp(min=0.0, max=float(arc[-1]))  # [A, P]
+    tip = at_lengths(there[None], arc.expand(1, len(_AWAY_MM), -1), command.expand(1, len(_AWAY_MM), -1, -1))[0]
+    away, heading = tip - places, by.heading
+    ahead, left = (away * heading).sum(-1), heading[:, 0] * away[..., 1] - heading[:, 1] * away[..., 0]
+    return [side for both in zip(ahead, left, strict=True) for side in both]
 
 
 def _about_line(by: Nearest, along: Tensor) -> list[Tensor]:

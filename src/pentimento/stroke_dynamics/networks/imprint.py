@@ -3,8 +3,8 @@
 A small network is told of each pixel how it lies about the mark that a stroke model with its causes foretells
 (``about_path``), and says how much more or less of the paint is there. It sees no pictures, each pixel being an example
 by itself, so that it learns from few strokes. Where they are too few, or too unlike, it must not spoil the model: it is
-asked about strokes that it has not seen (cross-fitting; Chernozhukov et al. 2018), and where these are foretold no
-better for it, the model stays alone.
+asked about strokes that it has not seen (cross-fitting; Chernozhukov et al. 2018), and believed by the share at which
+these are foretold best (stacking; Wolpert 1992). Where that is none, the model stays alone.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ _STEPS, _STEPS_OF_A_FOLD = 1000, 600
 _PIXELS, _PIXELS_OF_A_FOLD = 4096, 2048
 """Whether networks are to be believed shows early; seen for long, few strokes are learnt by heart."""
 _RATE, _DECAY = 3e-3, 1e-4
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""By which a network may be believed."""
 _FAINTEST = 0.03
 """Shares of paint nearer to none or to all than this are changed as easily as this one."""
 _SMALLEST = 1e-9
@@ -44,14 +46,17 @@ class LearntImprint:
     model: StrokeModel
     network: _Network | None
     """None where strokes that networks have not seen are foretold no better for them."""
+    believed: float
+    """By what share the network's word counts."""
     unseen_l1: tuple[float, float]
-    """Weighted L1 of the training strokes: by the model alone, and by networks that learnt from others."""
+    """Weighted L1 of the training strokes: by the model alone, and beside networks that learnt from others, believed by
+    that share."""
 
     def __call__(self, strokes: MeasuredStrokes) -> Tensor:
         """The photographs after strokes, sRGB [B, H, W, 3]."""
         pixels = _pixels_of(self.model, strokes)
         with torch.no_grad():
-            foretold = pixels.foretold if self.network is None else self.network(pixels)
+            foretold = pixels.foretold if self.network is None else self.network(pixels, self.believed)
         return foretold.view(strokes.samples.after.shape)
 
 
@@ -75,14 +80,16 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
     def weighted_l1(foretold: Tensor) -> float:
         return float(((foretold - after).abs().mean(-1) * weight).sum() / weight.sum())
 
-    unseen = pixels.foretold.clone()
+    unseen = {share: pixels.foretold.clone() for share in _SHARES}
     for number in range(_FOLDS if len(set(samples.action.tolist())) >= _FEWEST else 0):
-        network = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD)
+        network, out = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD), fold == number
         with torch.no_grad():
-            unseen[fold == number] = network(pixels.pick(fold == number))
-    errors = weighted_l1(pixels.foretold), weighted_l1(unseen)
-    network_of_all = learnt(fold >= 0, _FOLDS, _STEPS, _PIXELS) if errors[1] < errors[0] else None
-    return LearntImprint(model, network_of_all, errors)
+            for share, foretold in unseen.items():
+                foretold[out] = network(pixels.pick(out), share)
+    errors = {share: weighted_l1(foretold) for share, foretold in unseen.items()}
+    believed = min(errors, key=lambda share: errors[share])
+    network_of_all = learnt(fold >= 0, _FOLDS, _STEPS, _PIXELS) if believed > 0 else None
+    return LearntImprint(model, network_of_all, believed, (errors[0.0], errors[believed]))
 
 
 class _Pixels(NamedTuple):
@@ -133,7 +140,7 @@ class _Network(nn.Module):
         nn.init.zeros_(last.bias)
         self.layers = nn.Sequential(*layers, last)
 
-    def forward(self, pixels: _Pixels) -> Tensor:
+    def forward(self, pixels: _Pixels, believed: float = 1.0) -> Tensor:
         """Photographed, sRGB [n, 3]. In training each pixel is seen on one side of the mirror, by chance."""
         seen = ((pixels.told - self.mean) / self.spread).clamp(self.low, self.high)
         if self.training:
@@ -141,7 +148,7 @@ class _Network(nn.Module):
         else:
             said = (self.layers(seen) + self.layers(seen * self.sign)) / 2
         start = torch.logit(pixels.share.clamp(_FAINTEST, 1 - _FAINTEST))
-        more = torch.sigmoid(start + said[:, 0]) - torch.sigmoid(start)
+        more = torch.sigmoid(start + believed * said[:, 0]) - torch.sigmoid(start)
         change = (pixels.share + more).clamp(0.0, 1.0) - pixels.share
         return pixels.foretold + change[:, None] * pixels.towards
 
