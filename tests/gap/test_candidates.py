@@ -1,18 +1,22 @@
 """What is worth a refit, and what a refit may be."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.candidates import is_far, is_physical, shortlist
+from pentimento.gap.candidates import is_far, is_physical, shortlist, weigh
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import WIDTHS, Model
+from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
 from pentimento.gap.measured import load_measured
 from pentimento.gap.score import Evidence
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+from tests.gap.test_habits import photographed
 
 
 def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
@@ -43,3 +47,15 @@ def worth_a_refit(evidence: dict[str, Evidence], limit: float) -> list[str]:
 def test_a_wrong_scale_alone_is_no_lens(taken_up: float, lens: bool, sign: float) -> None:
     values = sign * torch.tensor([1.0, taken_up], dtype=torch.float64)
     assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens
+
+
+def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
+    """Paint is another colour than was told, by more than a fit likes to believe: each stroke is a little off alike."""
+    measured = load_measured(example_table(40))
+    told = fit(first_model(measured), measured)
+    after = foretold(replace(told, color_offset=told.color_offset + 0.1), measured)
+    noisy = after + 0.02 * np.random.default_rng(0).standard_normal(after.shape)
+    strokes = photographed(measured, noisy)
+    model = fit(first_model(strokes), strokes)
+    lag = identity(BristleLag, strokes.context)
+    assert weigh(model, [lag], strokes, 0)[BristleLag.cause].p > 0.05

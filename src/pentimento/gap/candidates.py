@@ -34,8 +34,8 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
     """Evidence for each candidate at a fitted model."""
     if not candidates:
         return {}
-    extended = model.plus(*candidates)
-    statistics = held(linearise(extended, measured), extended)
+    # Without what holds the base: its pull would be charged to whatever a cause shares with the base.
+    statistics = linearise(model.plus(*candidates), measured)
     nuisances = np.arange(len(model.vector))
     index, at = {}, len(nuisances)
     for mechanism in candidates:
