@@ -41,8 +41,9 @@ over strokes at 1 px/mm. Trivial models are fitted to each score by itself. To c
 A tool that is never pressed, a pen, has no scale m in the rows with mechanisms, unless the finder establishes one: a
 rigid tip goes where it is led. All networks hold that a tool is symmetric: each sees half of the strokes in a mirror.
 That of the imprint sees no picture but how a pixel lies about the mark, the command and the stroke's frame, press and
-bend there, where the tip came from and where it goes, and length, bend, headings and press of the stroke. It is believed
-by the share at which networks like it foretell training strokes best that they have not seen; that may be none.
+bend there, where the tip came from and where it goes, and length, bend, headings and press of the stroke. It is
+believed by the share at which networks like it foretell training strokes best that they have not seen; that may be
+none.
 """
 
 
