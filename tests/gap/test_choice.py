@@ -7,10 +7,9 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.candidates import action_losses
 from pentimento.gap.choice import Step, simplest_of_the_best, without_echoes, without_unlikely
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import Model, foretold, identity
+from pentimento.gap.foretell import Model, action_losses, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
 from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity

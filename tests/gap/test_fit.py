@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pentimento.gap.candidates import action_losses
 from pentimento.gap.fit import fit, held
-from pentimento.gap.foretell import Model, identity
+from pentimento.gap.foretell import Model, action_losses, identity
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import projected

@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit, held
-from pentimento.gap.foretell import Model, mark_px, mean_squared_error, residual
+from pentimento.gap.foretell import Model, action_losses, mark_px
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured
-from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.gap.score import Evidence, held_out_gains, weighed
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
 FIRST_P, LATER_P = 0.02, 0.01
-_DRAWS = 4999
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _LARGE = 2.0  # times what is typical
@@ -36,24 +35,13 @@ def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, see
         return {}
     # Without what holds the base: its pull would be charged to whatever a cause shares with the base.
     statistics = linearise(model.plus(*candidates), measured)
-    nuisances = np.arange(len(model.vector))
-    index, at = {}, len(nuisances)
-    for mechanism in candidates:
-        index[mechanism.cause] = np.arange(at, at + len(mechanism.quantities))
-        at += len(mechanism.quantities)
-    tests = score_tests(statistics, nuisances, index, _DRAWS, seed)
-    error = float(statistics.energy.mean())
     _, first = np.unique(measured.action, return_index=True)
-    blocks = measured.block[first]
-    evidence = {}
-    for cause, columns in index.items():
-        gains = held_out_gains(statistics, nuisances, columns, blocks, seed) / error
-        gain, interval, least = mean_and_bounds(gains, 999, seed)
-        evidence[cause] = Evidence(*tests[cause], gain, interval, least)
-    return evidence
+    quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
+    return weighed(statistics, len(model.vector), quantities, measured.block[first], seed)
 
 
 def stands(evidence: Evidence, limit: float) -> bool:
+    """Whether a test at a model without the cause speaks for it, and it is of use on strokes it is not fitted to."""
     return evidence.p_adjusted < limit and evidence.gain > 0
 
 
@@ -104,13 +92,6 @@ def held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
     _, first = np.unique(measured.action, return_index=True)
     gains = held_out_gains(held(linearise(model, measured), model), nuisances, columns, measured.block[first], seed)
     return action_losses(model, measured) - gains
-
-
-def action_losses(model: Model, measured: Measured) -> Array:
-    """Mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
-    rows = mean_squared_error(residual(model, measured), measured)
-    _, group = np.unique(measured.action, return_inverse=True)
-    return np.bincount(group, rows) / np.bincount(group)
 
 
 def is_physical(mechanism: Mechanism) -> bool:

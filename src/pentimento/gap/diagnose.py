@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.gap.candidates import action_losses, displaces
+from pentimento.gap.candidates import displaces
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit, held
 from pentimento.gap.floor import Floor, noise_floor
-from pentimento.gap.foretell import Model, mean_squared_error, residual
+from pentimento.gap.foretell import Model, action_losses, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.large import find_large

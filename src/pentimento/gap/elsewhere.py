@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.candidates import action_losses
 from pentimento.gap.diagnose import Diagnosis
 from pentimento.gap.floor import noise_floor
-from pentimento.gap.foretell import Model
+from pentimento.gap.foretell import Model, action_losses
 from pentimento.gap.measured import Measured
 
 Array = NDArray[Any]

@@ -31,8 +31,8 @@ Array = NDArray[Any]
 _FOLDS = 3
 _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
-_TREES, _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 80, 64, 30, 0.12, 255
-_FIRST_TREES = 30  # enough to see by how much each stroke is displaced
+_TREES, _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 50, 64, 30, 0.18, 255
+_FIRST_TREES = 20  # enough to see by how much each stroke is displaced
 _RIDGE = 1e-4
 _SURE = 3.5
 """Standard errors. What goes with something that no tree is told (speed, time, the sheet) is no habit. Where habits

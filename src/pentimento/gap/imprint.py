@@ -129,9 +129,12 @@ def _imprint_one(
                     by_level[row, column, level] = density
                     value += weights[level]
                     continue
-                slab = 0.5 * (math.erf(near * 0.7071067811865476) - math.erf(far * 0.7071067811865476))
+                slab, peak_near = 0.5 + 0.5 * math.erf(near * 0.7071067811865476), math.exp(-0.5 * near * near)
+                peak_far = 0.0
+                if far > -_SURE_SIGMA:  # so thin that its far rim is seen from here
+                    slab -= 0.5 + 0.5 * math.erf(far * 0.7071067811865476)
+                    peak_far = math.exp(-0.5 * far * far)
                 by_level[row, column, level] = density * slab
-                peak_near, peak_far = math.exp(-0.5 * near * near), math.exp(-0.5 * far * far)
                 scale = weights[level] * 0.3989422804014327 / sigma
                 value += weights[level] * slab
                 by_distance -= scale * (peak_near - peak_far)

@@ -20,10 +20,12 @@ from pentimento.gap.foretell import (
     Ink,
     Model,
     acts_on,
+    at_pixels,
     foretold_linear,
     ink,
     marks_px,
     paint_and_gain,
+    paint_at,
 )
 from pentimento.gap.imprint import Imprint, change_of_coverage
 from pentimento.gap.measured import Measured
@@ -103,33 +105,37 @@ def _row_statistics(model: Model, measured: Measured, number: Array, changes: Ar
     of_paint = _changes_of_paint(model, measured, laid.imprint)
     inked = laid.imprint.segment >= 0
     by_camera = any(gain is not None for _, _, gain in of_paint)
-    pixels = np.ones_like(inked) if by_camera else inked  # elsewhere nothing changes
-    first, first_inked = (np.concatenate([[0], np.cumsum(some.sum((1, 2)))]) for some in (pixels, inked))
+    changed = np.ones_like(inked) if by_camera else inked  # elsewhere nothing changes
+    first, first_inked = (np.concatenate([[0], np.cumsum(some.sum((1, 2)))]) for some in (changed, inked))
+    pixels, inked_pixels = np.flatnonzero(changed), np.flatnonzero(inked)
+    is_inked = at_pixels(inked, pixels)
 
     samples, valid = measured.samples, measured.samples.valid.numpy()
     linear = foretold_linear(laid, measured, pixels)
     srgb, steepness = _srgb_and_slope(linear)
-    steepness *= valid[pixels][:, None]
+    steepness *= at_pixels(valid, pixels)[:, None]
     by_coverage, by_paint = (steepness * slope for slope in _slopes(laid, measured, pixels))
     by_mixing = None if model.mixes_in_light else steepness * _by_mixing(laid, measured, pixels)
-    by_gain = steepness * linear / laid.gain[pixels][:, None]
+    by_gain = steepness * linear / at_pixels(laid.gain, pixels)[:, None]
     rest = (samples.after.numpy() - samples.before.numpy() - measured.habit) * valid[..., None]
-    missing = (samples.after.numpy()[pixels] - srgb - measured.habit[pixels]) * valid[pixels][:, None]
-    rest[pixels] = missing
+    change = (srgb - at_pixels(samples.before.numpy(), pixels)) * at_pixels(valid, pixels)[:, None]
+    missing = at_pixels(rest, pixels) - change
+    rest.reshape(-1, 3)[pixels] = missing
 
-    maps = np.concatenate([laid.imprint.by_level[inked].T, change_of_coverage(laid.imprint, changes)[:, inked]])
+    drawn_maps = change_of_coverage(laid.imprint, changes).reshape(len(changes), -1).take(inked_pixels, axis=1)
+    maps = np.concatenate([at_pixels(laid.imprint.by_level, inked_pixels).T, drawn_maps])
     curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
     slope = np.zeros((len(measured), len(model.vector)))
     energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     for b in range(len(measured)):
         own = slice(first[b], first[b + 1])
-        on = inked[b][pixels[b]]
+        on = is_inked[own]
         drawn, depth = maps[:, first_inked[b] : first_inked[b + 1]], by_coverage[own][on]
         curvature[b][np.ix_(of_mark, of_mark)] = (drawn * np.square(depth).sum(1)) @ drawn.T
         slope[b][of_mark] = drawn @ (depth * missing[own][on]).sum(1)
         pictures = {
-            p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][pixels[b]])
-            + (0 if gain is None else by_gain[own] * gain[b][pixels[b]][:, None])
+            p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][changed[b]])
+            + (0 if gain is None else by_gain[own] * gain[b][changed[b]][:, None])
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
@@ -171,7 +177,7 @@ def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
 def _slopes_of_mark(model: Model, mechanisms: Sequence[Mechanism], number: Array, measured: Measured) -> Array:
     """Derivatives by those numbers of the marks that these mechanisms make, [P', B, N, 5]."""
     steps = _MARK_STEP * np.eye(len(model.vector))[number]
-    up, down = (marks_px(model, mechanisms, model.vector + sign * steps, measured) for sign in (1, -1))
+    up, down = np.split(marks_px(model, mechanisms, model.vector + np.concatenate([steps, -steps]), measured), 2)
     return np.asarray((up - down) / (2 * _MARK_STEP))
 
 
@@ -201,21 +207,25 @@ def by_action(values: Array, action: Array) -> Array:
     return sums / count.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _slopes(laid: Ink, measured: Measured, pixels: Any = ...) -> tuple[Array, Array]:
-    """Derivatives of the windows' linear light by coverage and by paint, of those pixels, [..., 3]."""
-    below = measured.samples.before_linear.numpy()
-    paint, gain = np.broadcast_to(laid.paint, below.shape)[pixels], laid.gain[pixels][..., None]
-    slopes = slopes_of_mixture(below[pixels], paint, laid.imprint.coverage[pixels][..., None], laid.power)
+def _slopes(laid: Ink, measured: Measured, pixels: Array | None = None) -> tuple[Array, Array]:
+    """Derivatives of the windows' linear light by coverage and by paint, [..., 3], as ``at_pixels``."""
+    gain = at_pixels(laid.gain, pixels)[..., None]
+    slopes = slopes_of_mixture(*_mixed(laid, measured, pixels), laid.power)
     by_coverage, by_paint = (slope * gain for slope in slopes)
     return by_coverage, by_paint
 
 
-def _by_mixing(laid: Ink, measured: Measured, pixels: Any = ...) -> Array:
+def _by_mixing(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
     """Derivative of the same by ``mixing``: central differences."""
-    below = measured.samples.before_linear.numpy()
-    paint, coverage = np.broadcast_to(laid.paint, below.shape)[pixels], laid.imprint.coverage[pixels][..., None]
-    up, down = (mixture(below[pixels], paint, coverage, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
-    return np.asarray((up - down) / (2 * _COLOR_STEP) * laid.gain[pixels][..., None])
+    mixed = _mixed(laid, measured, pixels)
+    up, down = (mixture(*mixed, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
+    return np.asarray((up - down) / (2 * _COLOR_STEP) * at_pixels(laid.gain, pixels)[..., None])
+
+
+def _mixed(laid: Ink, measured: Measured, pixels: Array | None) -> tuple[Array, Array, Array]:
+    """What is below, the paint, and how much it covers."""
+    below = at_pixels(measured.samples.before_linear.numpy(), pixels)
+    return below, paint_at(laid, pixels), at_pixels(laid.imprint.coverage, pixels)[..., None]
 
 
 def _srgb_and_slope(linear: Array) -> tuple[Array, Array]:

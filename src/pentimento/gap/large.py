@@ -9,7 +9,6 @@ import torch
 from pentimento.gap.candidates import (
     FIRST_P,
     LATER_P,
-    action_losses,
     held_out_losses,
     is_far,
     is_large,
@@ -25,7 +24,7 @@ from pentimento.gap.candidates import (
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model, identity
+from pentimento.gap.foretell import Model, action_losses, identity
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence, mean_and_bounds
 from pentimento.gap.search import MOST_CAUSES, Search
@@ -130,12 +129,20 @@ def _far(model: Model, candidates: Sequence[Mechanism], measured: Measured) -> d
     The tests are about no effect. There, and in every small step from there, such a cause may show nothing of what it
     does: it is fitted from its typical size.
     """
+
+    def is_there(refit: Model) -> bool:
+        return is_physical(refit.mechanisms[-1]) and is_far(refit, measured)
+
     refits = {}
     for mechanism in candidates:
         if mechanism.site == "trajectory" and not any(quantity.signed for quantity in mechanism.quantities):
             typical = torch.tensor([quantity.typical for quantity in mechanism.quantities], dtype=torch.float64)
-            refit = refit_with(model, type(mechanism)(typical, mechanism.reference), measured)
-            if is_physical(refit.mechanisms[-1]) and is_far(refit, measured):
+            at_size = type(mechanism)(typical, mechanism.reference)
+            # Most tools do not trail that far: one fit, without the ends that stand in for it, says so.
+            if not is_there(fit(model.without(UnevenEnds.cause).plus(at_size), measured)):
+                continue
+            refit = refit_with(model, at_size, measured)
+            if is_there(refit):
                 refits[mechanism.cause] = refit
     return refits
 

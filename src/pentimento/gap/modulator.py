@@ -18,8 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pentimento.gap.candidates import action_losses
-from pentimento.gap.foretell import Model
+from pentimento.gap.foretell import Model, action_losses
 from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, AllModes, Unexplained

@@ -20,6 +20,7 @@ Array = NDArray[Any]
 
 _RIDGE = 1e-6
 _FOLDS = 6
+_DRAWS, _RESAMPLED = 4999, 999
 
 
 class Evidence(NamedTuple):
@@ -35,6 +36,30 @@ class Evidence(NamedTuple):
     """95 %."""
     least_gain: float
     """At 5 %, one-sided."""
+
+
+def weighed(
+    statistics: Statistics, nuisances: int, quantities: Mapping[str, int], block: Array, seed: int
+) -> dict[str, Evidence]:
+    """Evidence for each candidate at a fitted model.
+
+    Args:
+        statistics: of the model's own numbers, the ``nuisances``, and after them those of all candidates.
+        quantities: how many numbers each candidate has, in their order.
+        block: of each action, [n]: what is left out together.
+    """
+    held = np.arange(nuisances)
+    ends = nuisances + np.cumsum(list(quantities.values()))
+    index = {cause: np.arange(end - quantities[cause], end) for cause, end in zip(quantities, ends, strict=True)}
+    tests = score_tests(statistics, held, index, _DRAWS, seed)
+    error = float(statistics.energy.mean())
+    evidence = {}
+    for cause, columns in index.items():
+        gains = held_out_gains(statistics, held, columns, block, seed) / error
+        p, adjusted = tests[cause]
+        gain, interval, least = mean_and_bounds(gains, _RESAMPLED, seed)
+        evidence[cause] = Evidence(p, adjusted, gain, interval, least)
+    return evidence
 
 
 def project(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pentimento.gap.candidates import (
     FIRST_P,
     LATER_P,
-    action_losses,
     displaces,
     held_out_losses,
     quantities_of,
@@ -23,7 +22,7 @@ from pentimento.gap.candidates import (
 )  # fmt: skip
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model
+from pentimento.gap.foretell import Model, action_losses
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import Evidence
 from pentimento.stroke_dynamics.simulation import Mechanism

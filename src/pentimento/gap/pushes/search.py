@@ -16,14 +16,13 @@ from pentimento.gap.choice import Step, paired_p, simplest_of_the_best
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, score_tests
+from pentimento.gap.score import Evidence, weighed
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
 
-_DRAWS = 4999
 _FIRST_P, _LATER_P = 0.02, 0.01
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
@@ -94,7 +93,7 @@ def search(
     while True:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
-        fresh = weigh(model, candidates, measured, seed + len(steps))
+        fresh = _weigh(model, candidates, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         short = _shortlist(fresh, _LATER_P if taken else _FIRST_P)
         if not short or len(taken) == _MOST_CAUSES or len(steps) == _MOST_STEPS:
@@ -133,29 +132,16 @@ def search(
     return Search(base, model, tuple(steps), observable, unseen)
 
 
-def weigh(
+def _weigh(
     model: AnalyticPush, candidates: Sequence[Mechanism], measured: MeasuredPushes, seed: int
 ) -> dict[str, Evidence]:
     """Evidence for each candidate at a fitted model."""
     if not candidates:
         return {}
     statistics = linearise(model.plus(*candidates), measured)
-    held = np.arange(len(model.vector))
-    index, at = {}, len(held)
-    for mechanism in candidates:
-        index[mechanism.cause] = np.arange(at, at + len(mechanism.quantities))
-        at += len(mechanism.quantities)
-    tests = score_tests(statistics, held, index, _DRAWS, seed)
-    error = float(statistics.energy.mean())
     _, first = np.unique(measured.action, return_index=True)
-    blocks = measured.block[first]
-    evidence = {}
-    for cause, columns in index.items():
-        gains = held_out_gains(statistics, held, columns, blocks, seed) / error
-        p, p_adjusted = tests[cause]
-        gain, interval, least = mean_and_bounds(gains, 999, seed)
-        evidence[cause] = Evidence(p, p_adjusted, gain, interval, least)
-    return evidence
+    quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
+    return weighed(statistics, len(model.vector), quantities, measured.block[first], seed)
 
 
 def least_of_floor(mechanism: Mechanism) -> float:
