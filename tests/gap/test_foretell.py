@@ -68,6 +68,16 @@ def test_what_is_foretold_where_nothing_is_drawn_is_the_photograph_before(measur
         np.testing.assert_allclose(foretold(moved, few), whole, atol=2e-6)
 
 
+def test_some_pixels_are_foretold_as_in_the_whole(measured: Measured) -> None:
+    few = measured.pick(np.arange(3))
+    for model in (first_model(measured), with_all_causes(measured)):
+        moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
+        laid = ink(moved, few)
+        seen = laid.imprint.segment >= 0
+        some = foretold_linear(laid, few, np.flatnonzero(seen))
+        np.testing.assert_array_equal(some, foretold_linear(laid, few)[seen])
+
+
 def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:
     few = measured.pick(np.arange(4))
     model = with_all_causes(measured)

@@ -6,7 +6,7 @@ from scipy.stats import kstest
 from wildboottest.wildboottest import WildboottestCL
 
 from pentimento.gap.jacobian import Statistics
-from pentimento.gap.score import explained, held_out_gains, interval_of_mean, project, score_tests
+from pentimento.gap.score import explained, held_out_gains, interval_of_mean, project, score_tests, weighed
 
 ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4
 
@@ -54,6 +54,17 @@ def test_without_an_effect_p_is_uniform_even_though_pixels_share_errors() -> Non
         min(p for _, p in score_tests(world(seed), HELD, INDEX, 199, seed).values()) <= 0.05 for seed in range(150)
     ]
     assert np.mean(any_name) < 0.12
+
+
+def test_evidence_is_each_candidates_own_whatever_numbers_it_has() -> None:
+    """The first candidate matters; it is found as the second of one number, and as a part of the first of two."""
+    statistics, blocks = world(4, effect=0.8), np.arange(ACTIONS) // 3
+    single = weighed(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
+    assert single["c0"].p_adjusted < 0.02 and single["c0"].least_gain > 0
+    assert all(single[name].gain < 0.1 * single["c0"].gain for name in ("c1", "rest"))
+    paired = weighed(statistics, NUISANCES, {"both": 2, "others": 2}, blocks, 0)
+    assert paired["both"].p_adjusted < 0.02 < paired["others"].p_adjusted
+    assert paired["both"].gain == pytest.approx(single["c0"].gain, rel=0.1)
 
 
 def test_pixelwise_likelihood_would_find_effects_everywhere() -> None:
