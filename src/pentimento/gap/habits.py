@@ -13,43 +13,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from sklearn.ensemble import HistGradientBoostingRegressor
 
 from pentimento.gap.foretell import Model, foretold, ink, mark_px, press_shares, residual
 from pentimento.gap.imprint import Imprint
 from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.gap.measured import Measured
+from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_FOLDS = 3
 _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
-_TREES, _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 50, 64, 30, 0.18, 255
+_TREES = 50
 _FIRST_TREES = 20  # enough to see by how much each stroke is displaced
-_RIDGE = 1e-4
-_SURE = 3.5
-"""Standard errors. What goes with something that no tree is told (speed, time, the sheet) is no habit. Where habits
-look like it by a chance of the design, that must go with them: with all else gone, it would stand out.
-"""
-
-
-class _Trees(NamedTuple):
-    """Trees on features [n, F] as numbers of bins: left to bin them by itself, a regressor with weights takes four
-    times as long for that as for growing.
-    """
-
-    edges: Array  # [F, bins - 1]
-    grown: HistGradientBoostingRegressor
-
-    def say(self, features: Array) -> Array:
-        return np.asarray(self.grown.predict(_bins(features, self.edges)))
 
 
 @dataclass(frozen=True)
@@ -57,7 +39,7 @@ class Habits:
     """What was learnt, as seen from a model."""
 
     model: Model
-    trees: tuple[_Trees, ...]
+    trees: tuple[Trees, ...]
     share: float
     """By how much what the trees say is to be believed, 0 to 1."""
     like_causes: Array
@@ -91,11 +73,11 @@ def learn_habits(
     measured = replace(measured, habit=np.zeros_like(measured.habit))
     pixels = _Pixels(model, measured)
     missing = pixels.along_slope(residual(model, measured))
-    fold = _folds(measured.action, rows, seed)[pixels.stroke]
-    _, said, share = _learnt(pixels, missing, fold, _FIRST_TREES)
+    fold = folds(measured.action, rows, seed)[pixels.stroke]
+    _, said, share = cross_fitted(pixels.features, missing, pixels.depth, fold, _FIRST_TREES)
     # Where a stroke as a whole came to lie is chance, and much of the noise. It shows once what is alike is taken away.
     missing -= pixels.displaced(missing - share * said)
-    trees, said, share = _learnt(pixels, missing, fold, _TREES)
+    trees, said, share = cross_fitted(pixels.features, missing, pixels.depth, fold, _TREES)
     full = model.plus(*candidates)
     amounts = _fitted(share * pixels.photographs(said), measured, full, rows)
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
@@ -103,30 +85,6 @@ def learn_habits(
     amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
     habits = Habits(full.without(*unlike), trees, share, amounts)
     return habits, habits._joined(measured, pixels, said)
-
-
-def _folds(action: Array, rows: Array, seed: int) -> Array:
-    """Of each stroke the fold that its action is in, [B]; -1 where it is none of ``rows``."""
-    _, number = np.unique(action[rows], return_inverse=True)
-    drawn = np.random.default_rng([seed, 21]).permutation(number.max() + 1) % _FOLDS
-    fold = np.full(len(action), -1)
-    fold[rows] = drawn[number]
-    return fold
-
-
-def _learnt(pixels: _Pixels, missing: Array, fold: Array, count: int) -> tuple[tuple[_Trees, ...], Array, float]:
-    """``count`` trees for each ``fold`` [n], which are not grown on its pixels; what they say is ``missing`` of the
-    coverage where they were not grown, [n]; and what share of this is to be believed.
-    """
-    known = fold >= 0
-    trees = tuple(_grown(pixels, missing, known & (fold != k), count) for k in range(_FOLDS))
-    said = np.zeros(len(missing))
-    for k, each in enumerate(trees):
-        told = ~known | (fold == k)  # a stroke that was learnt from, by those that did not see it
-        said[told] += each.say(pixels.features[told])
-    said[~known] /= _FOLDS
-    right = (pixels.depth * missing * said)[known].sum() / max((pixels.depth * said**2)[known].sum(), 1e-12)
-    return trees, said, float(np.clip(right, 0.0, 1.0))
 
 
 class _Pixels:
@@ -188,35 +146,10 @@ def _features(made: Imprint, seen: Array, mark: Array, press: Array) -> Array:
     return np.stack([*made.place[seen].T, made.coverage[seen], there(press), there(slope), *ends], axis=1)
 
 
-def _grown(pixels: _Pixels, missing: Array, used: Array, count: int) -> _Trees:
-    features = pixels.features[used]
-    edges = np.quantile(features, np.linspace(0, 1, _BINS + 1)[1:-1], axis=0).T
-    trees = HistGradientBoostingRegressor(
-        max_iter=count, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
-        early_stopping=False, random_state=0,
-    )  # fmt: skip
-    return _Trees(edges, trees.fit(_bins(features, edges), missing[used], pixels.depth[used]))
-
-
-def _bins(features: Array, edges: Array) -> Array:
-    return np.stack([np.searchsorted(edge, column) for edge, column in zip(edges, features.T, strict=True)], axis=1)
-
-
 def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -> Array:
     """Changes [P] of the model's numbers that would do to the strokes ``rows`` what comes nearest to photographs
     [B, H, W, 3]; 0 of those quantities of mechanisms that come to no more than chance.
     """
     after = torch.from_numpy((foretold(model, measured) + photographs).astype(np.float32))
     asked = replace(measured, samples=measured.samples._replace(after=after)).pick(rows)
-    statistics = linearise(model, asked)
-    curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
-    ridged = curvature + np.diag(_RIDGE * np.diag(curvature) + 1e-15)
-    inverse = np.linalg.pinv(ridged, hermitian=True)
-    amounts = inverse @ slope
-    # An action is one witness (White 1980): what it asks for beyond what all do.
-    own = (statistics.slope - statistics.curvature @ amounts) @ inverse
-    sure = np.abs(amounts) > _SURE * np.sqrt(np.square(own).sum(0))
-    sure[: model.nuisances] = True
-    amounts = np.zeros_like(slope)
-    amounts[sure] = np.linalg.lstsq(ridged[np.ix_(sure, sure)], slope[sure], rcond=None)[0]
-    return amounts
+    return like_causes(linearise(model, asked), model.nuisances)

@@ -17,10 +17,11 @@ from pentimento.gap.diagnose import Finding
 from pentimento.gap.floor import Floor, floor_of_repeats
 from pentimento.gap.modes import Unexplained
 from pentimento.gap.pushes.fit import equalised, fit
+from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import unexplained
-from pentimento.gap.pushes.search import Search, least_of_floor, search
+from pentimento.gap.pushes.search import Search, least_of_floor, observable_causes, search
 from pentimento.gap.pushes.splits import split_pushes
 from pentimento.gap.score import projected
 from pentimento.gap.splits import Splits
@@ -30,6 +31,7 @@ from pentimento.push_dynamics.mechanisms import Mechanism
 
 Array = NDArray[Any]
 
+_PASSES = 2
 _CONFIRMED_P = 0.4
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
@@ -44,6 +46,8 @@ class PushDiagnosis:
 
     splits: Splits
     measured: MeasuredPushes
+    """The pushes, with the tool's habits."""
+    habits: PushHabits
     search: Search
     extended: AnalyticPush
     """The base with the established causes, fitted to all but the sealed pushes."""
@@ -85,11 +89,19 @@ def diagnose(
     plain = measured.pick(splits.discovery)
     first = fit(first_model(plain.scene), plain)
     weighed = equalised(measured, first)
-    noise = noise_floor(first, measured, seed)
-    error = float(mean_squared_error(residual(first, plain), plain).mean())
-    weighed_error = float(action_losses(first, weighed.pick(splits.discovery)).mean())
-    floor_share = min(noise.mse / error, 1.0) * weighed_error if noise else 0.0
-    found = search(first, weighed.pick(splits.discovery), floor_share, vocabulary, seed, log)
+    model, names = fit(first, weighed.pick(splits.discovery)), frozenset[str]()
+    observable, _ = observable_causes(plain, vocabulary)
+    # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
+    for _ in range(_PASSES):
+        unfound = [mechanism for cause, mechanism in observable.items() if cause not in names]
+        habits, weighed = learn_habits(weighed, model, splits.discovery, unfound, seed)
+        weighed = equalised(weighed, model)
+        floor_share = _weighed_floor(model, weighed, splits, seed)
+        found = search(model.without(*names), weighed.pick(splits.discovery), floor_share, vocabulary, seed, log)
+        if found.found == names:
+            break
+        model, names = found.model, found.found
+    measured = replace(weighed, weight=np.ones(len(weighed)))
     test = measured.pick(splits.test)
     seen = np.sort(np.concatenate(splits[:2]))
     known, plainly = weighed.pick(seen), measured.pick(seen)
@@ -132,9 +144,17 @@ def diagnose(
     suspected = tuple(finding(fit(extended.plus(m), plainly), m) for m in doubtful)
     left, strength, covariates = unexplained(extended, known, seed)
     return PushDiagnosis(
-        splits, measured, found, extended, base, established, suspected, floor, base_losses, extended_losses,
+        splits, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
         tuple(left), strength, tuple(covariates),
     )  # fmt: skip
+
+
+def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, splits: Splits, seed: int) -> float:
+    """The noise floor, weighted as errors of the pushes that are searched are; 0 where it is unknown, mm²."""
+    noise = noise_floor(model, weighed, seed)
+    searched = weighed.pick(splits.discovery)
+    error = float(mean_squared_error(residual(model, searched), searched).mean())
+    return min(noise.mse / error, 1.0) * float(action_losses(model, searched).mean()) if noise else 0.0
 
 
 def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.frames import canvas_to_pixel
 from pentimento.gap.maps import ResidualMap
 from pentimento.gap.pushes.diagnose import PushDiagnosis
+from pentimento.gap.pushes.jacobian import MM
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.next_pushes import PushProposal
 from pentimento.gap.pushes.survey import PushSurvey
@@ -29,7 +30,10 @@ def pushes(diagnosis: PushDiagnosis, survey: PushSurvey, shown: int = 5) -> byte
     """Sealed pushes, from the one that the extension helps most to the one that it helps least: shaded surfaces."""
     sealed = survey.sealed
     models = {"base": diagnosis.base, "extended": diagnosis.extended}
-    foretold = {name: sealed.scene.before + model.change(sealed.scene) for name, model in models.items()}
+    foretold = {
+        name: sealed.scene.before + model.change(sealed.scene) + sealed.habit / np.float32(MM)
+        for name, model in models.items()
+    }
     wrong = [np.where(sealed.valid, np.abs(sealed.after - image) * 1e3, 0.0) for image in foretold.values()]
     fall = (np.square(wrong[0]) - np.square(wrong[1])).sum((1, 2))
     order = np.argsort(-fall, kind="stable")

@@ -24,9 +24,9 @@ MM = 1e3
 
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
-    """Measured less foretold, millimetres float32[B, H, W]; 0 where nothing was measured."""
+    """Measured less foretold, habits included, millimetres float32[B, H, W]; 0 where nothing was measured."""
     missed = measured.after - measured.scene.before - model.change(measured.scene)
-    return np.where(measured.valid, missed * np.float32(MM), 0)
+    return np.where(measured.valid, missed * np.float32(MM) - measured.habit, 0)
 
 
 def mean_squared_error(residuals: Array, measured: MeasuredPushes) -> Array:

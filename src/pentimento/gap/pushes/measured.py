@@ -34,6 +34,8 @@ class MeasuredPushes:
     """int64[B]: which pushes share a surface: those between two smoothings."""
     weight: Array
     """float64[B]: of each push's squared error in fits; 1 unless ``fit.equalised`` has looked at them."""
+    habit: Array
+    """float32[B, H, W]: what is foretold beside what any model says (``habits``), mm."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -56,8 +58,9 @@ class MeasuredPushes:
     def pick(self, rows: Array) -> MeasuredPushes:
         """The pushes with these indices."""
         return MeasuredPushes(
-            self.samples.pick(rows), self.scene.pick(rows), self.after[rows], self.block[rows], self.weight[rows]
-        )
+            self.samples.pick(rows), self.scene.pick(rows), self.after[rows], self.block[rows], self.weight[rows],
+            self.habit[rows],
+        )  # fmt: skip
 
 
 def measure(samples: PushSamples, half_width_m: float | None = None) -> MeasuredPushes:
@@ -73,7 +76,7 @@ def measure(samples: PushSamples, half_width_m: float | None = None) -> Measured
     scene = scene_of(near, half_width_m, np.stack([_denoised(height) for height in near.before]))
     reference = surface_at_start(near.before, near.known, scene.along, scene.across)
     after = near.after - reference[:, None, None].astype(np.float32)
-    return MeasuredPushes(near, scene, after, _blocks(near), np.ones(len(after)))
+    return MeasuredPushes(near, scene, after, _blocks(near), np.ones(len(after)), np.zeros_like(after))
 
 
 def cropped(samples: PushSamples, side_px: int = _SIDE_PX) -> PushSamples:

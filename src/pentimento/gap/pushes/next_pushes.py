@@ -145,7 +145,9 @@ def as_measured(
         before=left, after=left, known=np.ones(left.shape, bool), action=action, window_m=windows,
         action_id=np.arange(len(action)),
     )  # fmt: skip
-    return MeasuredPushes(samples, everything, everything.before, np.arange(len(action)), np.ones(len(action)))
+    return MeasuredPushes(
+        samples, everything, everything.before, np.arange(len(action)), np.ones(len(action)), np.zeros_like(left)
+    )
 
 
 def _drawn_pairs(measured: MeasuredPushes, count: int, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:

@@ -1,6 +1,6 @@
 """Forward selection of causes on pushes: test all, refit the few that stand out, take the best, relinearise, look back.
 
-As on strokes (``gap/search.py``), in one pass: pushes have no habits that are learnt.
+As on strokes (``gap/search.py``), of large causes and small ones at once.
 """
 
 from __future__ import annotations
