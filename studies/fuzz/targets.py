@@ -26,6 +26,8 @@ from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import read_table
 from pentimento.gap.quarantine import sound_rows
 from pentimento.push_dynamics.measured import load_pushes
+from pentimento.recordings.lerobot_in import Told, import_lerobot
+from pentimento.recordings.lerobot_out import export_lerobot
 from pentimento.recordings.photo_pairs import import_photo_pairs
 from pentimento.recordings.place import Placement
 from pentimento.robots.end_effectors import load_end_effector
@@ -68,6 +70,7 @@ def targets(folder: Path, bundle: Path | None) -> list[Target]:
         *_records(folder),
         *_goals(folder),
         *_imports(folder),
+        *_datasets(folder / "datasets"),
         *([] if bundle is None else _bundles(folder, bundle)),
     ]
 
@@ -230,6 +233,35 @@ def _imports(folder: Path) -> list[Target]:
         Target("imported paths", (points.encode(),), _through_file(csv, from_paths)),
         Target("imported photograph", (paper,), from_photo),
     ]
+
+
+def _datasets(folder: Path) -> list[Target]:
+    """A LeRobot dataset of ours, and the same without what it says of its rows: as it could be anybody's."""
+    folder.mkdir(exist_ok=True)
+    rows, episodes = folder / "rows.parquet", Path("meta/episodes/chunk-000/file-000.parquet")
+    pq.write_table(strokes.example_table(2), rows)
+    export_lerobot(rows, folder / "ours", 10)
+    shutil.copytree(folder / "ours", folder / "theirs", dirs_exist_ok=True)
+    said = pq.read_table(folder / "ours" / episodes)
+    plain = said.select([name for name in said.column_names if not name.startswith("pentimento")])
+    pq.write_table(plain, folder / "theirs" / episodes)
+    told = Told(Placement.parsed("0 mm, 0 mm, 300 mm, 210 mm", None, False), "quill", 1.0, None, None)
+
+    def altered(whose: str, told: Told | None, name: Path) -> Target:
+        path = folder / whose / name
+        sound = path.read_bytes()
+
+        def attempt(data: bytes) -> Any:
+            path.write_bytes(data)
+            try:
+                return import_lerobot(folder / whose, told, folder / "imported")
+            finally:
+                path.write_bytes(sound)
+
+        return Target(f"LeRobot dataset: {whose}/{name}", (sound,), attempt)
+
+    names = (Path("meta/info.json"), episodes, Path("data/chunk-000/file-000.parquet"))
+    return [altered(whose, what, name) for whose, what in (("ours", None), ("theirs", told)) for name in names]
 
 
 def _bundles(folder: Path, bundle: Path) -> list[Target]:

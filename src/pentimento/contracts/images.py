@@ -56,6 +56,15 @@ def decode_png(data: bytes) -> npt.NDArray[Any]:
     return image
 
 
+def decode_image(data: bytes, name: str) -> npt.NDArray[np.uint8]:
+    """Bytes of any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3]; ``name`` says in a sentence what it is.
+
+    Raises:
+        ImageError: unreadable.
+    """
+    return _decoded(data, cv2.IMREAD_COLOR, name)
+
+
 def read_image(path: Path) -> npt.NDArray[np.uint8]:
     """Any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3].
 
@@ -67,7 +76,7 @@ def read_image(path: Path) -> npt.NDArray[np.uint8]:
         data = path.read_bytes()
     except OSError as error:
         raise ImageError(f"Image {path} cannot be opened ({error.strerror}); check the path.") from error
-    return _decoded(data, cv2.IMREAD_COLOR, f"Image {path}")
+    return decode_image(data, f"Image {path}")
 
 
 def write_png(path: Path, image: npt.NDArray[Any]) -> None:

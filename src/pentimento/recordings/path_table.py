@@ -138,7 +138,7 @@ def _recorded(
             about |= _about(header[at], values.pop())
         except ValueError as error:
             return RecordedPath(name, path, {}, str(error))
-    return RecordedPath(name, path, about, _path_fault(path))
+    return RecordedPath(name, path, about, path_fault(path))
 
 
 def _path(rows: list[list[str]], numbers: dict[str, _Column]) -> FloatArray:
@@ -155,7 +155,8 @@ def _path(rows: list[list[str]], numbers: dict[str, _Column]) -> FloatArray:
     return path
 
 
-def _path_fault(path: FloatArray) -> str | None:
+def path_fault(path: FloatArray) -> str | None:
+    """Why a path [N, 5] (t, x, y, z, yaw) cannot be used, or None."""
     if len(path) < _POINTS:
         return f"it has fewer than {_POINTS} points"
     if not np.isfinite(path[:, 1:]).all() or np.isinf(path[:, 0]).any():
