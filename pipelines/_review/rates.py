@@ -90,7 +90,8 @@ def read_rates(folder: Path, setting: str) -> Rates:
         )
     overhead = read_overhead(folder / CLUSTER)
     timing = timings[name]
-    stored = open_store().get_run(timing.run)
+    client = open_store()
+    stored = client.get_run(timing.run)
     params, metrics = stored.data.params, stored.data.metrics
     if params["scheduler"] != "None":
         raise PentimentoError(
@@ -100,7 +101,7 @@ def read_rates(folder: Path, setting: str) -> Rates:
     ended_ms = int(stored.info.end_time or 0)
     began_ms = ended_ms - 1000 * timing.seconds  # what an interrupted attempt painted before does not tell a rate
     times_s = sorted(
-        point.timestamp / 1000 for point in open_store().get_metric_history(timing.run, "shards")
+        point.timestamp / 1000 for point in client.get_metric_history(timing.run, "shards")
         if point.timestamp >= began_ms
     )  # fmt: skip
     workers = min(int(params["workers"]), max(len(times_s), 1))

@@ -28,8 +28,9 @@ class Table(NamedTuple):
 def headline(plan: Plan) -> str:
     """The plan in one sentence."""
     priced = "" if plan.price is None else f", at a price of {_several(plan.cost(plan.machines), decimal)}"
+    scaled = "" if plan.profile is None else f", scaled to profiles/{plan.profile}.yaml"
     return (
-        f"{plan.paintings:,} co-paintings on {count(plan.machines, 'machine')} of {count(plan.cores, 'core')}: "
+        f"{plan.paintings:,} co-paintings on {count(plan.machines, 'machine')} of {count(plan.cores, 'core')}{scaled}: "
         f"{_several(plan.wall_s(plan.machines), duration)}, {gigabytes(plan.kept_bytes())}{priced}."
     )
 
@@ -147,7 +148,7 @@ def _serial(plan: Plan) -> Table:
         rows,
         (
             "Stages are counted as they ran here, one after the other, at the sizes that params.yaml had: with more "
-            "scenes or other models they take other times. `make repro` runs two at a time.",
+            "scenes or other models they take other times. make repro runs two at a time.",
         ),
     )
 
@@ -164,9 +165,7 @@ def _space(plan: Plan) -> Table:
                 f"two of {plan.sizes.picture_pixels} pixels a pair: finetune_goal_planner holds them all",
             ),
         ],
-        (
-            "DVC's cache holds the pairs again where its file system cannot share blocks, and a remote once more.",
-        ),
+        ("DVC's cache holds the pairs again where its file system cannot share blocks, and a remote once more.",),
     )
 
 
@@ -181,28 +180,28 @@ def _laws(plan: Plan) -> Table:
                 f"{measured.strokes}",
                 f"{wanted.strokes}",
                 decimal(one.strokes),
-                "time in proportion: assumed; the renderer alone was measured so (docs/benchmarks.md)",
+                "time in proportion: assumed, and at most (docs/scale.md)",
             ),
             (
                 "pixels of the plan",
                 f"{measured.pixels}",
                 f"{wanted.pixels}",
                 decimal(one.pixels),
-                "time in proportion: assumed, at most; the renderer alone was measured to grow less",
+                "time in proportion: assumed, and at most (docs/scale.md)",
             ),
             (
                 "iterations",
                 decimal(measured.iterations),
                 decimal(wanted.iterations),
                 decimal(one.iterations),
-                "time in proportion: assumed",
+                "time in proportion: measured once (docs/scale.md)",
             ),
             (
                 "pixels of a picture",
                 f"{measured.picture_pixels}",
                 f"{wanted.picture_pixels}",
                 decimal(one.picture_pixels),
-                "bytes, and time after the last shard, in proportion: assumed, at most",
+                "bytes, and time after the last shard, in proportion: assumed, and at most",
             ),
         ],
         (
