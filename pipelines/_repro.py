@@ -101,11 +101,7 @@ def restore_missing(folder: Path) -> None:
 
 def overlay(root: Path, profile: str) -> Path:
     """Bring `.profiles/<profile>/` up to date and return it; dvc.lock and outputs stay from the last time."""
-    source = root / "profiles" / f"{profile}.yaml"
-    if not source.is_file():
-        known = ", ".join(sorted(file.stem for file in source.parent.glob("*.yaml")))
-        raise ConfigError(f"there is no profile {profile!r}; known are {known}.")
-    params = merge(read_yaml(root / "params.yaml"), read_yaml(source), source.relative_to(root))
+    params = params_of(root, profile)
     folder = root / ".profiles" / profile
     _copy_changed(root, folder)
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
@@ -115,15 +111,28 @@ def overlay(root: Path, profile: str) -> Path:
     return folder
 
 
+def params_of(root: Path, profile: str) -> dict[str, Any]:
+    """params.yaml as a profile overlays it."""
+    source = root / "profiles" / f"{profile}.yaml"
+    if not source.is_file():
+        known = ", ".join(sorted(file.stem for file in source.parent.glob("*.yaml")))
+        raise ConfigError(f"there is no profile {profile!r}; known are {known}.")
+    return merge(read_yaml(root / "params.yaml"), read_yaml(source), source.relative_to(root))
+
+
 def merge(base: dict[str, Any], over: dict[str, Any], source: Path, place: str = "") -> dict[str, Any]:
-    """Return `base` with the values of `over`, whose keys must all exist in `base` (else `ConfigError`)."""
+    """Return `base` with the values of `over`, whose keys must all exist in `base` (else `ConfigError`).
+
+    An optional section is null where it is left out: null may take a section's place, and a whole section that of null.
+    """
     merged = dict(base)
     for key, value in over.items():
         if key not in base:
             raise ConfigError(f"{source}: {place}{key} is not in params.yaml; correct the name or add it there.")
-        if isinstance(base[key], dict) != isinstance(value, dict):
+        sections = isinstance(base[key], dict), isinstance(value, dict)
+        if None not in (base[key], value) and sections[0] != sections[1]:
             raise ConfigError(f"{source}: {place}{key} is a section in one file and a value in the other.")
-        merged[key] = merge(base[key], value, source, f"{place}{key}.") if isinstance(value, dict) else value
+        merged[key] = merge(base[key], value, source, f"{place}{key}.") if all(sections) else value
     return merged
 
 

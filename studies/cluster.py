@@ -5,7 +5,8 @@ one thread; everything is painted once before the clock runs. What the cluster t
 overhead: what cores take from each other is in both. They take turns, and each is judged by its fastest, for the speed
 of a shared machine changes by more than the overhead from one minute to the next.
 
-A line for each number of workers goes to the screen. Exit status 1 where any byte differs.
+A line for each number of workers goes to the screen, and all of them to `--out`, from which `python -m
+pipelines.plan_scale` takes the overhead. Exit status 1 where any byte differs.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from dask.distributed import Client, LocalCluster
 from pentimento.contracts import scenes
 from pentimento.copainting.synthesis.shards import Job, paint_shard
 from pipelines._config import load_section
+from pipelines._io import write_json
+from pipelines._review.rates import CLUSTER
 from pipelines.synthesize_copaintings import SynthesizeCopaintings
 from studies.kills import ROOT, prepare
 
@@ -37,8 +40,9 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=48, help="a shard each")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4])
     parser.add_argument("--turns", type=int, default=5, help="of each")
+    parser.add_argument("--out", type=Path, default=CLUSTER)
     given = parser.parse_args()
-    expected, same = None, True
+    expected, same, measured = None, True, []
     with tempfile.TemporaryDirectory() as temporary:
         jobs = shards(Path(temporary), given.scenes)
         for workers in given.workers:
@@ -64,6 +68,9 @@ def main() -> int:
                 f"({cluster_s / plain_s - 1:+.1%}), {'the same bytes' if alike else 'OTHER BYTES'}",
                 flush=True,
             )
+            measured.append({"workers": workers, "plain_s": plain_s, "cluster_s": cluster_s})
+    told = {"scenes": given.scenes, "finished": time.strftime("%Y-%m-%d %H:%M:%S"), "measured": measured}
+    write_json(given.out, told)
     return 0 if same else 1
 
 

@@ -1,11 +1,16 @@
+import inspect
+import re
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
+from ruamel.yaml import YAML
 
 from pentimento.contracts.errors import ConfigError
-from pipelines._config import entry_of, load_section
+from pipelines._config import entry_of, load_section, read_yaml
+from pipelines._repro import params_of
 
 
 @dataclass(frozen=True)
@@ -127,12 +132,37 @@ def test_defaults_in_code_do_not_stand_in_for_the_file(tmp_path: Path) -> None:
         load_section(tmp_path / "params.yaml", "paint", Hidden)
 
 
-def test_every_profile_overlays_existing_parameters() -> None:
-    from pipelines._config import read_yaml
-    from pipelines._repro import merge
+def sections(profile: str, folder: Path) -> dict[str, Any]:
+    """The sections of params.yaml under a profile, each as its stage understands it."""
+    params = params_of(Path(), profile)
+    with (folder / "params.yaml").open("w", encoding="utf-8") as file:
+        YAML(typ="safe").dump(params, file)
+    return {stage: load_section(folder / "params.yaml", stage, section_type(stage)) for stage in params}
 
-    base: dict[str, Any] = read_yaml(Path("params.yaml"))
-    profiles = sorted(Path("profiles").glob("*.yaml"))
-    assert profiles
-    for profile in profiles:
-        merge(base, read_yaml(profile), profile)
+
+def section_type(stage: str) -> Any:
+    """The dataclass into which a stage reads its section."""
+    module = import_module(f"pipelines.{stage}")
+    read = re.search(rf'load_section\(Path\("params.yaml"\), "{stage}", (\w+)\)', inspect.getsource(module))
+    assert read is not None
+    return getattr(module, read[1])
+
+
+@pytest.mark.parametrize("profile", sorted(file.stem for file in Path("profiles").glob("*.yaml")))
+def test_every_stage_understands_its_section_under_every_profile(profile: str, tmp_path: Path) -> None:
+    assert set(sections(profile, tmp_path)) == set(read_yaml(Path("params.yaml")))
+
+
+def test_the_full_profile_is_of_one_size_throughout(tmp_path: Path) -> None:
+    """What only its last stages would refuse, after days."""
+    full = sections("full", tmp_path)
+    scenes, evaluated, deployed = full["build_scenes"].imported, full["evaluate_copainting"], full["deploy"]
+    setting = full["synthesize_copaintings"].settings["marker"]
+    assert scenes.side_px == full["train_semantics"].side_px == setting.picture_px
+    side_m, pixels_per_m = setting.canvas_m[0], setting.planner.pixels_per_m
+    media = [evaluated.settings["marker"].medium, evaluated.begun_with["marker"]]
+    assert {(medium.side_m, medium.planner.pixels_per_m) for medium in media} == {(side_m, pixels_per_m)}
+    assert deployed.settings["marker"].canvas_m == setting.canvas_m
+    assert deployed.settings["marker"].planner == setting.planner
+    learnt = scenes.most * (1 - scenes.val_share - scenes.test_share)
+    assert learnt > full["synthesize_copaintings"].scenes.train == 20000

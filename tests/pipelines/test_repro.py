@@ -39,6 +39,12 @@ def test_merge_overrides_what_is_there() -> None:
     assert base["paint"] == {"strokes": 300, "press": {"depth_m": 1}}
 
 
+def test_merge_puts_in_and_leaves_out_optional_sections() -> None:
+    base = {"scenes": {"imported": None, "drawn": {"side_px": 64}}}
+    merged = merge(base, {"scenes": {"imported": {"path": "coco"}, "drawn": None}}, SOURCE)
+    assert merged == {"scenes": {"imported": {"path": "coco"}, "drawn": None}}
+
+
 @pytest.mark.parametrize(
     ("over", "sentence"),
     [

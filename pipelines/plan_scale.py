@@ -1,0 +1,57 @@
+"""Plan time, price and space of many co-paintings on several machines, from the rates that this checkout measured.
+
+python -m pipelines.plan_scale --paintings 20000 --machines 8
+python -m pipelines.plan_scale --paintings 20000 --machines 8 --cores 16 --price 0.5 --profile full
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.errors import PentimentoError
+from pipelines._config import entry_of
+from pipelines._io import stage_main
+from pipelines._repro import params_of
+from pipelines._review.rates import STAGE, Sizes, read_rates, sizes_of
+from pipelines._review.scale import Plan
+from pipelines._review.scale_page import page, text
+from pipelines._tracking.digests import flatten
+from pipelines._tracking.store import store_errors
+
+
+def main(arguments: argparse.Namespace) -> None:
+    """Print the plan and write its page."""
+    for name in ("paintings", "machines", "cores"):
+        if getattr(arguments, name) < 1:
+            raise PentimentoError(f"--{name} is {getattr(arguments, name)}; give 1 or more.")
+    with store_errors():
+        rates = read_rates(Path(), arguments.setting)
+    sizes = rates.sizes if arguments.profile is None else sizes_in(arguments.profile, arguments.setting)
+    plan = Plan(
+        rates, arguments.paintings, arguments.machines, arguments.cores, arguments.price, sizes, arguments.profile
+    )
+    file = arguments.out / "index.html"
+    atomic_write(file, page(plan).encode())
+    print(text(plan))
+    print(f"\nThe page:  {file}")
+
+
+def sizes_in(profile: str, setting: str) -> Sizes:
+    """At which a profile paints a setting."""
+    settings = params_of(Path(), profile)[STAGE]["settings"]
+    return sizes_of(flatten(entry_of(settings, setting, f"{STAGE}.settings")))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        prog="plan_scale", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--paintings", type=int, required=True)
+    parser.add_argument("--machines", type=int, required=True)
+    parser.add_argument("--cores", type=int, default=os.cpu_count() or 1, help="of each machine; as many as here")
+    parser.add_argument("--price", type=float, help="of a machine for an hour, in any currency")
+    parser.add_argument("--setting", default="marker", help="whose measured rates")
+    parser.add_argument("--profile", help="whose sizes, of profiles/; as they were measured")
+    parser.add_argument("--out", type=Path, default=Path("data/scale"), help="folder for the page")
+    stage_main(main, parser)
