@@ -18,7 +18,7 @@ class Threshold:
     """The least score that a painting needs: a number, or a quantile of the scores with captions of others."""
 
     score: float | None
-    """For a published encoder; the thesis's is .5."""
+    """A cosine, for a published encoder. The thesis's CLIPScore of .5 is one of .2 (times 2.5; Hessel et al. 2021)."""
     mismatched_quantile: float | None
     """For any encoder: with .95, one painting in 20 would pass with a caption that is not its own."""
     seed: int
