@@ -3,7 +3,7 @@
 import argparse
 import shutil
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ class FinetuneGoalPlanner:
     """Of the autoencoder, trained further on the setting's paintings before the UNet is; null keeps the base's."""
     sampling: Sampling
     threads: int
-    """PyTorch's; another number may give other last digits."""
+    """PyTorch's, of all devices together; another number may give other last digits."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "threads")
@@ -54,7 +54,9 @@ def main(arguments: argparse.Namespace) -> None:
     inputs = {"copaintings": arguments.copaintings, "base": arguments.base}
     digests = {name: input_digest(path) for name, path in inputs.items()}
     name = f"finetune_goal_planner@{arguments.setting}"
-    scratch = scratch_folder(SCRATCH, name, asdict(config), digests)
+    # A training that was interrupted on some devices may go on with others.
+    anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
+    scratch = scratch_folder(SCRATCH, name, asdict(anywhere), digests)
     with (
         tracked_run("finetune_goal_planner", arguments.setting, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,

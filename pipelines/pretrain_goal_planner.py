@@ -2,7 +2,7 @@
 
 import argparse
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ class PretrainGoalPlanner:
     training: GoalTraining
     sampling: Sampling
     threads: int
-    """PyTorch's; another number may give other last digits."""
+    """PyTorch's, of all devices together; another number may give other last digits."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes", "edits", "threads")
@@ -65,7 +65,9 @@ def main(arguments: argparse.Namespace) -> None:
     torch.set_num_threads(config.threads)
     inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics}
     digests = {name: input_digest(path) for name, path in inputs.items()}
-    scratch = scratch_folder(SCRATCH, "pretrain_goal_planner", asdict(config), digests)
+    # A training that was interrupted on some devices may go on with others.
+    anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
+    scratch = scratch_folder(SCRATCH, "pretrain_goal_planner", asdict(anywhere), digests)
     with (
         tracked_run("pretrain_goal_planner", None, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,

@@ -30,7 +30,8 @@ from tests.copainting.goal_planners import small_encoder
 TRAINING: dict[str, Any] = {
     "steps": 4, "batch": 2, "learning_rate": 1e-3, "warm_up": 1, "weight_decay": 0.01, "drop_text": 0.05,
     "drop_image": 0.05, "drop_both": 0.05, "min_snr_gamma": None, "time_bias": 1.0, "ema_decay": 0.9, "lora": None,
-    "train_text": True, "checkpoint_every": 2, "precision": "32-true", "accelerator": "cpu", "seed": 0,
+    "train_text": True, "checkpoint_every": 2, "precision": "32-true", "accelerator": "cpu", "devices": 1,
+    "strategy": "auto", "seed": 0,
 }  # fmt: skip
 SAMPLING: dict[str, Any] = {
     "steps": 2, "image_guidance": [1.0], "text_guidance": [2.0, 1.0], "shown": 2, "scored": 3, "enlarged": 2, "seed": 0,

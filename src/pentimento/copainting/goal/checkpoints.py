@@ -17,13 +17,16 @@ class KeepCheckpoint(lightning.Callback):
         self.folder, self.every = folder, every
 
     def on_train_batch_end(self, trainer: lightning.Trainer, *_: Any) -> None:
-        """Called by Lightning after each step."""
+        """Called by Lightning after each step, in every process; the first alone touches the folder."""
         if trainer.global_step % self.every:
             return
-        self.folder.mkdir(parents=True, exist_ok=True)
+        if trainer.is_global_zero:
+            self.folder.mkdir(parents=True, exist_ok=True)
         done = self.folder / f"step-{trainer.global_step:08d}.ckpt"
         unfinished = done.with_suffix(".part")
-        trainer.save_checkpoint(unfinished)
+        trainer.save_checkpoint(unfinished)  # all processes meet here
+        if not trainer.is_global_zero:
+            return
         unfinished.replace(done)
         for old in self.folder.glob(_PATTERN):
             if old != done:

@@ -2,11 +2,14 @@
 
 Each step's pairs, noise, times and dropped conditions depend on (seed, step) only, and a checkpoint holds everything
 else that training changes. So a run that was killed and resumed ends with the same weights, bit for bit.
+
+On several devices, each takes its share of a step's pairs, with the noise and the drops that they have on one: the
+mean of the devices' gradients is one device's, up to rounding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -14,19 +17,21 @@ from typing import Any, Final, Literal
 import lightning
 import torch
 from diffusers import DDIMScheduler
+from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
 
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.goal.checkpoints import KeepCheckpoint, latest_checkpoint
 from pentimento.copainting.goal.latent_pairs import LatentPairs, tokens_of
-from pentimento.copainting.goal.planner import GoalPlanner
+from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
+from pentimento.copainting.goal.ranks import Log, run_ranks
 from pentimento.copainting.goal.silence import quiet_lightning
 from pentimento.copainting.seeds import generator_for
 
-Log = Callable[[str, float, int], None]
-
 _LORA_LAYERS: Final = ("to_q", "to_k", "to_v", "to_out.0", "conv1", "conv2", "conv_in", "conv_out")
+_PARTS: Final = ("unet", "text_encoder")  # of a planner: what training may change
 _LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
 
 
@@ -72,12 +77,20 @@ class GoalTraining:
     """Steps."""
     precision: Literal["32-true", "bf16-mixed", "16-mixed"]
     accelerator: Literal["cpu", "auto"]
+    devices: int
+    """GPUs, or processes where there is none. Each takes an equal share of the batch."""
+    strategy: Literal["auto", "ddp"]
+    """Lightning's: auto trains on one device in this process, and on several by ddp, a process for each."""
     seed: int
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "steps", "batch", "checkpoint_every")
+        at_least(self, 1, "steps", "batch", "checkpoint_every", "devices")
         at_least(self, 0, "warm_up", "weight_decay", "drop_text", "drop_image", "drop_both", "ema_decay", "seed")
         above_zero(self, "learning_rate", "time_bias")
+        if self.batch % self.devices:
+            raise ValueError(
+                f"batch is {self.batch}, which {self.devices} devices cannot share equally; take a multiple of devices."
+            )
         if self.drop_text + self.drop_image + self.drop_both > 1:
             raise ValueError("drop_text, drop_image and drop_both are shares of the same pairs; their sum is above 1.")
         if self.ema_decay >= 1:
@@ -91,9 +104,49 @@ def train_goal_planner(
 ) -> list[float]:
     """Train the planner's UNet (and text encoder, where the config says so) in place; it ends with averaged weights.
 
-    Gives the loss of each step, and calls `log("loss", value, step)` as it goes. With a `scratch` folder, checkpoints
-    are kept there, and what an earlier call left in it is continued: the caller gives each training its own folder.
+    Gives the loss of each step, and calls `log("loss", value, step)` as it goes, in this process. With a `scratch`
+    folder, checkpoints are kept there, and what an earlier call left in it is continued, on whatever number of devices
+    that was: the caller gives each training its own folder.
+
+    Raises:
+        ConfigError: more devices than GPUs.
     """
+    if config.devices == 1 and config.strategy == "auto":
+        return _train(planner, pairs, config, scratch, log)
+    gpus = torch.cuda.device_count()
+    if config.accelerator == "auto" and 0 < gpus < config.devices:
+        raise ConfigError(
+            f"devices is {config.devices}, but this machine has {gpus} GPUs; set devices to {gpus} or less."
+        )
+    if scratch is not None:
+        scratch.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=scratch) as name:
+        folder = Path(name)
+        save_goal_planner(planner, folder / "untrained")
+        torch.save(vars(pairs), folder / "pairs.pt")  # and not handed over: containers have little shared memory
+        run_ranks(_train_rank, (folder, config, scratch), config.devices, log)
+        trained = torch.load(folder / "trained.pt", weights_only=True)
+    for name in _PARTS:
+        getattr(planner, name).load_state_dict(trained[name])
+        getattr(planner, name).eval().requires_grad_(False)
+    losses: list[float] = trained["losses"]
+    return losses
+
+
+def _train_rank(rank: int, folder: Path, config: GoalTraining, scratch: Path | None, log: Log) -> None:
+    """Train the planner in a folder, as one process of several; all end with the same, and the first one writes it."""
+    planner = load_goal_planner(folder / "untrained")
+    pairs = LatentPairs(**torch.load(folder / "pairs.pt", weights_only=True, mmap=True))
+    losses = _train(planner, pairs, config, scratch, log)
+    if rank == 0:
+        states = {name: getattr(planner, name).state_dict() for name in _PARTS}
+        torch.save(states | {"losses": losses}, folder / "trained.pt")
+
+
+def _train(
+    planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, scratch: Path | None, log: Log
+) -> list[float]:
+    """`train_goal_planner` in this process: the only one, or a rank of several."""
     torch.manual_seed(config.seed)  # of LoRA's first values
     if config.lora is not None:
         _add_lora(planner, config.lora)
@@ -103,10 +156,12 @@ def train_goal_planner(
         trainer = lightning.Trainer(
             max_steps=config.steps,
             accelerator=config.accelerator,
-            devices=1,
+            devices=config.devices,
+            strategy=config.strategy,
             precision=config.precision,
             gradient_clip_val=1.0,
             callbacks=[*callbacks],
+            plugins=LightningEnvironment(),  # no other processes than ours, in a cluster's job either
             logger=False,
             enable_checkpointing=False,
             enable_progress_bar=False,
@@ -127,8 +182,8 @@ def train_goal_planner(
     if config.lora is not None:
         planner.unet.fuse_lora()
         planner.unet.unload_lora()
-    for part in (planner.unet, planner.text_encoder):
-        part.eval().requires_grad_(False)
+    for name in _PARTS:
+        getattr(planner, name).eval().requires_grad_(False)
     return [float(loss) for loss in module.losses]
 
 
@@ -153,20 +208,24 @@ class _Denoising(lightning.LightningModule):
         )
 
     def training_step(self, _batch: int, _: int) -> Tensor:
-        step, config = self.global_step, self.config
+        step, config, latents = self.global_step, self.config, self.pairs.latents
         generator = generator_for(config.seed, step)
-        chosen = self._chosen(step)
-        latents = self.pairs.latents
+        # All devices draw the same for the whole batch, and each goes on with its share.
+        drawn = (
+            self._chosen(step),
+            torch.rand(config.batch, generator=generator),
+            torch.randn((config.batch, *latents.shape[1:]), generator=generator),
+            torch.rand(config.batch, generator=generator),
+        )
+        chosen, luck, noise, moment = (values[self.global_rank :: self.trainer.world_size] for values in drawn)
         clean = latents[self.pairs.target[chosen]] * self.scaling
         shown = latents[self.pairs.input[chosen]]  # not scaled, as published
         tokens = self.pairs.tokens[chosen]
-        luck = torch.rand(len(chosen), generator=generator)
         no_text = luck < config.drop_text + config.drop_both
         no_image = (luck >= config.drop_text) & (luck < config.drop_text + config.drop_both + config.drop_image)
         tokens = torch.where(no_text[:, None], self.no_text, tokens)
         shown = torch.where(no_image[:, None, None, None], torch.zeros(()), shown)
-        noise = torch.randn(clean.shape, generator=generator)
-        share = 1 - (1 - torch.rand(len(chosen), generator=generator)) ** config.time_bias
+        share = 1 - (1 - moment) ** config.time_bias
         last = self.scheduler.config.num_train_timesteps - 1
         times = (share * (last + 1)).long().clamp(max=last)
         noisy = self.scheduler.add_noise(clean, noise, times)
@@ -176,8 +235,11 @@ class _Denoising(lightning.LightningModule):
         text = self.text_encoder(tokens.to(device))[0]
         made = self.unet(torch.cat([noisy, shown], 1).to(device), times.to(device), text).sample
         loss = ((made.float() - wanted.to(device)).square().mean((1, 2, 3)) * weight.to(device)).mean()
-        self.losses[step] = loss.detach()
-        self.report("loss", float(loss.detach()), step)
+        of_devices: Any = self.all_gather(loss.detach())
+        mean = of_devices.mean()
+        self.losses[step] = mean
+        if self.trainer.is_global_zero:
+            self.report("loss", float(mean), step)
         return loss
 
     def optimizer_step(self, *arguments: Any, **keywords: Any) -> None:

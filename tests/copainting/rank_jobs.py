@@ -1,0 +1,23 @@
+"""What ranks do in tests; in a file of its own, because each process imports it, and it should start soon."""
+
+import os
+import signal
+import time
+from typing import Any
+
+import torch
+
+
+def tell_and_stay(rank: int, name: str, log: Any) -> None:
+    """Log the number of threads, once from each rank, and never end."""
+    log(f"{name}{rank}", torch.get_num_threads(), rank)
+    time.sleep(3600)
+
+
+def fail_beside_others(rank: int, killed: bool, _log: Any) -> None:
+    """The second rank is killed, or raises; the first would wait for it for ever."""
+    if rank == 1 and killed:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if rank == 1:
+        raise ValueError("the second rank fails")
+    time.sleep(3600)
