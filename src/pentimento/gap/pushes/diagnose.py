@@ -89,18 +89,19 @@ def diagnose(
     plain = measured.pick(splits.discovery)
     first = fit(first_model(plain.scene), plain)
     weighed = equalised(measured, first)
-    model, names = fit(first, weighed.pick(splits.discovery)), frozenset[str]()
+    model = fit(first, weighed.pick(splits.discovery))
     observable, _ = observable_causes(plain, vocabulary)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
-        unfound = [mechanism for cause, mechanism in observable.items() if cause not in names]
+        before = {mechanism.cause for mechanism in model.mechanisms}
+        unfound = [mechanism for cause, mechanism in observable.items() if cause not in before]
         habits, weighed = learn_habits(weighed, model, splits.discovery, unfound, seed)
         weighed = equalised(weighed, model)
         floor_share = _weighed_floor(model, weighed, splits, seed)
-        found = search(model.without(*names), weighed.pick(splits.discovery), floor_share, vocabulary, seed, log)
-        if found.found == names:
+        found = search(model.without(*before), weighed.pick(splits.discovery), floor_share, vocabulary, seed, log)
+        if found.found == before:
             break
-        model, names = found.model, found.found
+        model = found.model
     measured = replace(weighed, weight=np.ones(len(weighed)))
     test = measured.pick(splits.test)
     seen = np.sort(np.concatenate(splits[:2]))
