@@ -48,7 +48,7 @@ def main() -> int:
         for workers in given.workers:
             with (
                 ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as plain,
-                LocalCluster(workers, threads_per_worker=1, dashboard_address=None) as cluster,
+                LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster,
                 Client(cluster) as client,
             ):
                 executors = {"plain": plain, "cluster": client.get_executor(pure=False)}
