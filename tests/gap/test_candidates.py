@@ -58,4 +58,14 @@ def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
     strokes = photographed(measured, noisy)
     model = fit(first_model(strokes), strokes)
     lag = identity(BristleLag, strokes.context)
-    assert weigh(model, [lag], strokes, 0)[BristleLag.cause].p > 0.05
+    assert weigh(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
+
+
+def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
+    strokes = load_measured(example_table(40))
+    model = fit(first_model(strokes), strokes)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (BristleLag, PathScale)}
+    _, at_start = weigh(model, list(observable.values()), strokes, 0)
+    from_tests = {cause: fit(model.plus(kind), strokes, at_start[cause]) for cause, kind in observable.items()}
+    for cause, kind in observable.items():
+        np.testing.assert_allclose(from_tests[cause].vector, fit(model.plus(kind), strokes).vector, atol=1e-5)

@@ -25,7 +25,7 @@ def left(mode: str, covariate: str) -> list[Unexplained]:
 def measured_with(mode: str, amounts: np.ndarray, columns: dict[str, np.ndarray]) -> tuple[Model, Measured]:
     """Strokes as a fitted model would leave them if ``mode`` (typical sizes) had these amounts, with noise."""
     plain = load_measured(example_table(72, seed=4))
-    model = fit(first_model(plain), plain, 4)
+    model = fit(first_model(plain), plain, iterations=4)
     table = {f"modulation_{mode}": amounts * Modulation.quantities[MODES.index(mode)].typical}
     moved = replace(plain, covariates=table)
     laid = ink(model.plus(Modulation(torch.zeros(len(MODES)), {})), moved)

@@ -34,7 +34,7 @@ def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_ri
 ) -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, -0.0005)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (taken, rival)}
-    evidence = weigh(plain, list(observable.values()), strokes, 0)
+    evidence = weigh(plain, list(observable.values()), strokes, 0)[0]
     model = fit(plain.plus(observable[taken.cause]), strokes)
     step, last = Step(evidence, taken.cause, (rival.cause,)), Step(evidence, None, ())
     begun = Search(plain, model, (step, last), observable, {}, 0.0, {taken.cause: 1e-4}, frozenset())

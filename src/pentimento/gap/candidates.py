@@ -12,9 +12,9 @@ from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit, held
 from pentimento.gap.foretell import Model, action_losses, mark_px
-from pentimento.gap.jacobian import linearise
+from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
-from pentimento.gap.score import Evidence, held_out_gains, weighed
+from pentimento.gap.score import Evidence, held_out_gains, weighed, with_each
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -29,15 +29,18 @@ _LEAST_TAKEN_UP, _MOST_TAKEN_UP = -0.5, 3.0
 markers a little beyond the strokes back to their places. What is linear alone is a wrong scale, and no lens."""
 
 
-def weigh(model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int) -> dict[str, Evidence]:
-    """Evidence for each candidate at a fitted model."""
+def weigh(
+    model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int
+) -> tuple[dict[str, Evidence], dict[str, Statistics]]:
+    """Evidence for each candidate at a fitted model, and the statistics of the model with it."""
     if not candidates:
-        return {}
+        return {}, {}
     # Without what holds the base: its pull would be charged to whatever a cause shares with the base.
     statistics = linearise(model.plus(*candidates), measured)
     _, first = np.unique(measured.action, return_index=True)
     quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
-    return weighed(statistics, len(model.vector), quantities, measured.block[first], seed)
+    size = len(model.vector)
+    return weighed(statistics, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
 
 
 def stands(evidence: Evidence, limit: float) -> bool:
@@ -66,20 +69,29 @@ def shortlist(
 
 
 def refits_with(
-    model: Model, causes: Sequence[str], observable: Mapping[str, Mechanism], measured: Measured
+    model: Model,
+    causes: Sequence[str],
+    observable: Mapping[str, Mechanism],
+    measured: Measured,
+    at_start: Mapping[str, Statistics] | None = None,
 ) -> dict[str, Model]:
-    """The model with each cause added, where its fit makes physical sense."""
-    refits = {cause: refit_with(model, observable[cause], measured) for cause in causes}
+    """The model with each cause added, where its fit makes physical sense.
+
+    Args:
+        at_start: statistics of the model with each, where they are known.
+    """
+    known = at_start or {}
+    refits = {cause: refit_with(model, observable[cause], measured, known.get(cause)) for cause in causes}
     return {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
 
 
-def refit_with(model: Model, mechanism: Mechanism, measured: Measured) -> Model:
+def refit_with(model: Model, mechanism: Mechanism, measured: Measured, at_start: Statistics | None = None) -> Model:
     """The model with one more mechanism.
 
     Ends that have been fitted in the place of a cause that moves the path hide it from small steps: such a cause is
     tried without them, too.
     """
-    refits = [fit(model.plus(mechanism), measured)]
+    refits = [fit(model.plus(mechanism), measured, at_start)]
     if mechanism.site == "trajectory" and any(isinstance(m, UnevenEnds) for m in model.mechanisms):
         refits.append(fit(model.without(UnevenEnds.cause).plus(mechanism), measured))
     return min(refits, key=lambda refit: float(action_losses(refit, measured).mean()))

@@ -11,10 +11,10 @@ from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.foretell import BASE, SLABS, WIDTHS, Model, action_losses
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
+from pentimento.gap.steps import damped_step, promised
 
 Array = NDArray[Any]
 
-_RIDGE = 1e-8
 _HOLD = 0.01
 """Of the error: what a number costs that lies as far from its start as is likely."""
 _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
@@ -70,12 +70,15 @@ def first_model(measured: Measured) -> Model:
     return Model((low, high), np.array([start[name] for name in BASE]), np.zeros((measured.paints, 3)), ())
 
 
-def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
+def fit(model: Model, measured: Measured, at_start: Statistics | None = None, iterations: int = 40) -> Model:
     """The model whose foretold photographs are nearest to the measured, by mean squared error.
 
     What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
+
+    Args:
+        at_start: the model's ``linearise`` on these strokes, where it is known.
     """
-    statistics = linearise(model, measured)
+    statistics = linearise(model, measured) if at_start is None else at_start
     hold = _hold(model, _loss(statistics))
     loss = _loss(statistics) + _cost(model.vector, hold)
     damping = _FIRST_DAMPING
@@ -85,9 +88,9 @@ def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
         improved = False
         for _ in range(6):
-            candidate = model.at(_step(model, statistics, damping, hold, *near))
-            promised = _promised(candidate.vector - model.vector, model, statistics, hold)
-            if promised < _ENOUGH * loss and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss:
+            candidate = model.at(damped_step(model.vector, model.vector, statistics, damping, hold, *near))
+            promise = promised(candidate.vector - model.vector, model.vector, statistics, hold)
+            if promise < _ENOUGH * loss and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss:
                 return candidate  # there is no next step that would need derivatives
             there = linearise(candidate, measured)  # where a step is taken, the next one needs it
             new = _loss(there) + _cost(candidate.vector, hold)
@@ -131,34 +134,6 @@ def _hold(model: Model, loss: float) -> Array:
 
 def _cost(away: Array, hold: Array) -> float:
     return float(away @ hold @ away)
-
-
-def _step(model: Model, statistics: Statistics, damping: float, hold: Array, low: Array, high: Array) -> Array:
-    """All numbers after a damped Gauss-Newton step; those that would leave their range stay at its end."""
-    curvature = statistics.curvature.mean(0) + hold
-    slope = statistics.slope.mean(0) - hold @ model.vector
-    diagonal = np.diag(curvature)
-    damped = curvature + np.diag(damping * diagonal + _RIDGE * diagonal.max() + 1e-15)
-    now, new = model.vector, model.vector
-    free = np.ones(len(slope), bool)
-    for _ in range(len(slope)):
-        moved = new[~free] - now[~free]
-        step = np.linalg.solve(damped[np.ix_(free, free)], slope[free] - damped[np.ix_(free, ~free)] @ moved)
-        new = new.copy()
-        new[free] = now[free] + step
-        outside = free & ((new < low) | (new > high))
-        if not outside.any():
-            break
-        new = np.clip(new, low, high)
-        free &= ~outside
-    return new
-
-
-def _promised(step: Array, model: Model, statistics: Statistics, hold: Array) -> float:
-    """How much lower a step makes what is minimised, to second order."""
-    curvature = statistics.curvature.mean(0) + hold
-    slope = statistics.slope.mean(0) - hold @ model.vector
-    return float(2 * slope @ step - step @ curvature @ step)
 
 
 def _bounds(model: Model) -> tuple[Array, Array]:

@@ -75,6 +75,10 @@ class Statistics(NamedTuple):
     slope: Array  # [n, P] J^T r
     energy: Array  # [n] r^T r
 
+    def of(self, columns: Array) -> Statistics:
+        """Of some of the numbers alone."""
+        return Statistics(self.curvature[:, columns][:, :, columns], self.slope[:, columns], self.energy)
+
 
 def linearise(model: Model, measured: Measured) -> Statistics:
     """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""

@@ -67,7 +67,7 @@ def find_large(
     steps: list[Step] = []
     gained: dict[str, float] = {}
     instead = _instead_of_ends(plain, base, floor, observable, measured)
-    evidence = weigh(plain, list(observable.values()), measured, seed) if instead else {}
+    evidence = weigh(plain, list(observable.values()), measured, seed)[0] if instead else {}
     instead = {cause: refit for cause, refit in instead.items() if stands(evidence[cause], FIRST_P)}
     if instead:
         losses = {cause: action_losses(refit, measured) for cause, refit in instead.items()}
@@ -81,11 +81,18 @@ def find_large(
     while len(steps) < MOST_CAUSES:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken]
-        evidence = weigh(model, candidates, measured, seed + len(steps))
+        evidence, at_start = weigh(model, candidates, measured, seed + len(steps))
         limit = LATER_P if steps else FIRST_P
         short = shortlist(evidence, limit, 1.0, observable)
         found = _large_step(
-            model, refits_with(model, short, observable, measured), evidence, limit, floor, measured, seed, log
+            model,
+            refits_with(model, short, observable, measured, at_start),
+            evidence,
+            limit,
+            floor,
+            measured,
+            seed,
+            log,
         ) or _large_step(model, _far(model, candidates, measured), evidence, limit, floor, measured, seed, log)
         if found is None:
             break

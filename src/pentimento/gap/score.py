@@ -49,8 +49,7 @@ def weighed(
         block: of each action, [n]: what is left out together.
     """
     held = np.arange(nuisances)
-    ends = nuisances + np.cumsum(list(quantities.values()))
-    index = {cause: np.arange(end - quantities[cause], end) for cause, end in zip(quantities, ends, strict=True)}
+    index = _columns(nuisances, quantities)
     tests = score_tests(statistics, held, index, _DRAWS, seed)
     error = float(statistics.energy.mean())
     evidence = {}
@@ -60,6 +59,19 @@ def weighed(
         gain, interval, least = mean_and_bounds(gains, _RESAMPLED, seed)
         evidence[cause] = Evidence(p, adjusted, gain, interval, least)
     return evidence
+
+
+def with_each(statistics: Statistics, nuisances: int, quantities: Mapping[str, int]) -> dict[str, Statistics]:
+    """The statistics of the model with each candidate alone; arguments as of ``weighed``."""
+    own = np.arange(nuisances)
+    columns = _columns(nuisances, quantities)
+    return {cause: statistics.of(np.concatenate([own, its])) for cause, its in columns.items()}
+
+
+def _columns(nuisances: int, quantities: Mapping[str, int]) -> dict[str, Array]:
+    """Where the numbers of each candidate stand."""
+    ends = nuisances + np.cumsum(list(quantities.values()))
+    return {cause: np.arange(end - quantities[cause], end) for cause, end in zip(quantities, ends, strict=True)}
 
 
 def project(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:

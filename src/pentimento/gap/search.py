@@ -74,14 +74,14 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         number = sum(m.cause in observable for m in model.mechanisms)
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
-        fresh = weigh(model, candidates, measured, seed + len(steps))
+        fresh, at_start = weigh(model, candidates, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = LATER_P if number else FIRST_P
         short = shortlist(fresh, limit, _KIN_P, observable)
         if not short or number == MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        refits = refits_with(model, short, observable, measured)
+        refits = refits_with(model, short, observable, measured, at_start)
         dismissed |= set(short) - set(refits)
         before = action_losses(model, measured)
         error = float(before.mean())

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import measure
-from pentimento.gap.pushes.search import _enough, observable_causes
+from pentimento.gap.pushes.search import _enough, _weigh, observable_causes
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
@@ -39,3 +40,21 @@ def test_a_flat_tip_is_not_taken_for_a_tool_that_goes_deeper() -> None:
     known, _ = observable_causes(measured, [HeightOffset])
     fitted = fit(first_model(measured.scene).plus(known["height_offset"]), measured)
     assert np.abs(fitted.mechanisms[-1].values).max() < 2e-4
+
+
+def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
+    measured = measure(played())
+    model = fit(first_model(measured.scene), measured)
+    known, _ = observable_causes(measured, [VolumeLoss, HeightOffset])
+    _, at_start = _weigh(model, list(known.values()), measured, 0)
+    for cause, mechanism in known.items():
+        found, anew = fit(model.plus(mechanism), measured, at_start[cause]), fit(model.plus(mechanism), measured)
+        np.testing.assert_allclose(found.vector, anew.vector, rtol=1e-3, atol=1e-4)
+
+
+def test_a_fit_ends_where_another_one_finds_nothing_to_gain() -> None:
+    measured = measure(played())
+    fitted = fit(first_model(measured.scene), measured)
+    again = fit(fitted, measured)
+    left, least = (action_losses(model, measured).mean() for model in (fitted, again))
+    assert left - least < 2e-3 * left

@@ -32,7 +32,7 @@ from pentimento.push_dynamics.mechanisms import Mechanism
 Array = NDArray[Any]
 
 _PASSES = 2
-_CONFIRMED_P = 0.4
+_CONFIRMED_P, _SURE_P = 0.4, 0.01
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes: what is worth less explains nothing, however sure it is."""
@@ -130,7 +130,7 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    least = {m.cause: max(_LEAST_GAIN, least_of_floor(m) * floor.mse / above if floor else 0.0) for m in named}
+    least = {m.cause: _least_gain(m, confirmed_p[m.cause], floor.mse / above if floor else 0.0) for m in named}
     # What is confirmed and of no use on pushes that nothing was fitted to goes, one by one: of two causes that can do
     # each other's work, neither is of use beside the other.
     while idle := [f for f in established if f.gain < least[f.cause]]:
@@ -148,6 +148,14 @@ def diagnose(
         splits, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
         tuple(left), strength, tuple(covariates),
     )  # fmt: skip
+
+
+def _least_gain(mechanism: Mechanism, confirmed_p: float, floor: float) -> float:
+    """What a cause must be worth on sealed pushes, of the gap; the noise floor in the same unit.
+
+    Of a cause for which two samples speak that know nothing of each other, only that the third does not deny it.
+    """
+    return 0.0 if confirmed_p <= _SURE_P else max(_LEAST_GAIN, least_of_floor(mechanism) * floor)
 
 
 def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, splits: Splits, seed: int) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pentimento.gap.jacobian import Statistics
 from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
+from pentimento.gap.steps import damped_step, promised
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
 
 Array = NDArray[Any]
@@ -51,43 +52,62 @@ _RANGE = {
 }
 _PROFILE_LIKELY_MM = 4.0
 _PROFILE_RANGE_MM = (-5.0, 60.0)
-_RIDGE = 1e-8
 _ENOUGH = 5e-4
 """Relative fall of the error below which a fit has ended."""
+_ENOUGH_ON_THE_WAY = _ENOUGH / 10
+"""The same while a number goes as far as it may in one iteration: a slide that is slight may show late."""
+_FIRST_DAMPING, _NEXT_DAMPING, _LEAST_DAMPING = 1e-4, 1e-3, 1e-7
+"""Of a number's own curvature: at first, once a step has failed, and where all goes well."""
 _LONGEST = 0.5
 """How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
 _MOST_UNEQUAL = 8.0
 
 
-def fit(model: AnalyticPush, measured: MeasuredPushes, iterations: int = 30) -> AnalyticPush:
+def fit(
+    model: AnalyticPush, measured: MeasuredPushes, at_start: Statistics | None = None, iterations: int = 30
+) -> AnalyticPush:
     """The model whose foretold heights are nearest to the measured, by weighted mean squared error.
 
     What the pushes leave open is held near the plainest base: a ball, rims all round, a hard edge.
+
+    Args:
+        at_start: the model's ``linearise`` on these pushes, where it is known.
     """
     start = _start(measured)
-    loss = _loss(model, measured)
+    statistics = linearise(model, measured) if at_start is None else at_start
+    loss = float(statistics.energy.mean())
     hold = _hold(model, loss)
-    loss += _cost(model.vector, start, hold)
-    damping = 1e-3
+    loss += _cost(_away(model, start), hold)
+    damping = _FIRST_DAMPING
     low, high = _bounds(model)
     reach = np.concatenate([np.full(len(BASE), _LONGEST), np.full(len(model.vector) - len(BASE), 2 * _LONGEST)])
     reach[[BASE.index(name) for name in PROFILE]] = 2.0
     for _ in range(iterations):
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
-        statistics = linearise(model, measured)
         improved = False
         for _ in range(6):
-            candidate = model.at(_step(model.vector, statistics, damping, start, hold, *near))
-            new = _loss(candidate, measured) + _cost(candidate.vector, start, hold)
+            moved = damped_step(model.vector, _away(model, start), statistics, damping, hold, *near)
+            candidate = model.at(moved)
+            new = _loss(candidate, measured) + _cost(_away(candidate, start), hold)
             if new < loss:
                 improved = True
                 break
-            damping = max(damping * 10, 1e-3)
+            damping = max(damping * 10, _NEXT_DAMPING)
         if not improved:
             break
-        gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
-        if gained < _ENOUGH:
+        gained = loss - new
+        promise = promised(moved - model.vector, _away(model, start), statistics, hold)
+        at_reach = ((moved == near[0]) & (moved > low)) | ((moved == near[1]) & (moved < high))
+        if at_reach.any():
+            ended = gained < _ENOUGH_ON_THE_WAY * new
+        else:
+            # What a whole step gives less, or more, than it promised is about what the next one can still give.
+            left = abs(promise - gained) if damping <= _FIRST_DAMPING else gained
+            ended = min(gained, left) < _ENOUGH * new
+        model, loss, damping = candidate, new, max(damping / 10, _LEAST_DAMPING)
+        if ended:
             break
+        statistics = linearise(model, measured)
     return model
 
 
@@ -115,34 +135,15 @@ def _hold(model: AnalyticPush, loss: float) -> Array:
     return _HOLD * loss * hold
 
 
-def _cost(vector: Array, start: Array, hold: Array) -> float:
-    away = vector.copy()
+def _away(model: AnalyticPush, start: Array) -> Array:
+    """How far each number is from its start."""
+    away = model.vector.copy()
     away[: len(start)] -= start
+    return away
+
+
+def _cost(away: Array, hold: Array) -> float:
     return float(away @ hold @ away)
-
-
-def _step(
-    now: Array, statistics: Statistics, damping: float, start: Array, hold: Array, low: Array, high: Array
-) -> Array:
-    """All numbers after a damped Gauss-Newton step; those that would leave their range stay at its end."""
-    away = now.copy()
-    away[: len(start)] -= start
-    curvature = statistics.curvature.mean(0) + hold
-    slope = statistics.slope.mean(0) - hold @ away
-    diagonal = np.diag(curvature)
-    damped = curvature + np.diag(damping * diagonal + _RIDGE * diagonal.max() + 1e-15)
-    new, free = now, np.ones(len(slope), bool)
-    for _ in range(len(slope)):
-        moved = new[~free] - now[~free]
-        step = np.linalg.solve(damped[np.ix_(free, free)], slope[free] - damped[np.ix_(free, ~free)] @ moved)
-        new = new.copy()
-        new[free] = now[free] + step
-        outside = free & ((new < low) | (new > high))
-        if not outside.any():
-            break
-        new = np.clip(new, low, high)
-        free &= ~outside
-    return new
 
 
 def _bounds(model: AnalyticPush) -> tuple[Array, Array]:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best
+from pentimento.gap.jacobian import Statistics
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.score import Evidence, weighed
+from pentimento.gap.score import Evidence, weighed, with_each
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
@@ -93,13 +94,13 @@ def search(
     while True:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
-        fresh = _weigh(model, candidates, measured, seed + len(steps))
+        fresh, at_start = _weigh(model, candidates, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         short = _shortlist(fresh, _LATER_P if taken else _FIRST_P)
         if not short or len(taken) == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        refits = {cause: fit(model.plus(observable[cause]), measured) for cause in short}
+        refits = {cause: fit(model.plus(observable[cause]), measured, at_start[cause]) for cause in short}
         refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
         dismissed |= set(short) - set(refits)
         whole = action_losses(model, plain)
@@ -134,14 +135,15 @@ def search(
 
 def _weigh(
     model: AnalyticPush, candidates: Sequence[Mechanism], measured: MeasuredPushes, seed: int
-) -> dict[str, Evidence]:
-    """Evidence for each candidate at a fitted model."""
+) -> tuple[dict[str, Evidence], dict[str, Statistics]]:
+    """Evidence for each candidate at a fitted model, and the statistics of the model with it."""
     if not candidates:
-        return {}
+        return {}, {}
     statistics = linearise(model.plus(*candidates), measured)
     _, first = np.unique(measured.action, return_index=True)
     quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
-    return weighed(statistics, len(model.vector), quantities, measured.block[first], seed)
+    size = len(model.vector)
+    return weighed(statistics, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
 
 
 def least_of_floor(mechanism: Mechanism) -> float:
