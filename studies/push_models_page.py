@@ -167,18 +167,22 @@ def _pinch(worlds: list[Parts]) -> str:
 
 def _unseen(worlds: list[Parts]) -> str:
     lines = []
-    both = [world for world in worlds if {"conditioned", "transfer"} <= set(world)]
+    both = [world for world in worlds if {"conditioned", "longer", "transfer"} <= set(world)]
     if both:
         lines += [
             f"## One model for all materials: L_3D, mm², n = {len(both)}\n",
-            "| material | own model | conditioned model | conditioned / own |",
-            "|---|---|---|---|",
+            "The conditioned model sees five pushes of each material where its own model sees three; *own, longer*\n"
+            "are own models that see five, too.\n",
+            "| material | own model | own, longer | conditioned | conditioned / own | conditioned / own, longer |",
+            "|---|---|---|---|---|---|",
         ]
         for name in MATERIALS:
-            own, shared = ([world[k][name] for world in both] for k in ("transfer", "conditioned"))
-            single = [value[name] for value in own]
+            own, longer, shared = (
+                float(np.mean([world[part][name][name] if part == "transfer" else world[part][name] for world in both]))
+                for part in ("transfer", "longer", "conditioned")
+            )
             lines.append(
-                f"| {name} | {np.mean(single):.4f} | {np.mean(shared):.4f} | {np.mean(shared) / np.mean(single):.2f} |"
+                f"| {name} | {own:.4f} | {longer:.4f} | {shared:.4f} | {shared / own:.2f} | {shared / longer:.2f} |"
             )
     rows = []
     for name in MATERIALS:

@@ -45,6 +45,7 @@ def test_every_part_has_a_place_on_the_page(tmp_path: Path) -> None:
             "3d": {"held_out": held_out | {"model": worse}, "held_out_repeats": repeats},
             "transfer": square,
             "conditioned": dict.fromkeys(MATERIALS, 0.011),
+            "longer": dict.fromkeys(MATERIALS, 0.0115),
             "unseen": {"adapted": 0.02, "alone": 0.04, "unadapted": 0.06},
             "size": scores,
             "outside": {"within": 0.01, "beyond": 0.03, "beyond_by_all": 0.015},
@@ -54,7 +55,7 @@ def test_every_part_has_a_place_on_the_page(tmp_path: Path) -> None:
     assert "| foam | 2 | 0.0120 | 0.0100 | 1.20 | ≤ 1.5 (met) | 1.00 |" in said
     assert "lower on 3 of 3 materials" in said
     assert "| foam | 2 | 0.0500 | 0.0600 | 0.0400 | 0.0200 | 0.40 (met) | 0.0100 |" in said
-    assert "| foam | 0.0100 | 0.0110 | 1.10 |" in said
+    assert "| foam | 0.0100 | 0.0115 | 0.0110 | 1.10 | 0.96 |" in said
     assert said.count("\n## ") == 8
     assert not np.any(["nan" in line for line in said.splitlines()])
     assert "## Held-out" in page([{"both_foam": single}])
