@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _least_gain, diagnose, noise_floor
+from pentimento.gap.pushes.diagnose import _least_fall, diagnose, noise_floor
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.verdict import verdict
 from pentimento.push_dynamics.analytic import first_model
@@ -57,10 +57,10 @@ def test_without_repeats_the_floor_is_unknown() -> None:
 
 def test_what_two_samples_are_sure_of_the_sealed_one_must_only_not_deny(lossy: Played) -> None:
     (named,) = lossy.diagnosis.extended.mechanisms
-    floor = 4.0  # of the gap: a small one
-    asked = [_least_gain(named, confirmed_p, floor) for confirmed_p in (0.001, 0.05, 0.3)]
-    assert asked[0] == 0 < asked[1] == asked[2]
-    assert asked[1] >= 0.01 and _least_gain(named, 0.05, 2 * floor) == 2 * asked[1] > _least_gain(named, 0.05, 0.0)
+    alone, beside = (_least_fall(named, 0.001, alone, 0.2, 1.0) for alone in (True, False))
+    unsure = _least_fall(named, 0.05, True, 0.2, 1.0)
+    assert alone == 0 < beside == unsure
+    assert _least_fall(named, 0.05, True, 0.2, 2.0) == 2 * unsure > _least_fall(named, 0.05, True, 0.2, 0.0) > 0
 
 
 def test_too_few_actions_are_refused(lossy: Played) -> None:

@@ -4,7 +4,7 @@ left. As on strokes (``gap/diagnose.py``), and with the same statistics.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -110,8 +110,10 @@ def diagnose(
     named = list(found.model.mechanisms)
     confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
     lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
+    noise = _weighed_floor(found.model, weighed, splits, seed)
+    of_use = _of_use(found.model.without(*lost), found.base, known, weighed.pick(splits.test), noise, confirmed_p)
     base = fit(found.base, plainly)
-    extended = base if len(lost) == len(named) else fit(found.model.without(*lost), plainly)
+    extended = fit(of_use, plainly) if of_use.mechanisms else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
@@ -130,11 +132,9 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    least = {m.cause: _least_gain(m, confirmed_p[m.cause], floor.mse / above if floor else 0.0) for m in named}
-    # What is confirmed and of no use on pushes that nothing was fitted to goes, one by one: of two causes that can do
-    # each other's work, neither is of use beside the other.
-    while idle := [f for f in established if f.gain < least[f.cause]]:
-        worst = min(idle, key=lambda f: f.gain).cause
+    # Nothing is established that makes the sealed pushes as a whole worse.
+    while harmful := [f for f in established if f.gain < 0]:
+        worst = min(harmful, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms)
@@ -150,12 +150,48 @@ def diagnose(
     )  # fmt: skip
 
 
-def _least_gain(mechanism: Mechanism, confirmed_p: float, floor: float) -> float:
-    """What a cause must be worth on sealed pushes, of the gap; the noise floor in the same unit.
+def _of_use(
+    model: AnalyticPush,
+    base: AnalyticPush,
+    known: MeasuredPushes,
+    sealed: MeasuredPushes,
+    floor: float,
+    confirmed_p: Mapping[str, float],
+) -> AnalyticPush:
+    """The model less the causes that are of no use on pushes that nothing was fitted to, with the weights that make
+    pushes equal: of all alike, the few that are wrong by most would decide.
 
-    Of a cause for which two samples speak that know nothing of each other, only that the third does not deny it.
+    One goes at a time: of two causes that can do each other's work, neither is of use beside the other.
+
+    Args:
+        floor: the noise floor, weighted as errors are, mm²; 0 where it is unknown.
     """
-    return 0.0 if confirmed_p <= _SURE_P else max(_LEAST_GAIN, least_of_floor(mechanism) * floor)
+    if not model.mechanisms:
+        return model
+    gap = float(action_losses(fit(base, known), sealed).mean()) - floor
+    while model.mechanisms:
+        model = fit(model, known)
+        losses, spare = action_losses(model, sealed), {}
+        alone = len(model.mechanisms) == 1
+        for m in model.mechanisms:
+            fall = float((action_losses(fit(model.without(m.cause), known), sealed) - losses).mean())
+            spare[m.cause] = fall - _least_fall(m, confirmed_p[m.cause], alone, gap, floor)
+        worst = min(spare, key=lambda cause: spare[cause])
+        if spare[worst] >= 0:
+            break
+        model = model.without(worst)
+    return model
+
+
+def _least_fall(mechanism: Mechanism, confirmed_p: float, alone: bool, gap: float, floor: float) -> float:
+    """How much error a cause must remove from sealed pushes, mm².
+
+    Of the only one, for which two samples speak that know nothing of each other, the third must only not deny it.
+    Beside another cause, what the form of that one lacks looks like something to all samples.
+    """
+    if alone and confirmed_p <= _SURE_P:
+        return 0.0
+    return max(_LEAST_GAIN * gap, least_of_floor(mechanism) * floor)
 
 
 def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, splits: Splits, seed: int) -> float:
