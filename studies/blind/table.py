@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pentimento.contracts.atomic import atomic_write
+from pipelines._io import end_with_parent
 from studies.blind.one_world import ROOT, judged
 from studies.blind.page import page
 from studies.blind.series import SERIES, Series, wanted
@@ -91,7 +92,7 @@ def run(commit: str, share: float, path: Path, workers: int) -> None:
         os.environ[name] = "1"  # inherited by the workers, which are fresh processes, and by theirs
     under_way: dict[Future[Line], Line] = {}
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with ProcessPoolExecutor(workers, context, end_with_parent) as pool:
         while True:
             _submit(pool, commit, share, lines, under_way, workers)
             if not under_way:

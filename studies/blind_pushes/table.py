@@ -17,6 +17,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from pathlib import Path
 
 from pentimento.contracts.atomic import atomic_write
+from pipelines._io import end_with_parent
 from studies.blind.one_world import ROOT
 from studies.blind.table import Line, code, commit_of_head, lines_of, mend, missing
 from studies.blind_pushes.one_world import judged
@@ -35,7 +36,7 @@ def run(commit: str, share: float, path: Path, workers: int) -> None:
         os.environ[name] = "1"  # inherited by the workers, which are fresh processes, and by theirs
     version = code()
     under_way: dict[Future[Line], Line] = {}
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         while True:
             _submit(pool, commit, share, lines, under_way, workers)
             if not under_way:

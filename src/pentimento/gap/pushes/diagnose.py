@@ -22,9 +22,8 @@ from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_square
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import unexplained
 from pentimento.gap.pushes.search import Search, least_of_floor, observable_causes, search
-from pentimento.gap.pushes.splits import split_pushes
+from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
-from pentimento.gap.splits import Splits
 from pentimento.gap.standard_errors import covariance
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model, typical
 from pentimento.push_dynamics.mechanisms import Mechanism
@@ -44,7 +43,7 @@ _SMALLEST_GAP = 0.1
 class PushDiagnosis:
     """Everything that the verdict and the report say."""
 
-    splits: Splits
+    parts: Parts
     measured: MeasuredPushes
     """The pushes, with the tool's habits."""
     habits: PushHabits
@@ -85,33 +84,32 @@ def diagnose(
     Raises:
         ContractError: too few actions.
     """
-    splits = split_pushes(measured, seed)
-    plain = measured.pick(splits.discovery)
+    parts = split_pushes(measured, seed)
+    plain = measured.pick(parts.searched)
     first = fit(first_model(plain.scene), plain)
     weighed = equalised(measured, first)
-    model = fit(first, weighed.pick(splits.discovery))
+    model = fit(first, weighed.pick(parts.searched))
     observable, _ = observable_causes(plain, vocabulary)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
         before = {mechanism.cause for mechanism in model.mechanisms}
         unfound = [mechanism for cause, mechanism in observable.items() if cause not in before]
-        habits, weighed = learn_habits(weighed, model, splits.discovery, unfound, seed)
+        habits, weighed = learn_habits(weighed, model, parts.searched, unfound, seed)
         weighed = equalised(weighed, model)
-        floor_share = _weighed_floor(model, weighed, splits, seed)
-        found = search(model.without(*before), weighed.pick(splits.discovery), floor_share, vocabulary, seed, log)
+        floor_share = _weighed_floor(model, weighed, parts, seed)
+        found = search(model.without(*before), weighed.pick(parts.searched), floor_share, vocabulary, seed, log)
         if found.found == before:
             break
         model = found.model
     measured = replace(weighed, weight=np.ones(len(weighed)))
-    test = measured.pick(splits.test)
-    seen = np.sort(np.concatenate(splits[:2]))
-    known, plainly = weighed.pick(seen), measured.pick(seen)
-    fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
+    test = measured.pick(parts.sealed)
+    known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
     named = list(found.model.mechanisms)
-    confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
-    lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
-    noise = _weighed_floor(found.model, weighed, splits, seed)
-    of_use = _of_use(found.model.without(*lost), found.base, known, weighed.pick(splits.test), noise, confirmed_p)
+    confirmed_p = _confirmed_p(found, weighed, parts, seed)
+    # Beside another cause, what the form of that one lacks looks like something, and it must be sure.
+    lost = [m.cause for m in named if confirmed_p[m.cause] > (_CONFIRMED_P if m is named[0] else _SURE_P)]
+    noise = _weighed_floor(found.model, weighed, parts, seed)
+    of_use = _of_use(found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p)
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
@@ -145,7 +143,7 @@ def diagnose(
     suspected = tuple(finding(fit(extended.plus(m), plainly), m) for m in doubtful)
     left, strength, covariates = unexplained(extended, known, seed)
     return PushDiagnosis(
-        splits, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
+        parts, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
         tuple(left), strength, tuple(covariates),
     )  # fmt: skip
 
@@ -186,18 +184,18 @@ def _of_use(
 def _least_fall(mechanism: Mechanism, confirmed_p: float, alone: bool, gap: float, floor: float) -> float:
     """How much error a cause must remove from sealed pushes, mm².
 
-    Of the only one, for which two samples speak that know nothing of each other, the third must only not deny it.
-    Beside another cause, what the form of that one lacks looks like something to all samples.
+    Of the only one, that the scores of these pushes are sure of, too, the error must only not deny it. Beside another
+    cause, what the form of that one lacks looks like something to all samples.
     """
     if alone and confirmed_p <= _SURE_P:
         return 0.0
     return max(_LEAST_GAIN * gap, least_of_floor(mechanism) * floor)
 
 
-def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, splits: Splits, seed: int) -> float:
+def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, parts: Parts, seed: int) -> float:
     """The noise floor, weighted as errors of the pushes that are searched are; 0 where it is unknown, mm²."""
     noise = noise_floor(model, weighed, seed)
-    searched = weighed.pick(splits.discovery)
+    searched = weighed.pick(parts.searched)
     error = float(mean_squared_error(residual(model, searched), searched).mean())
     return min(noise.mse / error, 1.0) * float(action_losses(model, searched).mean()) if noise else 0.0
 
@@ -224,13 +222,19 @@ def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes
     }
 
 
-def _confirmation(found: Search, mechanism: Mechanism, known: MeasuredPushes, fresh: Array, seed: int) -> float:
-    """One-sided p that pushes which were not searched do not ask for the cause, as it was found: sign flips of their
-    scores in its direction.
+def _confirmed_p(found: Search, weighed: MeasuredPushes, parts: Parts, seed: int) -> dict[str, float]:
+    """Of each cause that was found, as it was found: one-sided p that the sealed pushes do not ask for it, by sign
+    flips of their scores in its direction.
     """
-    statistics = linearise(found.model, known)
-    columns = found.model.columns_of(mechanism.cause)
-    rest = np.setdiff1d(np.arange(len(found.model.vector)), columns)
-    slope, curvature = projected(statistics, rest, columns)
-    values = found.model.vector[columns]
-    return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, values))[fresh], seed)
+    if not found.model.mechanisms:
+        return {}
+    sealed = np.isin(np.unique(weighed.action), weighed.action[parts.sealed])
+    statistics, every = linearise(found.model, weighed), np.arange(len(found.model.vector))
+    confirmed = {}
+    for mechanism in found.model.mechanisms:
+        columns = found.model.columns_of(mechanism.cause)
+        slope, curvature = projected(statistics, np.setdiff1d(every, columns), columns)
+        values = found.model.vector[columns]
+        asked = slope @ values + np.einsum("p,npq,q->n", values, curvature, values)
+        confirmed[mechanism.cause] = paired_p(asked[sealed], seed)
+    return confirmed

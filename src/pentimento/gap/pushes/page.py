@@ -54,10 +54,10 @@ def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], notes: Sequen
         "would remove, to second order. <b>Noise floor</b>: what even a perfect model would miss, from repeated "
         "actions; the band is its 95&nbsp;% interval.",
     )  # fmt: skip
-    splits = diagnosis.splits
+    parts = diagnosis.parts
     used = (
-        f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(splits.discovery)} rows "
-        f"searched, {len(splits.confirmation)} confirmed, {len(splits.test)} were sealed until the end."
+        f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(parts.searched)} rows "
+        f"were searched, {len(parts.sealed)} sealed until the end: they confirm and value what was found."
     )
     said = "".join(f"<p>{escape(note)}</p>" for note in notes)
     return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{said}{fall}")

@@ -6,7 +6,7 @@ As on strokes (``gap/search.py``), of large causes and small ones at once.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ Array = NDArray[Any]
 _FIRST_P, _LATER_P = 0.02, 0.01
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
-_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.03, 0.01
+_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.012, 0.01
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
 _BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
@@ -84,7 +84,6 @@ def search(
     base = model = fit(start, measured)
     observable, unseen = observable_causes(measured, vocabulary)
     quantities = {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}
-    plain = replace(measured, weight=np.ones(len(measured)))
     steps: list[Step] = []
     gained: dict[str, float] = {}
     rivals: dict[str, tuple[str, ...]] = {}
@@ -103,9 +102,10 @@ def search(
         refits = {cause: fit(model.plus(observable[cause]), measured, at_start[cause]) for cause in short}
         refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
         dismissed |= set(short) - set(refits)
-        whole = action_losses(model, plain)
-        error = float(whole.mean())
-        size = {cause: float((whole - action_losses(refit, plain)).mean()) for cause, refit in refits.items()}
+        before = action_losses(model, measured)
+        error = float(before.mean())
+        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
+        size = {cause: float((before - after).mean()) for cause, after in losses.items()}
         small = {
             c
             for c in refits
@@ -113,8 +113,7 @@ def search(
             or size[c] < _enough(observable[c], observable, gained, rivals)
         }
         dismissed |= small
-        before = action_losses(model, measured)
-        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items() if cause not in small}
+        losses = {cause: after for cause, after in losses.items() if cause not in small}
         # From no effect a large one may look like little; what its refit removes is then the witness.
         unsure = {
             cause
@@ -125,7 +124,7 @@ def search(
         losses = {cause: after for cause, after in losses.items() if cause not in unsure}
         if not losses:
             continue
-        step = simplest_of_the_best(evidence, losses, float(before.mean()), quantities, seed, log)
+        step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen], rivals[step.chosen] = size[step.chosen], step.rivals

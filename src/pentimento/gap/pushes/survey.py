@@ -55,7 +55,7 @@ def survey(diagnosis: PushDiagnosis) -> PushSurvey:
     rests = {name: np.where(measured.valid, residual(model, measured), np.nan) for name, model in models.items()}
     return PushSurvey(
         measured=measured,
-        sealed=measured.pick(diagnosis.splits.test),
+        sealed=measured.pick(diagnosis.parts.sealed),
         full=full,
         imitation=imitation(statistics, columns),
         detectable=detectable(statistics, columns),
