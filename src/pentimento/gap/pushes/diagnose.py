@@ -106,8 +106,7 @@ def diagnose(
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
     named = list(found.model.mechanisms)
     confirmed_p = _confirmed_p(found, weighed, parts, seed)
-    # Beside another cause, what the form of that one lacks looks like something, and it must be sure.
-    lost = [m.cause for m in named if confirmed_p[m.cause] > (_CONFIRMED_P if m is named[0] else _SURE_P)]
+    lost = _unconfirmed([m.cause for m in named], confirmed_p)
     noise = _weighed_floor(found.model, weighed, parts, seed)
     of_use = _of_use(found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p)
     base = fit(found.base, plainly)
@@ -146,6 +145,16 @@ def diagnose(
         parts, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
         tuple(left), strength, tuple(covariates),
     )  # fmt: skip
+
+
+def _unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float]) -> list[str]:
+    """Causes, in the order in which they were found, that sealed pushes do not confirm.
+
+    For the first they must only speak. Of a further one they must be sure: what the form of the first lacks looks like
+    something.
+    """
+    limits = (_CONFIRMED_P if cause == found[0] else _SURE_P for cause in found)
+    return [cause for cause, limit in zip(found, limits, strict=True) if confirmed_p[cause] > limit]
 
 
 def _of_use(

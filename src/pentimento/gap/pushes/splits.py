@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.splits import split
+from pentimento.gap.splits import Actions, split
 
 Array = NDArray[Any]
 
@@ -26,7 +25,7 @@ class Parts(NamedTuple):
     sealed: Array
 
 
-def split_pushes(measured: MeasuredPushes, seed: int) -> Parts:
+def split_pushes(measured: Actions, seed: int) -> Parts:
     """80 % of the actions are searched, 20 % are sealed; half of what is sealed are repeated actions, where there are
     enough.
 
