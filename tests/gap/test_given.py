@@ -59,7 +59,7 @@ def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Wr
 
 def test_the_page_shows_what_it_foretells(written: Written, given: Given) -> None:
     told = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
-    pages = [build_page(written.diagnosis, written.survey, written.proposal, told, [], one) for one in (None, given)]
+    pages = [build_page(written.diagnosis, written.survey, written.proposal, told, one) for one in (None, given)]
     assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}
     assert pages[1]["figures/waterfall.png"] != pages[0]["figures/waterfall.png"]
     assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]

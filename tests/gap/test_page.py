@@ -35,7 +35,7 @@ def test_tags_are_balanced_and_nothing_is_loaded(files: dict[str, bytes]) -> Non
 
 def test_it_says_the_sentence_and_what_was_left_out(written: Written, files: dict[str, bytes]) -> None:
     page = files["report.html"].decode()
-    assert page.count("Row 56 (counted from 0) is an exact copy") == 2
+    assert page.count("Row 56 (counted from 0) is an exact copy") == 1
     assert verdict(written.diagnosis, 56, 42)["sentence"].split(".")[0] in page
 
 
@@ -75,7 +75,7 @@ def test_where_little_is_known_the_page_says_so(written: Written) -> None:
         covariates=(), base_strength=np.zeros((7, 0)), extended_strength=np.zeros((7, 0)), dependence=()
     )
     made = verdict(written.diagnosis, 56, 42)
-    page = build_page(written.diagnosis, bare, Proposal((), (), {}), made, [])
+    page = build_page(written.diagnosis, bare, Proposal((), (), {}), made)
     said = page["report.html"].decode()
     assert "cannot be asked" in said and "nothing to measure better" in said
     assert not {"figures/modes.png", "figures/next_actions.png"} & set(page)

@@ -1,4 +1,4 @@
-"""Every cause of the vocabulary with what the strokes say of it, as a table of the report."""
+"""Every cause of the vocabulary with what strokes or pushes say of it, as a table of the report."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HEAD = ("cause", "verdict", "held-out gain", "95 %", "p", "quantities", "rivals
 
 
 def leaderboard(diagnosis: Judged, survey: Surveyed) -> str:
-    """HTML: established, suspected, then all others by p; last those that these strokes cannot show."""
+    """HTML: established, suspected, then all others by p; last those that these rows cannot show."""
     rows = [_found(f, "established", survey) for f in diagnosis.established]
     rows += [_found(f, "suspected", survey) for f in diagnosis.suspected]
     named = {f.cause for f in (*diagnosis.established, *diagnosis.suspected)} | {UnevenEnds.cause}
@@ -31,10 +31,10 @@ def leaderboard(diagnosis: Judged, survey: Surveyed) -> str:
     ]
     of = "gap above the noise floor" if diagnosis.floor else "error (the noise floor is unknown)"
     caption = (
-        f"<b>Gain</b>: of established and suspected causes the share of the {of} on sealed strokes that the cause "
-        "removes; of the others the share of the error on held-out strokes of the search, at the extended model. "
+        f"<b>Gain</b>: of established and suspected causes the share of the {of} on sealed rows that the cause "
+        "removes; of the others the share of the error on held-out rows of the search, at the extended model. "
         "<b>p</b> is adjusted for all causes tested together. <b>Quantities</b> with standard errors that take each "
-        "action as one witness. In italics: what imitates the cause in these strokes. <b>Found from</b>: the smallest "
+        "action as one witness. In italics: what imitates the cause in these rows. <b>Found from</b>: the smallest "
         "share of the error that a cause must remove to be found in four of five such collections."
     )
     return table(_HEAD, rows, caption, numbers_from=9)

@@ -25,7 +25,6 @@ def build_page(
     survey: Survey,
     proposal: Proposal,
     verdict: Mapping[str, Any],
-    notes: Sequence[str],
     given: Given | None = None,
 ) -> dict[str, bytes]:
     """``report.html``, which holds every picture, and the pictures as ``figures/<name>.png``.
@@ -37,12 +36,11 @@ def build_page(
         survey: what is drawn.
         proposal: the next strokes.
         verdict: as ``verdict.json``.
-        notes: what was left out of the table, as sentences.
         given: a stroke model to be shown beside the finder's own base.
     """
     album = Album()
     sections = [
-        _summary(diagnosis, verdict, notes, given, album),
+        _summary(diagnosis, verdict, given, album),
         section("causes", "Every cause, and what the strokes say of it", leaderboard(diagnosis, survey)),
         _strokes(diagnosis, survey, given, album),
         _residuals(survey, album),
@@ -93,9 +91,7 @@ def lead(diagnosis: Judged) -> str:
     return "No known cause is established."
 
 
-def _summary(
-    diagnosis: Diagnosis, verdict: Mapping[str, Any], notes: Sequence[str], given: Given | None, album: Album
-) -> str:
+def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], given: Given | None, album: Album) -> str:
     fall = album.plot(
         "waterfall.png", figures.waterfall(diagnosis, given and given.mse),
         "Bars from the base model's error through each extension to the noise floor.",
@@ -111,8 +107,7 @@ def _summary(
         f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(splits.discovery)} rows "
         f"searched, {len(splits.confirmation)} confirmed, {len(splits.test)} were sealed until the end."
     )
-    left_out = "".join(f"<p>{escape(note)}</p>" for note in notes)
-    return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{left_out}{fall}")
+    return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{fall}")
 
 
 def _strokes(diagnosis: Diagnosis, survey: Survey, given: Given | None, album: Album) -> str:

@@ -73,7 +73,7 @@ def write_diagnosis(
     beside = None if given is None else given_on(given, seen.sealed)
     actions = len(set(measured.action.tolist()))
     result = verdict(found, len(measured), actions, shifted, notes, beside and beside.mse)
-    written = build_page(found, seen, proposal, result, notes, beside)
+    written = build_page(found, seen, proposal, result, beside)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal, measured), parquet, compression="zstd")
     written[NEXT_ACTIONS] = parquet.getvalue()

@@ -80,8 +80,8 @@ def test_proposed_pushes_are_feasible_pairs_that_say_something(lossy: Played) ->
 def test_equal_diagnoses_give_equal_pages(lossy: Played) -> None:
     seen = survey(lossy.diagnosis)
     proposal = proposal_for(lossy.diagnosis, seen, 0)
-    said = {"sentence": "It loses volume.", "rows": 49, "actions": 35}
-    one, other = (build_page(lossy.diagnosis, seen, proposal, said, ["A note."]) for _ in range(2))
+    said = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35}
+    one, other = (build_page(lossy.diagnosis, seen, proposal, said) for _ in range(2))
     assert one == other and b"volume_loss" in one["report.html"] and b"A note." in one["report.html"]
 
 

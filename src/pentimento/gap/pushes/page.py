@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
@@ -20,11 +20,7 @@ from pentimento.report.wording import count
 
 
 def build_page(
-    diagnosis: PushDiagnosis,
-    survey: PushSurvey,
-    proposal: PushProposal,
-    verdict: Mapping[str, Any],
-    notes: Sequence[str],
+    diagnosis: PushDiagnosis, survey: PushSurvey, proposal: PushProposal, verdict: Mapping[str, Any]
 ) -> dict[str, bytes]:
     """``report.html``, which holds every picture, and the pictures as ``figures/<name>.png``.
 
@@ -32,7 +28,7 @@ def build_page(
     """
     album = Album()
     sections = [
-        _summary(diagnosis, verdict, notes, album),
+        _summary(diagnosis, verdict, album),
         section("causes", "Every cause, and what the pushes say of it", leaderboard(diagnosis, survey)),
         _pushes(diagnosis, survey, album),
         _modes(diagnosis, survey, album),
@@ -43,7 +39,7 @@ def build_page(
     return pictures | {"report.html": html_page(lead(diagnosis), sections)}
 
 
-def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], notes: Sequence[str], album: Album) -> str:
+def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], album: Album) -> str:
     fall = album.plot(
         "waterfall.png", drawn.waterfall(diagnosis, kind=PUSHES),
         "Bars from the base model's error through each extension to the noise floor.",
@@ -59,8 +55,7 @@ def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], notes: Sequen
         f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(parts.searched)} rows "
         f"were searched, {len(parts.sealed)} sealed until the end: they confirm and value what was found."
     )
-    said = "".join(f"<p>{escape(note)}</p>" for note in notes)
-    return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{said}{fall}")
+    return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{fall}")
 
 
 def _pushes(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str:

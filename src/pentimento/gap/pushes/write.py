@@ -70,7 +70,7 @@ def write_push_diagnosis(
     proposal = proposal_for(found, seen, seed)
     actions = len(set(measured.action.tolist()))
     result = verdict(found, len(measured), actions, shifted, notes, kind=PUSHES)
-    written = build_page(found, seen, proposal, result, notes)
+    written = build_page(found, seen, proposal, result)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal), parquet, compression="zstd")
     written[NEXT_ACTIONS] = parquet.getvalue()
