@@ -1,9 +1,8 @@
 """Which pushes are searched for causes, and which are sealed until the end (GAP.md, rule 4, but for one thing).
 
 The rule sets a fifth aside to confirm what is found, apart from what is sealed. Here the sealed ones confirm: pushes
-are as uneven as they are deep, and a tool's backlash or what hardens below is told from that by their number. With a
-third more pushes to search, and as many to confirm, more causes are found, and no more that are not there
-(docs/blind_pushes.md).
+differ from their repeats by their depth most of all, so that a tool's backlash or what hardens below needs many to be
+seen, and a second fifth confirms less than a third more pushes find.
 """
 
 from __future__ import annotations
