@@ -40,5 +40,6 @@ def test_half_of_what_is_sealed_are_repeats_and_the_rest_whole_blocks() -> None:
     repeated = np.unique(rows.action[sealed][rows.action[sealed] >= SINGLE])
     assert len(repeated) == round(0.2 * (SINGLE + REPEATED)) // 2
     singles = sealed[rows.action[sealed] < SINGLE]
+    assert len(singles) >= len(repeated)
     for block in np.unique(rows.block[singles]):
         assert (rows.block[singles] == block).sum() == PER_BLOCK
