@@ -62,7 +62,7 @@ def own(strokes: Path, seeds: int, out: Path) -> None:
     table = sound_rows(read_table(strokes, CONTRACT).table).table
     found = []
     for seed in range(1, seeds + 1):
-        training, held_out = held_out_of(table, seed)
+        training, held_out = held_out_of(table, seed - 1)
         found.append(compare(training, {"own": held_out}, seed, out / f"seed_{seed}"))
     pictures = out / "figures"
     figures.strokes(out / "seed_1", "own", pictures / "strokes.png")
@@ -99,32 +99,38 @@ def curve(out: Path, seeds: int) -> None:
 
 
 def measured(out: Path, seeds: int) -> None:
-    """Photographed strokes: one split each."""
+    """Photographed strokes: every seed holds out another quarter of each set."""
     folder = os.environ.get("PENTIMENTO_MEASURED")
     if not folder:
         print("PENTIMENTO_MEASURED names no folder: the photographed strokes are left out.")
         return
-    for name in (*BRUSHES, *PENS):
-        training, tests = parts(Path(folder, "frida_strokes"), name)
-        compare(training, tests, 0, out / "measured" / name)
+    for seed in range(1, seeds + 1):
+        for name in (*BRUSHES, *PENS):
+            training, tests = parts(Path(folder, "frida_strokes"), name, seed - 1)
+            compare(training, tests, seed - 1, out / "measured" / f"{name}_{seed}")
 
 
 def write_page(out: Path) -> None:
     """Everything that there is in ``out``, as a page with figures."""
-    tables = {tool: _all({n: out / f"{tool}_{n}" for n in range(1, 100)}) for tool in TOOLS}
-    sets = _all({name: out / "measured" / name for name in (*BRUSHES, *PENS)})
+    tables = {tool: _all(_numbered(out / tool)) for tool in TOOLS}
+    sets = {name: list(_all(_numbered(out / "measured" / name)).values()) for name in (*BRUSHES, *PENS)}
+    sets = {name: runs for name, runs in sets.items() if runs}
     curves = {tool: _all({size: out / "curve" / f"{tool}_{size}" for size in SIZES}) for tool in TOOLS}
     PICTURES.mkdir(parents=True, exist_ok=True)
     for tool in TOOLS:
         if tables[tool]:
             figures.strokes(out / f"{tool}_1", "B", PICTURES / f"{tool}.png")
     for name in sets:
-        figures.strokes(out / "measured" / name, "own", PICTURES / f"{name}.png")
+        figures.strokes(out / "measured" / f"{name}_1", "own", PICTURES / f"{name}.png")
     if any(tables.values()):
         figures.errors(tables, PICTURES / "errors.png")
     if any(curves.values()):
         figures.curves(curves, PICTURES / "curve.png")
     atomic_write(DOCS, page.whole(tables, sets, curves).encode())
+
+
+def _numbered(folder: Path) -> dict[int, Path]:
+    return {number: folder.with_name(f"{folder.name}_{number}") for number in range(1, 100)}
 
 
 def _all(folders: dict[Key, Path]) -> dict[Key, Results]:

@@ -31,21 +31,26 @@ LIKE = {
 }
 """A set of a like tool, recorded at another time. ``brush_2022c`` has no twin; ``brush_small_spline`` is executed as
 splines, and its like as Bézier strokes."""
-HELD_OUT = 0.25
+QUARTERS = 4
 _OTHER = 120
 
 
-def parts(folder: Path, name: str) -> tuple[pa.Table, dict[str, pa.Table]]:
-    """Training strokes of a set; its held-out strokes (``own``) and, at most 120, strokes of its like (``other``)."""
+def parts(folder: Path, name: str, number: int) -> tuple[pa.Table, dict[str, pa.Table]]:
+    """Training strokes of a set; its held-out strokes (``own``), the quarter of that ``number``, and, at most 120,
+    strokes of its like (``other``).
+    """
     table, other = (pq.read_table(folder / f"{each}.parquet") for each in (name, LIKE[name]))
     some = np.sort(np.random.default_rng([0, 32]).permutation(other.num_rows)[:_OTHER])
-    training, held_out = held_out_of(sound_rows(table).table, 0)
+    training, held_out = held_out_of(sound_rows(table).table, number)
     return training, {"own": held_out, "other": sound_rows(other.take(some)).table}
 
 
-def held_out_of(table: pa.Table, seed: int) -> tuple[pa.Table, pa.Table]:
-    """(training, held-out) strokes of a table, the latter a quarter of its actions."""
+def held_out_of(table: pa.Table, number: int) -> tuple[pa.Table, pa.Table]:
+    """(training, held-out) strokes of a table, the latter a quarter of its actions: numbers 0 to 3 hold out each action
+    once, 4 to 7 once more in another draw, and so on.
+    """
     action = np.array(table["action_id"].to_pylist())
-    order = np.random.default_rng([seed, 31]).permutation(np.unique(action))
-    apart = np.isin(action, order[: round(HELD_OUT * len(order))])
+    drawn, quarter = divmod(number, QUARTERS)
+    order = np.random.default_rng([drawn, 31]).permutation(np.unique(action))
+    apart = np.isin(action, np.array_split(order, QUARTERS)[quarter])
     return table.filter(pa.array(~apart)), table.filter(pa.array(apart))

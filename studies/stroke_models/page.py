@@ -49,7 +49,7 @@ none.
 
 def whole(
     tables: Mapping[str, Mapping[int, Results]],
-    sets: Mapping[str, Results],
+    sets: Mapping[str, Sequence[Results]],
     curves: Mapping[str, Mapping[int, Results]],
 ) -> str:
     """Markdown of everything that there is."""
@@ -155,16 +155,17 @@ def _curves(curves: Mapping[str, Mapping[int, Results]]) -> str:
     return "\n".join(["## How many strokes it takes\n", "One seed.", *lines, "\n![Curves](stroke_models/curve.png)\n"])
 
 
-def _sets(sets: Mapping[str, Results], names: Sequence[str], title: str) -> str:
+def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: str) -> str:
     if not names:
         return ""
+    times = " or ".join(map(str, sorted({len(sets[name]) for name in names})))
     lines = [
         f"## {title}\n",
-        "Trained on three quarters of a set; tested on its held-out strokes and on another set of a like tool. The "
-        "best of each row is bold.\n",
+        "Trained on three quarters of a set; tested on its held-out strokes and on another set of a like tool. Each "
+        f"time another quarter is held out; means over {times} of four. The best of each row is bold.\n",
     ]
     for score, best, digits in (("iou", max, 3), ("l1", min, 4)):
-        models = [name for name in NAMES if any(name in sets[each] for each in names) and name != "blank"]
+        models = [name for name in NAMES if any(name in _common(sets[each]) for each in names) and name != "blank"]
         lines += [
             f"\n{'IoU' if score == 'iou' else 'L1'}:\n",
             "| trained on | tested on | " + " | ".join(NAMES[model] for model in models) + " |",
@@ -172,10 +173,10 @@ def _sets(sets: Mapping[str, Results], names: Sequence[str], title: str) -> str:
         ]
         for name in names:
             for test in ("own", "other"):
-                values = {m: mean_of(sets[name], m, test, score) for m in models if m in sets[name]}
+                values = {m: estimate(sets[name], m, test, score).mean for m in models if m in _common(sets[name])}
                 lines.append(_set_row(name, test, values, models, best, digits))
-    found = [f"{name}: {_causes(sets[name])}" for name in names if OURS in sets[name]]
-    lines.append("\nEstablished on the training strokes: " + "; ".join(found) + ".\n" if found else "")
+    found = [f"{name}: {' / '.join(map(_causes, sets[name]))}" for name in names if OURS in _common(sets[name])]
+    lines.append("\nEstablished on the training strokes, time by time: " + "; ".join(found) + ".\n" if found else "")
     return "\n".join(lines)
 
 
@@ -191,13 +192,13 @@ def _set_row(
     return f"| {name} | {where} | " + " | ".join(cells) + " |"
 
 
-def _brush_bar(sets: Mapping[str, Results]) -> str:
-    there = [name for name in BRUSHES if OURS in sets.get(name, {})]
+def _brush_bar(sets: Mapping[str, Sequence[Results]]) -> str:
+    there = [name for name in BRUSHES if name in sets and OURS in _common(sets[name])]
     if not there:
         return ""
     lines = []
     for ours, other in ((OURS, OURS_IMPRINT), (OURS_IMPRINT, OURS)):
-        done = [name for name in there if ours in sets[name]]
+        done = [name for name in there if ours in _common(sets[name])]
         for test, where in (("own", "held-out strokes"), ("other", "another set")) if done else ():
             for left_out, whom in (((_EXTRA,), "the thesis's models and the trivial ones"), ((), "all other rows")):
                 won = [name for name in done if _best(sets[name], test, (other, *left_out)) == ours]
@@ -208,13 +209,14 @@ def _brush_bar(sets: Mapping[str, Results]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _pen_bar(sets: Mapping[str, Results]) -> str:
-    there = [name for name in PENS if OURS in sets.get(name, {}) and "polyline" in sets[name]]
+def _pen_bar(sets: Mapping[str, Sequence[Results]]) -> str:
+    there = [name for name in PENS if name in sets and {OURS, "polyline"} <= set(_common(sets[name]))]
     if not there:
         return ""
     lines = []
     for test, where in (("own", "held-out strokes"), ("other", "another set")):
-        beaten = [n for n in there if mean_of(sets[n], OURS, test, "iou") < mean_of(sets[n], "polyline", test, "iou")]
+        iou = {name: [estimate(sets[name], m, test, "iou").mean for m in (OURS, "polyline")] for name in there}
+        beaten = [name for name, (ours, polyline) in iou.items() if ours < polyline]
         lines.append(
             f"- On {where} of pens, the polyline has a better IoU than it on {len(beaten)} of {len(there)} sets, bar "
             f"none {_met(not beaten)}."
@@ -222,13 +224,14 @@ def _pen_bar(sets: Mapping[str, Results]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _pictures(sets: Mapping[str, Results]) -> str:
+def _pictures(sets: Mapping[str, Sequence[Results]]) -> str:
     lines = [f"Held-out strokes of `{name}`:\n\n![{name}](stroke_models/{name}.png)\n" for name in sets]
     return "\n".join(lines)
 
 
-def _best(run: Results, test: str, left_out: Sequence[str]) -> str:
-    return max((name for name in run if name not in left_out), key=lambda name: mean_of(run, name, test, "iou"))
+def _best(runs: Sequence[Results], test: str, left_out: Sequence[str]) -> str:
+    there = [name for name in _common(runs) if name not in left_out]
+    return max(there, key=lambda name: estimate(runs, name, test, "iou").mean)
 
 
 def _said(runs: Sequence[Results]) -> str:

@@ -42,9 +42,19 @@ def test_ends_that_are_there_are_kept_and_a_model_that_loses_nothing_stays(base:
     assert causes(_without(lag, [], base)) == {"bristle_lag"}
 
 
-def worth(cause: str, gain: float, surely: float) -> Finding:
+def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.001) -> Finding:
     """A finding that is worth ``gain`` of the gap, and at least ``surely``."""
-    return Finding(cause, 0.001, 0.001, gain, (surely, 2 * gain - surely), {}, ())
+    return Finding(cause, 0.001, confirmed_p, gain, (surely, 2 * gain - surely), {}, ())
+
+
+def is_of_use(finding: Finding, *others: Finding) -> bool:
+    """Beside other established causes."""
+    measured = load_measured(example_table(16))
+    observable: dict[str, Mechanism] = {
+        kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, SpeedWidth)
+    }
+    model = first_model(measured)
+    return _is_of_use(finding, (*others, finding), Search(model, model, (), observable, {}, 0.0, {}, frozenset()))
 
 
 @pytest.mark.parametrize(
@@ -59,10 +69,17 @@ def worth(cause: str, gain: float, surely: float) -> Finding:
     ],
 )
 def test_what_is_worth_little_must_be_of_another_kind_and_sure(little: Finding, of_use: bool) -> None:
-    measured = load_measured(example_table(16))
-    observable: dict[str, Mechanism] = {
-        kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, SpeedWidth)
-    }
-    model = first_model(measured)
-    found = Search(model, model, (), observable, {}, 0.0, {}, frozenset())
-    assert _is_of_use(little, (worth("bristle_lag", 1.0, 0.9), little), found) == of_use
+    assert is_of_use(little, worth("bristle_lag", 1.0, 0.9)) == of_use
+
+
+def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only_not_deny_it() -> None:
+    assert is_of_use(worth("bristle_lag", 0.015, -0.02))
+    assert not is_of_use(worth("bristle_lag", -0.001, -0.02))
+    assert not is_of_use(worth("bristle_lag", 0.015, -0.02, confirmed_p=0.02))
+
+
+def test_so_of_the_only_one_of_its_kind_that_is_not_little_beside_the_other() -> None:
+    lag, wider = worth("bristle_lag", 0.03, -0.01), worth("speed_width", 0.05, -0.01)
+    assert is_of_use(lag, wider) and is_of_use(wider, lag)
+    assert not is_of_use(lag, worth("path_offset", 0.05, -0.01))
+    assert not is_of_use(lag, worth("speed_width", 0.5, 0.2))

@@ -31,7 +31,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_CONFIRMED_P = 0.4
+_CONFIRMED_P, _SURE_P = 0.4, 0.01
 _DRAWS = 1999
 _PASSES = 2
 _LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
@@ -173,12 +173,20 @@ def diagnose(
 
 
 def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search) -> bool:
-    """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another."""
+    """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another.
+
+    A small table seals few strokes. Of the only cause that displaces the mark, or does not, which the confirming ones
+    are sure of, they must only not deny it, and it must not be little beside one of the other kind.
+    """
     displaced = {f.cause: displaces(found.observable[f.cause]) for f in established}
-    alike = max(f.gain for f in established if displaced[f.cause] == displaced[finding.cause])
-    if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * alike):
+    alike = [f.gain for f in established if displaced[f.cause] == displaced[finding.cause]]
+    sure = finding.confirmed_p <= _SURE_P and len(alike) == 1
+    if sure and len(established) == 1:
+        return finding.gain > 0
+    if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * max(alike)):
         return False
-    good = max(_GOOD_GAIN, _LEAST_BESIDE * max(f.gain for f in established))
+    largest = max(f.gain for f in established)
+    good = _GOOD_GAIN * largest if sure else max(_GOOD_GAIN, _LEAST_BESIDE * largest)
     return finding.gain >= good or finding.gain_interval[0] > 0
 
 

@@ -129,12 +129,10 @@ def imitation_of(model: Model, measured: Measured, vocabulary: Sequence[type[Mec
 def sentences(found: Imitation, alike: float = ALIKE) -> list[str]:
     """A sentence for each pair that can hardly be told apart, the closest first, and for each cause not seen at all."""
     said = [
-        f"{first} and {second} imitate each other ({value:.2f}): these strokes can hardly tell them apart."
+        f"{first} and {second} imitate each other ({value:.2f}): this table can hardly tell them apart."
         for value, first, second in _closest(found, alike)
     ]
-    return said + [
-        f"{cause} leaves no trace in these strokes that the base could not leave." for cause in _unseen(found)
-    ]
+    return said + [f"{cause} leaves no trace in this table that the base could not leave." for cause in _unseen(found)]
 
 
 def in_short(found: Imitation, alike: float = ALIKE) -> str:

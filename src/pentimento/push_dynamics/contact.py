@@ -45,7 +45,7 @@ def contact_of(before: Array, along: Array, across: Array, moved: Array, knots: 
     return made
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _touch(
     before: Array,
     along: Array,

@@ -25,11 +25,8 @@ Pixel coordinates are (column, row); the centre of pixel (r, c) is (c, r). See `
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +35,7 @@ from pentimento.render.backward import POINT_FIELDS, backward_band
 from pentimento.render.coverage import Q_MIN, R_MIN
 from pentimento.render.errors import RenderInputError
 from pentimento.render.forward import Fragments, expected_fragments, lay_band, reach_of_strokes
+from pentimento.render.threads import in_threads
 
 __all__ = ["Q_MIN", "R_MIN", "Fragments", "RenderInputError", "StrokeGradients", "render", "render_backward"]
 
@@ -48,8 +46,6 @@ _MOST = np.iinfo(np.uint16).max
 _ASK_ABOUT_BYTES = 1 << 28
 
 Array = NDArray[Any]
-_T = TypeVar("_T")
-_R = TypeVar("_R")
 
 
 class StrokeGradients(NamedTuple):
@@ -110,7 +106,7 @@ def render(
         return Fragments(top, *fields)
 
     parts = [(b, *band) for b in range(len(points)) for band in _bands(canvas, pickup)]
-    laid = _map(lay, parts, threads)
+    laid = in_threads(lay, parts, threads)
     per_painting = len(parts) // max(len(points), 1)
     return image, tuple(tuple(laid[b * per_painting : (b + 1) * per_painting]) for b in range(len(points)))
 
@@ -146,7 +142,7 @@ def render_backward(
     g_all = np.zeros((*radius.shape, POINT_FIELDS), points.dtype)
     g_color = np.zeros_like(color)
     g_pickup = None if pickup is None else np.zeros_like(pickup)
-    for (b, _), (touched, g_points, g_band, g_carried) in zip(parts, _map(pull, parts, threads), strict=True):
+    for (b, _), (touched, g_points, g_band, g_carried) in zip(parts, in_threads(pull, parts, threads), strict=True):
         g_all[b, touched] += g_points
         g_color[b] += g_band
         if g_pickup is not None:
@@ -160,21 +156,6 @@ def _bands(canvas: Array, pickup: Array | None) -> list[tuple[int, int]]:
     height = canvas.shape[1]
     rows = _BAND_ROWS if pickup is None else height
     return [(top, min(top + rows, height)) for top in range(0, height, rows)]
-
-
-def _map(function: Callable[[_T], _R], items: Iterable[_T], threads: int) -> list[_R]:
-    """The results in order. The compiled functions leave Python's lock, so threads do run at once."""
-    if threads == 1:
-        return [function(item) for item in items]
-    return list(_pool(threads).map(function, items))
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads)
-
-
-os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process has no threads but its own
 
 
 def check_inputs(

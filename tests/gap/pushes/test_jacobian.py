@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pentimento.gap.pushes import jacobian
 from pentimento.gap.pushes.fit import equalised
 from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
@@ -29,6 +30,15 @@ def test_the_statistics_foretell_the_error_of_a_small_step(measured: MeasuredPus
     found = action_losses(model.at(model.vector + step), measured)
     assert np.allclose(said, found, rtol=0.02)
     assert np.allclose(statistics.energy, action_losses(model, measured), rtol=1e-4)
+
+
+def test_any_number_of_threads_gives_the_same_bits(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, found = first_model(measured.scene), []
+    for threads in (1, 3):
+        monkeypatch.setattr(jacobian, "get_num_threads", lambda threads=threads: threads)
+        found.append(linearise_rows(model, measured))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_holes_do_not_count(measured: MeasuredPushes) -> None:

@@ -9,12 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 
 from pentimento.gap.jacobian import Statistics, by_action
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.push_dynamics.analytic import BASE, CONTACT, KEPT, AnalyticPush, keep, settle, touch
 from pentimento.push_dynamics.analytic_scene import PushScene
+from pentimento.render.threads import in_threads
 
 Array = NDArray[Any]
 
@@ -47,10 +49,8 @@ def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
 
 def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], over its number of measured pixels; mm²."""
-    parts = [
-        _row_statistics(model, measured.pick(np.arange(first, min(first + _ROWS_AT_ONCE, len(measured)))))
-        for first in range(0, len(measured), _ROWS_AT_ONCE)
-    ]
+    some = np.split(np.arange(len(measured)), range(_ROWS_AT_ONCE, len(measured), _ROWS_AT_ONCE))
+    parts = in_threads(lambda rows: _row_statistics(model, measured.pick(rows)), some, get_num_threads())
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
 

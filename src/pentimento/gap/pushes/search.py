@@ -114,14 +114,6 @@ def search(
         }
         dismissed |= small
         losses = {cause: after for cause, after in losses.items() if cause not in small}
-        # From no effect a large one may look like little; what its refit removes is then the witness.
-        unsure = {
-            cause
-            for cause, after in losses.items()
-            if fresh[cause].least_gain <= 0 and paired_p(before - after, seed) >= _LATER_P
-        }
-        dismissed |= unsure
-        losses = {cause: after for cause, after in losses.items() if cause not in unsure}
         if not losses:
             continue
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)

@@ -39,7 +39,7 @@ class SlopeSlide(Mechanism):
         return settled._replace(lift_m=lift)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def relaxed(height: Array, step_m: float, sweeps: int) -> Array:
     """Heights [B, H, W] after what is steeper than ``step_m`` a pixel has run off; each sweep moves an eighth of
     the excess between neighbours, diagonal ones too.
