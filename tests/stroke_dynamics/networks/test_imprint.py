@@ -11,7 +11,7 @@ from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.networks import imprint
 from pentimento.stroke_dynamics.networks.imprint import fit_imprint
 from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.training import weighted_l1
+from pentimento.stroke_dynamics.training import predicted_ink, weighted_l1
 from tests.stroke_dynamics.conftest import TRUTH
 
 
@@ -43,6 +43,15 @@ def test_it_lays_what_the_model_takes_too_much(made_by_truth: StrokeSamples) -> 
     alone = _alone(model, strokes)
     assert weighted_l1(learnt(strokes), made_by_truth, 2.0) < 0.7 * weighted_l1(alone, made_by_truth, 2.0)
     assert learnt.unseen_l1[0] == pytest.approx(float(weighted_l1(alone, made_by_truth, 2.0)), rel=1e-5)
+
+
+def test_it_inks_what_lies_beyond_a_mark_that_is_too_thin(made_by_truth: StrokeSamples) -> None:
+    thin = replace(TRUTH, thickness_at_contact_m=0.5 * TRUTH.thickness_at_contact_m, softness=0.01)
+    model, strokes = base_model(thin), MeasuredStrokes(made_by_truth, {})
+    learnt = fit_imprint(model, strokes, 2.0, 0, _quiet)
+    inked, alone = (predicted_ink(made_by_truth, image) for image in (learnt(strokes), _alone(model, strokes)))
+    missed = made_by_truth.ink & ~alone
+    assert (inked & missed).sum() > 0.6 * missed.sum() > 100
 
 
 def test_where_nothing_is_left_the_model_stays_as_it_is(made_by_truth: StrokeSamples) -> None:

@@ -1,8 +1,10 @@
 """What a tool leaves about its path and no model of a few numbers foretells, learnt in the stroke's own coordinates.
 
 A small network is told of each pixel how it lies about the mark that a stroke model with its causes foretells
-(``about_path``), and says how much more or less of the paint is there. It sees no pictures, each pixel being an example
-by itself, so that it learns from few strokes. Where they are too few, or too unlike, it must not spoil the model: it is
+(``about_path``), and says how much more or less of the paint is there, in how far it is to the mark's edge: at the edge
+a little said is much. Of a mark with a hard edge the paint itself is all or nothing, and tells a pixel that could be
+inked from none that never will be. The network sees no pictures, each pixel being an example by itself, so that it
+learns from few strokes. Where they are too few, or too unlike, it must not spoil the model: it is
 asked about strokes that it has not seen (cross-fitting; Chernozhukov et al. 2018), and believed by the share at which
 these are foretold best (stacking; Wolpert 1992). Where that is none, the model stays alone.
 """
@@ -17,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, predict_extended
-from pentimento.stroke_dynamics.networks.about_path import about_path, odd
+from pentimento.stroke_dynamics.networks.about_path import NAMES, about_path, odd
 from pentimento.stroke_dynamics.samples import inked_share
 from pentimento.stroke_dynamics.simulation import extended_mark, full_at_most
 from pentimento.stroke_dynamics.training import Log
@@ -33,8 +35,9 @@ _PIXELS, _PIXELS_OF_A_FOLD = 4096, 2048
 _RATE, _DECAY = 3e-3, 1e-4
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """By which a network may be believed."""
-_FAINTEST = 0.03
-"""Shares of paint nearer to none or to all than this are changed as easily as this one."""
+_STEEP, _FARTHEST = 4.0, 8.0
+"""By how much more must be said for each half-width that a pixel lies further out of the mark, and at most."""
+_DISTANCE, _HALF_WIDTH = (NAMES.index(name) for name in ("distance", "half-width"))
 _SMALLEST = 1e-9
 _REPORTED = 100
 
@@ -99,6 +102,7 @@ class _Pixels(NamedTuple):
     foretold: Tensor  # [n, 3] sRGB, by the model alone
     share: Tensor  # [n] of the way from what was there to the paint that this is
     towards: Tensor  # [n, 3] the whole way, sRGB
+    inside: Tensor  # [n] half-widths from the mark's edge: 1 on the path, 0 at the edge, negative beyond
 
     def pick(self, index: Tensor) -> _Pixels:
         return _Pixels(*(field[index] for field in self))
@@ -112,9 +116,9 @@ def _pixels_of(model: StrokeModel, strokes: MeasuredStrokes) -> _Pixels:
         told = about_path(Mark(*(values[:, 0] for values in mark)), samples)
     color = samples.color[:, None, None]
     share = inked_share(samples.before, foretold, color).clamp(0.0, 1.0)
-    return _Pixels(
-        told.flatten(0, 2), foretold.reshape(-1, 3), share.flatten(), (color - samples.before).reshape(-1, 3)
-    )
+    told = told.flatten(0, 2)
+    inside = 1 - told[:, _DISTANCE] / told[:, _HALF_WIDTH]
+    return _Pixels(told, foretold.reshape(-1, 3), share.flatten(), (color - samples.before).reshape(-1, 3), inside)
 
 
 class _Network(nn.Module):
@@ -147,10 +151,10 @@ class _Network(nn.Module):
             said = self.layers(torch.where(torch.rand(len(seen), 1) < 0.5, seen, seen * self.sign))
         else:
             said = (self.layers(seen) + self.layers(seen * self.sign)) / 2
-        start = torch.logit(pixels.share.clamp(_FAINTEST, 1 - _FAINTEST))
-        more = torch.sigmoid(start + believed * said[:, 0]) - torch.sigmoid(start)
-        change = (pixels.share + more).clamp(0.0, 1.0) - pixels.share
-        return pixels.foretold + change[:, None] * pixels.towards
+        start = (_STEEP * pixels.inside).clamp(min=-_FARTHEST)
+        now, then = torch.sigmoid(start), torch.sigmoid(start + believed * said[:, 0])
+        more, less = (1 - pixels.share) * (then - now) / (1 - now), pixels.share * (then - now) / now
+        return pixels.foretold + torch.where(then > now, more, less)[:, None] * pixels.towards
 
 
 def _descend(
