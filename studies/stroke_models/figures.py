@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -35,7 +36,7 @@ def strokes(folder: Path, test: str, out: Path) -> None:
             axis.imshow(image[:height, :width])
             axis.set(xticks=[], yticks=[])
             if row == 0:
-                axis.set_title(title, fontsize=7)
+                axis.set_title(fill(title, 20), fontsize=7)
         axes[row, 0].plot(*path[row].T, color="#d1495b", linewidth=0.7)
     _save(figure, out)
 
