@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.gap.pushes import jacobian
 from pentimento.gap.pushes.fit import equalised
-from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows
+from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows, residual
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
 from pentimento.gap.pushes.modes import MODES, AllModes, mode_scores
 from pentimento.push_dynamics.analytic import first_model
@@ -34,9 +34,9 @@ def test_the_statistics_foretell_the_error_of_a_small_step(measured: MeasuredPus
 
 def test_any_number_of_threads_gives_the_same_bits(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
     model, found = first_model(measured.scene), []
-    for threads in (1, 3):
+    for threads in (1, 2):
         monkeypatch.setattr(jacobian, "get_num_threads", lambda threads=threads: threads)
-        found.append(linearise_rows(model, measured))
+        found.append((*linearise_rows(model, measured), residual(model, measured)))
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -6,7 +6,8 @@ the contact.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import get_num_threads
@@ -19,6 +20,7 @@ from pentimento.push_dynamics.analytic_scene import PushScene
 from pentimento.render.threads import in_threads
 
 Array = NDArray[Any]
+_R = TypeVar("_R")
 
 _STEP = 0.005
 _ROWS_AT_ONCE = 24
@@ -27,6 +29,10 @@ MM = 1e3
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     """Measured less foretold, habits included, millimetres float32[B, H, W]; 0 where nothing was measured."""
+    return np.concatenate(_in_threads(lambda some: _residual(model, some), measured))
+
+
+def _residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     missed = measured.after - measured.scene.before - model.change(measured.scene)
     return np.where(measured.valid, missed * np.float32(MM) - measured.habit, 0)
 
@@ -49,10 +55,18 @@ def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
 
 def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], over its number of measured pixels; mm²."""
-    some = np.split(np.arange(len(measured)), range(_ROWS_AT_ONCE, len(measured), _ROWS_AT_ONCE))
-    parts = in_threads(lambda rows: _row_statistics(model, measured.pick(rows)), some, get_num_threads())
+    parts = _in_threads(lambda some: _row_statistics(model, some), measured)
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
+
+
+def _in_threads(function: Callable[[MeasuredPushes], _R], measured: MeasuredPushes) -> list[_R]:
+    """The results for a few rows at a time, in their order; the same for any number of threads, bit by bit.
+
+    The function must not come back here: it would wait for the threads that it holds.
+    """
+    some = np.split(np.arange(len(measured)), range(_ROWS_AT_ONCE, len(measured), _ROWS_AT_ONCE))
+    return in_threads(lambda rows: function(measured.pick(rows)), some, get_num_threads())
 
 
 def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
@@ -85,7 +99,7 @@ def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Arra
     rows = len(measured)
     slopes = derivatives(model, measured.scene) * (root * np.float32(MM))
     slopes = slopes.reshape(len(slopes), rows, -1).transpose(1, 0, 2)  # [B, P, H W]
-    rest = (residual(model, measured) * root).reshape(rows, -1)
+    rest = (_residual(model, measured) * root).reshape(rows, -1)
     curvature = slopes @ slopes.transpose(0, 2, 1)
     slope = np.einsum("bpn,bn->bp", slopes, rest)
     energy = np.square(rest).sum(1)
