@@ -47,14 +47,15 @@ def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.001) ->
     return Finding(cause, 0.001, confirmed_p, gain, (surely, 2 * gain - surely), {}, ())
 
 
-def is_of_use(finding: Finding, *others: Finding) -> bool:
+def is_of_use(finding: Finding, *others: Finding, sealed: int = 10) -> bool:
     """Beside other established causes."""
     measured = load_measured(example_table(16))
     observable: dict[str, Mechanism] = {
         kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, SpeedWidth)
     }
     model = first_model(measured)
-    return _is_of_use(finding, (*others, finding), Search(model, model, (), observable, {}, 0.0, {}, frozenset()))
+    found = Search(model, model, (), observable, {}, 0.0, {}, frozenset())
+    return _is_of_use(finding, (*others, finding), found, sealed)
 
 
 @pytest.mark.parametrize(
@@ -76,6 +77,7 @@ def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only
     assert is_of_use(worth("bristle_lag", 0.015, -0.02))
     assert not is_of_use(worth("bristle_lag", -0.001, -0.02))
     assert not is_of_use(worth("bristle_lag", 0.015, -0.02, confirmed_p=0.02))
+    assert not is_of_use(worth("bristle_lag", 0.05, -0.02), sealed=24)
 
 
 def test_so_of_the_only_one_of_its_kind_that_is_not_little_beside_the_other() -> None:

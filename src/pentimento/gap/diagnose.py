@@ -41,6 +41,8 @@ up a little of what it leaves. What is worth as little beside one of the other k
 _GOOD_GAIN = 0.1
 """Of the gap: what is worth less must surely be worth something on sealed strokes. Where the tool's own mark is not
 what the base can draw, a little is easily explained by what is not there."""
+_FEW = 15
+"""Sealed actions."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -153,7 +155,7 @@ def diagnose(
     established = findings(extended)
     # What is confirmed and of no use on strokes that nothing was fitted to goes, one by one: of two causes that can do
     # each other's work, neither is of use beside the other.
-    while useless := [f for f in established if not _is_of_use(f, established, found)]:
+    while useless := [f for f in established if not _is_of_use(f, established, found, len(base_losses))]:
         worst = min(useless, key=lambda f: f.gain)
         extended = fit(_without(extended, [worst.cause], base), known)
         extended_losses = action_losses(extended, test)
@@ -172,15 +174,19 @@ def diagnose(
     )  # fmt: skip
 
 
-def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search) -> bool:
+def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, sealed: int) -> bool:
     """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another.
 
-    A small table seals few strokes. Of the only cause that displaces the mark, or does not, which the confirming ones
-    are sure of, they must only not deny it, and it must not be little beside one of the other kind.
+    A small table seals few strokes, which cannot tell little from nothing. Of the only cause that displaces the mark,
+    or does not, which the confirming ones are sure of, few must only not deny it, and it must not be little beside one
+    of the other kind.
+
+    Args:
+        sealed: actions.
     """
     displaced = {f.cause: displaces(found.observable[f.cause]) for f in established}
     alike = [f.gain for f in established if displaced[f.cause] == displaced[finding.cause]]
-    sure = finding.confirmed_p <= _SURE_P and len(alike) == 1
+    sure = finding.confirmed_p <= _SURE_P and len(alike) == 1 and sealed <= _FEW
     if sure and len(established) == 1:
         return finding.gain > 0
     if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * max(alike)):
