@@ -21,7 +21,7 @@ from pentimento.stroke_hands.hand_files import generic_hand, hand_of
 from pentimento.stroke_hands.latent_map import drawn_map, flat_map, nearest_of_same_hand
 from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.stroke_hands.trajvae import TrajVAE
+from pentimento.stroke_hands.trajvae import Strokes, TrajVAE
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
@@ -59,7 +59,7 @@ def main(arguments: argparse.Namespace) -> None:
         metrics: dict[str, Any] = {"strokes": {"learned": len(learned.hand), "quarantined": len(checked.quarantined)}}
         pictures = []
         for hand in learned.hands:
-            decoder, metrics[hand] = _adapted(model, held_out.of(hand), hand, config, run)
+            decoder, metrics[hand] = _adapted(model, learned.strokes, held_out.of(hand), hand, config, run)
             write_hand(out / "hands" / f"{hand}.npz", decoder)
             samples = decoder.some(_SAMPLES, np.random.default_rng([config.model.seed, 31]))
             pictures += list(decoder.decode(samples)[0].astype(np.float64))
@@ -72,7 +72,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _adapted(
-    model: TrajVAE, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
+    model: TrajVAE, known: Strokes, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
 ) -> tuple[HandDecoder, dict[str, float]]:
     """The hand from the first strokes of a session that the model has not seen, and errors on the rest of it, mm."""
     count = len(session.hand)
@@ -82,7 +82,7 @@ def _adapted(
             "are needed, so that some are left to measure with."
         )
     few, rest = (session.strokes.pick(index) for index in (torch.arange(config.few), torch.arange(config.few, count)))
-    own = fine_tune(model, few, config.model, partial(_log_as, run, hand))
+    own = fine_tune(model, few, known, config.model, partial(_log_as, run, hand))
     errors = {
         "pretrained": reconstruction_mm(model, rest),
         "fine_tuned": reconstruction_mm(own, rest),

@@ -8,6 +8,7 @@ figures and `hands.json` are written to `--out`.
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +24,16 @@ from pentimento.stroke_hands.latent_map import drawn_map, flat_map
 from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.stroke_hands.training import Course, TrajVAEConfig, pretrain
 from pipelines._io import write_json
+from studies.hands.by_number import told_by_number
 from studies.hands.held_out import SAMPLERS, SessionResult, held_out_sessions, told_apart
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
 
-POINTS, FEW, LEAST, FOLDS, DRAWINGS, SEED = 32, 20, 10, 2, 300, 1
+POINTS, FEW, LEAST, DRAWINGS, SEED = 32, 20, 10, 300, 1
 LIMITS = Limits(longest_hole=5, jump_m=3e-3, jump_times=8.0, shortest_m=1e-3, longest_m=0.6)
 CONFIG = TrajVAEConfig(
-    points=POINTS, latent=64, width=256, divergence=1e-4, pretraining=Course(1000, 64, 1e-3),
-    fine_tuning=Course(200, FEW, 3e-4), variation=0.05, seed=SEED,
+    points=POINTS, latent=64, width=256, divergence=1e-4, pretraining=Course(3000, 64, 1e-3),
+    fine_tuning=Course(400, 64, 3e-4), variation=0.05, seed=SEED,
 )  # fmt: skip
 _SHOWN = 12
 _MAPPED = 300
@@ -47,12 +49,13 @@ def main(arguments: argparse.Namespace) -> None:
     for name, read in (("motion_capture", motion_capture), ("tablet", tablet)):
         gathered = gather(read(arguments.measured), LIMITS, POINTS)
         strokes = demonstrated(gathered.table, POINTS)
-        results = held_out_sessions(strokes, FEW, LEAST, FOLDS, CONFIG)
+        results = held_out_sessions(strokes, FEW, LEAST, CONFIG)
         _pictures(name, gathered, strokes, results, out)
         found[name] = {
             "gathered": gathered.counts,
             "sessions": [_numbers(result) for result in results],
             "auc": told_apart(results, SEED),
+            "auc_by_number": [asdict(told) for told in told_by_number(strokes, CONFIG)],
         }
         print(f"{name}: done")
     found["quickdraw"] = _quickdraw(arguments.measured)

@@ -1,7 +1,7 @@
 """Sessions that the model has not seen: errors before and after fine-tuning on few strokes, and samples beside people.
 
-Sessions are dealt into folds. For each fold one model is pretrained on all other sessions; each of the fold's sessions
-is split at random into few strokes to learn from and the rest to measure with.
+For each session a model is pretrained on all others; its own strokes are split at random into few to learn from and the
+rest to measure with.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pentimento.stroke_hands.hand_files import hand_of
 from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.stroke_hands.sampling import in_standard_frame, sampled_strokes
 from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.stroke_hands.trajvae import TrajVAE
+from pentimento.stroke_hands.trajvae import Strokes
 from pentimento.stroke_hands.who_drew import difference_auc
 from studies.hands.samplers import copies, gaussian
 
@@ -26,8 +26,9 @@ FloatArray = NDArray[np.float64]
 
 SAMPLERS = (
     "TrajVAE, fine-tuned", "TrajVAE, pretrained", "TrajVAE, fine-tuned, its means only",
-    "Gaussian, principal components", "copies with noise",
+    "Gaussian, principal components", "copies with noise", "strokes of the other sessions",
 )  # fmt: skip
+_HALVINGS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,29 +47,26 @@ class SessionResult:
     """Of ``SAMPLERS``, as many as the rest."""
 
 
-def held_out_sessions(
-    strokes: Demonstrated, few: int, least: int, folds: int, config: TrajVAEConfig
-) -> list[SessionResult]:
+def held_out_sessions(strokes: Demonstrated, few: int, least: int, config: TrajVAEConfig) -> list[SessionResult]:
     """Each session with at least ``few + least`` strokes, held out once."""
     names = list(dict.fromkeys(strokes.session))
     fits = [name for name in names if strokes.session.count(name) >= few + least]
-    found = []
-    for fold in range(folds):
-        apart = fits[fold::folds]
-        if not apart:
-            continue
-        others = strokes.pick(np.array([name not in apart for name in strokes.session]))
-        model = pretrain(others.strokes, config, _unheard)
-        found += [_session(model, strokes, name, few, config) for name in apart]
-    return found
+    return [_session(strokes, name, few, config) for name in fits]
 
 
-def _session(model: TrajVAE, strokes: Demonstrated, name: str, few: int, config: TrajVAEConfig) -> SessionResult:
-    own = strokes.pick(np.array([session == name for session in strokes.session])).strokes
+def own_and_others(strokes: Demonstrated, session: str) -> tuple[Strokes, Strokes]:
+    """The strokes of one session, and those of all others."""
+    own = np.array([name == session for name in strokes.session])
+    return strokes.pick(own).strokes, strokes.pick(~own).strokes
+
+
+def _session(strokes: Demonstrated, name: str, few: int, config: TrajVAEConfig) -> SessionResult:
+    own, others = own_and_others(strokes, name)
+    model = pretrain(others, config, unheard)
     rng = np.random.default_rng([config.seed, 41, *name.encode()])
     order = torch.from_numpy(rng.permutation(len(own.xy_m)))
     learned, rest = own.pick(order[:few]), own.pick(order[few:])
-    adapted = fine_tune(model, learned, config, _unheard)
+    adapted = fine_tune(model, learned, others, config, unheard)
     count, few_m = len(rest.xy_m), learned.xy_m.double().numpy()
     samples = {}
     for sampler, of in zip(SAMPLERS[:2], (adapted, model), strict=True):
@@ -77,6 +75,7 @@ def _session(model: TrajVAE, strokes: Demonstrated, name: str, few: int, config:
     samples[SAMPLERS[2]] = in_standard_frame(hand.decode(hand.some(count, rng))[0].astype(np.float64))
     samples[SAMPLERS[3]] = in_standard_frame(gaussian(few_m, count, rng))
     samples[SAMPLERS[4]] = in_standard_frame(copies(few_m, count, rng))
+    samples[SAMPLERS[5]] = others.xy_m.double().numpy()[rng.integers(len(others.xy_m), size=count)]
     return SessionResult(
         name, count, reconstruction_mm(model, rest), reconstruction_mm(adapted, rest), nearest_mm(learned, rest),
         mean_stroke_mm(learned, rest), rest.xy_m.double().numpy(), samples,
@@ -84,18 +83,27 @@ def _session(model: TrajVAE, strokes: Demonstrated, name: str, few: int, config:
 
 
 def told_apart(results: Sequence[SessionResult], seed: int) -> dict[str, float]:
-    """For each sampler: AUC of trees that tell its samples from people's strokes, all sessions together; and of
-    people's strokes among themselves, halved by chance.
+    """For each sampler: AUC of trees that tell its samples from people's strokes; and of people's strokes among
+    themselves, halved by chance. Each session has trees of its own, as what one session's samples are drawn from can be
+    another's held-out strokes; the mean counts strokes.
     """
-    people = np.concatenate([result.rest_m for result in results])
-    found = {
-        sampler: difference_auc(list(people), list(np.concatenate([r.samples_m[sampler] for r in results])), seed)
-        for sampler in SAMPLERS
-    }
-    order = np.random.default_rng([seed, 42]).permutation(len(people))
-    halves = np.array_split(order, 2)
-    return found | {"people, halved": difference_auc(*(list(people[half]) for half in halves), seed)}
+    names = (*SAMPLERS, "people, halved")
+    of_sessions = np.array([_aucs(result, seed) for result in results])
+    mean = np.average(of_sessions, axis=0, weights=[result.measured for result in results])
+    return dict(zip(names, mean.tolist(), strict=True))
 
 
-def _unheard(_name: str, _value: float, _step: int) -> None:
+def _aucs(result: SessionResult, seed: int) -> list[float]:
+    people = list(result.rest_m)
+    drawn = [difference_auc(people, list(result.samples_m[sampler]), seed) for sampler in SAMPLERS]
+    return [*drawn, float(np.mean([_halved(people, seed, number) for number in range(_HALVINGS)]))]
+
+
+def _halved(people: list[FloatArray], seed: int, number: int) -> float:
+    order = np.random.default_rng([seed, 42, number]).permutation(len(people))
+    one, other = ([people[i] for i in half] for half in np.array_split(order, 2))
+    return difference_auc(one, other, seed)
+
+
+def unheard(_name: str, _value: float, _step: int) -> None:
     """Curves are not kept."""

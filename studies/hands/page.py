@@ -22,6 +22,7 @@ def page(found: Mapping[str, Any], few: int) -> str:
         parts.append(
             f"## {title}\n\n{told['gathered']['recorded']} strokes recorded, {told['gathered']['kept']} kept; faults: "
             f"{faults or 'none'}.\n\n{_sessions(told['sessions'], few)}\n\n{_auc(told['auc'])}\n\n"
+            f"{_by_number(told['auc_by_number'])}\n\n"
             f"People's strokes, and below them as many samples, two rows a session:\n\n![]({name}_samples.png)\n\n"
             f"The latent space:\n\n![]({name}_map.png)\n"
         )
@@ -48,3 +49,14 @@ def _sessions(sessions: list[dict[str, Any]], few: int) -> str:
 def _auc(auc: Mapping[str, float]) -> str:
     lines = ["| samples of | AUC against held-out strokes |", "|---|---|"]
     return "\n".join(lines + [f"| {name} | {value:.2f} |" for name, value in auc.items()])
+
+
+def _by_number(told: list[dict[str, Any]]) -> str:
+    lines = [
+        "| session | strokes known | strokes measured | AUC of samples | AUC, 20 against 20 |",
+        "|---|---|---|---|---|",
+    ]
+    for row in told:
+        aucs = f"{row['auc']:.2f} | {row['auc_of_few']:.2f}"
+        lines.append(f"| {row['session']} | {row['known']} | {row['measured']} | {aucs} |")
+    return "\n".join(lines)

@@ -37,8 +37,11 @@ def test_fine_tuning_on_a_few_strokes_comes_nearer_to_a_hand_that_was_not_learne
     model = pretrain(others.strokes, CONFIG, unheard)
     new = held_out.of("zigzags").strokes
     few, rest = new.pick(torch.arange(10)), new.pick(torch.arange(10, 16))
-    own = fine_tune(model, few, CONFIG, unheard)
+    own = fine_tune(model, few, others.strokes, CONFIG, unheard)
     assert reconstruction_mm(own, rest) < 0.8 * reconstruction_mm(model, rest)
+    alone = fine_tune(model, few, few, CONFIG, unheard)  # nothing is rehearsed
+    apart = held_out.of("loops").strokes
+    assert reconstruction_mm(own, apart) < reconstruction_mm(alone, apart)
     assert reconstruction_mm(model, rest) == pytest.approx(
         reconstruction_mm(pretrain(others.strokes, CONFIG, unheard), rest)
     )

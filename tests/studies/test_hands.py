@@ -11,6 +11,7 @@ from pentimento.demonstrations.made_up_hands import MadeUpConfig, made_up_sessio
 from pentimento.demonstrations.repair import Limits
 from pentimento.stroke_hands.demonstrated import demonstrated
 from pentimento.stroke_hands.training import Course, TrajVAEConfig
+from studies.hands.by_number import told_by_number
 from studies.hands.held_out import SAMPLERS, held_out_sessions, told_apart
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
@@ -45,12 +46,12 @@ def test_copies_keep_their_ends_and_lie_near_a_demonstration() -> None:
 def test_sessions_are_held_out_once_and_told_apart() -> None:
     recorded = made_up_sessions(MadeUpConfig(sessions=2, strokes=20, seed=4))
     strokes = demonstrated(gather(recorded, LIMITS, 16).table, 16)
-    strokes = strokes.pick(np.array([hand in ("arcs", "hatching") for hand in strokes.hand]))
-    results = held_out_sessions(strokes, few=12, least=8, folds=2, config=CONFIG)
+    strokes = strokes.pick(np.array([hand == "arcs" for hand in strokes.hand]))
+    results = held_out_sessions(strokes, few=10, least=10, config=CONFIG)
     assert sorted(result.session for result in results) == sorted(set(strokes.session))
     for result in results:
-        assert result.measured == 8
-        assert result.fine_tuned_mm < result.mean_stroke_mm or not result.session.startswith("arcs")
+        assert result.measured == 10
+        assert result.fine_tuned_mm < result.mean_stroke_mm
         assert set(result.samples_m) == set(SAMPLERS)
         for drawn in result.samples_m.values():
             assert drawn.shape == result.rest_m.shape
@@ -60,12 +61,36 @@ def test_sessions_are_held_out_once_and_told_apart() -> None:
     assert abs(auc["people, halved"] - 0.5) < 0.3
     text = page(_found(auc), 12)
     assert "| arcs_0 | 8 | 1.00 | 0.50 | 2.00 | 3.00 |" in text
+    assert "| arcs_0 | 20 | 8 | 0.90 | 0.60 |" in text
+
+
+def test_samples_of_a_long_session_are_told_apart_by_how_many_strokes_are_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recorded = made_up_sessions(MadeUpConfig(sessions=2, strokes=60, seed=4))
+    strokes = demonstrated(gather(recorded, LIMITS, 16).table, 16)
+    long = [n for n, name in enumerate(strokes.session) if name == "arcs_0"]
+    short = [n for n, name in enumerate(strokes.session) if name == "hatching_1"][:26]  # 20 can be known, 40 cannot
+    compared: list[tuple[int, int]] = []
+
+    def auc(one: list[np.ndarray], other: list[np.ndarray], _seed: int) -> float:
+        compared.append((len(one), len(other)))
+        return len(one) / 100
+
+    monkeypatch.setattr("studies.hands.by_number.difference_auc", auc)
+    told = told_by_number(strokes.pick(np.array(long + short)), CONFIG)
+    rest = len(long) - 20
+    assert [(row.session, row.known, row.measured) for row in told] == [("arcs_0", 20, rest), ("arcs_0", 40, rest - 20)]
+    assert set(compared) == {(rest, rest), (rest - 20, rest - 20), (min(20, rest - 20),) * 2, (20, 20)}
+    assert told[0].auc == pytest.approx(rest / 100)
+    assert told[0].auc_of_few == pytest.approx(0.2)
 
 
 def _found(auc: dict[str, float]) -> dict[str, object]:
     numbers = {"pretrained_mm": 1.0, "fine_tuned_mm": 0.5, "nearest_mm": 2.0, "mean_stroke_mm": 3.0}
     gathered = {"recorded": 3, "kept": 2, "sessions": 1, "faults": {"times_repeated": 1, "spikes_removed": 0}}
     part = {"gathered": gathered, "sessions": [{"session": "arcs_0", "measured": 8, **numbers}], "auc": auc}
+    part["auc_by_number"] = [{"session": "arcs_0", "known": 20, "measured": 8, "auc": 0.9, "auc_of_few": 0.6}]
     quick = {"gathered": gathered, "measured": 4, **numbers}
     return {"motion_capture": part, "tablet": part, "quickdraw": quick}
 

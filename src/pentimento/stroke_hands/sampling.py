@@ -15,25 +15,27 @@ from pentimento.stroke_hands.trajvae import Strokes, TrajVAE
 
 FloatArray = NDArray[np.float64]
 
-_KERNEL = 0.4
-"""Width of the kernel, as a share of the standard deviation of the few strokes' latents."""
+_NEIGHBOURS = 4
+"""Of each stroke, among the few: how these differ from it is how it may vary."""
 
 
 def sampled_strokes(model: TrajVAE, few: Strokes, count: int, rng: np.random.Generator) -> FloatArray:
     """Strokes [count, N, 2], metres, in the standard frame, like the few.
 
-    Latents are those of one of the few, drawn towards their mean and spread by as much as that takes away: a kernel
-    estimate of their density with their mean and covariance (Silverman 1986, 6.4).
+    Latents are those of one of the few, moved at random along the ways to its nearest neighbours: a kernel estimate of
+    their density with a covariance for each stroke (Terrell & Scott 1992, Variable kernel density estimation), so that
+    lines vary as lines do and scribbles as scribbles.
     """
     hand = hand_of(model, few, "")
-    known, latent = few.xy_m.double().numpy(), hand.latent_mean
+    known, latent = few.xy_m.double().numpy(), hand.latent_mean.astype(np.float64)
+    apart = np.linalg.norm(latent[:, None] - latent, axis=-1)
+    near = np.argsort(apart, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 1]
+    ways = (latent[near] - latent[:, None]) / np.sqrt(max(near.shape[1], 1))  # [K, neighbours, L]
     k = rng.integers(len(latent), size=count)
-    apart = latent - latent.mean(0)
-    kernel = rng.standard_normal((count, len(latent))) @ apart / np.sqrt(max(len(latent) - 1, 1))
+    moved = np.einsum("sm,sml->sl", rng.standard_normal((count, near.shape[1])), ways[k])
     open_to = hand.latent_deviation[k] * rng.standard_normal((count, latent.shape[1]))
-    drawn_at = latent.mean(0) + np.sqrt(1 - _KERNEL**2) * apart[k] + _KERNEL * kernel + open_to
-    drawn = hand.decode(drawn_at.astype(np.float32))[0].astype(np.float64)
-    left_out = known - hand.decode(latent)[0].astype(np.float64)
+    drawn = hand.decode((latent[k] + moved + open_to).astype(np.float32))[0].astype(np.float64)
+    left_out = known - hand.decode(hand.latent_mean)[0].astype(np.float64)
     larger = _sizes(drawn) / _sizes(known[k])
     return in_standard_frame(drawn + larger[:, None, None] * left_out[k])
 

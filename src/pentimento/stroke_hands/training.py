@@ -59,26 +59,35 @@ def pretrain(strokes: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         model = TrajVAE(config.points, config.latent, config.width, scale_m, max(height_scale_m, 1e-6))
-    _train(model, strokes, config, config.pretraining, config.seed, log)
+    _train(model, (strokes,), config, config.pretraining, config.seed, log)
     return model
 
 
-def fine_tune(model: TrajVAE, strokes: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
-    """A copy of the model, adapted to these strokes."""
+def fine_tune(model: TrajVAE, strokes: Strokes, known: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
+    """A copy of the model, adapted to these strokes while it rehearses those that it was pretrained on, ``known``.
+
+    A few strokes alone would teach a hand and take away what all hands share (Robins 1995, Catastrophic forgetting,
+    rehearsal and pseudorehearsal).
+    """
     own = deepcopy(model)
-    _train(own, strokes, config, config.fine_tuning, config.seed + 1, log)
+    _train(own, (strokes, known), config, config.fine_tuning, config.seed + 1, log)
     return own
 
 
-def _train(model: TrajVAE, strokes: Strokes, config: TrajVAEConfig, course: Course, seed: int, log: Log) -> None:
+def _train(
+    model: TrajVAE, sources: tuple[Strokes, ...], config: TrajVAEConfig, course: Course, seed: int, log: Log
+) -> None:
+    """Minimise the sum of the sources' mean losses, by a batch of each a step."""
     generator = torch.Generator().manual_seed(seed)
     adam = torch.optim.Adam(model.parameters(), lr=course.rate)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, course.steps)
-    count = len(strokes.xy_m)
     for step in range(course.steps):
-        index = torch.randint(count, (min(course.batch, count),), generator=generator)
-        varied = _varied(strokes.pick(index), config.variation, generator)
-        loss = model.loss(varied, config.divergence, generator)
+        loss = torch.zeros(())
+        for strokes in sources:
+            count = len(strokes.xy_m)
+            index = torch.randint(count, (min(course.batch, count),), generator=generator)
+            varied = _varied(strokes.pick(index), config.variation, generator)
+            loss = loss + model.loss(varied, config.divergence, generator)
         adam.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         adam.step()
