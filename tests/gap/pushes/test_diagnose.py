@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _least_fall, _unconfirmed, diagnose, noise_floor
+from pentimento.gap.pushes.diagnose import _least_fall, _least_gain, _unconfirmed, diagnose, noise_floor
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.verdict import verdict
 from pentimento.push_dynamics.analytic import first_model
@@ -69,6 +71,13 @@ def test_what_two_samples_are_sure_of_the_sealed_one_must_only_not_deny(lossy: P
     unsure = _least_fall(named, 0.05, True, 0.2, 1.0)
     assert alone == 0 < beside == unsure
     assert _least_fall(named, 0.05, True, 0.2, 2.0) == 2 * unsure > _least_fall(named, 0.05, True, 0.2, 0.0) > 0
+
+
+def test_beside_others_a_cause_must_gain_more_than_its_error(lossy: Played) -> None:
+    (named,) = lossy.diagnosis.established
+    named = replace(named, gain=0.05, gain_interval=(-0.146, 0.246))  # a standard error of .1
+    assert _least_gain(named, 1) == 0
+    assert _least_gain(named, 2) == pytest.approx(0.1)
 
 
 def test_too_few_actions_are_refused(lossy: Played) -> None:

@@ -7,10 +7,11 @@ import numpy as np
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import measure
-from pentimento.gap.pushes.search import _enough, _weigh, observable_causes
+from pentimento.gap.pushes.search import _could_be_the_base, _enough, _weigh, observable_causes
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
+from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
 from pentimento.push_dynamics.mechanisms.volume_loss import VolumeLoss
 from tests.push_dynamics.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, played
 
@@ -26,6 +27,16 @@ def test_a_rival_of_what_was_found_must_do_as_much_again() -> None:
     }
     assert beside["volume_loss"] > 0.5 > beside["height_offset"] > 0
     assert _enough(known["volume_loss"], known, gained, {"far_field": ()}) == beside["height_offset"]
+
+
+def test_what_a_base_can_look_like_must_surely_make_pushes_better() -> None:
+    known, _ = observable_causes(measure(blank(12, 1), 0.006), [HeightOffset, ToolBacklash])
+    noise = np.random.default_rng(0).standard_normal(100)
+    noise = (noise - noise.mean()) / noise.std()
+    little, much = noise + 0.25, noise + 0.5  # 2.5 and 5 standard errors
+    assert _could_be_the_base(known["height_offset"], little, 0)
+    assert not _could_be_the_base(known["height_offset"], much, 0)
+    assert not _could_be_the_base(known["tool_backlash"], little, 0)
 
 
 def test_a_flat_tip_is_not_taken_for_a_tool_that_goes_deeper() -> None:

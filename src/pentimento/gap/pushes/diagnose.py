@@ -35,6 +35,7 @@ _CONFIRMED_P, _SURE_P = 0.4, 0.01
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes: what is worth less explains nothing, however sure it is."""
+_INTERVAL_IN_ERRORS = 3.92
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -129,9 +130,8 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    # Nothing is established that makes the sealed pushes as a whole worse.
-    while harmful := [f for f in established if f.gain < 0]:
-        worst = min(harmful, key=lambda f: f.gain).cause
+    while idle := [f for f in established if f.gain < _least_gain(f, len(established))]:
+        worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
         established = tuple(finding(extended, m) for m in extended.mechanisms)
@@ -155,6 +155,14 @@ def _unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float]) -> list
     """
     limits = (_CONFIRMED_P if cause == found[0] else _SURE_P for cause in found)
     return [cause for cause, limit in zip(found, limits, strict=True) if confirmed_p[cause] > limit]
+
+
+def _least_gain(finding: Finding, established: int) -> float:
+    """What a cause must gain on the sealed pushes as they are: alone, nothing that makes them worse; beside others, its
+    standard error.
+    """
+    low, high = finding.gain_interval
+    return 0.0 if established == 1 else (high - low) / _INTERVAL_IN_ERRORS
 
 
 def _of_use(

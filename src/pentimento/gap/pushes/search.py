@@ -25,6 +25,8 @@ from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 Array = NDArray[Any]
 
 _FIRST_P, _LATER_P = 0.02, 0.01
+_IMITABLE_P = _LATER_P / 10
+"""Of the errors that a refit removes, where the base could look like the cause: tested for each of the vocabulary."""
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
 _LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.012, 0.01
@@ -111,6 +113,7 @@ def search(
             for c in refits
             if size[c] < max(least_of_floor(observable[c]) * (floor or error), _LEAST_OF_MISFIT * (error - floor))
             or size[c] < _enough(observable[c], observable, gained, rivals)
+            or _could_be_the_base(observable[c], before - losses[c], seed)
         }
         dismissed |= small
         losses = {cause: after for cause, after in losses.items() if cause not in small}
@@ -140,6 +143,13 @@ def _weigh(
 def least_of_floor(mechanism: Mechanism) -> float:
     """How much of the noise floor a cause must remove at least."""
     return _LEAST_IF_IMITABLE if mechanism.imitable else _LEAST_OF_FLOOR
+
+
+def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
+    """Whether the errors that its refit removes, [actions], could as well be those of a base that is wrong about
+    shapes: a score at no effect may be sure of what hardly makes a push better.
+    """
+    return mechanism.imitable and paired_p(falls, seed) >= _IMITABLE_P
 
 
 def is_physical(mechanism: Mechanism) -> bool:
