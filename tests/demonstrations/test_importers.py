@@ -1,12 +1,15 @@
 """Importers: what a person recorded comes out in metres, y up; what cannot be read is refused in a sentence."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import c3d
 import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.demonstrations.c3d_markers import C3D, read_c3d
 from pentimento.demonstrations.gather import Source, gather, read_source
 from pentimento.demonstrations.optitrack import OptiTrack, read_optitrack
 from pentimento.demonstrations.quickdraw import read_quickdraw
@@ -77,6 +80,62 @@ def test_a_take_without_unit_or_body_is_refused(tmp_path: Path, unit: str, known
     motive(tmp_path / "take.csv", np.zeros((3, 2)), np.zeros(3), unit)
     with pytest.raises(ContractError, match=sentence):
         read_optitrack(tmp_path / "take.csv", "s", "h", known)
+
+
+MARKERS = C3D(("origin", "right", "far"), raised_m=7e-3, pen=("cap", "grip"), tip_m=0.08, contact_m=2e-3)
+
+
+def markers(path: Path, place: np.ndarray, height: np.ndarray, unit: str, lost: tuple[int, ...] = ()) -> None:
+    """The same canvas and pen as single markers, whose middles lie 7 mm over the sheet."""
+    to_unit = {"mm": 1e3, "m": 1.0}.get(unit, 1.0)
+    turned = matrix(rotation(np.array([0.3, 1.0, 0.2]), 0.8))  # columns: x, y and up of the canvas
+    at = np.array([0.4, 0.9, -0.2])
+    axis = matrix(rotation(np.array([1.0, 0.0, 0.5]), 0.4)) @ np.array([0.0, 0.0, -1.0])
+    tips = at + np.column_stack([place, height]) @ turned.T
+    canvas = (
+        at + np.array([[0, 0, 7e-3], [0.2, 0, 7e-3], [0.03, 0.15, 7e-3]]) @ turned.T
+    )  # the third is not square to x
+    writer = c3d.Writer(point_rate=200.0, point_units=unit)
+    writer.set_point_labels(["right", "origin", "far", "grip", "cap"])
+    frames = []
+    for k, tip in enumerate(tips):
+        seen = np.array([canvas[1], canvas[0], canvas[2], tip - 0.08 * axis, tip - 0.14 * axis]) * to_unit
+        residual = np.array([0, 0, 0, 0, -1 if k in lost else 0])
+        frames.append((np.column_stack([seen, residual, np.zeros(5)]), np.zeros((0, 0))))
+    writer.add_frames(frames)
+    with path.open("wb") as file, pytest.warns(UserWarning, match="No analog data"):
+        writer.write(file)
+
+
+def test_markers_of_a_leaning_pen_on_a_tilted_canvas_give_its_tip(tmp_path: Path) -> None:
+    t = np.linspace(0, 1, 90)
+    place = np.column_stack([0.1 * t, 0.03 * np.sin(6 * t)])
+    height = np.where((t > 0.4) & (t < 0.6), 0.01, 5e-4)
+    for unit in ("mm", "m"):
+        markers(tmp_path / "take.c3d", place, height, unit, lost=(10, 11))
+        first, second = read_source(Source(str(tmp_path / "take.c3d"), "c3d", "s", "h", None, None, MARKERS))
+        assert len(first.points) + len(second.points) == (height < 2e-3).sum()
+        whole = np.isfinite(first.points[:, XY]).all(axis=1)
+        assert np.flatnonzero(~whole).tolist() == [10, 11]
+        np.testing.assert_allclose(first.points[whole][:, XY], place[: len(first.points)][whole], atol=2e-6)
+        np.testing.assert_allclose(second.points[:, Z], 5e-4, atol=2e-6)
+        assert second.points[1, 0] - second.points[0, 0] == pytest.approx(1 / 200)
+
+
+def test_c3d_that_cannot_be_used_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "take.c3d"
+    markers(path, np.zeros((3, 2)), np.zeros(3), "ft")
+    with pytest.raises(ContractError, match="'ft' for its unit"):
+        read_c3d(path, "s", "h", MARKERS)
+    markers(path, np.zeros((3, 2)), np.zeros(3), "mm")
+    with pytest.raises(ContractError, match="no marker 'nib'; its markers are"):
+        read_c3d(path, "s", "h", replace(MARKERS, pen=("cap", "nib")))
+    with pytest.raises(ConfigError, match="needs the entry `c3d`"):
+        read_source(Source(str(path), "c3d", "s", "h", None, None))
+    for content in (b"", b"no motion capture", path.read_bytes()[:600]):
+        path.write_bytes(content)
+        with pytest.raises(ContractError, match="cannot be read as C3D"):
+            read_c3d(path, "s", "h", MARKERS)
 
 
 def test_a_tablet_s_y_is_turned_up_and_its_unit_is_asked_for(tmp_path: Path) -> None:

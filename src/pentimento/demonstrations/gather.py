@@ -14,6 +14,7 @@ import pyarrow as pa
 from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import arrow_schema
+from pentimento.demonstrations.c3d_markers import C3D, read_c3d
 from pentimento.demonstrations.optitrack import OptiTrack, read_optitrack
 from pentimento.demonstrations.quickdraw import read_quickdraw
 from pentimento.demonstrations.recording import PRESSURE, Recording
@@ -28,12 +29,14 @@ class Source:
     """One file that somebody recorded."""
 
     path: str
-    format: Literal["optitrack", "tablet", "quickdraw", "svg"]
+    format: Literal["optitrack", "c3d", "tablet", "quickdraw", "svg"]
     session: str
     hand: str
     unit_m: float | None
     """Length of the file's unit, where the file does not say it; quickdraw never does."""
     optitrack: OptiTrack | None
+    """For that format."""
+    c3d: C3D | None = None
     """For that format."""
 
 
@@ -60,6 +63,10 @@ def read_source(source: Source) -> list[Recording]:
             if source.optitrack is None:
                 raise ConfigError(f"{path}: the format optitrack needs the entry `optitrack`; give it.")
             return read_optitrack(path, source.session, source.hand, source.optitrack)
+        case "c3d":
+            if source.c3d is None:
+                raise ConfigError(f"{path}: the format c3d needs the entry `c3d`; give it.")
+            return read_c3d(path, source.session, source.hand, source.c3d)
         case "tablet":
             return read_tablet(path, source.session, source.hand, source.unit_m)
         case "quickdraw":

@@ -69,8 +69,15 @@ def read_optitrack(path: Path, session: str, hand: str, known: OptiTrack) -> lis
     tip = pen_at * to_m + known.pen_length_m * _turned(pen_turn, np.tile(axis, (len(t), 1)))
     own = _turned(canvas_turn * np.array([-1.0, -1.0, -1.0, 1.0]), tip - canvas_at * to_m)
     place, height = np.column_stack([own[:, 0], -own[:, 2]]), own[:, 1]
+    return strokes_in_contact(session, hand, place, t, height, known.contact_m)
+
+
+def strokes_in_contact(
+    session: str, hand: str, place_m: FloatArray, t_s: FloatArray, height_m: FloatArray, contact_m: float
+) -> list[Recording]:
+    """A take's tip, at places [K, 2] and heights [K] over the canvas, cut into what it draws."""
     return [
-        recording(session, hand, place[part], t[part], height[part]) for part in _contacts(height, known.contact_m)
+        recording(session, hand, place_m[part], t_s[part], height_m[part]) for part in _contacts(height_m, contact_m)
     ]  # fmt: skip
 
 
