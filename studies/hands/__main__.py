@@ -25,7 +25,7 @@ from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, r
 from pentimento.stroke_hands.training import Course, TrajVAEConfig, pretrain
 from pipelines._io import write_json
 from studies.hands.by_number import told_by_number
-from studies.hands.held_out import SAMPLERS, SessionResult, held_out_sessions, told_apart
+from studies.hands.held_out import SAMPLERS, SessionResult, held_out_sessions, pretrained_without, told_apart
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
 
@@ -49,13 +49,14 @@ def main(arguments: argparse.Namespace) -> None:
     for name, read in (("motion_capture", motion_capture), ("tablet", tablet)):
         gathered = gather(read(arguments.measured), LIMITS, POINTS)
         strokes = demonstrated(gathered.table, POINTS)
-        results = held_out_sessions(strokes, FEW, LEAST, CONFIG)
+        models = pretrained_without(strokes, FEW + LEAST, CONFIG)
+        results = held_out_sessions(models, strokes, FEW, CONFIG)
         _pictures(name, gathered, strokes, results, out)
         found[name] = {
             "gathered": gathered.counts,
             "sessions": [_numbers(result) for result in results],
             "auc": told_apart(results, SEED),
-            "auc_by_number": [asdict(told) for told in told_by_number(strokes, CONFIG)],
+            "auc_by_number": [asdict(told) for told in told_by_number(models, strokes, CONFIG)],
         }
         print(f"{name}: done")
     found["quickdraw"] = _quickdraw(arguments.measured)

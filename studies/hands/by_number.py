@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from pentimento.stroke_hands.demonstrated import Demonstrated
 from pentimento.stroke_hands.sampling import sampled_strokes
-from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune, pretrain
+from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune
+from pentimento.stroke_hands.trajvae import Strokes, TrajVAE
 from pentimento.stroke_hands.who_drew import difference_auc
 from studies.hands.held_out import own_and_others, unheard
 
@@ -36,27 +38,30 @@ class Told:
     """Of 20 samples against 20 strokes (or all, if there are fewer)."""
 
 
-def told_by_number(strokes: Demonstrated, config: TrajVAEConfig) -> list[Told]:
-    """Sessions of which at least two of ``NUMBERS`` can be known."""
+def told_by_number(models: Mapping[str, TrajVAE], strokes: Demonstrated, config: TrajVAEConfig) -> list[Told]:
+    """Of each session that a model has not seen, if at least two of ``NUMBERS`` can be known."""
     found = []
-    for session in dict.fromkeys(strokes.session):
+    for session, model in models.items():
         own, others = own_and_others(strokes, session)
-        numbers = [number for number in NUMBERS if number <= _KNOWN * len(own.xy_m)]
-        if len(numbers) > 1:
-            model = pretrain(others, config, unheard)
-            for known in numbers:
-                aucs = []
-                for split in range(_SPLITS):
-                    rng = np.random.default_rng([config.seed, 43, split, *session.encode()])
-                    order = torch.from_numpy(rng.permutation(len(own.xy_m)))
-                    learned, rest = own.pick(order[:known]), own.pick(order[known:])
-                    again = replace(config, seed=config.seed + split)
-                    adapted = fine_tune(model, learned, others, again, unheard)
-                    people = rest.xy_m.double().numpy()
-                    samples = sampled_strokes(adapted, learned, len(people), rng)
-                    aucs.append((difference_auc(list(people), list(samples), split), _of_few(people, samples, rng)))
-                found.append(Told(session, known, len(own.xy_m) - known, *np.mean(aucs, axis=0).tolist()))
+        count = len(own.xy_m)
+        numbers = [number for number in NUMBERS if number <= _KNOWN * count]
+        for known in numbers if len(numbers) > 1 else []:
+            aucs = [_aucs(model, session, own, others, known, split, config) for split in range(_SPLITS)]
+            found.append(Told(session, known, count - known, *np.mean(aucs, axis=0).tolist()))
     return found
+
+
+def _aucs(
+    model: TrajVAE, session: str, own: Strokes, others: Strokes, known: int, split: int, config: TrajVAEConfig
+) -> tuple[float, float]:
+    """Of one split: all samples, and few."""
+    rng = np.random.default_rng([config.seed, 43, split, *session.encode()])
+    order = torch.from_numpy(rng.permutation(len(own.xy_m)))
+    learned, rest = own.pick(order[:known]), own.pick(order[known:])
+    adapted = fine_tune(model, learned, others, replace(config, seed=config.seed + split), unheard)
+    people = rest.xy_m.double().numpy()
+    samples = sampled_strokes(adapted, learned, len(people), rng)
+    return difference_auc(list(people), list(samples), split), _of_few(people, samples, rng)
 
 
 def _of_few(people: FloatArray, samples: FloatArray, rng: np.random.Generator) -> float:

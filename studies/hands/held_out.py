@@ -6,7 +6,7 @@ rest to measure with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from pentimento.stroke_hands.hand_files import hand_of
 from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.stroke_hands.sampling import in_standard_frame, sampled_strokes
 from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.stroke_hands.trajvae import Strokes
+from pentimento.stroke_hands.trajvae import Strokes, TrajVAE
 from pentimento.stroke_hands.who_drew import difference_auc
 from studies.hands.samplers import copies, gaussian
 
@@ -47,11 +47,18 @@ class SessionResult:
     """Of ``SAMPLERS``, as many as the rest."""
 
 
-def held_out_sessions(strokes: Demonstrated, few: int, least: int, config: TrajVAEConfig) -> list[SessionResult]:
-    """Each session with at least ``few + least`` strokes, held out once."""
-    names = list(dict.fromkeys(strokes.session))
-    fits = [name for name in names if strokes.session.count(name) >= few + least]
-    return [_session(strokes, name, few, config) for name in fits]
+def pretrained_without(strokes: Demonstrated, least: int, config: TrajVAEConfig) -> dict[str, TrajVAE]:
+    """For each session of at least ``least`` strokes, a model of all others."""
+    names = dict.fromkeys(strokes.session)
+    fits = [name for name in names if strokes.session.count(name) >= least]
+    return {name: pretrain(own_and_others(strokes, name)[1], config, unheard) for name in fits}
+
+
+def held_out_sessions(
+    models: Mapping[str, TrajVAE], strokes: Demonstrated, few: int, config: TrajVAEConfig
+) -> list[SessionResult]:
+    """Each session that a model has not seen, by ``few`` of its strokes."""
+    return [_session(model, strokes, name, few, config) for name, model in models.items()]
 
 
 def own_and_others(strokes: Demonstrated, session: str) -> tuple[Strokes, Strokes]:
@@ -60,9 +67,8 @@ def own_and_others(strokes: Demonstrated, session: str) -> tuple[Strokes, Stroke
     return strokes.pick(own).strokes, strokes.pick(~own).strokes
 
 
-def _session(strokes: Demonstrated, name: str, few: int, config: TrajVAEConfig) -> SessionResult:
+def _session(model: TrajVAE, strokes: Demonstrated, name: str, few: int, config: TrajVAEConfig) -> SessionResult:
     own, others = own_and_others(strokes, name)
-    model = pretrain(others, config, unheard)
     rng = np.random.default_rng([config.seed, 41, *name.encode()])
     order = torch.from_numpy(rng.permutation(len(own.xy_m)))
     learned, rest = own.pick(order[:few]), own.pick(order[few:])

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import c3d
 import numpy as np
@@ -58,20 +59,6 @@ def motive(
     path.write_text("\n".join(",".join(map(str, row)) for row in [*head, *rows]))
 
 
-def test_a_leaning_pen_on_a_tilted_canvas_is_found_at_its_tip(tmp_path: Path) -> None:
-    t = np.linspace(0, 1, 90)
-    place = np.column_stack([0.1 * t, 0.03 * np.sin(6 * t)])
-    height = np.where((t > 0.4) & (t < 0.6), 0.01, 5e-4)
-    for unit in ("Millimeters", "Meters"):
-        motive(tmp_path / "take.csv", place, height, unit, lost=(10, 11))
-        first, second = read_optitrack(tmp_path / "take.csv", "s", "h", KNOWN)
-        assert len(first.points) + len(second.points) == (height < 2e-3).sum()
-        whole = np.isfinite(first.points[:, XY]).all(axis=1)
-        assert np.flatnonzero(~whole).tolist() == [10, 11]
-        np.testing.assert_allclose(first.points[whole][:, XY], place[: len(first.points)][whole], atol=1e-9)
-        np.testing.assert_allclose(second.points[:, Z], 5e-4, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("unit", "known", "sentence"),
     [("Furlongs", KNOWN, "length units"), ("Meters", OptiTrack("Sheet", "Pen", 0.1, (0, -1, 0), 1e-3), "'Sheet'")],
@@ -92,9 +79,8 @@ def markers(path: Path, place: np.ndarray, height: np.ndarray, unit: str, lost: 
     at = np.array([0.4, 0.9, -0.2])
     axis = matrix(rotation(np.array([1.0, 0.0, 0.5]), 0.4)) @ np.array([0.0, 0.0, -1.0])
     tips = at + np.column_stack([place, height]) @ turned.T
-    canvas = (
-        at + np.array([[0, 0, 7e-3], [0.2, 0, 7e-3], [0.03, 0.15, 7e-3]]) @ turned.T
-    )  # the third is not square to x
+    corners = np.array([[0, 0, 7e-3], [0.2, 0, 7e-3], [0.03, 0.15, 7e-3]])  # the third is not square to x
+    canvas = at + corners @ turned.T
     writer = c3d.Writer(point_rate=200.0, point_units=unit)
     writer.set_point_labels(["right", "origin", "far", "grip", "cap"])
     frames = []
@@ -107,19 +93,26 @@ def markers(path: Path, place: np.ndarray, height: np.ndarray, unit: str, lost: 
         writer.write(file)
 
 
-def test_markers_of_a_leaning_pen_on_a_tilted_canvas_give_its_tip(tmp_path: Path) -> None:
+@pytest.mark.parametrize("unit", ["mm", "m"])
+@pytest.mark.parametrize("format", ["optitrack", "c3d"])
+def test_a_leaning_pen_on_a_tilted_canvas_is_found_at_its_tip(
+    tmp_path: Path, format: Literal["optitrack", "c3d"], unit: str
+) -> None:
     t = np.linspace(0, 1, 90)
     place = np.column_stack([0.1 * t, 0.03 * np.sin(6 * t)])
     height = np.where((t > 0.4) & (t < 0.6), 0.01, 5e-4)
-    for unit in ("mm", "m"):
-        markers(tmp_path / "take.c3d", place, height, unit, lost=(10, 11))
-        first, second = read_source(Source(str(tmp_path / "take.c3d"), "c3d", "s", "h", None, None, MARKERS))
-        assert len(first.points) + len(second.points) == (height < 2e-3).sum()
-        whole = np.isfinite(first.points[:, XY]).all(axis=1)
-        assert np.flatnonzero(~whole).tolist() == [10, 11]
-        np.testing.assert_allclose(first.points[whole][:, XY], place[: len(first.points)][whole], atol=2e-6)
-        np.testing.assert_allclose(second.points[:, Z], 5e-4, atol=2e-6)
-        assert second.points[1, 0] - second.points[0, 0] == pytest.approx(1 / 200)
+    if format == "c3d":
+        markers(tmp_path / "take", place, height, unit, lost=(10, 11))
+    else:
+        motive(tmp_path / "take", place, height, {"mm": "Millimeters", "m": "Meters"}[unit], lost=(10, 11))
+    first, second = read_source(Source(str(tmp_path / "take"), format, "s", "h", None, KNOWN, MARKERS))
+    assert len(first.points) + len(second.points) == (height < 2e-3).sum()
+    whole = np.isfinite(first.points[:, XY]).all(axis=1)
+    assert np.flatnonzero(~whole).tolist() == [10, 11]
+    rounded = 1e-9 if format == "optitrack" else 2e-6  # C3D has single precision
+    np.testing.assert_allclose(first.points[whole][:, XY], place[: len(first.points)][whole], atol=rounded)
+    np.testing.assert_allclose(second.points[:, Z], 5e-4, atol=rounded)
+    assert second.points[1, 0] - second.points[0, 0] == pytest.approx(1 / 200)
 
 
 def test_c3d_that_cannot_be_used_is_refused_in_a_sentence(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pentimento.demonstrations.repair import Limits
 from pentimento.stroke_hands.demonstrated import demonstrated
 from pentimento.stroke_hands.training import Course, TrajVAEConfig
 from studies.hands.by_number import told_by_number
-from studies.hands.held_out import SAMPLERS, held_out_sessions, told_apart
+from studies.hands.held_out import SAMPLERS, held_out_sessions, pretrained_without, told_apart
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
 from studies.hands.samplers import copies, gaussian
@@ -47,7 +47,7 @@ def test_sessions_are_held_out_once_and_told_apart() -> None:
     recorded = made_up_sessions(MadeUpConfig(sessions=2, strokes=20, seed=4))
     strokes = demonstrated(gather(recorded, LIMITS, 16).table, 16)
     strokes = strokes.pick(np.array([hand == "arcs" for hand in strokes.hand]))
-    results = held_out_sessions(strokes, few=10, least=10, config=CONFIG)
+    results = held_out_sessions(pretrained_without(strokes, 20, CONFIG), strokes, few=10, config=CONFIG)
     assert sorted(result.session for result in results) == sorted(set(strokes.session))
     for result in results:
         assert result.measured == 10
@@ -78,7 +78,8 @@ def test_samples_of_a_long_session_are_told_apart_by_how_many_strokes_are_known(
         return len(one) / 100
 
     monkeypatch.setattr("studies.hands.by_number.difference_auc", auc)
-    told = told_by_number(strokes.pick(np.array(long + short)), CONFIG)
+    strokes = strokes.pick(np.array(long + short))
+    told = told_by_number(pretrained_without(strokes, 20, CONFIG), strokes, CONFIG)
     rest = len(long) - 20
     assert [(row.session, row.known, row.measured) for row in told] == [("arcs_0", 20, rest), ("arcs_0", 40, rest - 20)]
     assert set(compared) == {(rest, rest), (rest - 20, rest - 20), (min(20, rest - 20),) * 2, (20, 20)}

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.demonstrations.optitrack import strokes_in_contact
+from pentimento.demonstrations.contact import strokes_in_contact
 from pentimento.demonstrations.recording import Recording
 
 FloatArray = NDArray[np.float64]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero
-from pentimento.demonstrations.recording import Recording, recording
+from pentimento.demonstrations.contact import strokes_in_contact
+from pentimento.demonstrations.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
@@ -72,15 +73,6 @@ def read_optitrack(path: Path, session: str, hand: str, known: OptiTrack) -> lis
     return strokes_in_contact(session, hand, place, t, height, known.contact_m)
 
 
-def strokes_in_contact(
-    session: str, hand: str, place_m: FloatArray, t_s: FloatArray, height_m: FloatArray, contact_m: float
-) -> list[Recording]:
-    """A take's tip, at places [K, 2] and heights [K] over the canvas, cut into what it draws."""
-    return [
-        recording(session, hand, place_m[part], t_s[part], height_m[part]) for part in _contacts(height_m, contact_m)
-    ]  # fmt: skip
-
-
 def _metres(rows: list[list[str]], path: Path) -> float:
     first = rows[0] if rows else []
     said = dict(zip(first[::2], first[1::2], strict=False))
@@ -123,15 +115,3 @@ def _turned(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
     along, w = quaternion[:, :3], quaternion[:, 3:]
     twice = 2 * np.cross(along, vectors)
     return np.asarray(vectors + w * twice + np.cross(along, twice))
-
-
-def _contacts(height: FloatArray, contact_m: float) -> list[slice]:
-    """Runs of frames from the first in which the pen draws to the last before it is seen to be lifted."""
-    runs, begun, last = [], -1, -1
-    for frame, value in enumerate(height):
-        if value < contact_m:
-            begun, last = (frame if begun < 0 else begun), frame
-        elif np.isfinite(value) and begun >= 0:
-            runs.append(slice(begun, last + 1))
-            begun = -1
-    return [*runs, slice(begun, last + 1)] if begun >= 0 else runs

@@ -36,6 +36,7 @@ _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes: what is worth less explains nothing, however sure it is."""
 _INTERVAL_IN_ERRORS = 3.92
+"""Standard errors from end to end of 95 %."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
