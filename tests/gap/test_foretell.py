@@ -12,11 +12,13 @@ from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import (
     BASE,
+    PRESSES,
     Model,
     foretold,
     foretold_linear,
     identity,
     ink,
+    interpolate,
     mark_px,
     marks_px,
     mean_squared_error,
@@ -49,6 +51,17 @@ def with_all_causes(measured: Measured) -> Model:
         except NotObservable:
             continue
     return first_model(measured).plus(*found)
+
+
+def test_the_curve_of_half_widths_goes_through_its_knots_and_straight_on_beyond_them() -> None:
+    knots = torch.tensor(PRESSES, dtype=torch.float64)
+    values = torch.tensor(np.random.default_rng(0).uniform(1, 2, len(PRESSES)))
+    torch.testing.assert_close(interpolate(values, knots), values)
+    line = 1.0 + 0.5 * knots
+    beyond = torch.tensor([-0.3, -0.01, 0.2, 0.73, 1.0, 1.4], dtype=torch.float64)
+    torch.testing.assert_close(interpolate(line, beyond), 1.0 + 0.5 * beyond)
+    first, last = np.diff(PRESSES)[[0, -1]]
+    assert PRESSES[0] == 0 and PRESSES[-1] == pytest.approx(1) and 3 * first < last
 
 
 def test_many_marks_at_once_are_those_of_each(measured: Measured) -> None:

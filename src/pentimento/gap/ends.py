@@ -8,14 +8,10 @@ nothing speaks for them any more.
 from __future__ import annotations
 
 import torch
-from torch import Tensor
 
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, at_lengths, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, moved_ends
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
-
-_SHORTEST_M = 1e-9
-_FARTHEST_IN = 0.45  # of the stroke's length
 
 
 class UnevenEnds(Mechanism):
@@ -38,24 +34,3 @@ class UnevenEnds(Mechanism):
         widening = start_widening * torch.exp(-arc / reach)
         widening = widening + end_widening * torch.exp(-(arc[..., -1:] - arc) / reach)
         return mark._replace(points_m=points, radius_m=radius * torch.exp(widening))
-
-
-def moved_ends(
-    points_m: Tensor, radius_m: Tensor, path: Tensor, start_m: float | Tensor, end_m: float | Tensor
-) -> tuple[Tensor, Tensor]:
-    """Points [B, S, N, 2] and radii [B, S, N] of a mark whose ends lie further out, by two lengths, than its path's.
-
-    The points behind an end give way: were it moved alone past its neighbour, a stroke would fold back on itself and
-    be no shorter for it. How wide the mark is at a place stays: only its ends are elsewhere. No end is moved in by more
-    than to the middle of the stroke.
-
-    Args:
-        path: [B, S, N, 5].
-    """
-    along, arc = tangent(path), arc_m(path)
-    length = arc[..., -1:]
-    share = arc / length.clamp(min=_SHORTEST_M)
-    start, end = (torch.maximum(torch.as_tensor(moved), -_FARTHEST_IN * length) for moved in (start_m, end_m))
-    forward = end * share**2 - start * (1 - share) ** 2
-    place = (arc + forward).clamp(min=torch.zeros_like(length), max=length)
-    return points_m + forward[..., None] * along, at_lengths(place, arc, radius_m[..., None])[..., 0]

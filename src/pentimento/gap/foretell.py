@@ -21,18 +21,20 @@ from torch import Tensor
 from torch.func import vmap
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
-from pentimento.gap.ends import moved_ends
 from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
 from pentimento.gap.mixture import mixture
-from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, moved_ends, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 Array = NDArray[Any]
 
-WIDTHS = tuple(f"half_width_{k}_mm" for k in range(6))
-"""Half-width at equal steps from the lightest to the deepest press."""
+PRESSES = tuple(np.expm1(np.linspace(0, np.log(4), 12)) / 3)
+"""Shares of the range from the lightest to the deepest press at which the base has a half-width of its own: closer
+together where the tool just touches. Fewer leave a misfit, for a tip has a knee, from where it spreads no further.
+"""
+WIDTHS = tuple(f"half_width_{k}_mm" for k in range(len(PRESSES)))
 SLABS = tuple(f"slab_{level:g}" for level in LEVELS)
 BASE = (
     *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "outward_mm",
@@ -40,6 +42,7 @@ BASE = (
 )  # fmt: skip
 """``mixing``: paint and ground mix in light to the power of ``exp(mixing)``: 0 is linear light, about -0.8 the
 numbers of an sRGB picture, far below that a filter that dims by a share."""
+_OUTERMOST = 3  # pieces of the half-width's curve
 _THINNEST_M = 1e-5
 _TIGHT_M = 0.02
 """Radius of a bend to whose outer side a mark lies by ``outward_mm``, also where no cause is at work."""
@@ -142,11 +145,17 @@ def _mark(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Mecha
 
 
 def interpolate(values: Tensor, share: Tensor) -> Tensor:
-    """The curve through equally spaced values at shares 0 to 1 of the range; level beyond it."""
-    place = share.clamp(0.0, 1.0) * (len(values) - 1)
-    left = place.floor().clamp(max=len(values) - 2).long()
-    t = place - left
-    return values[left] * (1 - t) + values[left + 1] * t
+    """The curve through ``values`` at the shares ``PRESSES`` of the range of presses, straight between them; beyond the
+    range as steep as over the outermost pieces.
+    """
+    knots = torch.tensor(PRESSES, dtype=share.dtype)
+    within = share.clamp(0.0, 1.0)
+    right = torch.searchsorted(knots, within.detach().contiguous()).clamp(1, len(values) - 1)
+    t = (within - knots[right - 1]) / (knots[right] - knots[right - 1])
+    below = (values[_OUTERMOST] - values[0]) / (knots[_OUTERMOST] - knots[0]) * share.clamp(max=0.0)
+    last = -1 - _OUTERMOST
+    above = (values[-1] - values[last]) / (knots[-1] - knots[last]) * (share - 1.0).clamp(min=0.0)
+    return values[right - 1] * (1 - t) + values[right] * t + below + above
 
 
 def acts_on(mechanism: Mechanism) -> set[str]:

@@ -32,7 +32,7 @@ _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
 MOST_CAUSES, _MOST_STEPS = 6, 9
-_BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.1
 """Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
 not the mechanism's; it is taken up by causes of the same driver first."""
 

@@ -97,6 +97,7 @@ def columns_read(mechanisms: Sequence[Mechanism], strokes: MeasuredStrokes) -> l
     mark = base_model(_ANY).mark()(context.path)
     with torch.no_grad():
         for mechanism in mechanisms:
+            mechanism.executed(context.path, context)
             mechanism.mark(mark, context)
             mechanism.composite(color, None, context)
     return sorted(columns.read)

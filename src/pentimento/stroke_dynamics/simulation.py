@@ -4,7 +4,8 @@
                  trajectory   width       density             composite                      camera
 
 A mechanism is one named cause of what the model alone gets wrong. It acts at its site; at all others it is the
-identity. Everything is differentiable in the mechanisms' quantities, the model's parameters, and the paths.
+identity. One that changes how deep a tool is pressed acts before the model, which knows what a press does. Everything
+is differentiable in the mechanisms' quantities, the model's parameters, and the paths.
 """
 
 from __future__ import annotations
@@ -96,6 +97,10 @@ class Mechanism:
         """
         return {}
 
+    def executed(self, path: Tensor, context: StrokeContext) -> Tensor:
+        """The path [B, S, N, 5] that is executed for the command ``path``, where the press is another."""
+        return path
+
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         """What is drawn, after the effect; for the sites trajectory, width and density."""
         return mark
@@ -111,7 +116,10 @@ class Mechanism:
 
 def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
     """The base model's mark after the sites trajectory, width and density."""
-    mark = base(context.path)
+    path = context.path
+    for mechanism in mechanisms:
+        path = mechanism.executed(path, context)
+    mark = base(path)
     for mechanism in in_order(mechanisms):
         mark = mechanism.mark(mark, context)
     return mark

@@ -96,19 +96,17 @@ def test_a_broad_edge_that_is_drawn_broadside_leaves_square_ends() -> None:
     assert 0 < ahead < 0.8 * 0.003 < 1.6 * 0.003 < aside
 
 
-def test_a_patch_that_is_a_little_oblong_leaves_round_ends() -> None:
-    plain, context = strokes(24)
-    little = torch.tensor([-0.002, 0.0], dtype=torch.float64)
-    mark = OrientationWidth(little, {}).mark(plain, context)
-    assert float((mark.points_m - plain.points_m).abs().max()) < 1e-5
-    torch.testing.assert_close(mark.radius_m, plain.radius_m * np.exp(0.002), rtol=1e-3, atol=0)
-
-
-def test_marks_of_few_points_are_wider_and_no_more() -> None:
-    plain, context = strokes(FEWEST_POINTS - 1)
-    mark = OrientationWidth(torch.tensor([-0.6, 0.0], dtype=torch.float64), {}).mark(plain, context)
-    torch.testing.assert_close(mark.radius_m, plain.radius_m * np.exp(0.6))
-    torch.testing.assert_close(mark.points_m, plain.points_m)
+@pytest.mark.parametrize(("points", "oblong"), [(24, 0.002), (FEWEST_POINTS - 1, 0.6)])
+def test_a_patch_that_is_a_little_oblong_or_of_few_points_is_wider_and_reaches_less_far(
+    points: int, oblong: float
+) -> None:
+    plain, context = strokes(points)
+    mark = OrientationWidth(torch.tensor([-oblong, 0.0], dtype=torch.float64), {}).mark(plain, context)
+    torch.testing.assert_close(mark.radius_m, plain.radius_m * np.exp(oblong), rtol=1e-3, atol=0)
+    x, radius = mark.points_m[0, 0, :, 0], mark.radius_m[0, 0]
+    reach = 0.003 * np.exp(-oblong)
+    assert float((x + radius).max()) - 0.03 == pytest.approx(reach, rel=1e-3)
+    assert float((radius - x).max()) == pytest.approx(reach, rel=1e-3)
 
 
 def test_a_mark_changes_little_with_a_tiny_turn_of_the_patch_whichever_way_it_lies() -> None:

@@ -9,6 +9,7 @@ from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.backlash import Backlash
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.canvas_tilt import CanvasTilt
+from pentimento.stroke_dynamics.mechanisms.drying_shift import DryingShift
 from pentimento.stroke_dynamics.mechanisms.geometry import (
     arc_m,
     bending_per_m,
@@ -238,6 +239,51 @@ def test_less_paint_is_paler_and_may_be_softer_and_further_in() -> None:
     torch.testing.assert_close((thin.softness / plain.softness).log(), (0.4 * faster).expand_as(thin.density))
     moved = (half_darkness_m(thin) / half_darkness_m(plain)).log()
     torch.testing.assert_close(moved, (-0.1 * faster).expand_as(moved))
+
+
+def test_a_tilt_is_another_press_and_does_to_the_mark_what_presses_do() -> None:
+    strokes = context()
+    strokes.path[..., 3] *= torch.linspace(0.5, 1.5, COUNT)[:, None, None]
+    tilt = CanvasTilt(torch.tensor([4e-4, 0.0], dtype=torch.float64), CanvasTilt.reference_of(strokes))
+    deeper_m = 4e-4 * (strokes.path[..., 1] - tilt.reference["x_m"]) / tilt.reference["half_m"]
+    pressed = strokes.path.clone()
+    pressed[..., 3] -= deeper_m
+    torch.testing.assert_close(
+        extended_mark(MODEL.double(), [tilt], strokes), MODEL.double()(pressed), atol=1e-12, rtol=0
+    )
+
+
+def test_where_all_strokes_are_pressed_alike_a_tilt_is_another_width() -> None:
+    strokes = context()
+    tilt = made(CanvasTilt, 4e-4, 0.0)
+    plain, tilted = extended_mark(MODEL.double(), [], strokes), extended_mark(MODEL.double(), [tilt], strokes)
+    wider_m = tilted.radius_m - plain.radius_m
+    reference = tilt.reference
+    share = (strokes.path[..., 1] - reference["x_m"]) / reference["half_m"]
+    torch.testing.assert_close(wider_m, reference["half_width_per_press"] * 4e-4 * share, atol=1e-12, rtol=0)
+
+
+def test_drying_tells_fast_from_slow_and_leaves_paint_of_the_usual_age() -> None:
+    """Most strokes are seen after seconds and few after minutes: a slow paint has changed in the latter alone."""
+    strokes, ages_s = context(), torch.tensor([2.0, 2.0, 2.0, 2.0, 20.0, 200.0], dtype=torch.float64)[:, None]
+    duration_s = strokes.path[..., -1, 0] - strokes.path[..., 0, 0]
+    columns = dict(strokes.covariates) | {"t_after_s": strokes.covariates["t_start_s"] + duration_s + ages_s}
+    seen = strokes._replace(covariates=columns)
+    reference, grey = DryingShift.reference_of(seen), torch.ones(COUNT, 1, 3, dtype=torch.float64)
+
+    def drift(number: int, context: StrokeContext) -> Tensor:
+        values = torch.zeros(6, dtype=torch.float64)
+        values[number] = 1.0
+        return DryingShift(values, reference).composite(grey, None, context)[0][:, 0, 0].log()
+
+    soon, late = drift(3, seen), drift(5, seen)
+    assert float(soon[5] - soon[4]) < 0.2 * float(soon[4] - soon[0])
+    assert float(late[5] - late[4]) > 5 * float(late[4] - late[0])
+    usual = seen.covariates["t_start_s"] + duration_s + reference["usual_age_s"]
+    for number in (3, 5):
+        for when in (usual, torch.full_like(usual, torch.nan)):
+            now = seen._replace(covariates=columns | {"t_after_s": when})
+            torch.testing.assert_close(drift(number, now), torch.zeros(COUNT, dtype=torch.float64), atol=1e-9, rtol=0)
 
 
 def test_wear_that_levels_off_is_the_same_at_both_ends_of_the_session() -> None:

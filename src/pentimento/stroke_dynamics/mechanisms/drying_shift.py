@@ -1,10 +1,13 @@
 """Darkness and colour drift over the session, and as a stroke dries until it is seen.
 
-With the session's time at u in [-1, 1], and d in [0, 1] the dryness that paint of a usual age is halfway to,
+With the session's time at u in [-1, 1], and two drynesses: a soon one, to which paint of the usual age is halfway, and
+a late one, to which the oldest is halfway, each less what paint of the usual age has of it,
 
-    density' = density * exp(a u + b (d - 1/2)),   colour' = colour * exp(c u + e (d - 1/2)).
+    density' = density * exp(a u + b soon + c late),   colour' = colour * exp(d u + e soon + f late).
 
-Where it is not known when a stroke will be seen, as of one that is only planned, it is taken to be of the usual age.
+How long paint takes to dry is not recorded; most strokes are seen at once and few late, and between their ages lies all
+that can be. Where it is not known when a stroke will be seen, as of one that is only planned, it is taken to be of the
+usual age.
 """
 
 from __future__ import annotations
@@ -29,31 +32,42 @@ class DryingShift(Mechanism):
     quantities = (
         Quantity("density_per_half_session", "1", 0.15),
         Quantity("lightness_per_half_session", "1", 0.15),
-        Quantity("density_when_dry", "1", 0.15),
-        Quantity("lightness_when_dry", "1", 0.15),
+        Quantity("density_soon_dry", "1", 0.15),
+        Quantity("lightness_soon_dry", "1", 0.15),
+        Quantity("density_late_dry", "1", 0.15),
+        Quantity("lightness_late_dry", "1", 0.15),
     )
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         age = _age_s(context)
         ages = bool(torch.isfinite(age).all()) and varies(torch.log(age))
-        usual_age = {"usual_age_s": float(torch.log(age).mean().exp())} if ages else {}
+        known = {"usual_age_s": float(torch.log(age).mean().exp()), "oldest_s": float(age.max())} if ages else {}
         try:
             number, time = recorded(context, *_COLUMNS)
         except NotObservable:
             if not ages:
                 raise
-            return usual_age
+            return known
         half = float(time.max() - time.min()) / 2
-        return {"column": float(number), "middle": float(time.min()) + half, "half": half} | usual_age
+        return {"column": float(number), "middle": float(time.min()) + half, "half": half} | known
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        drift = self.values[0] * self._time(context) + self.values[2] * self._dryness(context)
-        return mark._replace(density=mark.density * torch.exp(drift[..., None]))
+        return mark._replace(density=mark.density * torch.exp(self._drift(context, self.values[0::2]))[..., None])
 
     def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
-        drift = self.values[1] * self._time(context) + self.values[3] * self._dryness(context)
-        return color * torch.exp(drift[..., None]), pickup
+        return color * torch.exp(self._drift(context, self.values[1::2]))[..., None], pickup
+
+    def _drift(self, context: StrokeContext, values: Tensor) -> Tensor:
+        """[B, S], by values [3] of time, soon and late dryness."""
+        drift = values[0] * self._time(context)
+        if "usual_age_s" not in self.reference:
+            return drift
+        usual_s, oldest_s = self.reference["usual_age_s"], self.reference["oldest_s"]
+        age_s = _age_s(context).nan_to_num(usual_s)
+        usual = torch.full_like(age_s, usual_s)
+        soon, late = (_dryness(age_s, half_s) - _dryness(usual, half_s) for half_s in (usual_s, oldest_s))
+        return drift + values[1] * soon + values[2] * late
 
     def _time(self, context: StrokeContext) -> Tensor:
         if "column" not in self.reference:
@@ -61,13 +75,10 @@ class DryingShift(Mechanism):
         time = column(context, _COLUMNS[int(self.reference["column"])])
         return (time - self.reference["middle"]) / self.reference["half"]
 
-    def _dryness(self, context: StrokeContext) -> Tensor:
-        """Less the half that paint of the usual age has."""
-        age = _age_s(context)
-        if "usual_age_s" not in self.reference:
-            return torch.zeros_like(age)
-        dryness = 1 - torch.exp2(-age / self.reference["usual_age_s"]) - 0.5
-        return torch.where(torch.isfinite(dryness), dryness, 0.0)
+
+def _dryness(age_s: Tensor, half_s: float) -> Tensor:
+    """1 - 2^(-age/half), 0 to 1."""
+    return 1 - torch.exp2(-age_s / half_s)
 
 
 def _age_s(context: StrokeContext) -> Tensor:

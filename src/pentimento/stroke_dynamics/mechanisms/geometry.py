@@ -11,7 +11,9 @@ from pentimento.stroke_dynamics.simulation import NotObservable, StrokeContext, 
 
 _SHORTEST_M = 1e-9
 _SLOWEST_M_S = 1e-4
+_FARTHEST_IN = 0.45  # of the stroke's length
 _ONE_POINT_M = 1e-3
+_ONE_PRESS_M = 1e-4
 _ONE_DIRECTION = 1e-4  # 1 - the length of the mean direction
 
 
@@ -34,6 +36,27 @@ def at_lengths(place_m: Tensor, arc: Tensor, field: Tensor) -> Tensor:
     after = after[..., None].expand(*after.shape, field.shape[-1])
     before, behind = field.gather(-2, after - 1), field.gather(-2, after)
     return before + share * (behind - before)  # the gradient of torch.lerp cannot be exported to ONNX
+
+
+def moved_ends(
+    points_m: Tensor, radius_m: Tensor, path: Tensor, start_m: float | Tensor, end_m: float | Tensor
+) -> tuple[Tensor, Tensor]:
+    """Points [B, S, N, 2] and radii [B, S, N] of a mark whose ends lie further out, by two lengths, than its path's.
+
+    The points behind an end give way: were it moved alone past its neighbour, a stroke would fold back on itself and
+    be no shorter for it. How wide the mark is at a place stays: only its ends are elsewhere. No end is moved in by more
+    than to the middle of the stroke.
+
+    Args:
+        path: [B, S, N, 5].
+    """
+    along, arc = tangent(path), arc_m(path)
+    length = arc[..., -1:]
+    share = arc / length.clamp(min=_SHORTEST_M)
+    start, end = (torch.maximum(torch.as_tensor(moved), -_FARTHEST_IN * length) for moved in (start_m, end_m))
+    forward = end * share**2 - start * (1 - share) ** 2
+    place = (arc + forward).clamp(min=torch.zeros_like(length), max=length)
+    return points_m + forward[..., None] * along, at_lengths(place, arc, radius_m[..., None])[..., 0]
 
 
 def tangent(path: Tensor) -> Tensor:
@@ -169,6 +192,11 @@ def canvas_directions(context: StrokeContext) -> dict[str, float]:
     if turned_alike(context):
         raise NotObservable("it is unknown how the strokes are turned on the canvas")
     return {}
+
+
+def press_varies(context: StrokeContext) -> bool:
+    """Whether the tool is pressed deeper at some points than at others, so that a model can know what that does."""
+    return float(context.path[..., 3].max() - context.path[..., 3].min()) > _ONE_PRESS_M
 
 
 def relative_place(xy_m: Tensor, reference: Mapping[str, float]) -> Tensor:

@@ -1,8 +1,9 @@
 """Width depends on the heading relative to the tool's yaw: the contact patch is oblong.
 
 With h the heading less the yaw and e the length of (cos, sin), the patch's oblongness, the half-width changes by the
-factor exp(cos cos 2h + sin sin 2h) where e is small. Where it is not, the ends are no longer round but slanted or
-square, too: the mark is what a rod sweeps (``rod``) whose half-extents are exp(e) and exp(-e) times the half-width.
+factor exp(a), a = cos cos 2h + sin sin 2h, where e is small, and what the patch covers ahead and behind, at the
+stroke's ends, by exp(-a). Where it is not, the ends are no longer round but slanted or square, too: the mark is what a
+rod sweeps (``rod``) whose half-extents are exp(e) and exp(-e) times the half-width.
 Forked ends do not grow smoothly out of a round one, so they come in by the share e^2 / (e^2 + e0^2).
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions
+from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions, moved_ends
 from pentimento.stroke_dynamics.mechanisms.rod import FEWEST_POINTS, direction, swept
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
@@ -45,7 +46,12 @@ class OrientationWidth(Mechanism):
         along, yaw = direction(mark.points_m), context.path[..., 4]
         cos, sin = self.values
         twice = 2 * (torch.atan2(along[..., 1], along[..., 0]) - yaw)
-        widened = mark._replace(radius_m=mark.radius_m * torch.exp(cos * torch.cos(twice) + sin * torch.sin(twice)))
+        wider = cos * torch.cos(twice) + sin * torch.sin(twice)
+        beyond_m = mark.radius_m * (torch.exp(-wider) - torch.exp(wider))
+        points, radius = moved_ends(
+            mark.points_m, mark.radius_m * torch.exp(wider), context.path, beyond_m[..., :1], beyond_m[..., -1:]
+        )
+        widened = mark._replace(points_m=points, radius_m=radius)
         if mark.radius_m.shape[-1] < FEWEST_POINTS:
             return widened
         square = cos.square() + sin.square()
