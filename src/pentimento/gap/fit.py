@@ -26,7 +26,7 @@ _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
     "ends_widening": 0.5,
     "mixing": 0.5,
 }
-_LIKELY_BEND = 0.3  # of the half-width's curve between neighbours, mm per mm
+_LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
 _LIKELY_COLOR = 0.03  # linear light
 _ENOUGH = 5e-4
 """Relative fall of the error below which a fit has ended."""
