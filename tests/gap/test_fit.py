@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from pentimento.gap.fit import fit, held
+from pentimento.gap.fit import fit, held, steadied
 from pentimento.gap.foretell import Model, action_losses, identity
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import projected
+from pentimento.gap.trees import like_causes
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
 from tests.gap.test_large import strokes_of
 
@@ -41,3 +42,15 @@ def test_at_its_end_a_fit_is_pulled_nowhere(softened: tuple[Measured, Model]) ->
     strokes, model = softened
     slope = held(linearise(model, strokes), model).slope
     assert np.abs(slope.sum(0)).max() < 0.02 * np.abs(slope).sum(0).max()
+
+
+def test_what_strokes_leave_open_is_not_anything(softened: tuple[Measured, Model]) -> None:
+    """No stroke presses as lightly as the first half-width is for, but for a breath on one."""
+    strokes, model = softened
+    statistics = linearise(model, strokes)
+    curvature, slope = statistics.curvature.copy(), statistics.slope.copy()
+    curvature[:, 0], curvature[:, :, 0], slope[:, 0] = 0.0, 0.0, 0.0
+    curvature[0, 0, 0], slope[0, 0] = 1e-12, 1e-11  # ten millimetres, if nothing holds them
+    opened = Statistics(curvature, slope, statistics.energy)
+    assert like_causes(opened, model.nuisances)[0] > 5.0
+    assert abs(like_causes(steadied(opened, model, 0.001), model.nuisances)[0]) < 0.5

@@ -113,9 +113,16 @@ def held(statistics: Statistics, model: Model) -> Statistics:
     """
     hold = _hold(model, _loss(statistics))
     pull = hold @ model.vector
-    return Statistics(
-        statistics.curvature + hold, statistics.slope - pull, statistics.energy + _cost(model.vector, hold)
+    return steadied(statistics, model, 1.0)._replace(
+        slope=statistics.slope - pull, energy=statistics.energy + _cost(model.vector, hold)
     )
+
+
+def steadied(statistics: Statistics, model: Model, share: float) -> Statistics:
+    """Statistics of changes from where a model is, some of which strokes leave open: those cost a ``share`` of what
+    they cost a fit.
+    """
+    return statistics._replace(curvature=statistics.curvature + share * _hold(model, _loss(statistics)))
 
 
 def _hold(model: Model, loss: float) -> Array:

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pentimento.gap.fit import steadied
 from pentimento.gap.foretell import Model, foretold, ink, mark_px, press_shares, residual
 from pentimento.gap.imprint import Imprint
 from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
@@ -30,6 +31,8 @@ Array = NDArray[Any]
 
 _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
 _FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
+_STEADIED = 0.001
+"""Of what holds a fit: too little to leave in the photographs what the base would do, enough where nothing was seen."""
 _TREES = 50
 _FIRST_TREES = 20  # enough to see by how much each stroke is displaced
 
@@ -152,4 +155,5 @@ def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -
     """
     after = torch.from_numpy((foretold(model, measured) + photographs).astype(np.float32))
     asked = replace(measured, samples=measured.samples._replace(after=after)).pick(rows)
-    return like_causes(linearise(model, asked), model.nuisances)
+    # What strokes leave open would be anything, and an absurdity on one that was not looked at.
+    return like_causes(steadied(linearise(model, asked), model, _STEADIED), model.nuisances)
