@@ -154,8 +154,8 @@ def raster(*_: object) -> list[Command]:
 def test_rivals_that_a_raster_cannot_tell_apart_are_told_apart_by_strokes_that_the_robot_makes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In a world whose only effect is that the ink runs out, a raster of strokes that are all pressed alike takes it for
-    a tilted canvas as well; where presses differ, they would tell.
+    """In a world whose only effect is that the ink runs out, a raster of strokes that are all pressed alike takes it
+    for a tilted canvas as well; where presses differ, they would tell.
     """
     for world in ("plain.toml", "table.toml"):
         shutil.copy(WORLDS / world, tmp_path)
