@@ -113,8 +113,8 @@ def held(statistics: Statistics, model: Model) -> Statistics:
     """
     hold = _hold(model, _loss(statistics))
     pull = hold @ model.vector
-    return steadied(statistics, model, 1.0)._replace(
-        slope=statistics.slope - pull, energy=statistics.energy + _cost(model.vector, hold)
+    return Statistics(
+        statistics.curvature + hold, statistics.slope - pull, statistics.energy + _cost(model.vector, hold)
     )
 
 
