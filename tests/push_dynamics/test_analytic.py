@@ -39,6 +39,33 @@ def test_a_push_straight_down_leaves_the_ball_that_made_it() -> None:
     assert np.abs(pressed - ball).max() < 5e-5
 
 
+def test_a_tool_with_corners_reaches_further_at_its_diagonals_alone() -> None:
+    seen = scene([0.07, 0.07, 0.0, 0.0, 0.005])
+    round_, square = (touch(model_with(seen, corners=c, **HARD), seen).inside[0] > 0.5 for c in (0.0, 0.3))
+    axis = np.minimum(abs(seen.along[0]), abs(seen.across[0])) < 0.0006
+    more = square & ~round_
+    assert more.any() and not (round_ & ~square).any() and not (more & axis).any()
+    bearing = np.arctan2(abs(seen.across[0][more]), abs(seen.along[0][more]))
+    assert np.degrees(bearing).mean() == pytest.approx(45, abs=2)
+
+
+def test_a_tool_that_gives_way_goes_less_deep_into_a_wall_than_over_a_groove() -> None:
+    heights = np.full((2, PIXELS, PIXELS), 0.04, dtype=np.float32)
+    heights[0, :, :40], heights[1, :, :40] = 0.045, 0.02
+    seen = scene([0.07, 0.07, 0.0, 0.0, 0.006], [0.07, 0.07, 0.0, 0.0, 0.006], before_m=heights)
+    stiff, soft = (touch(model_with(seen, give_mm=give, **HARD), seen).pressed_m for give in (0.0, 1.0))
+    into_wall, over_groove = ((stiff - soft)[b][soft[b] > 0.003].mean() for b in (0, 1))
+    assert into_wall > 1.3 * over_groove > 0
+
+
+def test_rims_whose_shape_adds_up_to_nothing_raise_no_towers() -> None:
+    """Volume balance divides by it."""
+    seen = scene([0.07, 0.07, 0.0, 0.004, 0.006])
+    pressed = touch(model_with(seen), seen).pressed_m.max()
+    for far in np.linspace(-4, 0, 81):
+        assert np.abs(model_with(seen, far_rim=far).change(seen)).max() < 2 * pressed, far
+
+
 def test_the_groove_deepens_linearly_along_the_travel() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.04, 0.008])
     pressed = touch(model_with(seen, **HARD), seen).pressed_m[0]

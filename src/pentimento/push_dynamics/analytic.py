@@ -6,8 +6,10 @@ ramps linearly and is relative to the surface there). Its lower envelope over a 
     E(u, v) = -m s + P(|(u - s, v)|),   m = g d / L,   s = clip(u + m R, 0, L),
 
 with the tool's profile P, a ball's of radius R at its tip and free further out, and s where that ball reaches lowest.
-What lies above E in ``before`` is pressed down: the model depends on the state. A share of it stays as an indentation;
-its volume comes up again in rims (spread by Gaussians of two widths, outside the contact) and a heap towards the
+A tool with corners reaches further at its diagonals; arm and slab give way to what resists (``resistance``), so that
+m s is less where a wall is in the way and more over an old groove. What lies above E in ``before`` is pressed down: the
+model depends on the state. A share of it stays as an indentation; its volume comes up again in rims (spread by
+Gaussians of two widths, outside the contact, from where it was or more evenly around the tool) and a heap towards the
 travel; where the tool lifts off it may leave a peak. A blur ends it. All of these numbers are the base's nuisances
 (GAP.md, rule 2): free, so that no cause can explain a plain miscalibration. Mechanisms change the motion, what stays,
 or the surface.
@@ -25,6 +27,7 @@ from numpy.typing import NDArray
 from pentimento.push_dynamics.analytic_scene import PushScene
 from pentimento.push_dynamics.contact import contact_of
 from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push
+from pentimento.push_dynamics.resistance import STATIONS, deepest_m, yielded
 from pentimento.push_dynamics.spread import spread
 
 Array = NDArray[Any]
@@ -35,8 +38,10 @@ ball's passes for a tool that goes deeper everywhere; so would a tip that is fre
 it is a ball's."""
 _ROUND = 0.15
 PROFILE = tuple(f"profile_{k}_mm" for k in range(len(KNOTS)))
-CONTACT = ("log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "along_mm")
-KEPT = ("kept", "log_rims")
+CONTACT = (
+    "log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "corners", "give_mm", "along_mm",
+)  # fmt: skip
+KEPT = ("kept", "log_rims", "evenly")
 SURFACE = ("far_rim", "lean", "heap", "end_lift", "end_pull")
 BASE = (*CONTACT, *KEPT, *SURFACE, "log_blur")
 START = dict.fromkeys(BASE, 0.0) | {"kept": 0.9, "far_rim": 0.5, "log_blur": float(np.log(0.7))}
@@ -45,7 +50,10 @@ EDGE_M = 0.0003
 _NEAR, _FAR = 0.5, 1.1
 """Widths of the rims, in half-widths of the footprint."""
 _DEEP_M = 0.005
-_LEAST_RIMS_M = 1e-9
+_LEAST_RIMS, _LEAST_NET = 0.02, 0.2
+"""What the rims' shape must add up to at least: of what stays pressed, and of its own sizes whatever their sign. Else
+a shape that adds up to nothing would raise towers."""
+_NOTHING_M = 1e-12
 _USUAL_DEPTH = 0.6
 """Of the deepest command: where a footprint has its usual half-width."""
 
@@ -149,21 +157,24 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     length, told = scene.action[:, 3], scene.action[:, 4]
     gain = number["log_gain"] + number["log_gain_by_depth"] * (told / _DEEP_M - 1) + motion.log_depth
     depth = told * np.exp(gain)
-    slope = np.where(length > 1e-4, depth / np.maximum(length, 1e-4), 0.0)
+    travels = length > 1e-4
     # A push that does not travel goes down at once.
-    sunk = np.where(length > 1e-4, 0.0, depth)
+    ramp = np.where(travels[:, None], np.linspace(0.0, 1.0, STATIONS), 1.0)
+    wanted = depth[:, None] * ramp + motion.lower_m[:, None]
+    deep = yielded(scene.resistance, deepest_m(told), wanted, number["give_mm"] * 1e-3)
+    slope = np.where(travels, (deep[:, -1] - deep[:, 0]) / np.maximum(length, 1e-4), 0.0)
     radius = model.ball_radius_m * np.exp(number["log_radius"])
-    end_radius = np.maximum(np.sqrt(2 * radius * depth), scene.pixel_m)
+    end_radius = np.maximum(np.sqrt(2 * radius * np.maximum(deep[:, -1], 0.0)), scene.pixel_m)
     moved = np.stack(
         [
-            motion.along_m + number["along_mm"] * 1e-3, motion.across_m, slope, sunk + motion.lower_m, length,
-            motion.log_width, end_radius,
+            motion.along_m + number["along_mm"] * 1e-3, motion.across_m, slope, length, motion.log_width, end_radius,
         ], axis=1,
     )  # fmt: skip
     more = np.array([0.0, *(number[name] for name in PROFILE)]) * 1e-3
     knots = np.stack([np.array([_ROUND, *KNOTS]) * scene.half_width_m, more])
-    fixed = np.array([radius, np.exp(number["log_aspect"]), EDGE_M * np.exp(number["log_edge"]), scene.half_width_m])
-    return contact_of(scene.before, scene.along, scene.across, moved, knots, fixed)
+    edge = EDGE_M * np.exp(number["log_edge"])
+    fixed = np.array([radius, np.exp(number["log_aspect"]), number["corners"], edge, scene.half_width_m])
+    return contact_of(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
 
 
 def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
@@ -172,8 +183,11 @@ def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
     for mechanism in model.at_work:
         kept = mechanism.kept(kept, contact, scene)
     half_px = scene.half_width_m / scene.pixel_m * float(np.exp(_numbers(model)["log_rims"]))
-    far = spread(kept, _FAR * half_px)
-    return Kept(contact, kept, spread(kept, _NEAR * half_px), far, forward(far, scene.action[:, 2]))
+    # What a wall loses does not all rise behind it: below the surface at the start, the tool itself tells where.
+    tool = contact.inside * np.maximum(contact.pressed_m - scene.before, 0)
+    source = kept + np.float32(_numbers(model)["evenly"]) * (tool - kept)
+    far = spread(source, _FAR * half_px)
+    return Kept(contact, kept, spread(source, _NEAR * half_px), far, forward(far, scene.action[:, 2]))
 
 
 def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
@@ -185,7 +199,9 @@ def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
     # A moving tool carries material along: the rims are higher towards the end of travel.
     rims = rims * np.exp(number["lean"] * contact.progress) * (1 - contact.inside)
     # Volume balance: what is pressed down comes up again.
-    rims = rims * per_push(kept.indentation_m.sum((1, 2)) / np.maximum(rims.sum((1, 2)), _LEAST_RIMS_M))
+    pressed = kept.indentation_m.sum((1, 2))
+    least = np.maximum(_LEAST_NET * np.abs(rims).sum((1, 2)), _LEAST_RIMS * pressed) + _NOTHING_M
+    rims = rims * per_push(pressed / np.maximum(rims.sum((1, 2)), least))
     lift = (number["end_lift"] + number["end_pull"] * contact.beyond_end) * np.float32(1e-3) * contact.peak
     settled = Settled(kept.indentation_m, rims, lift)
     for mechanism in model.at_work:

@@ -25,6 +25,7 @@ from pentimento.planning.sculptor.model import Array, FloatArray, Pull, PushMode
 from pentimento.push_dynamics.analytic import AnalyticPush
 from pentimento.push_dynamics.analytic_file import model_as_json, model_from_json
 from pentimento.push_dynamics.analytic_scene import PushScene, local_places, surface_at_start
+from pentimento.push_dynamics.resistance import resistance_of
 
 HIDDEN = ("adhesion_lift", "height_offset", "springback", "stiffness_drift", "tool_backlash", "work_hardening")
 """Causes that go with what a network of the constant pose is not told."""
@@ -58,9 +59,10 @@ class Correction:
         heights = np.broadcast_to(height_m, (rows, height, width))
         level = surface_at_start(heights, np.ones(heights.shape, bool), along, across)
         columns = {name: np.full(rows, value) for name, value in self.covariates.items()}
+        before, pushes = (heights - level[:, None, None]).astype(np.float32), np.asarray(actions, dtype=np.float64)
         scene = PushScene(
-            (heights - level[:, None, None]).astype(np.float32), along, across, np.asarray(actions, dtype=np.float64),
-            np.zeros(heights.shape, np.float32), False, columns, 1 / scale, self.half_width_m,
+            before, along, across, pushes, np.zeros(heights.shape, np.float32), False, columns,
+            resistance_of(before, along, across, pushes, 1 / scale, self.half_width_m), 1 / scale, self.half_width_m,
         )  # fmt: skip
         return self.of(scene)
 

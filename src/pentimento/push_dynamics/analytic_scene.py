@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.push_dynamics.measured import PushSamples
+from pentimento.push_dynamics.resistance import resistance_of
 
 Array = NDArray[Any]
 
@@ -44,6 +45,8 @@ class PushScene:
     """Whether the rows say when the material was smoothed; ``worked`` is 0 if not."""
     covariates: dict[str, Array]
     """float64[B] each, NaN where unknown."""
+    resistance: Array
+    """float32[B, STATIONS, depths]: how hard the surface pushes back (``resistance``)."""
     pixel_m: float
     half_width_m: float
     """Usual half-width of the footprint: the length that profiles and rims are told in."""
@@ -57,6 +60,7 @@ class PushScene:
             self, before=self.before[rows], along=self.along[rows],
             across=self.across[rows], action=self.action[rows],
             worked=self.worked[rows], covariates={name: values[rows] for name, values in self.covariates.items()},
+            resistance=self.resistance[rows],
         )  # fmt: skip
 
 
@@ -80,15 +84,16 @@ def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: 
     width = usual_half_width_m(samples) if half_width_m is None else half_width_m
     reference = surface_at_start(samples.before, samples.known, along, across)
     worked, known = _worked(samples, width)
-    before = (samples.before if denoised is None else denoised) - reference[:, None, None]
+    before = ((samples.before if denoised is None else denoised) - reference[:, None, None]).astype(np.float32)
     return PushScene(
-        before=before.astype(np.float32),
+        before=before,
         along=along,
         across=across,
         action=samples.action,
         worked=worked,
         history_known=known,
         covariates=samples.covariates,
+        resistance=resistance_of(before, along, across, samples.action, 1 / samples.pixels_per_m, width),
         pixel_m=1 / samples.pixels_per_m,
         half_width_m=width,
     )

@@ -20,27 +20,31 @@ _FAR = 30.0
 """In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
 _PEAK, _COLLAR = 0.4, 0.8
 """Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
+_TINY = np.float32(1e-12)
 _NO_PEAK = 6.0
 """Collars' widths from the end of travel beyond which nothing is drawn up."""
 
 
-def contact_of(before: Array, along: Array, across: Array, moved: Array, knots: Array, fixed: Array) -> Contact:
+def contact_of(
+    before: Array, along: Array, across: Array, moved: Array, deep: Array, knots: Array, fixed: Array
+) -> Contact:
     """The contact of B pushes.
 
     Args:
         before: float32[B, H, W] metres above the surface at the start of each push.
         along: float32[B, H, W] metres from the commanded start.
         across: float32[B, H, W] metres to the left of it.
-        moved: float64[B, 7]: shift along, shift across, slope of the descent, depth at the start, length of travel,
-            logarithm of the tool's width, radius of the contact at the end; metres.
+        moved: float64[B, 6]: shift along, shift across, slope of the descent, length of travel, logarithm of the
+            tool's width, radius of the contact at the end; metres.
+        deep: float64[B, K]: depth of the tool's tip at K places of its way, from start to end, metres.
         knots: float64[2, K]: distances from the tool's axis, and what is added to a ball's profile there; metres.
-        fixed: float64[4]: radius of the ball, factor ahead of the tool, softness of the edge, half-width of the
-            footprint; metres.
+        fixed: float64[5]: radius of the ball, factor ahead of the tool, by how much less a diagonal counts (of the
+            squared distance; 0 for a round tool), softness of the edge, half-width of the footprint; metres.
     """
     shape = before.shape
     made = Contact(*(np.zeros(shape, dtype=np.float32) for _ in Contact._fields))
     _touch(
-        before, along, across, moved.astype(np.float32), knots.astype(np.float32), fixed.astype(np.float32), *made
+        before, along, across, *(numbers.astype(np.float32) for numbers in (moved, deep, knots, fixed)), *made
     )  # fmt: skip
     return made
 
@@ -51,6 +55,7 @@ def _touch(
     along: Array,
     across: Array,
     moved: Array,
+    deep: Array,
     knots: Array,
     fixed: Array,
     pressed: Array,
@@ -59,21 +64,41 @@ def _touch(
     progress: Array,
     peak: Array,
 ) -> None:
-    radius, aspect, edge, half_width = fixed
+    radius, aspect, corners, edge, half_width = fixed
+    pieces = deep.shape[1] - 1
     one, last = np.float32(1), knots.shape[1] - 1
     rise = max((knots[1, last] - knots[1, last - 1]) / (knots[0, last] - knots[0, last - 1]), np.float32(0))
     share = np.float32((_PEAK / _COLLAR) ** 2)
     inner_rate, collar_rate = np.float32(-1 / (2 * _PEAK**2)), np.float32(-1 / (2 * _COLLAR**2))
+    lowest, roundness = knots[1].min(), one - max(corners, np.float32(0))
     for b in range(before.shape[0]):
-        shift, aside, slope, sunk, length, wider, end_radius = moved[b]
+        shift, aside, slope, length, wider, end_radius = moved[b]
         narrower, middle = np.float32(math.exp(-wider)), length / 2
+        pieces_a_metre = np.float32(pieces) / max(length, np.float32(1e-6))
+        per_end_radius, per_half = one / end_radius, one / (middle + half_width)
+        # Beyond this, squared, no part of the tool comes down to the highest place.
+        room = 2 * radius * (before[b].max() + deep[b].max() + _FAR * edge - lowest) / (roundness * narrower * narrower)
         for i in range(before.shape[1]):
             for j in range(before.shape[2]):
                 u, v = along[b, i, j] - shift, across[b, i, j] - aside
+                beyond = (u - length) * per_end_radius
+                beyond_end[b, i, j] = beyond
+                progress[b, i, j] = min(max((u - middle) * per_half, -one), one)
+                squared = beyond * beyond + (v * per_end_radius) ** 2
+                if squared < (_NO_PEAK * _COLLAR) ** 2:
+                    drawn = math.exp(squared * inner_rate) - math.exp(squared * collar_rate) * share
+                    peak[b, i, j] = np.float32(drawn) / (one - share)
                 station = min(max(u + slope * radius, np.float32(0)), length)
                 ahead = (u - station) * aspect
-                distance = np.float32(math.sqrt(ahead * ahead + v * v)) * narrower
-                envelope = distance * distance / (2 * radius) - slope * station - sunk
+                squared = ahead * ahead + v * v
+                if squared > room:
+                    continue
+                squared -= corners * 4 * (ahead * v) * (ahead * v) / (squared + _TINY)
+                distance = np.float32(math.sqrt(squared)) * narrower
+                place = min(station * pieces_a_metre, np.float32(pieces))
+                piece = min(int(place), pieces - 1)
+                lower = deep[b, piece] + (place - piece) * (deep[b, piece + 1] - deep[b, piece])
+                envelope = distance * distance / (2 * radius) - lower
                 if distance > knots[0, 0]:
                     k = 1
                     while k < last and distance > knots[0, k]:
@@ -90,10 +115,3 @@ def _touch(
                     decayed = np.float32(math.exp(-abs(ratio)))
                     pressed[b, i, j] = edge * (max(ratio, np.float32(0)) + np.float32(math.log1p(decayed)))
                     inside[b, i, j] = (one if ratio >= 0 else decayed) / (one + decayed)
-                beyond = (u - length) / end_radius
-                beyond_end[b, i, j] = beyond
-                progress[b, i, j] = min(max((u - middle) / (middle + half_width), -one), one)
-                squared = beyond * beyond + (v / end_radius) ** 2
-                if squared < (_NO_PEAK * _COLLAR) ** 2:
-                    drawn = math.exp(squared * inner_rate) - math.exp(squared * collar_rate) * share
-                    peak[b, i, j] = np.float32(drawn) / (one - share)

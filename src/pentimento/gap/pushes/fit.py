@@ -24,6 +24,8 @@ _LIKELY = {
     "log_gain_by_depth": 0.2,
     "log_edge": 1.0,
     "log_aspect": 0.3,
+    "corners": 0.3,
+    "give_mm": 1.0,
     "kept": 0.3,
     "log_rims": 0.5,
     "far_rim": 0.5,
@@ -32,14 +34,17 @@ _LIKELY = {
     "heap": 1.0,
     "end_lift": 0.3,
     "end_pull": 0.3,
+    "evenly": 0.5,
     "log_blur": 0.7,
 }
 _RANGE = {
     "log_radius": (-2.0, 3.0),
     "log_gain": (-1.5, 1.5),
     "log_gain_by_depth": (-1.0, 1.0),
-    "log_edge": (-2.0, 0.3),
+    "log_edge": (-2.0, 1.5),
     "log_aspect": (-1.5, 1.5),
+    "corners": (-0.5, 0.6),
+    "give_mm": (0.0, 6.0),
     "kept": (0.05, 1.5),
     "log_rims": (-1.2, 0.7),
     "far_rim": (-1.5, 2.5),
@@ -48,6 +53,7 @@ _RANGE = {
     "heap": (-4.0, 4.0),
     "end_lift": (-3.0, 3.0),
     "end_pull": (-3.0, 3.0),
+    "evenly": (-0.5, 1.5),
     "log_blur": (float(np.log(0.3)), float(np.log(4.0))),
 }
 _PROFILE_LIKELY_MM = 4.0

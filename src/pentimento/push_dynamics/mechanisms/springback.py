@@ -3,8 +3,9 @@ rested longer, more until it is scanned.
 
 A share that is always the same is the base's ``kept``. With compression c, dwell t_d and time until the scan t_s,
 
-    kept' = kept * (1 + a (c / 5 mm - 1/2) + b log(t_d / t_d0) - d log(t_s / t_s0)).
+    kept' = kept * (1 + a (c / (c + 5 mm) - 1/2) + b log(t_d / t_d0) - d log(t_s / t_s0)),
 
+for what recovers is bounded by the strain at which the material yields, and so a share that falls with compression.
 The footprint and the rims stay as wide as the contact was: that tells recovery from a tool that goes less deep.
 """
 
@@ -33,7 +34,7 @@ class Springback(Mechanism):
     site = "material"
     driver = "rest"
     quantities = (
-        Quantity("kept_by_compression", "1 per 5 mm", 0.2),
+        Quantity("kept_by_compression", "1", 0.4),
         Quantity("kept_by_log_dwell", "1", 0.1),
         Quantity("recovered_by_log_time", "1", 0.1),
     )
@@ -51,7 +52,8 @@ class Springback(Mechanism):
         ):
             if name in self.reference and seconds is not None:
                 by_rest = by_rest + sign * value * log_times(seconds, self.reference[name])
-        by_compression = np.float32(self.values[0]) * (contact.pressed_m / np.float32(_DEEP_M) - np.float32(0.5))
+        share = contact.pressed_m / (contact.pressed_m + np.float32(_DEEP_M))
+        by_compression = np.float32(self.values[0]) * (share - np.float32(0.5))
         return kept_m * (1 + per_push(by_rest) + by_compression)
 
 

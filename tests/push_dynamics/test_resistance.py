@@ -1,0 +1,54 @@
+"""How hard a surface pushes back: scale, order, and what a tool that gives way makes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pentimento.push_dynamics.resistance import STATIONS, deepest_m, resistance_of, yielded
+
+PIXEL_M, SIDE, HALF_M = 0.0005, 120, 0.008
+
+
+def resistance(before: np.ndarray, length_m: float, depth_m: float) -> np.ndarray:
+    """[STATIONS, depths] of one push along the middle row."""
+    x = (np.arange(SIDE) + 0.5) * PIXEL_M - 0.02
+    along, across = np.meshgrid(x, (np.arange(SIDE)[::-1] + 0.5) * PIXEL_M - 0.03)
+    maps = (m[None].astype(np.float32) for m in (before, along, across))
+    return resistance_of(*maps, np.array([[0.0, 0.0, 0.0, length_m, depth_m]]), PIXEL_M, HALF_M)[0]
+
+
+LEVEL = np.zeros((SIDE, SIDE))
+
+
+def depths(depth_m: float, count: int) -> np.ndarray:
+    return np.linspace(0.0, float(deepest_m(np.array([depth_m]))[0]), count)
+
+
+def test_a_ball_pressed_5_mm_straight_down_meets_1() -> None:
+    force = resistance(LEVEL, 0.0, 0.005)
+    assert np.interp(0.005, depths(0.005, force.shape[1]), force[0]) == pytest.approx(1.0, rel=0.02)
+
+
+def test_force_grows_with_depth_and_with_what_stands_in_the_way() -> None:
+    level = resistance(LEVEL, 0.0, 0.006)[0]
+    walled, grooved = LEVEL.copy(), LEVEL.copy()
+    walled[:, 45:], grooved[:, 45:] = 0.004, -0.02
+    assert (np.diff(level) > 0).all()
+    assert (resistance(walled, 0.0, 0.006)[0] > level).all()
+    assert (resistance(grooved, 0.0, 0.006)[0][1:] < level[1:]).all()
+
+
+def test_a_travelling_tool_hangs_free_behind() -> None:
+    still, moving = resistance(LEVEL, 0.0, 0.006)[-1], resistance(LEVEL, 0.025, 0.006)[-1]
+    assert 0.4 < moving[8] / still[8] < 0.95
+
+
+@pytest.mark.parametrize("give_m", [0.0, 0.0005, 0.002])
+def test_give_and_force_balance(give_m: float) -> None:
+    force = resistance(LEVEL, 0.02, 0.006)
+    wanted = 0.006 * np.linspace(0, 1, STATIONS)[None]
+    deepest = deepest_m(np.array([0.006]))
+    deep = yielded(force[None], deepest, wanted, give_m)
+    met = [np.interp(d, depths(0.006, force.shape[1]), f) for d, f in zip(deep[0], force, strict=True)]
+    assert np.allclose(wanted[0] - deep[0], give_m * np.array(met), atol=1e-7)
