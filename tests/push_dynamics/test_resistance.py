@@ -14,8 +14,8 @@ def resistance(before: np.ndarray, length_m: float, depth_m: float) -> np.ndarra
     """[STATIONS, depths] of one push along the middle row."""
     x = (np.arange(SIDE) + 0.5) * PIXEL_M - 0.02
     along, across = np.meshgrid(x, (np.arange(SIDE)[::-1] + 0.5) * PIXEL_M - 0.03)
-    maps = (m[None].astype(np.float32) for m in (before, along, across))
-    return resistance_of(*maps, np.array([[0.0, 0.0, 0.0, length_m, depth_m]]), PIXEL_M, HALF_M)[0]
+    surface, u, v = (m[None].astype(np.float32) for m in (before, along, across))
+    return resistance_of(surface, u, v, np.array([[0.0, 0.0, 0.0, length_m, depth_m]]), PIXEL_M, HALF_M)[0]
 
 
 LEVEL = np.zeros((SIDE, SIDE))
