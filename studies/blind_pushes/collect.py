@@ -9,10 +9,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.schema import arrow_schema
+from pentimento.robots.sculpting import Push
 from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
 from pentimento.runner.collect_pushes import collect_pushes
+from pentimento.runner.push_act import HEIGHT_PER_UNIT_M
+from pentimento.runner.push_design import PushCollectionConfig
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld
 from studies.blind.decoys import draw_decoys
@@ -22,14 +26,52 @@ RECORDED = ("temperature_c", "humidity")
 """What the room's own sensors say: no decoys of these names."""
 
 
-def recorded_rows(sketch: Sketch, world: ClayWorld, seed: int, pushes: int | None = None) -> list[dict[str, Any]]:
-    """Rows of the sketch's design in a world under a seed; `pushes` makes a shorter design without repeats."""
-    config = sketch.config
-    if pushes is not None:
-        config = replace(config, pushes=pushes, repeated=0, times=1)
-    scanner = replace(world.scanner, pixels=config.scan_pixels)
-    robot = VirtualSculptingRobot(ClayStudio(replace(world, scanner=scanner), seed))
-    return collect_pushes(robot, sketch.tool, world.material.name, config, lambda name, value, step: None)
+def recorded_rows(sketch: Sketch, world: ClayWorld, seed: int) -> list[dict[str, Any]]:
+    """Rows of the sketch's design in a world under a seed."""
+    return _collected(VirtualSculptingRobot(_studio(sketch, world, seed)), sketch, sketch.config)
+
+
+def rows_with_and_without(
+    sketch: Sketch, world: ClayWorld, seed: int, pushes: int
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of a shorter design without repeats, made in a world under a seed; and the same rows with what each push
+    would have left, on the same surface and by the same chance, in the sketch's world without effects.
+    """
+    robot = _Twofold(_studio(sketch, world, seed), _scanned(sketch, sketch.world))
+    loud = _collected(robot, sketch, replace(sketch.config, pushes=pushes, repeated=0, times=1))
+    quiet = [
+        row | {"after": {"bytes": encode_height_png(height_m, HEIGHT_PER_UNIT_M), "path": None}}
+        for row, height_m in zip(loud, robot.quiet_m, strict=True)
+    ]
+    return loud, quiet
+
+
+class _Twofold(VirtualSculptingRobot):
+    """A robot whose every push is made in another world first, on a copy of the material as it is."""
+
+    def __init__(self, studio: ClayStudio, other: ClayWorld) -> None:
+        super().__init__(studio)
+        self._other = other
+        self.quiet_m: list[NDArray[np.float64]] = []
+        """Of each push: the height that was scanned after it in the other world."""
+
+    def push(self, push: Push) -> NDArray[np.float64]:
+        twin = VirtualSculptingRobot(self._studio.in_world(self._other))
+        twin.push(push)
+        self.quiet_m.append(twin.scan().height_m)
+        return super().push(push)
+
+
+def _studio(sketch: Sketch, world: ClayWorld, seed: int) -> ClayStudio:
+    return ClayStudio(_scanned(sketch, world), seed)
+
+
+def _scanned(sketch: Sketch, world: ClayWorld) -> ClayWorld:
+    return replace(world, scanner=replace(world.scanner, pixels=sketch.config.scan_pixels))
+
+
+def _collected(robot: VirtualSculptingRobot, sketch: Sketch, config: PushCollectionConfig) -> list[dict[str, Any]]:
+    return collect_pushes(robot, sketch.tool, robot.material_name, config, lambda name, value, step: None)
 
 
 def as_table(rows: list[dict[str, Any]], columns: dict[str, NDArray[np.float64]]) -> pa.Table:

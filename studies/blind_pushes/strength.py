@@ -1,29 +1,33 @@
 """How strong an effect on pushes is, and the strength that gives a wanted one.
 
 As for strokes (`studies/blind/strength.py`), q is the energy of an effect that the finder's base cannot absorb, over
-the noise floor, measured in pairs: the same commands with and without the effect under the same random numbers, in two
-worlds that differ in all that differs between repeats. With C the change of height of a push,
+the noise floor, measured in pairs: each push with and without the effect, on the same surface and under the same random
+numbers, in two worlds that differ in all that differs between repeats. (On the same surface: what earlier pushes left
+differently is no effect that is to be found, for the finder sees it in `before`.) With C the change of height of a push,
 
-    D = C' - C,   R = D less what the base's modes, fitted to D by least squares, can do,
+    D = C' - C,   R = D less what the numbers of the base can do, fitted to D by least squares,
     q = sum R_1 R_2 / (sum N^2 / 2),
 
-where N is the difference of C between the two worlds, over pushes into freshly smoothed material, in windows about the
-pushes. The modes: amplitude (alone, by depth), width, shift along, halos of three widths, ahead and behind, the end.
+where N is the difference of C between the two worlds without effects, over pushes into freshly smoothed material, in
+windows about the pushes. What its numbers can do is told by the derivatives of the base, fitted to the pushes without
+the effect.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.jacobian import derivatives
 from pentimento.gap.pushes.measured import PIXELS_PER_M, cropped
-from pentimento.push_dynamics.analytic_scene import local_places
+from pentimento.gap.pushes.measured import measure as measure_pushes
+from pentimento.push_dynamics.analytic import first_model
 from pentimento.push_dynamics.measured import PushSamples, load_pushes
 from studies.blind.strength import Strength, StrengthError
-from studies.blind_pushes.collect import as_table, recorded_rows
+from studies.blind_pushes.collect import as_table, rows_with_and_without
 from studies.blind_pushes.worlds import Sketch
 
 PUSHES = 36
@@ -32,7 +36,6 @@ STRONGEST = 3.0
 USUAL = 0.3
 TOLERANCE = 0.2
 EVALUATIONS = 4
-_HALOS_PX = (1.5, 3.0, 6.0)
 
 Array = NDArray[Any]
 
@@ -46,18 +49,18 @@ class Trial(NamedTuple):
 
 def prepare_trial(sketch: Sketch) -> Trial:
     """Make the pushes without any effect."""
-    one, two = (_made(sketch, {}, seed) for seed in SEEDS)
+    (one, _), (two, _) = (_made(sketch, {}, seed) for seed in SEEDS)
     return Trial(sketch, (one, two))
 
 
 def measure(trial: Trial, effect: str, strength: float) -> Strength:
     """q of one effect alone at a strength, and its standard error over the pushes."""
-    loud = [_made(trial.sketch, {effect: strength}, seed) for seed in SEEDS]
-    rests, noise = [], []
-    for quiet, with_effect in zip(trial.quiet, loud, strict=True):
+    rests = []
+    for seed in SEEDS:
+        with_effect, quiet = _made(trial.sketch, {effect: strength}, seed)
         known = quiet.known & with_effect.known
         difference = np.where(known, _change(with_effect) - _change(quiet), 0.0)
-        rests.append(_rest(difference, _modes(quiet) * known))
+        rests.append(rest_of(difference, absorbed(quiet) * known))
     first, second = trial.quiet
     fresh = first.covariates["pushes_since_reset"] == 0
     noise = np.where(first.known & second.known, _change(first) - _change(second), 0.0)[fresh]
@@ -87,10 +90,11 @@ def find_strength(trial: Trial, effect: str, q: float) -> Strength:
     return best
 
 
-def _made(sketch: Sketch, strengths: dict[str, float], seed: int) -> PushSamples:
-    rows = recorded_rows(sketch, sketch.with_strengths(strengths), sketch.seed + seed, PUSHES)
-    samples, _ = load_pushes(as_table(rows, {}), PIXELS_PER_M)
-    return cropped(samples)
+def _made(sketch: Sketch, strengths: dict[str, float], seed: int) -> tuple[PushSamples, PushSamples]:
+    """With the effects, and each push without."""
+    both = rows_with_and_without(sketch, sketch.with_strengths(strengths), sketch.seed + seed, PUSHES)
+    loud, quiet = (cropped(load_pushes(as_table(rows, {}), PIXELS_PER_M)[0]) for rows in both)
+    return loud, quiet
 
 
 def _change(samples: PushSamples) -> Array:
@@ -98,28 +102,15 @@ def _change(samples: PushSamples) -> Array:
     return (samples.after.astype(np.float64) - samples.before) * 1e3
 
 
-def _modes(samples: PushSamples) -> Array:
-    """What the finder's base can do to each change, [M, N, H, W]."""
-    change = _change(samples)
-    along, across = local_places(samples.window_m, change.shape[1:], samples.action, samples.pixels_per_m)
-    length, depth = samples.action[:, 3, None, None], samples.action[:, 4, None, None]
-    down, right = np.gradient(change, axis=(1, 2))
-    cos, sin = np.cos(samples.action[:, 2])[:, None, None], np.sin(samples.action[:, 2])[:, None, None]
-    forward = cos * right - sin * down
-    halos = [np.stack([cv2.GaussianBlur(one, (0, 0), width) for one in change]) for width in _HALOS_PX]
-    progress = np.clip((along - length / 2) / (length / 2 + 0.008), -1, 1)
-    rims = np.maximum(change, 0)
-    end = np.exp(-(np.square(along - length) + np.square(across)) / (2 * 0.004**2))
-    deeper = depth / 0.006 - 1
-    return np.stack(
-        [
-            change, change * deeper, np.square(change) * np.sign(change), np.hypot(down, right), forward, *halos,
-            progress * rims, end, end * deeper,
-        ]
-    )  # fmt: skip
+def absorbed(quiet: PushSamples) -> Array:
+    """What the finder's base, fitted to pushes without the effect, can do to each change, [P, N, H, W]."""
+    measured = measure_pushes(quiet)
+    base = fit(first_model(measured.scene), measured)
+    return derivatives(base, measured.scene).astype(np.float64)
 
 
-def _rest(difference: Array, modes: Array) -> Array:
-    flat = modes.reshape(len(modes), -1)
+def rest_of(difference: Array, can_do: Array) -> Array:
+    """What is left of a difference [N, H, W] less a combination of [P, N, H, W], by least squares."""
+    flat = can_do.reshape(len(can_do), -1)
     weights = np.linalg.lstsq(flat @ flat.T, flat @ difference.ravel(), rcond=1e-9)[0]
     return np.asarray(difference - (weights @ flat).reshape(difference.shape))

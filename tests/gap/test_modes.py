@@ -11,7 +11,7 @@ from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold_linear, ink
 from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.modes import MODES, AllModes, permuted_actions, unexplained
+from pentimento.gap.modes import MODES, AllModes, permuted_actions, structure, unexplained
 from pentimento.gap.modulator import Modulation
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
@@ -56,6 +56,26 @@ def test_where_nothing_depends_on_anything_nothing_is_named(strokes: tuple[Measu
     measured, model = strokes
     left, _, _ = unexplained(model, warmed(None, measured, model), 0)
     assert left == []
+
+
+def test_a_mode_that_is_hardly_seen_in_most_rows_is_read_off_the_others() -> None:
+    rng = np.random.default_rng(3)
+    speed, rows = rng.standard_normal(160), np.arange(160)
+    energy = np.where(rng.random(160) < 0.3, 1.0, 0.004)[:, None]  # what noise of 1 leaves of it is 1 / root of that
+    scores = 1.2 * speed[:, None] + rng.standard_normal((160, 1)) / np.sqrt(energy)
+    columns = {"speed": speed, "else": rng.standard_normal(160)}
+    found, strength, _ = structure(("width",), scores, energy, 1.0, columns, rows, 0)
+    assert [one.covariate for one in found] == ["speed"]
+    alike, same, _ = structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
+    assert not alike and same[0, 0] < strength[0, 0]
+
+
+def test_with_equal_energies_strength_is_correlation() -> None:
+    rng = np.random.default_rng(4)
+    speed = rng.standard_normal(90)
+    scores = 0.2 * speed[:, None] + rng.standard_normal((90, 1))
+    _, strength, _ = structure(("width",), scores, np.ones((90, 1)), 1.0, {"speed": speed}, np.arange(90), 0)
+    assert strength[0, 0] == pytest.approx(np.sqrt(90) * abs(np.corrcoef(speed, scores[:, 0])[0, 1]), rel=1e-6)
 
 
 def test_permutations_keep_the_rows_of_an_action_together() -> None:

@@ -58,6 +58,17 @@ def test_a_tool_that_gives_way_goes_less_deep_into_a_wall_than_over_a_groove() -
     assert into_wall > 1.3 * over_groove > 0
 
 
+def test_a_peak_rises_where_the_tool_still_touches() -> None:
+    seen = scene([0.05, 0.07, 0.0, 0.0, 0.006], [0.05, 0.07, 0.0, 0.03, 0.006])
+    model = model_with(seen, **HARD)
+    contact, radius = touch(model, seen), np.sqrt(2 * model.ball_radius_m * 0.006)
+    still, travelled = ((p * u).sum() / p.sum() for p, u in zip(np.maximum(contact.peak, 0), seen.along, strict=True))
+    assert still == pytest.approx(0.0, abs=2e-4)
+    # Behind the end of its travel is the tool's own groove: the middle of a half-disc is 4 / 3 pi of its radius ahead.
+    assert 0.5 * 0.42 * radius < travelled - 0.03 < 0.42 * radius
+    assert abs(contact.peak.sum((1, 2))).max() < 0.05 * np.maximum(contact.peak, 0).sum((1, 2)).min()
+
+
 def test_rims_whose_shape_adds_up_to_nothing_raise_no_towers() -> None:
     """Volume balance divides by it."""
     seen = scene([0.07, 0.07, 0.0, 0.004, 0.006])

@@ -11,16 +11,22 @@ import pytest
 
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.gap.pushes.measured import PIXELS_PER_M
+from pentimento.push_dynamics.measured import load_pushes
 from studies.blind.make import write_world
 from studies.blind.one_world import SealError, opened
-from studies.blind_pushes.collect import as_table, decoys, recorded_rows
+from studies.blind_pushes.collect import as_table, decoys, rows_with_and_without
 from studies.blind_pushes.make import Truth
 from studies.blind_pushes.one_world import with_shuffled
 from studies.blind_pushes.page import page
 from studies.blind_pushes.score_card import covariate_found, rows
 from studies.blind_pushes.series import COLUMNS
-from studies.blind_pushes.strength import Trial, find_strength, measure
-from studies.blind_pushes.worlds import CAUSES, sketch_world
+from studies.blind_pushes.strength import Trial, absorbed, find_strength, measure, prepare_trial, rest_of
+from studies.blind_pushes.worlds import CAUSES, Sketch, sketch_world
+
+
+def some_rows(sketch: Sketch, pushes: int) -> list[dict[str, Any]]:
+    return rows_with_and_without(sketch, sketch.world, 1, pushes)[0]
 
 
 def test_a_seed_draws_one_world() -> None:
@@ -38,7 +44,7 @@ def test_every_cause_comes_up() -> None:
 
 def test_a_recording_keeps_the_contract_and_has_decoys(tmp_path: Path) -> None:
     sketch = sketch_world("none", 1)
-    recorded = recorded_rows(sketch, sketch.world, 1, pushes=3)
+    recorded = some_rows(sketch, 3)
     table = as_table(recorded, decoys(3, 1))
     write_world(tmp_path, table, truth())
     read = read_table(tmp_path / "table.parquet", CONTRACT)
@@ -48,7 +54,7 @@ def test_a_recording_keeps_the_contract_and_has_decoys(tmp_path: Path) -> None:
 
 def test_a_truth_that_was_changed_after_it_was_sealed_is_found_out(tmp_path: Path) -> None:
     sketch = sketch_world("none", 1)
-    table = as_table(recorded_rows(sketch, sketch.world, 1, pushes=2), {})
+    table = as_table(some_rows(sketch, 2), {})
     write_world(tmp_path, table, truth())
     seal = (tmp_path / "truth.sha256").read_text().strip()
     assert opened(tmp_path / "truth.json", seal)["causes"] == ["far_field"]
@@ -56,6 +62,27 @@ def test_a_truth_that_was_changed_after_it_was_sealed_is_found_out(tmp_path: Pat
     (tmp_path / "truth.json").write_text("{}")
     with pytest.raises(SealError):
         opened(tmp_path / "truth.json", seal)
+
+
+def test_each_push_is_made_with_and_without_the_effect_on_one_surface_by_one_chance() -> None:
+    sketch = sketch_world("none", 2)
+    for strengths, alike in (({}, True), ({"adhesion_lift": 2.0}, False)):
+        loud, quiet = (
+            load_pushes(as_table(rows, {}), PIXELS_PER_M)[0]
+            for rows in rows_with_and_without(sketch, sketch.with_strengths(strengths), 1, 4)
+        )
+        assert np.array_equal(loud.before, quiet.before)
+        differ = np.abs(loud.after - quiet.after).max((1, 2))
+        assert (differ == 0).all() if alike else (differ > 5e-4).all()
+
+
+def test_an_effect_that_the_base_can_do_has_no_energy() -> None:
+    trial = prepare_trial(sketch_world("none", 2))
+    nothing, peaks = (measure(trial, "adhesion_lift", strength) for strength in (0.0, 1.0))
+    assert nothing.q == 0.0 < peaks.q
+    seen = load_pushes(as_table(some_rows(trial.sketch, 12), {}), PIXELS_PER_M)[0]
+    can_do = absorbed(seen)
+    assert np.abs(rest_of(can_do[3] - 0.5 * can_do[7], can_do)).max() < 1e-6 * np.abs(can_do[3]).max()
 
 
 def test_the_strength_is_sought_where_q_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,7 +102,7 @@ def test_the_strength_is_sought_where_q_is_wanted(monkeypatch: pytest.MonkeyPatc
 
 def test_shuffling_leaves_the_values_and_breaks_their_order() -> None:
     sketch = sketch_world("none", 1)
-    table = as_table(recorded_rows(sketch, sketch.world, 1, pushes=8), {})
+    table = as_table(some_rows(sketch, 8), {})
     shuffled = with_shuffled(table, "adhesion_lift", 4)
     (name,) = COLUMNS["adhesion_lift"]
     one, other = (np.array(t[name].to_pylist()) for t in (table, shuffled))

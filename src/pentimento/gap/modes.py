@@ -1,8 +1,9 @@
 """What is left when no known cause explains more: modes of the residual against everything that was recorded.
 
 A mode is a way in which a mark can differ as a whole: amplitude, width, shifts along and across its path and along the
-canvas's axes, blur. Each row's residual is projected on each mode, and the projections are tested against covariates
-by permutation of strokes, max-T over all pairs. What the strongest covariate does is taken out of all modes before the
+canvas's axes, blur. Each row's residual is projected on each mode, and the projections, weighted as they scatter (in
+a short or shallow mark a mode is hardly seen), are tested against covariates by permutation of strokes, max-T over all
+pairs. What the strongest covariate does is taken out of all modes before the
 next is looked for: what merely goes along with it (time with wear, temperature with both) is not named beside it.
 """
 
@@ -14,6 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from pentimento.gap.foretell import Model
 from pentimento.gap.jacobian import linearise_rows
@@ -30,6 +32,10 @@ MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "
 _DRAWS = 1999
 _P = 0.01
 _MOST = 6
+_OUTLYING = 4
+"""In usual deviations: beyond, a score counts as this much."""
+_LEAST_SEEN = 50.0
+"""Times the usual variance: a mode that is seen less in a mark counts as this."""
 
 
 class AllModes(Mechanism):
@@ -110,28 +116,32 @@ def structure(
         return [], np.zeros((len(modes), 0)), []
     scores = scores - np.median(scores, axis=0)
     spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
-    scores = np.clip(scores / spread, -4, 4)
-    basis = np.stack([_standard(np.stack([c, _standard(c) ** 2], 1)) for c in columns.values()])  # [C, B, 2]
-    whole = _strength(scores, basis)
+    scores = scores / spread
+    weight = _certainty(scores, energy)
+    root = np.sqrt(weight)
+    scores = np.clip(scores * root, -_OUTLYING, _OUTLYING) / root
+    lines = np.stack([_standard(c) for c in columns.values()])  # [C, B]
+    basis = np.stack([lines, np.stack([_standard(line**2) for line in lines])])
+    whole = _strength(scores, weight, basis)
     found: list[Unexplained] = []
     left = scores
     while len(found) < _MOST:
-        observed = _strength(left, basis)
+        observed = _strength(left, weight, basis)
         rng = np.random.default_rng([seed, 9, len(found)])
         orders = permuted_actions(action, _DRAWS, rng)
-        largest = np.array([_strength(left[order], basis).max() for order in orders])
+        largest = np.array([_strength(left[order], weight[order], basis).max() for order in orders])
         limit = np.quantile(largest, 1 - _P)
         c = int(np.argmax(observed.max(0)))
         standing = np.flatnonzero(observed[:, c] >= limit)
         if not len(standing):
             break
         # Neighbouring modes answer to one cause: the one by which it would explain most of the picture.
-        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[c]) / error for m in standing]
+        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[:, c].T) / error for m in standing]
         m = int(standing[int(np.argmax(gains))])
         p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
         found.append(Unexplained(modes[m], names[c], p, float(max(gains))))
-        one = np.column_stack([np.ones(len(left)), basis[c]])
-        left = left - one @ np.linalg.lstsq(one, left, rcond=None)[0]
+        one = np.column_stack([np.ones(len(left)), basis[:, c].T])
+        left = np.stack([left[:, m] - one @ _least_squares(one, left[:, m], root[:, m]) for m in range(len(modes))], 1)
     return found, np.sqrt(whole), names
 
 
@@ -148,17 +158,45 @@ def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Arr
     return order
 
 
-def _strength(scores: Array, basis: Array) -> Array:
-    """How strongly each mode goes with each covariate, or with its square, chi-squared [M, C]."""
-    fitted = np.einsum("cbk,bm->cmk", basis, scores) / len(scores)
-    strength: Array = np.square(fitted).max(-1).T * len(scores)
-    return strength
+def _certainty(scores: Array, energy: Array) -> Array:
+    """Weights of scores [B, M]: one over their variance, which is one for all, as actions differ, and one that falls
+    with the mode's own energy, as the noise of pixels does; how much of each, their squares say.
+    """
+    weight = np.empty_like(scores)
+    for m, (score, own) in enumerate(zip(scores.T, energy.T, strict=True)):
+        by_pixels = np.minimum(np.median(own) / np.maximum(own, 1e-12), _LEAST_SEEN)
+        expected = 1 / (1 + by_pixels)  # squares scatter by themselves: what is larger says less
+        shapes = np.stack([np.ones_like(by_pixels), by_pixels], axis=1)
+        shares, _ = nnls(shapes * expected[:, None], np.clip(np.square(score), 0, _OUTLYING**2) * expected)
+        weight[:, m] = 1 / np.maximum(shapes @ shares, 1e-6)
+    return weight / weight.mean(0)
+
+
+def _strength(scores: Array, weight: Array, basis: Array) -> Array:
+    """How strongly each mode goes with each covariate, or with its square, chi-squared [M, C], by weighted correlation.
+
+    Args:
+        scores, weight: [B, M].
+        basis: [2, C, B] each covariate, and its square.
+    """
+    total, weighed = weight.sum(0), weight * scores
+    mean = weighed.sum(0) / total
+    spread = (weighed * scores).sum(0) - total * mean**2  # [M]
+    at, with_scores = np.split(basis @ np.hstack([weight, weighed]), 2, axis=-1)  # [2, C, M]
+    own = np.square(basis) @ weight - at**2 / total
+    strength: Array = np.square(with_scores - at * mean) / np.maximum(own * spread, 1e-12)
+    return strength.max(0).T * len(scores)
+
+
+def _least_squares(basis: Array, values: Array, root_weight: Array) -> Array:
+    """Coefficients [K] of [B, K] for values [B] with these roots of weights."""
+    found: Array = np.linalg.lstsq(basis * root_weight[:, None], values * root_weight, rcond=None)[0]
+    return found
 
 
 def _generic_gain(amount: Array, energy: Array, basis: Array) -> float:
     """Mean error that a quadratic of the covariate would remove, to second order."""
-    weight = np.sqrt(energy)
-    fitted = basis @ np.linalg.lstsq(basis * weight[:, None], amount * weight, rcond=None)[0]
+    fitted = basis @ _least_squares(basis, amount, np.sqrt(energy))
     return float((energy * (amount**2 - (amount - fitted) ** 2)).mean())
 
 

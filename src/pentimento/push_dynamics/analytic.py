@@ -151,7 +151,7 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     """Where the tool passes below the surface."""
     number = _numbers(model)
     still = np.zeros(len(scene))
-    motion = Motion(still, still, still, still, still)
+    motion = Motion(still, still, still, still, still, still)
     for mechanism in model.at_work:
         motion = mechanism.motion(motion, scene)
     length, told = scene.action[:, 3], scene.action[:, 4]
@@ -161,7 +161,9 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     # A push that does not travel goes down at once.
     ramp = np.where(travels[:, None], np.linspace(0.0, 1.0, STATIONS), 1.0)
     wanted = depth[:, None] * ramp + motion.lower_m[:, None]
-    deep = yielded(scene.resistance, deepest_m(told), wanted, number["give_mm"] * 1e-3)
+    everything, worked = scene.resistance
+    resistance = everything + per_push(motion.harder) * worked
+    deep = yielded(resistance, deepest_m(told), wanted, number["give_mm"] * 1e-3)
     slope = np.where(travels, (deep[:, -1] - deep[:, 0]) / np.maximum(length, 1e-4), 0.0)
     radius = model.ball_radius_m * np.exp(number["log_radius"])
     end_radius = np.maximum(np.sqrt(2 * radius * np.maximum(deep[:, -1], 0.0)), scene.pixel_m)

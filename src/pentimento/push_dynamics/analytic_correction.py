@@ -24,8 +24,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.planning.sculptor.model import Array, FloatArray, Pull, PushModel
 from pentimento.push_dynamics.analytic import AnalyticPush
 from pentimento.push_dynamics.analytic_file import model_as_json, model_from_json
-from pentimento.push_dynamics.analytic_scene import PushScene, local_places, surface_at_start
-from pentimento.push_dynamics.resistance import resistance_of
+from pentimento.push_dynamics.analytic_scene import PushScene, local_places, push_scene, surface_at_start
 
 HIDDEN = ("adhesion_lift", "height_offset", "springback", "stiffness_drift", "tool_backlash", "work_hardening")
 """Causes that go with what a network of the constant pose is not told."""
@@ -60,11 +59,10 @@ class Correction:
         level = surface_at_start(heights, np.ones(heights.shape, bool), along, across)
         columns = {name: np.full(rows, value) for name, value in self.covariates.items()}
         before, pushes = (heights - level[:, None, None]).astype(np.float32), np.asarray(actions, dtype=np.float64)
-        scene = PushScene(
-            before, along, across, pushes, np.zeros(heights.shape, np.float32), False, columns,
-            resistance_of(before, along, across, pushes, 1 / scale, self.half_width_m), 1 / scale, self.half_width_m,
-        )  # fmt: skip
-        return self.of(scene)
+        worked = np.zeros_like(before)
+        return self.of(
+            push_scene(before, along, across, worked, pushes, False, columns, 1 / scale, self.half_width_m)
+        )
 
 
 class CorrectedClay:

@@ -46,7 +46,7 @@ class PushScene:
     covariates: dict[str, Array]
     """float64[B] each, NaN where unknown."""
     resistance: Array
-    """float32[B, STATIONS, depths]: how hard the surface pushes back (``resistance``)."""
+    """float32[2, B, STATIONS, depths]: how hard the surface pushes back, and what was worked of it (``resistance``)."""
     pixel_m: float
     half_width_m: float
     """Usual half-width of the footprint: the length that profiles and rims are told in."""
@@ -60,8 +60,26 @@ class PushScene:
             self, before=self.before[rows], along=self.along[rows],
             across=self.across[rows], action=self.action[rows],
             worked=self.worked[rows], covariates={name: values[rows] for name, values in self.covariates.items()},
-            resistance=self.resistance[rows],
+            resistance=self.resistance[:, rows],
         )  # fmt: skip
+
+
+def push_scene(
+    before: Array,
+    along: Array,
+    across: Array,
+    worked: Array,
+    action: Array,
+    history_known: bool,
+    covariates: dict[str, Array],
+    pixel_m: float,
+    half_width_m: float,
+) -> PushScene:
+    """The scene with these maps and numbers (see ``PushScene``), and how hard its surfaces push back."""
+    resistance = resistance_of(before, along, across, worked, action, pixel_m, half_width_m)
+    return PushScene(
+        before, along, across, action, worked, history_known, covariates, resistance, pixel_m, half_width_m
+    )  # fmt: skip
 
 
 def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: Array | None = None) -> PushScene:
@@ -85,18 +103,9 @@ def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: 
     reference = surface_at_start(samples.before, samples.known, along, across)
     worked, known = _worked(samples, width)
     before = ((samples.before if denoised is None else denoised) - reference[:, None, None]).astype(np.float32)
-    return PushScene(
-        before=before,
-        along=along,
-        across=across,
-        action=samples.action,
-        worked=worked,
-        history_known=known,
-        covariates=samples.covariates,
-        resistance=resistance_of(before, along, across, samples.action, 1 / samples.pixels_per_m, width),
-        pixel_m=1 / samples.pixels_per_m,
-        half_width_m=width,
-    )
+    return push_scene(
+        before, along, across, worked, samples.action, known, samples.covariates, 1 / samples.pixels_per_m, width
+    )  # fmt: skip
 
 
 def local_places(window_m: Array, shape: tuple[int, ...], action: Array, pixels_per_m: float) -> tuple[Array, Array]:

@@ -22,7 +22,9 @@ _PEAK, _COLLAR = 0.4, 0.8
 """Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
 _TINY = np.float32(1e-12)
 _NO_PEAK = 6.0
-"""Collars' widths from the end of travel beyond which nothing is drawn up."""
+"""Collars' widths from where the tool lifts off beyond which nothing is drawn up."""
+_HALF_DISC = np.float32(4 / (3 * math.pi))
+"""Of the radius: how far the middle of a half-disc is from the whole one's."""
 
 
 def contact_of(
@@ -76,6 +78,8 @@ def _touch(
         narrower, middle = np.float32(math.exp(-wider)), length / 2
         pieces_a_metre = np.float32(pieces) / max(length, np.float32(1e-6))
         per_end_radius, per_half = one / end_radius, one / (middle + half_width)
+        # Behind a tool that travelled is its own groove: it touches ahead.
+        lead = _HALF_DISC * length / (length + end_radius)
         # Beyond this, squared, no part of the tool comes down to the highest place.
         room = 2 * radius * (before[b].max() + deep[b].max() + _FAR * edge - lowest) / (roundness * narrower * narrower)
         for i in range(before.shape[1]):
@@ -84,7 +88,7 @@ def _touch(
                 beyond = (u - length) * per_end_radius
                 beyond_end[b, i, j] = beyond
                 progress[b, i, j] = min(max((u - middle) * per_half, -one), one)
-                squared = beyond * beyond + (v * per_end_radius) ** 2
+                squared = (beyond - lead) ** 2 + (v * per_end_radius) ** 2
                 if squared < (_NO_PEAK * _COLLAR) ** 2:
                     drawn = math.exp(squared * inner_rate) - math.exp(squared * collar_rate) * share
                     peak[b, i, j] = np.float32(drawn) / (one - share)

@@ -2,7 +2,8 @@
 
 What stands in the tool's way bears it, as soil bears a plate: the pressure grows with the sinkage z as z^n (Bekker
 1956; n is 0.5 for what yields at once, and 1 for what packs). Where an old groove takes the tool it bears little, on a
-wall much: arms and slabs that give way let the tool go less deep there.
+wall much: arms and slabs that give way let the tool go less deep there. Of material that was worked before, the share
+of it that counts is told apart, for it may be harder.
 """
 
 from __future__ import annotations
@@ -26,22 +27,25 @@ _WIDEST = 1.15
 """Of the footprint's half-width: no tool reaches further."""
 _UNIT_M = 0.005
 """Depth on level material at which the force counts 1."""
+_WORKED_M = np.float32(0.005)
+"""Earlier work at which half of what material can gain in hardness is reached."""
 
 
 def resistance_of(
-    before: Array, along: Array, across: Array, action: Array, pixel_m: float, half_width_m: float
+    before: Array, along: Array, across: Array, worked: Array, action: Array, pixel_m: float, half_width_m: float
 ) -> Array:
-    """The force on a ball whose radius is the footprint's half-width, float32[B, STATIONS, depths]: at each place of
+    """The force on a ball whose radius is the footprint's half-width, float32[2, B, STATIONS, depths]: at each place of
     the way, for depths from 0 below the surface at the start to ``deepest_m``. 1 is what a level surface does to one
-    that is pressed 5 mm straight down.
+    that is pressed 5 mm straight down. First of everything, then of what was worked before, w / (w + 5 mm) of it after
+    work w.
 
     Args:
-        before, along, across: float32[B, H, W] metres, as of a ``PushScene``.
+        before, along, across, worked: float32[B, H, W] metres, as of a ``PushScene``.
         action: float64[B, 5].
     """
-    found = np.zeros((len(before), STATIONS, _DEPTHS), dtype=np.float32)
+    found = np.zeros((2, len(before), STATIONS, _DEPTHS), dtype=np.float32)
     deepest = deepest_m(action[:, 4]).astype(np.float32)
-    _forces(before, along, across, action[:, 3].astype(np.float32), deepest, np.float32(half_width_m), found)
+    _forces(before, along, across, worked, action[:, 3].astype(np.float32), deepest, np.float32(half_width_m), found)
     # The integral of sqrt(z - r^2 / 2 w) over where it is above 0.
     unit = 4 / 3 * math.pi * half_width_m * _UNIT_M**1.5
     return found * np.float32(pixel_m**2 / unit)
@@ -57,7 +61,7 @@ def yielded(resistance: Array, deepest: Array, wanted_m: Array, give_m: float) -
     wanted - depth = give * force(depth).
 
     Args:
-        resistance: as by ``resistance_of``.
+        resistance: [B, STATIONS, depths], forces as by ``resistance_of``.
         deepest: ``deepest_m`` [B] of these pushes.
         wanted_m: [B, STATIONS] depths of a tool that does not give way.
     """
@@ -90,10 +94,17 @@ def _yield(resistance: Array, deepest: Array, depth: Array, give_m: float) -> No
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _forces(
-    before: Array, along: Array, across: Array, length: Array, deepest: Array, half: Array, found: Array
+    before: Array,
+    along: Array,
+    across: Array,
+    worked: Array,
+    length: Array,
+    deepest: Array,
+    half: Array,
+    found: Array,
 ) -> None:
     widest = np.float32(_WIDEST) * half
-    stations, depths = found.shape[1], found.shape[2]
+    stations, depths = found.shape[2], found.shape[3]
     bend = np.float32(0.5) / half
     for b in range(before.shape[0]):
         for i in range(before.shape[1]):
@@ -101,6 +112,7 @@ def _forces(
                 u, v = along[b, i, j], across[b, i, j]
                 if abs(v) > widest or u < -widest or u > length[b] + widest:
                     continue
+                hard = worked[b, i, j] / (worked[b, i, j] + _WORKED_M)
                 for k in range(stations):
                     away = u - length[b] * np.float32(k) / np.float32(stations - 1)
                     squared = away * away + v * v
@@ -112,4 +124,6 @@ def _forces(
                         sunk = above + depth
                         # What lies further behind than this was lowest pressed before; there the tool hangs free.
                         if sunk > 0 and -away * length[b] * np.float32(k) <= half * depth * np.float32(stations - 1):
-                            found[b, k, d] += np.float32(math.sqrt(sunk))
+                            borne = np.float32(math.sqrt(sunk))
+                            found[0, b, k, d] += borne
+                            found[1, b, k, d] += hard * borne

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.push_dynamics.analytic import AnalyticPush, first_model, identity
+from pentimento.push_dynamics.analytic import BASE, AnalyticPush, first_model, identity, touch
 from pentimento.push_dynamics.analytic_scene import PushScene, scene_of
 from pentimento.push_dynamics.mechanisms import VOCABULARY, Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
@@ -27,7 +27,8 @@ def seen() -> PushScene:
 
 @pytest.fixture(scope="module")
 def base(seen: PushScene) -> AnalyticPush:
-    return first_model(seen)
+    model = first_model(seen)
+    return model.at(np.where(np.array(BASE) == "give_mm", 1.0, model.base))  # what is harder must be felt
 
 
 def with_values(kind: type[Mechanism], seen: PushScene, *values: float) -> Mechanism:
@@ -115,11 +116,21 @@ def test_lost_volume_is_missing_from_the_rims(seen: PushScene, base: AnalyticPus
 def test_hardened_places_sink_less_and_fresh_ones_as_before(seen: PushScene, base: AnalyticPush) -> None:
     worked = seen.worked.max((1, 2)) > 1e-3
     assert worked.any() and (~worked).any()
-    harder = base.plus(with_values(KINDS["work_hardening"], seen, 0.6)).change(seen)
     plain = base.change(seen)
-    assert np.allclose(harder[~worked], plain[~worked], atol=1e-7)
     there = (seen.worked > 2e-3) & (plain < -1e-3)
-    assert (harder[there] > plain[there]).all()
+    for values in ((0.6, 0.0), (0.0, 0.6)):
+        harder = base.plus(with_values(KINDS["work_hardening"], seen, *values)).change(seen)
+        assert np.allclose(harder[~worked], plain[~worked], atol=1e-7)
+        assert (harder[there] > plain[there]).mean() > 0.95
+
+
+def test_hard_material_keeps_an_arm_up_that_gives_way_and_no_other(seen: PushScene, base: AnalyticPush) -> None:
+    hard = with_values(KINDS["work_hardening"], seen, 0.0, 0.6)
+    stiff = first_model(seen)
+    worked = seen.worked.max((1, 2)) > 3e-3
+    given, still = (touch(model.plus(hard), seen).pressed_m - touch(model, seen).pressed_m for model in (base, stiff))
+    assert not still.any()
+    assert given[worked].min() < -1e-4 and given.max() <= 1e-7
 
 
 def test_the_arm_that_turns_back_is_late_along_its_axis(seen: PushScene, base: AnalyticPush) -> None:

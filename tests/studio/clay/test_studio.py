@@ -220,3 +220,16 @@ def test_effects_stronger_than_material_allows_swallow_all_of_it_and_no_more() -
     change = pressed(clay_with(volume_loss=5.0, far_field=9.0))
     assert change.max() < 1e-4
     assert 0 < -volume_m3(change) <= dent_m3(change)
+
+
+def test_a_twin_goes_on_by_itself_and_alike_in_the_same_world() -> None:
+    world = load_clay_world("clay_table")
+    studio = ClayStudio(world, 4)
+    studio.take("ball")
+    action = np.array([0.1, 0.1, 0.4, 0.02, 0.006])
+    studio.push(action, 0.04, 0.02, 0.5, 0.05)
+    twin, other = studio.in_world(world), studio.in_world(replace(world, arm=replace(world.arm, offset_m=0.01)))
+    for one in (twin, other, studio):
+        one.push(action + [0.01, 0, 0, 0, 0], 0.04, 0.02, 0.5, 0.05)
+    assert np.array_equal(twin.truth_height_m(), studio.truth_height_m()) and twin.clock_s == studio.clock_s
+    assert np.array_equal(twin.scan().height_m, studio.scan().height_m, equal_nan=True)

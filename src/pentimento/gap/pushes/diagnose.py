@@ -21,7 +21,7 @@ from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import unexplained
-from pentimento.gap.pushes.search import Search, least_of_floor, observable_causes, search
+from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
 from pentimento.gap.standard_errors import covariance
@@ -31,12 +31,10 @@ from pentimento.push_dynamics.mechanisms import Mechanism
 Array = NDArray[Any]
 
 _PASSES = 2
-_CONFIRMED_P, _SURE_P = 0.4, 0.01
+_CONFIRMED_P, _CONFIRMED_BESIDE_P, _SURE_P = 0.4, 0.1, 0.01
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
-"""Of the gap on sealed pushes: what is worth less explains nothing, however sure it is."""
-_INTERVAL_IN_ERRORS = 3.92
-"""Standard errors from end to end of 95 %."""
+"""Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -131,7 +129,7 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    while idle := [f for f in established if f.gain < _least_gain(f, len(established))]:
+    while idle := [f for f in established if f.gain < 0]:
         worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
@@ -151,19 +149,11 @@ def diagnose(
 def _unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float]) -> list[str]:
     """Causes, in the order in which they were found, that sealed pushes do not confirm.
 
-    For the first they must only speak. Of a further one they must be sure: what the form of the first lacks looks like
-    something.
+    For the first they must only speak. For a further one they must speak clearly: what the form of the first lacks
+    looks like something.
     """
-    limits = (_CONFIRMED_P if cause == found[0] else _SURE_P for cause in found)
+    limits = (_CONFIRMED_P if cause == found[0] else _CONFIRMED_BESIDE_P for cause in found)
     return [cause for cause, limit in zip(found, limits, strict=True) if confirmed_p[cause] > limit]
-
-
-def _least_gain(finding: Finding, established: int) -> float:
-    """What a cause must gain on the sealed pushes as they are: alone, nothing that makes them worse; beside others, its
-    standard error.
-    """
-    low, high = finding.gain_interval
-    return 0.0 if established == 1 else (high - low) / _INTERVAL_IN_ERRORS
 
 
 def _of_use(
@@ -188,10 +178,9 @@ def _of_use(
     while model.mechanisms:
         model = fit(model, known)
         losses, spare = action_losses(model, sealed), {}
-        alone = len(model.mechanisms) == 1
         for m in model.mechanisms:
             fall = float((action_losses(fit(model.without(m.cause), known), sealed) - losses).mean())
-            spare[m.cause] = fall - _least_fall(m, confirmed_p[m.cause], alone, gap, floor)
+            spare[m.cause] = fall - _least_fall(confirmed_p[m.cause], gap, floor)
         worst = min(spare, key=lambda cause: spare[cause])
         if spare[worst] >= 0:
             break
@@ -199,15 +188,11 @@ def _of_use(
     return model
 
 
-def _least_fall(mechanism: Mechanism, confirmed_p: float, alone: bool, gap: float, floor: float) -> float:
-    """How much error a cause must remove from sealed pushes, mm².
-
-    Of the only one, that the scores of these pushes are sure of, too, the error must only not deny it. Beside another
-    cause, what the form of that one lacks looks like something to all samples.
+def _least_fall(confirmed_p: float, gap: float, floor: float) -> float:
+    """How much error a cause must remove from sealed pushes, mm². Where their scores are sure of it, too, the error must
+    only not deny it.
     """
-    if alone and confirmed_p <= _SURE_P:
-        return 0.0
-    return max(_LEAST_GAIN * gap, least_of_floor(mechanism) * floor)
+    return 0.0 if confirmed_p <= _SURE_P else _LEAST_GAIN * max(gap, floor)
 
 
 def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, parts: Parts, seed: int) -> float:

@@ -25,6 +25,7 @@ _R = TypeVar("_R")
 _STEP = 0.005
 _ROWS_AT_ONCE = 24
 MM = 1e3
+_STAGE = {"command": 0, "contact": 0, "material": 1, "surface": 2}
 
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
@@ -75,7 +76,7 @@ def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
     kept = keep(model, scene, contact)
     still = settle(model, scene, kept)
     stages = [_stage(name) for name in BASE]
-    stages += [{"command": 0, "material": 1, "surface": 2}[m.site] for m in model.mechanisms for _ in m.quantities]
+    stages += [_STAGE[m.site] for m in model.mechanisms for _ in m.quantities]
     found = np.empty((len(stages), *still.shape), dtype=np.float32)
     for p, stage in enumerate(stages):
         moved = model.at(model.vector + _STEP * (np.arange(len(stages)) == p))

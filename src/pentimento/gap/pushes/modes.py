@@ -44,7 +44,7 @@ class AllModes(Mechanism):
         depth, width, along, across = self.values[:4]
         return Motion(
             motion.along_m + along, motion.across_m + across, motion.lower_m, motion.log_depth + depth,
-            motion.log_width + width,
+            motion.log_width + width, motion.harder,
         )  # fmt: skip
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:

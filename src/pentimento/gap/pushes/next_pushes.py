@@ -23,8 +23,7 @@ from pentimento.gap.pushes.jacobian import linearise_rows
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.survey import PushSurvey, columns_of
 from pentimento.push_dynamics.analytic import AnalyticPush
-from pentimento.push_dynamics.analytic_scene import PushScene, local_places, surface_at_start, swept_m
-from pentimento.push_dynamics.resistance import resistance_of
+from pentimento.push_dynamics.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
 
 Array = NDArray[Any]
 
@@ -129,16 +128,14 @@ def as_measured(
             np.float32
         )
         history = measured.scene.history_known
-        resistance = resistance_of(level, along, across, pushes, 1 / k, half_width)
-        return PushScene(level, along, across, pushes, worked, history, columns, resistance, 1 / k, half_width)
+        return push_scene(level, along, across, worked, pushes, history, columns, 1 / k, half_width)
 
     first, second = np.arange(0, len(action), 2), np.arange(1, len(action), 2)
     # The first push, looked at through the window of the second: it may start outside, where the surface is level.
     along, across = local_places(windows[second], shape, action[first], k)
-    seen = PushScene(
-        flat[first], along, across, action[first], flat[first], measured.scene.history_known,
-        {name: values[first] for name, values in known.items()},
-        resistance_of(flat[first], along, across, action[first], 1 / k, half_width), 1 / k, half_width,
+    seen = push_scene(
+        flat[first], along, across, flat[first], action[first], measured.scene.history_known,
+        {name: values[first] for name, values in known.items()}, 1 / k, half_width,
     )  # fmt: skip
     left, worked = flat.copy(), flat.copy()
     left[second] = model.change(seen)

@@ -25,13 +25,14 @@ from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 Array = NDArray[Any]
 
 _FIRST_P, _LATER_P = 0.02, 0.01
-_IMITABLE_P = _LATER_P / 10
-"""Of the errors that a refit removes, where the base could look like the cause: tested for each of the vocabulary."""
+_IMITABLE_P = 0.02
+"""Of the errors that a refit removes, where the base could look like the cause."""
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
-_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.012, 0.01
-"""Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
-like a cause."""
+_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_BESIDE, _LEAST_OF_MISFIT = 0.01, 0.015, 0.02, 0.01
+"""Of the noise floor: what a cause must remove at least, where the base could look like it, and then beside others,
+whose forms are not quite right either; and of the error above the floor: in a base that is wrong in many ways,
+something always looks a little like a cause."""
 _BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
 """Of the largest gain so far: what a further cause must add; the second where it can do the work of one that was found,
 having its driver or being its rival."""
@@ -111,7 +112,8 @@ def search(
         small = {
             c
             for c in refits
-            if size[c] < max(least_of_floor(observable[c]) * (floor or error), _LEAST_OF_MISFIT * (error - floor))
+            if size[c] < least_of_floor(observable[c], bool(taken)) * (floor or error)
+            or size[c] < _LEAST_OF_MISFIT * (error - floor)
             or size[c] < _enough(observable[c], observable, gained, rivals)
             or _could_be_the_base(observable[c], before - losses[c], seed)
         }
@@ -140,9 +142,11 @@ def _weigh(
     return weighed(statistics, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
 
 
-def least_of_floor(mechanism: Mechanism) -> float:
+def least_of_floor(mechanism: Mechanism, beside_others: bool) -> float:
     """How much of the noise floor a cause must remove at least."""
-    return _LEAST_IF_IMITABLE if mechanism.imitable else _LEAST_OF_FLOOR
+    if not mechanism.imitable:
+        return _LEAST_OF_FLOOR
+    return _LEAST_BESIDE if beside_others else _LEAST_IF_IMITABLE
 
 
 def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:

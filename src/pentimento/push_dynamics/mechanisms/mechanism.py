@@ -2,6 +2,7 @@
 
     command ── motion ──→ contact ── kept ──→ indentation ── settled ──→ rims and surface
                (command)             (material)              (surface)
+               (contact)             (contact)
 
 A mechanism is one named cause of what the base alone gets wrong. It acts at its site; at all others it is the identity.
 With all of its quantities at zero it changes nothing, and what it does is smooth in them there.
@@ -20,7 +21,7 @@ from pentimento.stroke_dynamics.simulation import NotObservable, Quantity
 
 Array = NDArray[Any]
 
-Site = Literal["command", "material", "surface"]
+Site = Literal["command", "contact", "material", "surface"]
 
 _SHORTEST_S = 0.05
 _VARIED = 0.3
@@ -52,6 +53,8 @@ class Motion(NamedTuple):
     """How much deeper in proportion to its depth, as a logarithm."""
     log_width: Array
     """How much wider the tool seems, as a logarithm."""
+    harder: Array
+    """How many times more than fresh material that which was worked most resists."""
 
 
 class Contact(NamedTuple):
@@ -112,11 +115,11 @@ class Mechanism:
         return {}
 
     def motion(self, motion: Motion, scene: PushScene) -> Motion:
-        """How the tool moves; for the site command."""
+        """How the tool moves; for the sites command and contact."""
         return motion
 
     def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
-        """What stays of the contact as indentation [B, H, W]; for the site material."""
+        """What stays of the contact as indentation [B, H, W]; for the sites contact and material."""
         return kept_m
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:

@@ -1,11 +1,22 @@
-"""Later pushes at one place deform less: what stays falls with how deep earlier pushes went there."""
+"""Material that was pushed before is harder there: later pushes go less deep, and less of what they press stays.
+
+After earlier work w, it resists by b w / (w + 5 mm) more than fresh material, so that an arm that gives way goes less
+deep; and of what is pressed, exp(-a w) stays.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pentimento.push_dynamics.analytic_scene import PushScene
-from pentimento.push_dynamics.mechanisms.mechanism import Array, Contact, Mechanism, NotObservable, Quantity
+from pentimento.push_dynamics.mechanisms.mechanism import (
+    Array,
+    Contact,
+    Mechanism,
+    Motion,
+    NotObservable,
+    Quantity,
+)
 
 _DEEP_M = 0.005
 _LEAST_SEEN = 0.02
@@ -16,9 +27,12 @@ class WorkHardening(Mechanism):
     """See above."""
 
     cause = "work_hardening"
-    site = "material"
+    site = "contact"
     driver = "history"
-    quantities = (Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),)
+    quantities = (
+        Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),
+        Quantity("harder", "1", 0.5, signed=False),
+    )
 
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
@@ -27,6 +41,9 @@ class WorkHardening(Mechanism):
         if (scene.worked.max((1, 2)) > _DEEP_M / 10).mean() < _LEAST_SEEN:
             raise NotObservable("hardly a push goes where an earlier one went since the material was smoothed")
         return {}
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        return motion._replace(harder=motion.harder + self.values[1])
 
     def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
         return kept_m * np.exp(np.float32(-self.values[0] / _DEEP_M) * scene.worked)

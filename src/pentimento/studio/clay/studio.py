@@ -1,5 +1,6 @@
 """The clay studio itself: a slab that remembers what was done to it, a rack of tools and a scanner."""
 
+import copy
 import math
 
 import cv2
@@ -48,6 +49,12 @@ class ClayStudio:
         self._tool_name: str | None = None
         self._plane = believed_plane(world.scanner, self._next(Item.TABLE))
         self._place_slab()
+
+    def in_world(self, world: ClayWorld) -> "ClayStudio":
+        """A copy of this studio as it stands, in which the physics of another world (of the same slab) goes on."""
+        twin = copy.deepcopy(self)
+        twin._world = world
+        return twin
 
     @property
     def size_m(self) -> tuple[float, float]:
