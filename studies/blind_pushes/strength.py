@@ -3,7 +3,7 @@
 As for strokes (`studies/blind/strength.py`), q is the energy of an effect that the finder's base cannot absorb, over
 the noise floor, measured in pairs: each push with and without the effect, on the same surface and under the same random
 numbers, in two worlds that differ in all that differs between repeats. (On the same surface: what earlier pushes left
-differently is no effect that is to be found, for the finder sees it in `before`.) With C the change of height of a push,
+differently is no effect that is to be found, for the finder sees it in `before`.) With C the change of height,
 
     D = C' - C,   R = D less what the numbers of the base can do, fitted to D by least squares,
     q = sum R_1 R_2 / (sum N^2 / 2),

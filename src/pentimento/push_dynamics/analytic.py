@@ -54,6 +54,7 @@ _LEAST_RIMS, _LEAST_NET = 0.02, 0.2
 """What the rims' shape must add up to at least: of what stays pressed, and of its own sizes whatever their sign. Else
 a shape that adds up to nothing would raise towers."""
 _NOTHING_M = 1e-12
+_RADII = 100
 _USUAL_DEPTH = 0.6
 """Of the deepest command: where a footprint has its usual half-width."""
 
@@ -151,7 +152,7 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     """Where the tool passes below the surface."""
     number = _numbers(model)
     still = np.zeros(len(scene))
-    motion = Motion(still, still, still, still, still, still)
+    motion = Motion(*[still] * len(Motion._fields))
     for mechanism in model.at_work:
         motion = mechanism.motion(motion, scene)
     length, told = scene.action[:, 3], scene.action[:, 4]
@@ -160,23 +161,31 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     travels = length > 1e-4
     # A push that does not travel goes down at once.
     ramp = np.where(travels[:, None], np.linspace(0.0, 1.0, STATIONS), 1.0)
-    wanted = depth[:, None] * ramp + motion.lower_m[:, None]
+    at_rest = np.where(travels[:, None], np.arange(STATIONS) == STATIONS - 1, True)
+    wanted = depth[:, None] * ramp * np.exp(motion.log_depth_at_rest[:, None] * at_rest) + motion.lower_m[:, None]
     everything, worked = scene.resistance
     resistance = everything + per_push(motion.harder) * worked
     deep = yielded(resistance, deepest_m(told), wanted, number["give_mm"] * 1e-3)
     slope = np.where(travels, (deep[:, -1] - deep[:, 0]) / np.maximum(length, 1e-4), 0.0)
     radius = model.ball_radius_m * np.exp(number["log_radius"])
-    end_radius = np.maximum(np.sqrt(2 * radius * np.maximum(deep[:, -1], 0.0)), scene.pixel_m)
+    more = np.array([0.0, *(number[name] for name in PROFILE)]) * 1e-3
+    knots = np.stack([np.array([_ROUND, *KNOTS]) * scene.half_width_m, more])
+    end_radius = np.maximum(_radius_at(deep[:, -1], radius, knots), scene.pixel_m)
     moved = np.stack(
         [
             motion.along_m + number["along_mm"] * 1e-3, motion.across_m, slope, length, motion.log_width, end_radius,
         ], axis=1,
     )  # fmt: skip
-    more = np.array([0.0, *(number[name] for name in PROFILE)]) * 1e-3
-    knots = np.stack([np.array([_ROUND, *KNOTS]) * scene.half_width_m, more])
     edge = EDGE_M * np.exp(number["log_edge"])
     fixed = np.array([radius, np.exp(number["log_aspect"]), number["corners"], edge, scene.half_width_m])
     return contact_of(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
+
+
+def _radius_at(depth_m: Array, ball_radius_m: float, knots: Array) -> Array:
+    """How wide the tool is at heights [B] above its tip: half of it, metres. ``knots`` as of ``contact_of``."""
+    away = np.linspace(0.0, knots[0, -1], _RADII)
+    profile = away**2 / (2 * ball_radius_m) + np.interp(away, *knots)
+    return np.interp(depth_m, np.maximum.accumulate(profile) + 1e-9 * np.arange(_RADII), away)
 
 
 def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:

@@ -60,9 +60,7 @@ class Correction:
         columns = {name: np.full(rows, value) for name, value in self.covariates.items()}
         before, pushes = (heights - level[:, None, None]).astype(np.float32), np.asarray(actions, dtype=np.float64)
         worked = np.zeros_like(before)
-        return self.of(
-            push_scene(before, along, across, worked, pushes, False, columns, 1 / scale, self.half_width_m)
-        )
+        return self.of(push_scene(before, along, across, worked, pushes, False, columns, 1 / scale, self.half_width_m))
 
 
 class CorrectedClay:

@@ -18,7 +18,7 @@ Array = NDArray[Any]
 
 _FAR = 30.0
 """In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
-_PEAK, _COLLAR = 0.4, 0.8
+_PEAK, _COLLAR = 0.33, 0.66
 """Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
 _TINY = np.float32(1e-12)
 _NO_PEAK = 6.0

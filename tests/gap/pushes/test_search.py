@@ -33,7 +33,7 @@ def test_what_a_base_can_look_like_must_surely_make_pushes_better() -> None:
     known, _ = observable_causes(measure(blank(12, 1), 0.006), [HeightOffset, ToolBacklash])
     noise = np.random.default_rng(0).standard_normal(100)
     noise = (noise - noise.mean()) / noise.std()
-    little, much = noise + 0.25, noise + 0.5  # 2.5 and 5 standard errors
+    little, much = noise + 0.15, noise + 0.35  # 1.5 and 3.5 standard errors
     assert _could_be_the_base(known["height_offset"], little, 0)
     assert not _could_be_the_base(known["height_offset"], much, 0)
     assert not _could_be_the_base(known["tool_backlash"], little, 0)

@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.push_dynamics.analytic import BASE, AnalyticPush, first_model, identity, touch
 from pentimento.push_dynamics.analytic_scene import PushScene, scene_of
-from pentimento.push_dynamics.mechanisms import VOCABULARY, Mechanism
+from pentimento.push_dynamics.mechanisms import LOOKALIKES, VOCABULARY, Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 from pentimento.push_dynamics.mechanisms.slope_slide import relaxed
 from tests.push_dynamics.played_pushes import HALF_WIDTH_M, blank
@@ -171,3 +171,16 @@ def test_a_pile_runs_off_to_its_angle_and_keeps_its_volume() -> None:
 def test_what_is_flatter_than_the_angle_stays() -> None:
     slope = np.tile(np.linspace(0, 1, 11, dtype=np.float32) * 0.4, (1, 11, 1))
     assert np.array_equal(relaxed(slope, np.float32(0.05), 10), slope)
+
+
+def test_where_a_tool_sinks_at_rest_its_end_alone_is_deeper_and_wider(seen: PushScene, base: AnalyticPush) -> None:
+    assert not set(LOOKALIKES.values()) & set(VOCABULARY)
+    sinks = base.plus(with_values(LOOKALIKES["springback"], seen, 0.2))
+    longer = seen.covariates["dwell_s"] > 1.2 * sinks.mechanisms[0].reference["dwell_s"]
+    travels = seen.action[:, 3] > 0.012
+    changed = touch(sinks, seen).pressed_m - touch(base, seen).pressed_m
+    early = (seen.along < 0.3 * seen.action[:, 3, None, None]) & (changed != 0)
+    assert abs(changed[travels][early[travels]]).max() < 0.1 * changed[travels].max()
+    assert longer.sum() > 5 and np.median(changed[longer].max((1, 2))) > 5e-4 > 1e-6 > changed[longer].min()
+    wider = (touch(sinks, seen).inside - touch(base, seen).inside).sum((1, 2))
+    assert np.median(wider[longer]) > 1  # pixels

@@ -189,8 +189,8 @@ def _of_use(
 
 
 def _least_fall(confirmed_p: float, gap: float, floor: float) -> float:
-    """How much error a cause must remove from sealed pushes, mm². Where their scores are sure of it, too, the error must
-    only not deny it.
+    """How much error a cause must remove from sealed pushes, mm²: where their scores are sure of it, too, the error
+    must only not deny it.
     """
     return 0.0 if confirmed_p <= _SURE_P else _LEAST_GAIN * max(gap, floor)
 

@@ -42,9 +42,9 @@ class AllModes(Mechanism):
 
     def motion(self, motion: Motion, scene: PushScene) -> Motion:
         depth, width, along, across = self.values[:4]
-        return Motion(
-            motion.along_m + along, motion.across_m + across, motion.lower_m, motion.log_depth + depth,
-            motion.log_width + width, motion.harder,
+        return motion._replace(
+            along_m=motion.along_m + along, across_m=motion.across_m + across, log_depth=motion.log_depth + depth,
+            log_width=motion.log_width + width,
         )  # fmt: skip
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:

@@ -19,7 +19,7 @@ from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.score import Evidence, weighed, with_each
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
-from pentimento.push_dynamics.mechanisms import Mechanism
+from pentimento.push_dynamics.mechanisms import LOOKALIKES, Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
@@ -29,10 +29,12 @@ _IMITABLE_P = 0.02
 """Of the errors that a refit removes, where the base could look like the cause."""
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
-_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_BESIDE, _LEAST_OF_MISFIT = 0.01, 0.015, 0.02, 0.01
-"""Of the noise floor: what a cause must remove at least, where the base could look like it, and then beside others,
-whose forms are not quite right either; and of the error above the floor: in a base that is wrong in many ways,
-something always looks a little like a cause."""
+_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.015, 0.01
+"""Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
+like a cause."""
+_LEAST_IF_IMITABLE_BESIDE, _LEAST_OF_MISFIT_BESIDE = 0.02, 0.04
+"""The same of a further cause that the base can look like: the forms of those that were found are not quite right
+either."""
 _BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
 """Of the largest gain so far: what a further cause must add; the second where it can do the work of one that was found,
 having its driver or being its rival."""
@@ -92,7 +94,7 @@ def search(
     rivals: dict[str, tuple[str, ...]] = {}
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
-    """Causes that would have to act with the wrong sign, or do too little."""
+    """Causes that would have to act with the wrong sign, do too little, or are rather what looks like them."""
     while True:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
@@ -108,12 +110,14 @@ def search(
         before = action_losses(model, measured)
         error = float(before.mean())
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
+        if mistaken := {c for c in losses if _is_rather_its_lookalike(c, losses[c], model, measured)}:
+            dismissed |= mistaken
+            continue
         size = {cause: float((before - after).mean()) for cause, after in losses.items()}
         small = {
             c
             for c in refits
-            if size[c] < least_of_floor(observable[c], bool(taken)) * (floor or error)
-            or size[c] < _LEAST_OF_MISFIT * (error - floor)
+            if size[c] < _least(observable[c], bool(taken), floor or error, error - floor)
             or size[c] < _enough(observable[c], observable, gained, rivals)
             or _could_be_the_base(observable[c], before - losses[c], seed)
         }
@@ -142,11 +146,13 @@ def _weigh(
     return weighed(statistics, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
 
 
-def least_of_floor(mechanism: Mechanism, beside_others: bool) -> float:
-    """How much of the noise floor a cause must remove at least."""
+def _least(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:
+    """How much error a cause must remove at least, mm², where that is ``misfit`` above the floor."""
     if not mechanism.imitable:
-        return _LEAST_OF_FLOOR
-    return _LEAST_BESIDE if beside_others else _LEAST_IF_IMITABLE
+        return max(_LEAST_OF_FLOOR * floor, _LEAST_OF_MISFIT * misfit)
+    if beside_others:
+        return max(_LEAST_IF_IMITABLE_BESIDE * floor, _LEAST_OF_MISFIT_BESIDE * misfit)
+    return max(_LEAST_IF_IMITABLE * floor, _LEAST_OF_MISFIT * misfit)
 
 
 def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
@@ -154,6 +160,17 @@ def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
     shapes: a score at no effect may be sure of what hardly makes a push better.
     """
     return mechanism.imitable and paired_p(falls, seed) >= _IMITABLE_P
+
+
+def _is_rather_its_lookalike(cause: str, losses: Array, model: AnalyticPush, measured: MeasuredPushes) -> bool:
+    """Whether what the vocabulary has no name for explains as much as the cause does, which leaves ``losses``."""
+    if cause not in LOOKALIKES:
+        return False
+    try:
+        other = identity(LOOKALIKES[cause], measured.scene)
+    except NotObservable:
+        return False
+    return float(action_losses(fit(model.plus(other), measured), measured).mean()) <= float(losses.mean())
 
 
 def is_physical(mechanism: Mechanism) -> bool:

@@ -53,6 +53,8 @@ class Motion(NamedTuple):
     """How much deeper in proportion to its depth, as a logarithm."""
     log_width: Array
     """How much wider the tool seems, as a logarithm."""
+    log_depth_at_rest: Array
+    """The same at the end of its travel alone, where it rests."""
     harder: Array
     """How many times more than fresh material that which was worked most resists."""
 
