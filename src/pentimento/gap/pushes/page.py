@@ -44,8 +44,8 @@ def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], album: Album)
         "waterfall.png", drawn.waterfall(diagnosis, kind=PUSHES),
         "Bars from the base model's error through each extension to the noise floor.",
         "Mean squared error over the windows of sealed pushes, mm². <b>Base</b>: the swept tool with free nuisances "
-        "(profile, depth gain, give, rims, heap, blur), and what was learnt of what it does alike in every push. Green: "
-        "what each cause removes, fitted in and out. "
+        "(profile, depth gain, give, rims, heap, blur), and what was learnt of what it does alike in every push. "
+        "Green: what each cause removes, fitted in and out. "
         "<b>Extended</b>: what is left with all of them. Hatched: what a smooth law of a mode that still has structure "
         "would remove, to second order. <b>Noise floor</b>: what even a perfect model would miss, from repeated "
         "actions; the band is its 95&nbsp;% interval.",
