@@ -42,7 +42,7 @@ def test_ends_that_are_there_are_kept_and_a_model_that_loses_nothing_stays(base:
     assert causes(_without(lag, [], base)) == {"bristle_lag"}
 
 
-def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.001) -> Finding:
+def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.005) -> Finding:
     """A finding that is worth ``gain`` of the gap, and at least ``surely``."""
     return Finding(cause, 0.001, confirmed_p, gain, (surely, 2 * gain - surely), {}, ())
 
@@ -71,6 +71,13 @@ def is_of_use(finding: Finding, *others: Finding, sealed: int = 10) -> bool:
 )
 def test_what_is_worth_little_must_be_of_another_kind_and_sure(little: Finding, of_use: bool) -> None:
     assert is_of_use(little, worth("bristle_lag", 1.0, 0.9)) == of_use
+
+
+def test_what_confirming_strokes_are_certain_of_must_be_worth_little_and_not_surely_so() -> None:
+    lag = worth("bristle_lag", 1.0, 0.9)
+    assert is_of_use(worth("speed_width", 0.04, -0.05, confirmed_p=0.0005), lag, sealed=24)
+    assert not is_of_use(worth("speed_width", 0.015, -0.05, confirmed_p=0.0005), lag, sealed=24)
+    assert not is_of_use(worth("path_offset", 0.04, -0.05, confirmed_p=0.0005), lag, sealed=24)
 
 
 def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only_not_deny_it() -> None:

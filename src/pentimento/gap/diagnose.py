@@ -31,7 +31,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_CONFIRMED_P, _SURE_P = 0.4, 0.01
+_CONFIRMED_P, _CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P = 0.4, 0.05, 0.01, 0.001
 _DRAWS = 1999
 _PASSES = 2
 _LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
@@ -130,7 +130,9 @@ def diagnose(
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
     confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
-    lost = [m.cause for m in named if confirmed_p[m.cause] > _CONFIRMED_P]
+    leading = next((step.chosen for step in found.steps if step.chosen), None)
+    limits = {m.cause: _CONFIRMED_P if m.cause == leading else _CONFIRMED_BESIDE_P for m in named}
+    lost = [cause for cause, limit in limits.items() if confirmed_p[cause] > limit]
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
@@ -175,7 +177,8 @@ def diagnose(
 
 
 def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, sealed: int) -> bool:
-    """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another.
+    """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another, and
+    the confirming strokes are not all but certain of it.
 
     A small table seals few strokes, which cannot tell little from nothing. Of the only cause that displaces the mark,
     or does not, which the confirming ones are sure of, few must only not deny it, and it must not be little beside one
@@ -191,6 +194,8 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
         return finding.gain > 0
     if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * max(alike)):
         return False
+    if finding.confirmed_p <= _CERTAIN_P:
+        return True
     largest = max(f.gain for f in established)
     good = _GOOD_GAIN * largest if sure else max(_GOOD_GAIN, _LEAST_BESIDE * largest)
     return finding.gain >= good or finding.gain_interval[0] > 0

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import measure
-from pentimento.gap.pushes.search import _could_be_the_base, _enough, _weigh, observable_causes
+from pentimento.gap.pushes.search import (
+    _could_be_the_base,
+    _enough,
+    _is_rather_its_lookalike,
+    _least,
+    _weigh,
+    observable_causes,
+)
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
+from pentimento.push_dynamics.mechanisms.mechanism import Mechanism
+from pentimento.push_dynamics.mechanisms.sinking import Sinking
+from pentimento.push_dynamics.mechanisms.springback import Springback
 from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
 from pentimento.push_dynamics.mechanisms.volume_loss import VolumeLoss
-from tests.push_dynamics.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, played
+from tests.push_dynamics.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, mechanism, played
 
 KINDS = (FarField, VolumeLoss, HeightOffset)
 
@@ -58,8 +69,8 @@ def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
     model = fit(first_model(measured.scene), measured)
     known, _ = observable_causes(measured, [VolumeLoss, HeightOffset])
     _, at_start = _weigh(model, list(known.values()), measured, 0)
-    for cause, mechanism in known.items():
-        found, anew = fit(model.plus(mechanism), measured, at_start[cause]), fit(model.plus(mechanism), measured)
+    for cause, still in known.items():
+        found, anew = fit(model.plus(still), measured, at_start[cause]), fit(model.plus(still), measured)
         np.testing.assert_allclose(found.vector, anew.vector, rtol=1e-3, atol=1e-4)
 
 
@@ -69,3 +80,25 @@ def test_a_fit_ends_where_another_one_finds_nothing_to_gain() -> None:
     again = fit(fitted, measured)
     left, least = (action_losses(model, measured).mean() for model in (fitted, again))
     assert left - least < 2e-3 * left
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "mistaken"),
+    [(Sinking, {"by_log_dwell": 0.08}, True), (Springback, {"kept_by_log_dwell": 0.15}, False)],
+)
+def test_what_sinks_while_it_rests_is_not_taken_for_springback(
+    kind: type[Mechanism], values: dict[str, float], mistaken: bool
+) -> None:
+    measured = measure(played([mechanism(kind, blank(), **values)]))
+    known, _ = observable_causes(measured, [Springback])
+    model = fit(first_model(measured.scene), measured)
+    losses = action_losses(fit(model.plus(known["springback"]), measured), measured)
+    assert losses.mean() < action_losses(model, measured).mean()
+    assert _is_rather_its_lookalike("springback", losses, model, measured) == mistaken
+
+
+def test_a_base_asks_more_of_what_it_can_look_like_and_of_that_beside_others_more_still() -> None:
+    known, _ = observable_causes(measure(blank(12, 1), 0.006), [HeightOffset, ToolBacklash])
+    alone, beside = (_least(known["height_offset"], others, 1.0, 1.0) for others in (False, True))
+    assert 0 < _least(known["tool_backlash"], True, 1.0, 1.0) < alone < beside
+    assert _least(known["height_offset"], True, 1.0, 3.0) > beside
