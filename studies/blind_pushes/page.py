@@ -18,8 +18,8 @@ Written by `python -m studies.blind_pushes.table`; do not edit. A clay world is 
 whose physics shares no functional form with the vocabulary of causes: material, slab, arm, scanner and tool are
 perturbed, half of the tools have another shape than a ball's, and all tables have decoy columns. What it hides is
 sealed by its hash; a process of its own gets the table (96 single actions and 24 three times, 168 rows of 64 × 64
-pixels about the push) alone; the truth is opened after the verdict. q is the energy of the effect that the base cannot
-absorb over the noise floor.
+pixels about the push) alone; the truth is opened after the verdict. q is the energy of the effect, on the same surface
+with and without it, that the base cannot absorb, over the noise floor.
 
 *95 %* is the exact interval (Clopper–Pearson). A row *falls short* where an exact one-sided binomial test rejects its
 bar at 5 %, and is *undecided* where it misses its bar by less. *Constant* is what is reached by naming in every world
