@@ -28,7 +28,7 @@ class Series:
 WITH_A_COLUMN = ("adhesion_lift", "stiffness_drift")
 """Causes whose covariate is a column of the table, which can be shuffled."""
 COLUMNS: dict[str, tuple[str, ...]] = {
-    "adhesion_lift": ("retract_speed_m_s",),
+    "adhesion_lift": ("retract_speed_m_s", "dwell_s"),
     "stiffness_drift": ("order", "t_before_s", "t_start_s", "t_after_s", "temperature_c"),
 }
 
