@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _least_fall, _least_gain, _unconfirmed, diagnose, noise_floor
+from pentimento.gap.pushes.diagnose import _least_fall, _unconfirmed, diagnose, noise_floor
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.verdict import verdict
 from pentimento.push_dynamics.analytic import first_model
@@ -42,7 +40,7 @@ def test_the_sealed_pushes_had_no_part_in_it(lossy: Played) -> None:
     assert len(lossy.diagnosis.base_losses) == len(sealed) == round(0.2 * len(set(action)))
 
 
-def test_of_a_further_cause_the_sealed_pushes_must_be_sure() -> None:
+def test_for_a_further_cause_the_sealed_pushes_must_speak_clearly() -> None:
     p = {"volume_loss": 0.3, "height_offset": 0.3, "springback": 0.001}
     assert _unconfirmed(["volume_loss", "height_offset", "springback"], p) == ["height_offset"]
     assert _unconfirmed(["springback", "volume_loss"], p) == ["volume_loss"]
@@ -65,19 +63,10 @@ def test_without_repeats_the_floor_is_unknown() -> None:
     assert noise_floor(first_model(measured.scene), measured, 0) is None
 
 
-def test_what_two_samples_are_sure_of_the_sealed_one_must_only_not_deny(lossy: Played) -> None:
-    (named,) = lossy.diagnosis.extended.mechanisms
-    alone, beside = (_least_fall(named, 0.001, alone, 0.2, 1.0) for alone in (True, False))
-    unsure = _least_fall(named, 0.05, True, 0.2, 1.0)
-    assert alone == 0 < beside == unsure
-    assert _least_fall(named, 0.05, True, 0.2, 2.0) == 2 * unsure > _least_fall(named, 0.05, True, 0.2, 0.0) > 0
-
-
-def test_beside_others_a_cause_must_gain_more_than_its_error(lossy: Played) -> None:
-    (named,) = lossy.diagnosis.established
-    named = replace(named, gain=0.05, gain_interval=(-0.146, 0.246))  # a standard error of .1
-    assert _least_gain(named, 1) == 0
-    assert _least_gain(named, 2) == pytest.approx(0.1)
+def test_what_the_scores_of_sealed_pushes_are_sure_of_their_errors_must_only_not_deny() -> None:
+    unsure = _least_fall(0.05, 0.2, 1.0)
+    assert _least_fall(0.001, 0.2, 1.0) == 0 < unsure
+    assert _least_fall(0.05, 0.2, 2.0) == 2 * unsure > _least_fall(0.05, 0.2, 0.0) > 0
 
 
 def test_too_few_actions_are_refused(lossy: Played) -> None:
