@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.choice import Step, simplest_of_the_best, without_echoes, without_unlikely
+from pentimento.gap.choice import Step, simplest_of_the_best, unconfirmed, without_echoes, without_unlikely
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, action_losses, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
@@ -82,3 +82,12 @@ def refitted(
     after = foretold(base.plus(truth), measured)
     made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
     return {kind.cause: fit(base.plus(identity(kind, made.context)), made) for kind in kinds}, made
+
+
+def test_for_a_further_cause_rows_that_were_not_searched_must_speak_clearly() -> None:
+    p = {"volume_loss": 0.3, "height_offset": 0.3, "springback": 0.001}
+    assert unconfirmed(["volume_loss", "height_offset", "springback"], p, 0.1) == ["height_offset"]
+    assert unconfirmed(["springback", "volume_loss"], p, 0.1) == ["volume_loss"]
+    assert unconfirmed(["springback", "volume_loss"], p, 0.35) == []
+    assert unconfirmed(["volume_loss"], {"volume_loss": 0.5}, 0.1) == ["volume_loss"]
+    assert unconfirmed([], {}, 0.1) == []

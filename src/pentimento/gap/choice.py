@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from pentimento.gap.standard_errors import values_with_errors
 Array = NDArray[Any]
 
 _DRAWS = 4999
-_WORSE_P = 0.05
+_WORSE_P, _CONFIRMED_P = 0.05, 0.4
 _NEARLY = 0.95  # of what the best one removes
 _SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _MINOR = 0.5
@@ -115,6 +115,16 @@ def _in_typical_sizes(refit: Model, measured: Measured) -> dict[str, tuple[float
     last = refit.mechanisms[-1]
     found, typical = values_with_errors(refit, last, measured), {q.name: q.typical for q in last.quantities}
     return {name: (value / typical[name], error / typical[name]) for name, (value, error) in found.items()}
+
+
+def unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float], beside_p: float) -> list[str]:
+    """Causes, in the order in which they were found, that rows which were not searched do not confirm.
+
+    For the first they must only speak. For a further one they must speak clearly (p of at most ``beside_p``): what the
+    form of the first lacks looks like something.
+    """
+    limits = [_CONFIRMED_P, *[beside_p] * len(found)]
+    return [cause for cause, limit in zip(found, limits, strict=False) if confirmed_p[cause] > limit]
 
 
 def paired_p(differences: Array, seed: int) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.candidates import displaces
-from pentimento.gap.choice import paired_p
+from pentimento.gap.choice import paired_p, unconfirmed
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit, held
 from pentimento.gap.floor import Floor, noise_floor
@@ -31,7 +31,7 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_CONFIRMED_P, _CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P = 0.4, 0.05, 0.01, 0.001
+_CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P = 0.05, 0.01, 0.001
 _DRAWS = 1999
 _PASSES = 2
 _LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
@@ -130,9 +130,7 @@ def diagnose(
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
     confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
-    leading = next((step.chosen for step in found.steps if step.chosen), None)
-    limits = {m.cause: _CONFIRMED_P if m.cause == leading else _CONFIRMED_BESIDE_P for m in named}
-    lost = [cause for cause, limit in limits.items() if confirmed_p[cause] > limit]
+    lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)

@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _least_fall, _unconfirmed, diagnose, noise_floor
+from pentimento.gap.pushes.diagnose import _least_fall, diagnose, noise_floor
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.verdict import verdict
 from pentimento.push_dynamics.analytic import first_model
@@ -38,14 +38,6 @@ def test_the_sealed_pushes_had_no_part_in_it(lossy: Played) -> None:
     searched, sealed = set(action[parts.searched]), set(action[parts.sealed])
     assert not searched & sealed and searched | sealed == set(action)
     assert len(lossy.diagnosis.base_losses) == len(sealed) == round(0.2 * len(set(action)))
-
-
-def test_for_a_further_cause_the_sealed_pushes_must_speak_clearly() -> None:
-    p = {"volume_loss": 0.3, "height_offset": 0.3, "springback": 0.001}
-    assert _unconfirmed(["volume_loss", "height_offset", "springback"], p) == ["height_offset"]
-    assert _unconfirmed(["springback", "volume_loss"], p) == ["volume_loss"]
-    assert _unconfirmed(["volume_loss"], {"volume_loss": 0.5}) == ["volume_loss"]
-    assert _unconfirmed([], {}) == []
 
 
 def test_the_floor_is_the_scatter_of_repeats() -> None:

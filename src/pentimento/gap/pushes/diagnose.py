@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.gap.choice import paired_p
+from pentimento.gap.choice import paired_p, unconfirmed
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.floor import Floor, floor_of_repeats
 from pentimento.gap.modes import Unexplained
@@ -31,7 +31,7 @@ from pentimento.push_dynamics.mechanisms import Mechanism
 Array = NDArray[Any]
 
 _PASSES = 2
-_CONFIRMED_P, _CONFIRMED_BESIDE_P, _SURE_P = 0.4, 0.1, 0.01
+_CONFIRMED_BESIDE_P, _SURE_P = 0.1, 0.01
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
@@ -106,7 +106,7 @@ def diagnose(
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
     named = list(found.model.mechanisms)
     confirmed_p = _confirmed_p(found, weighed, parts, seed)
-    lost = _unconfirmed([m.cause for m in named], confirmed_p)
+    lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     noise = _weighed_floor(found.model, weighed, parts, seed)
     of_use = _of_use(found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p)
     base = fit(found.base, plainly)
@@ -144,16 +144,6 @@ def diagnose(
         parts, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
         tuple(left), strength, tuple(covariates),
     )  # fmt: skip
-
-
-def _unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float]) -> list[str]:
-    """Causes, in the order in which they were found, that sealed pushes do not confirm.
-
-    For the first they must only speak. For a further one they must speak clearly: what the form of the first lacks
-    looks like something.
-    """
-    limits = (_CONFIRMED_P if cause == found[0] else _CONFIRMED_BESIDE_P for cause in found)
-    return [cause for cause, limit in zip(found, limits, strict=True) if confirmed_p[cause] > limit]
 
 
 def _of_use(

@@ -110,19 +110,17 @@ def search(
         before = action_losses(model, measured)
         error = float(before.mean())
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
-        if mistaken := {c for c in losses if _is_rather_its_lookalike(c, losses[c], model, measured)}:
-            dismissed |= mistaken
-            continue
         size = {cause: float((before - after).mean()) for cause, after in losses.items()}
-        small = {
+        mistaken = {
             c
             for c in refits
             if size[c] < _least(observable[c], bool(taken), floor or error, error - floor)
             or size[c] < _enough(observable[c], observable, gained, rivals)
             or _could_be_the_base(observable[c], before - losses[c], seed)
+            or _is_rather_its_lookalike(c, losses[c], model, measured)
         }
-        dismissed |= small
-        losses = {cause: after for cause, after in losses.items() if cause not in small}
+        dismissed |= mistaken
+        losses = {cause: after for cause, after in losses.items() if cause not in mistaken}
         if not losses:
             continue
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
