@@ -43,7 +43,7 @@ def page(results: Results) -> str:
     sections = [
         "# Benchmarks",
         _INTRODUCTION,
-        _machine(results["machine"]),
+        machine_line(results["machine"]),
         "## Bars",
         bar_table([*bars(results), *planning.bars(results["planner"], results["plan"])]),
         f"Peers' figures were measured elsewhere: {WHERE}. The bars in seconds were set for that kind of machine.",
@@ -86,7 +86,7 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _machine(machine: dict[str, Any]) -> str:
+def machine_line(machine: dict[str, Any]) -> str:
     libraries = ", ".join(f"{name} {number}" for name, number in machine["libraries"].items())
     return (
         f"Machine: {machine['cpu']}; {machine['cores']} cores, {machine['memory_gb']} GB; "
@@ -158,14 +158,17 @@ def _case_table(cases: list[dict[str, Any]]) -> str:
 
 
 def _gpu(gpu: dict[str, Any]) -> str:
-    if gpu["missing"] is not None:
-        return str(gpu["missing"])
+    return str(gpu["missing"]) if gpu["missing"] is not None else gpu_table(gpu["cases"])
+
+
+def gpu_table(cases: Sequence[dict[str, Any]]) -> str:
+    """The rows of ``gpu.measure_gpu``, and what their columns mean."""
     rows = [
         (
             str(row["strokes"]), f"{row['size_px']}²", _both(row["forward"]), _both(row["forward_backward"]),
             _mb(row["peak_mb"]), f"{100 * row['bandwidth_share']:.2f} %",
         )
-        for row in gpu["cases"]
+        for row in cases
     ]  # fmt: skip
     table = markdown(("strokes", "canvas", "forward s", "forward + backward s", "peak MB", "of bandwidth"), rows)
     return table + (

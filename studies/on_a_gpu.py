@@ -1,0 +1,197 @@
+"""What a GPU makes of the renderer and of a goal planner of the published size: `python -m studies.on_a_gpu`.
+
+The renderer's strokes are those of `make bench`. The goal planner has the shapes of the published one (Brooks et al.
+2023; Stable Diffusion 1's UNet of 860 million weights) and random weights, so that only time, memory and whether it
+trains at all are measured. Writes the figures to `--out` and the page docs/on_a_gpu.md. Ends with a sentence where
+there is no GPU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
+from transformers import CLIPTextConfig, CLIPTextModel
+
+from benchmarks import gpu, machine
+from benchmarks.__main__ import rounded
+from benchmarks.tables import gpu_table, machine_line, markdown
+from pentimento.copainting.goal.latent_pairs import LatentPairs, tokens_of
+from pentimento.copainting.goal.planner import GoalPlanner
+from pentimento.copainting.goal.training import GoalTraining, Lora, train_goal_planner
+from pentimento.semantics.tokenizer import learn_tokenizer
+
+ROOT = Path(__file__).resolve().parents[1]
+CAPTIONS = ("a red disc", "a blue square", "a green disc on grey", "a yellow square")
+PAIRS = 64
+TOKENS = 77
+WARM = 5  # steps until all kernels are chosen
+
+
+@dataclass(frozen=True)
+class Training:
+    """One row of the goal planner's table."""
+
+    side_px: int
+    batch: int
+    precision: str
+    lora: int | None
+    """Rank."""
+
+
+TRAININGS = (
+    Training(256, 16, "32-true", None),
+    Training(256, 16, "bf16-mixed", None),
+    Training(256, 64, "32-true", None),
+    Training(256, 64, "bf16-mixed", None),
+    Training(256, 64, "bf16-mixed", 8),
+    Training(512, 16, "bf16-mixed", None),
+)
+
+
+def published_planner() -> GoalPlanner:
+    """Instruct-Pix2Pix in its published shapes, untrained."""
+    torch.manual_seed(0)
+    tokenizer = learn_tokenizer(CAPTIONS, 40, TOKENS)
+    text = CLIPTextConfig(
+        vocab_size=49408, hidden_size=768, intermediate_size=3072, num_hidden_layers=12, num_attention_heads=12,
+        max_position_embeddings=TOKENS, bos_token_id=tokenizer.bos_token_id, eos_token_id=tokenizer.eos_token_id,
+    )  # fmt: skip
+    blocks = 4
+    vae = AutoencoderKL(
+        down_block_types=("DownEncoderBlock2D",) * blocks,
+        up_block_types=("UpDecoderBlock2D",) * blocks,
+        block_out_channels=(128, 256, 512, 512),
+        layers_per_block=2,
+        latent_channels=4,
+        sample_size=512,
+    )
+    return GoalPlanner(
+        vae=vae.eval().requires_grad_(False),
+        text_encoder=CLIPTextModel(text).eval(),
+        tokenizer=tokenizer,
+        unet=UNet2DConditionModel(sample_size=64, in_channels=8, out_channels=4, cross_attention_dim=768),
+        scheduler=DDIMScheduler(
+            beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", clip_sample=False, steps_offset=1
+        ),
+        safety_checker=None,
+        feature_extractor=None,
+        image_encoder=None,
+        requires_safety_checker=False,
+    )
+
+
+def measure_training(row: Training, steps: int) -> dict[str, Any]:
+    """Seconds a step (median), peak memory of the device, and the loss over the first and the last fifth of steps."""
+    planner = published_planner()
+    latent = row.side_px // 8
+    generator = torch.Generator().manual_seed(1)
+    pairs = LatentPairs(
+        latents=torch.randn(2 * PAIRS, 4, latent, latent, generator=generator),
+        input=torch.arange(PAIRS),
+        target=torch.arange(PAIRS, 2 * PAIRS),
+        tokens=tokens_of(planner, [CAPTIONS[index % len(CAPTIONS)] for index in range(PAIRS)]),
+    )
+    config = GoalTraining(
+        steps=steps, batch=row.batch, learning_rate=1e-4, warm_up=WARM, weight_decay=0.01, drop_text=0.05,
+        drop_image=0.05, drop_both=0.05, min_snr_gamma=5.0, time_bias=1.0, ema_decay=0.99,
+        lora=None if row.lora is None else Lora(row.lora, row.lora), train_text=False, checkpoint_every=steps,
+        precision=row.precision, accelerator="auto", devices=1, strategy="auto", seed=0,
+    )  # type: ignore[arg-type]  # fmt: skip
+    ends: list[float] = []  # the loss is read off the device at each step, which waits for it
+
+    def log(_name: str, _value: float, _step: int) -> None:
+        ends.append(time.perf_counter())
+
+    torch.cuda.reset_peak_memory_stats()
+    losses = train_goal_planner(planner, pairs, config, None, log)
+    fifth = max(1, steps // 5)
+    return asdict(row) | {
+        "step_s": statistics.median(np.diff(ends[WARM:])),
+        "peak_gb": torch.cuda.max_memory_allocated() / 1e9,
+        "weights_million": sum(weight.numel() for weight in planner.unet.parameters()) / 1e6,
+        "first": statistics.mean(losses[:fifth]),
+        "last": statistics.mean(losses[-fifth:]),
+    }
+
+
+_PAGE = """\
+# On a GPU
+
+Written by `python -m studies.on_a_gpu`; do not edit. The rest of the project's figures are those of two cores
+without a GPU.
+
+{machine}
+
+## The renderer
+
+400 and 4000 strokes of 32 points as in [the benchmarks](benchmarks.md); medians, in brackets the fastest run.
+`tests/stroke_dynamics/test_triton_kernel.py` compares images and gradients with the dense reference and with the
+CPU's kernel wherever a GPU is at hand.
+
+{renderer}
+
+## A goal planner of the published size
+
+The shapes of the published Instruct-Pix2Pix ({weights:.0f} million weights in the UNet) with random weights, trained on
+{pairs} random pairs by the stage's own loop (`copainting.goal.training`): nothing is said about pictures, only that it
+trains, how fast, and what fits. {steps} steps each; *loss* is the mean over their first and last fifth.
+
+{planner}
+
+Where a step takes as long with four times the batch, it is bound by starting kernels, not by computing them.
+"""
+
+
+def page(results: dict[str, Any]) -> str:
+    """The whole file."""
+    head = ("pictures", "batch", "precision", "trained", "s a step", "pairs a second", "peak GB", "loss")
+    rows = [
+        (
+            f"{row['side_px']}²", str(row["batch"]), row["precision"],
+            "all weights" if row["lora"] is None else f"LoRA, rank {row['lora']}", f"{row['step_s']:.3f}",
+            f"{row['batch'] / row['step_s']:.0f}", f"{row['peak_gb']:.1f}", f"{row['first']:.3f} → {row['last']:.3f}",
+        )
+        for row in results["trainings"]
+    ]  # fmt: skip
+    return _PAGE.format(
+        machine=machine_line(results["machine"]),
+        renderer=gpu_table(results["renderer"]),
+        weights=results["trainings"][0]["weights_million"],
+        pairs=PAIRS,
+        steps=results["steps"],
+        planner=markdown(head, rows),
+    )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m studies.on_a_gpu", description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "data" / "studies" / "on_a_gpu.json")
+    parser.add_argument("--page", type=Path, default=ROOT / "docs" / "on_a_gpu.md")
+    parser.add_argument("--steps", type=int, default=40, help="of each training")
+    given = parser.parse_args()
+    if (missing := gpu.missing()) is not None:
+        sys.exit(f"{missing} Run this on a machine that has one.")
+    renderer = [gpu.measure_gpu(case) for case in gpu.CASES]
+    trainings = [measure_training(row, given.steps) for row in TRAININGS]
+    results = rounded(
+        {"machine": machine.describe(), "renderer": renderer, "trainings": trainings, "steps": given.steps}
+    )
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(results, indent=1) + "\n")
+    given.page.write_text(page(results))
+    print(page(results))
+
+
+if __name__ == "__main__":
+    main()
