@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -166,6 +167,54 @@ def test_a_pile_runs_off_to_its_angle_and_keeps_its_volume() -> None:
     assert steepest < 0.06
     assert left.sum() == pytest.approx(1.0, rel=1e-4)
     assert np.allclose(left, left.T, atol=1e-5) and np.allclose(left, left[::-1], atol=1e-5)
+
+
+def swept(height: np.ndarray, step_m: float) -> np.ndarray:
+    """One sweep of ``relaxed`` over a whole map [H, W]."""
+    after = height.copy()
+    rows, columns = height.shape
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        from_ = (slice(0, rows - down), slice(max(-right, 0), columns - max(right, 0)))
+        to = (slice(down, rows), slice(max(right, 0), columns - max(-right, 0)))
+        fall = height[from_] - height[to]
+        flow = 0.125 * np.sign(fall) * np.maximum(abs(fall) - step_m * np.hypot(down, right), 0)
+        after[from_] -= flow
+        after[to] += flow
+    return after
+
+
+@pytest.mark.parametrize("place", [(8, 9), (0, 0), (0, 13), (11, 0), (11, 13)])
+def test_nothing_that_moves_is_missed(place: tuple[int, int]) -> None:
+    wanted = np.zeros((12, 14))
+    wanted[place] = 1.0
+    wanted[5, 6] = -0.4
+    heights = wanted[None].astype(np.float32)
+    for sweeps in range(1, 12):
+        wanted = swept(wanted, 0.05)
+        assert np.allclose(relaxed(heights, np.float32(0.05), sweeps)[0], wanted, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shares", "could_be"), [((0.0, 1.0, 0.0), True), ((-0.1, 0.3, 0.7), True), ((0, 0, 0.3), False)]
+)
+def test_of_a_slide_all_that_is_too_steep_runs_off(shares: tuple[float, ...], could_be: bool, seen: PushScene) -> None:
+    assert with_values(KINDS["slope_slide"], seen, *shares).physical == could_be
+
+
+def test_between_two_angles_the_shares_of_both_stand_for_the_one_between() -> None:
+    rng = np.random.default_rng(3)
+    hills = cv2.GaussianBlur(rng.normal(size=(48, 48)), (0, 0), 3.0).astype(np.float32)
+    hills = hills[None] * np.float32(0.004 / hills.std())
+
+    def run_off(angle: float) -> np.ndarray:
+        return relaxed(hills, np.float32(angle * 0.001), 40) - hills
+
+    basis = np.stack([run_off(angle).ravel() for angle in (0.6, 1.1, 1.9)]).astype(float)
+    for angle in (0.7, 0.85, 1.3, 1.6):
+        wanted = run_off(angle).ravel()
+        shares, *_ = np.linalg.lstsq(basis.T, wanted, rcond=None)
+        assert np.square(wanted - shares @ basis).sum() < 0.06 * np.square(wanted).sum()
+        assert 0.9 < shares.sum() < 1.15
 
 
 def test_what_is_flatter_than_the_angle_stays() -> None:

@@ -16,7 +16,7 @@ from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, AnalyticPush
 
 Array = NDArray[Any]
 
-_HOLD = 0.003
+_HOLD = 0.001
 """Of the error: what a number costs that lies as far from its start as is likely."""
 _LIKELY = {
     "log_radius": 1.0,
@@ -32,8 +32,8 @@ _LIKELY = {
     "along_mm": 1.0,
     "lean": 1.0,
     "heap": 1.0,
-    "end_lift": 0.3,
-    "end_pull": 0.3,
+    "end_lift": 2.0,
+    "end_pull": 1.0,
     "evenly": 0.5,
     "log_blur": 0.7,
 }

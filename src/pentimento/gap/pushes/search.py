@@ -94,7 +94,7 @@ def search(
     rivals: dict[str, tuple[str, ...]] = {}
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
-    """Causes that would have to act with the wrong sign, do too little, or are rather what looks like them."""
+    """Causes that would have to act as nothing does, do too little, or are rather what looks like them."""
     while True:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
@@ -105,7 +105,7 @@ def search(
             steps.append(Step(evidence, None, ()))
             break
         refits = {cause: fit(model.plus(observable[cause]), measured, at_start[cause]) for cause in short}
-        refits = {cause: refit for cause, refit in refits.items() if is_physical(refit.mechanisms[-1])}
+        refits = {cause: refit for cause, refit in refits.items() if refit.mechanisms[-1].physical}
         dismissed |= set(short) - set(refits)
         before = action_losses(model, measured)
         error = float(before.mean())
@@ -169,11 +169,6 @@ def _is_rather_its_lookalike(cause: str, losses: Array, model: AnalyticPush, mea
     except NotObservable:
         return False
     return float(action_losses(fit(model.plus(other), measured), measured).mean()) <= float(losses.mean())
-
-
-def is_physical(mechanism: Mechanism) -> bool:
-    """Whether all of its quantities have signs that they can have."""
-    return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
 
 
 def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:

@@ -107,6 +107,11 @@ class Mechanism:
         """Whether it changes nothing, so that it need not be asked."""
         return not bool(np.any(self.values))
 
+    @property
+    def physical(self) -> bool:
+        """Whether it could be so: all of its quantities have signs that they can have."""
+        return all(q.signed or float(v) >= 0 for q, v in zip(self.quantities, self.values, strict=True))
+
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
         """The constants that the effect is relative to.
