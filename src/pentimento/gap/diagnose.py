@@ -98,8 +98,7 @@ class Diagnosis:
         return float(fall.mean() / gap.mean()), (float(low), float(high))
 
 
-# Matrices and trees are too small for threads, which on busy cores wait for each other a hundred times as long as they
-# work.
+# Matrices are too small for threads, which on busy cores wait for each other a hundred times as long as they work.
 @threadpool_limits.wrap(1)
 def diagnose(
     measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int, log: Callable[[str], None]
