@@ -35,7 +35,7 @@ like a cause."""
 _LEAST_IF_IMITABLE_BESIDE, _LEAST_OF_MISFIT_BESIDE = 0.02, 0.04
 """The same of a further cause that the base can look like: the forms of those that were found are not quite right
 either."""
-_BESIDE, _BESIDE_SAME_DRIVER = 0.1, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
 """Of the largest gain so far: what a further cause must add; the second where it can do the work of one that was found,
 having its driver or being its rival."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
