@@ -90,10 +90,16 @@ def unique_and_right(verdict: dict[str, Any] | None, line: Line) -> bool:
     return named(verdict) == hidden(line) and all(not entry["rivals"] for entry in (verdict or {})["established"])
 
 
-def gain_of_truth(verdict: dict[str, Any] | None, line: Line) -> float:
-    """The hidden cause's gain; 0 where it is not named."""
-    entries = verdict["established"] if verdict else []
-    return float(sum(entry["gain"] for entry in entries if entry["cause"] in hidden(line)))
+def error_removed(verdict: dict[str, Any] | None, line: Line) -> float:
+    """How much error the hidden cause removes on sealed rows; 0 where it is not named.
+
+    Its gain is a share of the gap above the floor, and one that fills it cannot rise.
+    """
+    if verdict is None:
+        return 0.0
+    base, floor = verdict["mse"]["base"], verdict["mse"]["floor"]
+    gap = base - floor if floor is not None and floor < base else base
+    return float(gap * sum(entry["gain"] for entry in verdict["established"] if entry["cause"] in hidden(line)))
 
 
 def judged_lines(lines: Iterable[Line]) -> dict[str, list[Line]]:
@@ -206,14 +212,14 @@ def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Seque
         return "second" in line and not set(hidden(line)) & set(named(line["second"]))
 
     def risen(line: Line) -> bool:
-        return "second" in line and gain_of_truth(line["second"], line) > gain_of_truth(line["verdict"], line)
+        return "second" in line and error_removed(line["second"], line) > error_removed(line["verdict"], line)
 
     def unnamed(line: Line) -> bool:
         return "second" in line and not named(line["second"])
 
     return [
         Row("true covariate shuffled: its name goes", _count(right, gone), len(right)),
-        Row("effect doubled: its gain rises", _count(doubled, risen), len(doubled)),
+        Row("effect doubled: it removes more error", _count(doubled, risen), len(doubled)),
         Row("true candidate deleted: no neighbour is named", _count(deleted, unnamed), len(deleted)),
     ]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from studies.blind.binomial import Bar
-from studies.blind.score_card import Row, exact, gain_of_truth, hidden, judged_lines, named
+from studies.blind.score_card import Row, error_removed, exact, hidden, judged_lines, named
 from studies.blind_pushes.worlds import GEOMETRIC
 
 Line = dict[str, Any]
@@ -99,7 +99,7 @@ def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Seque
         return "second" in line and not set(hidden(line)) & set(named(line["second"]))
 
     def risen(line: Line) -> bool:
-        return "second" in line and gain_of_truth(line["second"], line) > gain_of_truth(line.get("verdict"), line)
+        return "second" in line and error_removed(line["second"], line) > error_removed(line.get("verdict"), line)
 
     def unnamed(line: Line) -> bool:
         return "second" in line and not named(line["second"])
@@ -109,7 +109,7 @@ def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Seque
 
     return [
         Row("true covariate shuffled: its name goes", _count(right, gone), len(right)),
-        Row("effect doubled: its gain rises", _count(doubled, risen), len(doubled)),
+        Row("effect doubled: it removes more error", _count(doubled, risen), len(doubled)),
         Row("true candidate deleted: no neighbour is named", _count(deleted, unnamed), len(deleted)),
         Row("true candidate deleted: something is left unexplained", _count(deleted, unexplained), len(deleted)),
     ]

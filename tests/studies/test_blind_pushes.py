@@ -118,7 +118,10 @@ def line(series: str, causes: list[str], named: list[str], left: list[dict[str, 
     return {
         "series": series, "index": 0, "seed": 1, "code": "c", "seconds": 9.0, "make_s": 1.0,
         "truth": {"causes": causes, "outside": outside, "wanted_q": [0.2], "tool": "ball", "strengths": []},
-        "verdict": {"established": entries, "suspected": [], "unexplained": left or [], "gap_closed": closed},
+        "verdict": {
+            "established": entries, "suspected": [], "unexplained": left or [], "gap_closed": closed,
+            "mse": {"base": 0.03, "floor": 0.01},
+        },
     }  # fmt: skip
 
 

@@ -8,8 +8,8 @@ from studies.blind.binomial import Bar
 from studies.blind.page import page
 from studies.blind.score_card import (
     Row,
+    error_removed,
     exact,
-    gain_of_truth,
     in_rival_set,
     outside_found,
     rows,
@@ -28,7 +28,7 @@ def verdict(
 ) -> dict[str, Any]:
     entries = [{"cause": cause, "rivals": rivals, "gain": 0.5} for cause, rivals in named]
     return {
-        "established": entries, "suspected": [], "floor_reached": reached,
+        "established": entries, "suspected": [], "floor_reached": reached, "mse": {"base": 3e-4, "floor": 1e-4},
         "gap_closed": {"test": closed, "ci": None, "shifted": None},
         "unexplained": [{"mode": left[0], "covariate": left[1]}] if left else [],
     }  # fmt: skip
@@ -141,7 +141,7 @@ def test_gap_closed_is_of_worlds_that_are_named_and_strong() -> None:
 def test_changes_of_the_truth_must_change_the_verdict() -> None:
     named = verdict(("tool_wear", []))
     stronger = verdict(("tool_wear", []))
-    stronger["established"][0]["gain"] = 0.9
+    stronger["mse"]["base"] = 5e-4  # and as much of the gap is filled
     lines = [
         line("shuffled", ["tool_wear"], named, 0, second=verdict()),
         line("shuffled", ["tool_wear"], named, 1, second=named),
@@ -154,7 +154,10 @@ def test_changes_of_the_truth_must_change_the_verdict() -> None:
     for what, hits, of in (("shuffled", 1, 2), ("doubled", 1, 2), ("deleted", 1, 2)):
         row = row_of(lines, what)
         assert (row.hits, row.of) == (hits, of)
-    assert gain_of_truth(stronger, lines[0]) == 0.9 and gain_of_truth(verdict(), lines[0]) == 0.0
+    assert error_removed(stronger, lines[0]) == pytest.approx(2e-4)
+    assert error_removed(verdict(), lines[0]) == error_removed(None, lines[0]) == 0.0
+    stronger["mse"]["floor"] = None
+    assert error_removed(stronger, lines[0]) == pytest.approx(2.5e-4)
 
 
 def test_the_page_lists_rows_and_missed_worlds() -> None:
