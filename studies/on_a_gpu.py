@@ -15,7 +15,7 @@ import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -43,7 +43,7 @@ class Training:
 
     side_px: int
     batch: int
-    precision: str
+    precision: Literal["32-true", "bf16-mixed"]
     lora: int | None
     """Rank."""
 
@@ -106,7 +106,7 @@ def measure_training(row: Training, steps: int) -> dict[str, Any]:
         drop_image=0.05, drop_both=0.05, min_snr_gamma=5.0, time_bias=1.0, ema_decay=0.99,
         lora=None if row.lora is None else Lora(row.lora, row.lora), train_text=False, checkpoint_every=steps,
         precision=row.precision, accelerator="auto", devices=1, strategy="auto", seed=0,
-    )  # type: ignore[arg-type]  # fmt: skip
+    )  # fmt: skip
     ends: list[float] = []  # the loss is read off the device at each step, which waits for it
 
     def log(_name: str, _value: float, _step: int) -> None:
