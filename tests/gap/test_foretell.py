@@ -81,6 +81,13 @@ def test_what_is_foretold_where_nothing_is_drawn_is_the_photograph_before(measur
         np.testing.assert_allclose(foretold(moved, few), whole, atol=2e-6)
 
 
+def test_what_is_foretold_of_a_stroke_does_not_depend_on_those_beside_it(measured: Measured) -> None:
+    model = with_all_causes(measured)
+    model = model.at(model.vector + 0.1 * (np.arange(len(model.vector)) >= model.nuisances))
+    for own in (slice(5, 6), np.array([5])):
+        np.testing.assert_array_equal(mark_px(model, measured.pick(own))[0], mark_px(model, measured)[5])
+
+
 def test_some_pixels_are_foretold_as_in_the_whole(measured: Measured) -> None:
     few = measured.pick(np.arange(3))
     for model in (first_model(measured), with_all_causes(measured)):

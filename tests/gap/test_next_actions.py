@@ -45,7 +45,7 @@ def test_imitation_falls_well_below_and_further_than_by_chance(
     before, after = proposal.imitation[PAIR]
     so_far, ranges = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes)
     by_chance = [
-        alike(so_far + curvatures(actions, model, strokes, ranges)[1].sum(0), columns_of(model), PAIR)
+        alike(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns_of(model), PAIR)
         for actions in (draw_sequence(np.random.default_rng(seed), ranges, strokes, 8) for seed in range(7))
     ]
     assert before > 0.95 and after < 0.5
@@ -56,7 +56,7 @@ def test_it_is_worth_more_than_any_of_many_random_designs(model: Model, strokes:
     so_far, ranges, columns = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes), columns_of(model)
 
     def value(actions: object) -> float:
-        return worth(so_far + curvatures(actions, model, strokes, ranges)[1].sum(0), columns, [PAIR])  # type: ignore[arg-type]
+        return worth(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])  # type: ignore[arg-type]
 
     best = max(value(draw_sequence(np.random.default_rng(seed), ranges, strokes, 8)) for seed in range(12))
     assert value(proposal.actions) > best > worth(so_far, columns, [PAIR])
@@ -130,7 +130,7 @@ def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
     model = first_model(strokes).plus(identity(kinds["ink_depletion"], strokes.context))
     made = propose(model, strokes, [("ink_depletion",)], 0, count=4)
     so_far = linearise_rows(model, strokes)[0].sum(0)
-    more = so_far + curvatures(made.actions, model, strokes, ranges_of(strokes))[1].sum(0)
+    more = so_far + curvatures([made.actions], model, strokes, ranges_of(strokes))[1][0].sum(0)
     index = columns_of(model).causes["ink_depletion"]
     variances = [np.diag(np.linalg.pinv(total, hermitian=True))[index] for total in (so_far, more)]
     assert (variances[1] < variances[0]).all()
@@ -146,7 +146,7 @@ def test_paint_that_carries_is_asked_by_crossing_it(strokes: Measured) -> None:
     model = first_model(wet).plus(identity(kinds["wet_mixing"], wet.context))
     made = propose(model, wet, [("wet_mixing",)], 0, count=6)
     index = columns_of(model).causes["wet_mixing"]
-    says = curvatures(made.actions, model, wet, ranges_of(wet))[1][:, index[0], index[0]]
+    says = curvatures([made.actions], model, wet, ranges_of(wet))[1][0][:, index[0], index[0]]
     crosses = np.array([action.crosses for action in made.actions])
     assert crosses.sum() >= 2
     assert says[crosses].min() > 100 * says[~crosses].max()

@@ -29,7 +29,7 @@ class UnevenEnds(Mechanism):
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         start_m, end_m, start_widening, end_widening = self.values
-        arc, reach = arc_m(context.path), mark.radius_m.mean()
+        arc, reach = arc_m(context.path), mark.radius_m.mean(-1, keepdim=True)
         points, radius = moved_ends(mark.points_m, mark.radius_m, context.path, start_m, end_m)
         widening = start_widening * torch.exp(-arc / reach)
         widening = widening + end_widening * torch.exp(-(arc[..., -1:] - arc) / reach)

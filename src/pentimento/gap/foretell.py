@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.func import vmap
@@ -194,7 +195,8 @@ def ink(model: Model, measured: Measured) -> Ink:
     weights = np.array([number[name] for name in SLABS])
     height, width = measured.samples.valid.shape[1:]
     made = imprint(mark_px(model, measured), weights, (height, width))
-    return Ink(made, *paint_and_gain(model, measured, made), float(np.exp(number["mixing"])))
+    paint, gain = paint_laid(model, measured, made), gain_of_camera(model, measured)
+    return Ink(made, paint, gain, float(np.exp(number["mixing"])))
 
 
 def press_shares(model: Model, measured: Measured) -> Array:
@@ -233,37 +235,69 @@ def _mark_px(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Me
     return torch.cat([points, *(v.transpose(1, 2) for v in (mark.radius_m * scale, mark.density, edge))], dim=-1)
 
 
-def paint_and_gain(model: Model, measured: Measured, made: Imprint) -> tuple[Array, Array]:
-    """The paint that each stroke lays, as ``Ink.paint``, and the camera's gain on the picture, float32[B, H, W]."""
-    samples, context = measured.samples, measured.context
+def paint_laid(model: Model, measured: Measured, made: Imprint) -> Array:
+    """The paint that each stroke lays, as ``Ink.paint``."""
+    samples = measured.samples
     color = srgb_to_linear(samples.color.double().numpy()) + model.color_offset[measured.paint]
     paint, pickup = torch.tensor(color, dtype=torch.float64)[:, None], None
-    picture = torch.ones(*made.coverage.shape, 1)
     for mechanism in model.at_work:
-        paint, pickup = mechanism.composite(paint, pickup, context)
-        if "picture" in acts_on(mechanism):
-            picture = mechanism.camera(picture, samples.view)
+        paint, pickup = mechanism.composite(paint, pickup, measured.context)
     laid = paint[:, 0].numpy().astype(np.float32)[:, None, None]
     if pickup is not None:
         below = samples.before_linear.numpy()
         laid = laid + pickup.numpy().astype(np.float32)[..., None, None] * taken_up(made, laid, below, measured.painted)
-    return laid, picture[..., 0].numpy().astype(np.float32)
+    return laid
+
+
+def gain_of_camera(model: Model, measured: Measured) -> Array:
+    """The camera's gain on the picture, float32[B, H, W]."""
+    picture = torch.ones(*measured.samples.valid.shape, 1)
+    for mechanism in model.at_work:
+        if "picture" in acts_on(mechanism):
+            picture = mechanism.camera(picture, measured.samples.view)
+    return picture[..., 0].numpy().astype(np.float32)
 
 
 def taken_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
     """By how much the paint of a tool that takes up all that it crosses differs from its own, float32[B, H, W, 3].
 
     What is crossed is stirred in on the spot and carried along from there, by the renderer's law (``composition``).
+
+    Args:
+        paint: [B, 1, 1, 3] linear light, the tool's own.
+        below: [B, H, W, 3] what is there before.
+        painted: [B, H, W] how much paint that is, 0 to 1.
     """
     change = np.zeros_like(below)
     for b in np.flatnonzero((painted * made.coverage).sum((1, 2)) > 0):
-        inked = made.segment[b] >= 0
-        segment, coverage = made.segment[b][inked], np.maximum(made.coverage[b][inked], 0.0)
-        stirred = painted[b][inked][:, None] * (below[b][inked] - paint[b, 0])
-        passed = np.cumsum(np.bincount(segment, coverage))
-        sums = np.stack([np.cumsum(np.bincount(segment, coverage * stirred[:, c])) for c in range(3)], -1)
-        change[b][inked] = stirred + (sums / np.maximum(passed, 1e-6)[:, None])[segment]
+        _take_up(made.segment[b], made.coverage[b], paint[b, 0, 0], below[b], painted[b], change[b])
     return change
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _take_up(segment: Array, coverage: Array, paint: Array, below: Array, painted: Array, change: Array) -> None:
+    """Fill ``change`` [H, W, 3] of one stroke."""
+    height, width = segment.shape
+    passed = np.zeros(segment.max() + 1)
+    sums = np.zeros((len(passed), 3))
+    for row in range(height):
+        for column in range(width):
+            k = segment[row, column]
+            if k >= 0:
+                covered = max(coverage[row, column], 0.0)
+                passed[k] += covered
+                for c in range(3):
+                    change[row, column, c] = painted[row, column] * (below[row, column, c] - paint[c])
+                    sums[k, c] += covered * change[row, column, c]
+    for k in range(1, len(passed)):
+        passed[k] += passed[k - 1]
+        sums[k] += sums[k - 1]
+    for row in range(height):
+        for column in range(width):
+            k = segment[row, column]
+            if k >= 0:
+                for c in range(3):
+                    change[row, column, c] += sums[k, c] / max(passed[k], 1e-6)
 
 
 def foretold_linear(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:

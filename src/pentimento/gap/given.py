@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pentimento.gap.foretell import mean_squared_error
 from pentimento.gap.measured import Measured
-from pentimento.stroke_dynamics.evaluation import predict_with
 from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 Array = NDArray[Any]
@@ -36,6 +35,8 @@ class Given(NamedTuple):
 
 def given_on(parameters: Traj2StrokeParameters, sealed: Measured) -> Given:
     """What a given model foretells of strokes, and by how much it misses them."""
+    from pentimento.stroke_dynamics.evaluation import predict_with  # imports Lightning, which takes seconds
+
     foretold = predict_with(parameters, sealed.samples).numpy()
     missed = (sealed.samples.after.numpy() - foretold) * sealed.samples.valid.numpy()[..., None]
     _, group = np.unique(sealed.action, return_inverse=True)

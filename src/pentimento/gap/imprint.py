@@ -67,15 +67,24 @@ def imprint(mark: Array, weights: Array, shape: tuple[int, int]) -> Imprint:
     return made
 
 
-def change_of_coverage(made: Imprint, change_of_mark: Array) -> Array:
-    """To first order, float32[P, B, H, W], by P changes of the marks, float64[P, B, N, 5]."""
-    changes = np.zeros((len(change_of_mark), *made.coverage.shape), np.float32)
-    for b in range(len(made.coverage)):
-        _chain(
-            made.by_mark[b], made.segment[b], made.along[b],
-            np.ascontiguousarray(change_of_mark[:, b], dtype=np.float32), changes[:, b],
-        )  # fmt: skip
-    return changes
+def change_of_coverage(made: Imprint, change_of_mark: Array, pixels: Array) -> Array:
+    """To first order, float32[n, P], by P changes of the marks, float64[P, B, N, 5], at pixels [n] of the strokes'
+    reach, counted through all windows.
+    """
+    size = made.coverage[0].size
+    return _chain(
+        made.by_mark.reshape(-1, _FIELDS), made.segment.ravel(), made.along.ravel(), pixels, pixels // size,
+        np.ascontiguousarray(np.moveaxis(change_of_mark, 0, -1), dtype=np.float32),
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _normal_cdf(x: float, peak: float) -> float:
+    """Phi(x), given exp(-x^2 / 2), to 8e-8: Abramowitz and Stegun 26.2.17, in a fraction of the time of erf."""
+    t = 1 / (1 + 0.2316419 * abs(x))
+    tail = t * (0.319381530 + t * (-0.356563782 + t * (1.781477937 + t * (-1.821255978 + t * 1.330274429))))
+    beyond = 0.3989422804014327 * peak * tail
+    return 1 - beyond if x >= 0 else beyond
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -129,11 +138,11 @@ def _imprint_one(
                     by_level[row, column, level] = density
                     value += weights[level]
                     continue
-                slab, peak_near = 0.5 + 0.5 * math.erf(near * 0.7071067811865476), math.exp(-0.5 * near * near)
-                peak_far = 0.0
+                peak_near, peak_far = math.exp(-0.5 * near * near), 0.0
+                slab = _normal_cdf(near, peak_near)
                 if far > -_SURE_SIGMA:  # so thin that its far rim is seen from here
-                    slab -= 0.5 + 0.5 * math.erf(far * 0.7071067811865476)
                     peak_far = math.exp(-0.5 * far * far)
+                    slab -= _normal_cdf(far, peak_far)
                 by_level[row, column, level] = density * slab
                 scale = weights[level] * 0.3989422804014327 / sigma
                 value += weights[level] * slab
@@ -150,19 +159,15 @@ def _imprint_one(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _chain(by_mark: Array, segment: Array, along: Array, change: Array, changes: Array) -> None:
-    """Fill ``changes`` [P, H, W] by ``change`` [P, N, 5] of the mark."""
-    height, width = segment.shape
+def _chain(by_mark: Array, segment: Array, along: Array, pixels: Array, stroke: Array, change: Array) -> Array:
+    """``change_of_coverage`` by ``change`` [B, N, 5, P]: the last axis goes many numbers an instruction."""
+    changes = np.zeros((len(pixels), change.shape[-1]), np.float32)
     last = change.shape[1] - 1
-    for row in range(height):
-        for column in range(width):
-            k = segment[row, column]
-            if k < 0:
-                continue
-            t, following = along[row, column], min(segment[row, column] + 1, last)
-            for p in range(len(change)):
-                total = np.float32(0)
-                for f in range(5):
-                    start = change[p, k, f]
-                    total += by_mark[row, column, f] * (start + t * (change[p, following, f] - start))
-                changes[p, row, column] = total
+    for i, pixel in enumerate(pixels):
+        here, t = segment[pixel], along[pixel]
+        start, end = change[stroke[i], here], change[stroke[i], min(here + 1, last)]
+        for f in range(_FIELDS):
+            of_start, of_end = by_mark[pixel, f] * (np.float32(1) - t), by_mark[pixel, f] * t
+            for p in range(changes.shape[1]):
+                changes[i, p] += of_start * start[f, p] + of_end * end[f, p]
+    return changes

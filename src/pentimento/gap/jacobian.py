@@ -1,12 +1,11 @@
 """How what a model foretells of measured strokes changes with each of its numbers.
 
-Marks by central differences, from there to pixels by the imprint's own derivatives; paint and gain by central
-differences. All numbers of a row share one pass over its pixels.
+Marks by differences, from there to pixels by the imprint's own derivatives; paint and gain by central differences. All
+numbers of a row share one pass over its pixels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,21 +21,21 @@ from pentimento.gap.foretell import (
     acts_on,
     at_pixels,
     foretold_linear,
+    gain_of_camera,
     ink,
     marks_px,
-    paint_and_gain,
     paint_at,
+    paint_laid,
 )
 from pentimento.gap.imprint import Imprint, change_of_coverage
 from pentimento.gap.measured import Measured
 from pentimento.gap.mixture import mixture, slopes_of_mixture
-from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
 _MIXING = BASE.index("mixing")
 _COLOR_STEP = 0.01
-_MARK_STEP = 1e-4
+_MARK_STEP = 1e-5
 _ROWS_AT_ONCE = 48
 
 
@@ -51,7 +50,11 @@ def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> A
     laid = ink(model, measured)
     linear = foretold_linear(laid, measured)
     number, changes = _changes_of_mark(model, measured)
-    drawn = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None])[0]
+    inked = np.flatnonzero(laid.imprint.segment >= 0)
+    drawn = np.zeros_like(laid.imprint.coverage)
+    drawn.ravel()[inked] = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None], inked)[
+        :, 0
+    ]
     drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
     _, steepness = _srgb_and_slope(linear)
     by_coverage, by_paint = _slopes(laid, measured)
@@ -88,7 +91,7 @@ def linearise(model: Model, measured: Measured) -> Statistics:
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
     number, changes = _changes_of_mark(model, measured)
-    batches = np.array_split(np.arange(len(measured)), -(-len(measured) // _ROWS_AT_ONCE))
+    batches = [slice(start, start + _ROWS_AT_ONCE) for start in range(0, len(measured), _ROWS_AT_ONCE)]
     parts = [_row_statistics(model, measured.pick(rows), number, changes[:, rows]) for rows in batches]
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
@@ -126,17 +129,18 @@ def _row_statistics(model: Model, measured: Measured, number: Array, changes: Ar
     missing = at_pixels(rest, pixels) - change
     rest.reshape(-1, 3)[pixels] = missing
 
-    drawn_maps = change_of_coverage(laid.imprint, changes).reshape(len(changes), -1).take(inked_pixels, axis=1)
-    maps = np.concatenate([at_pixels(laid.imprint.by_level, inked_pixels).T, drawn_maps])
+    by_level = at_pixels(laid.imprint.by_level, inked_pixels)
+    maps = np.concatenate([by_level, change_of_coverage(laid.imprint, changes, inked_pixels)], axis=1)
     curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
     slope = np.zeros((len(measured), len(model.vector)))
+    of_mark_twice = of_mark[:, None], of_mark
     energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     for b in range(len(measured)):
         own = slice(first[b], first[b + 1])
-        on = is_inked[own]
-        drawn, depth = maps[:, first_inked[b] : first_inked[b + 1]], by_coverage[own][on]
-        curvature[b][np.ix_(of_mark, of_mark)] = (drawn * np.square(depth).sum(1)) @ drawn.T
-        slope[b][of_mark] = drawn @ (depth * missing[own][on]).sum(1)
+        on = is_inked[own] if by_camera else slice(None)
+        drawn, depth = maps[first_inked[b] : first_inked[b + 1]], by_coverage[own][on]
+        curvature[b][of_mark_twice] = drawn.T @ (drawn * np.square(depth).sum(1, keepdims=True))
+        slope[b][of_mark] = (depth * missing[own][on]).sum(1) @ drawn
         pictures = {
             p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][changed[b]])
             + (0 if gain is None else by_gain[own] * gain[b][changed[b]][:, None])
@@ -148,7 +152,7 @@ def _row_statistics(model: Model, measured: Measured, number: Array, changes: Ar
         if not pictures:
             continue
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
-        cross = drawn @ (whole[:, on] * depth).sum(-1).T
+        cross = drawn.T @ (whole[:, on] * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
         # A mechanism may act on the mark and on the paint: its two parts add up.
         curvature[b][np.ix_(of_mark, index)] += cross
@@ -160,29 +164,27 @@ def _row_statistics(model: Model, measured: Measured, number: Array, changes: Ar
 
 
 def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
-    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5]: central differences.
+    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5].
 
-    What is at work is moved together; each mechanism that is not yet, with that and without the others.
+    What is at work is moved together, to one side; each mechanism that is not yet, with that and without the others, to
+    both, for no effect is where a form may have a kink.
     """
     drawing = [m for m in model.mechanisms if "mark" in acts_on(m)]
     busy = [m for m in drawing if not m.idle]
     of_base = np.array([i for i, name in enumerate(BASE) if name not in (*SLABS, "mixing")])
     number = np.concatenate([of_base, *(model.columns_of(m.cause) for m in busy)])
-    parts = [(number, _slopes_of_mark(model, busy, number, measured))]
+    steps = _MARK_STEP * np.eye(len(model.vector))
+    marks = marks_px(model, busy, model.vector + np.insert(steps[number], 0, 0.0, axis=0), measured)
+    parts = [(number, (marks[1:] - marks[0]) / _MARK_STEP)]
     for mechanism in drawing:
         if mechanism.idle:
             number = model.columns_of(mechanism.cause)
             with_it = [m for m in drawing if m is mechanism or not m.idle]
-            parts.append((number, _slopes_of_mark(model, with_it, number, measured)))
+            both = model.vector + np.concatenate([steps[number], -steps[number]])
+            up, down = np.split(marks_px(model, with_it, both, measured), 2)
+            parts.append((number, (up - down) / (2 * _MARK_STEP)))
     numbers, slopes = zip(*parts, strict=True)
     return np.concatenate(numbers), np.concatenate(slopes)
-
-
-def _slopes_of_mark(model: Model, mechanisms: Sequence[Mechanism], number: Array, measured: Measured) -> Array:
-    """Derivatives by those numbers of the marks that these mechanisms make, [P', B, N, 5]."""
-    steps = _MARK_STEP * np.eye(len(model.vector))[number]
-    up, down = np.split(marks_px(model, mechanisms, model.vector + np.concatenate([steps, -steps]), measured), 2)
-    return np.asarray((up - down) / (2 * _MARK_STEP))
 
 
 def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
@@ -191,15 +193,18 @@ def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[t
     for p in range(model.color_offset.size):
         one_hot = np.eye(3, dtype=np.float32)[p % 3] * (measured.paint == p // 3)[:, None]
         changes.append((len(model.base) + p, one_hot[:, None, None], None))
-    at = model.nuisances
+    none: Array = np.zeros((len(measured), 1, 1, 3), np.float32)
     for mechanism in model.mechanisms:
-        for _ in mechanism.quantities:
-            if acts_on(mechanism) & {"paint", "picture"}:
-                step = _COLOR_STEP * (np.arange(len(model.vector)) == at)
-                up, down = (paint_and_gain(model.at(model.vector + sign * step), measured, made) for sign in (1, -1))
-                gain = (up[1] - down[1]) / (2 * _COLOR_STEP) if "picture" in acts_on(mechanism) else None
-                changes.append((at, (up[0] - down[0]) / (2 * _COLOR_STEP), gain))
-            at += 1
+        of_paint, of_picture = (name in acts_on(mechanism) for name in ("paint", "picture"))
+        for at in model.columns_of(mechanism.cause) if of_paint or of_picture else ():
+            step = _COLOR_STEP * (np.arange(len(model.vector)) == at)
+            up, down = model.at(model.vector + step), model.at(model.vector - step)
+            paint, gain = none, None
+            if of_paint:
+                paint = (paint_laid(up, measured, made) - paint_laid(down, measured, made)) / (2 * _COLOR_STEP)
+            if of_picture:
+                gain = (gain_of_camera(up, measured) - gain_of_camera(down, measured)) / (2 * _COLOR_STEP)
+            changes.append((int(at), paint, gain))
     return changes
 
 

@@ -61,12 +61,13 @@ class Measured:
         columns = {name: torch.tensor(v, dtype=torch.float64)[:, None] for name, v in self.covariates.items()}
         return StrokeContext(self.samples.path[:, None].double(), columns)
 
-    def pick(self, rows: Array) -> Measured:
-        """The strokes with these indices."""
-        index = torch.as_tensor(np.asarray(rows))
+    def pick(self, rows: Array | slice) -> Measured:
+        """The strokes with these indices; of a slice, nothing is copied."""
+        index = rows if isinstance(rows, slice) else torch.as_tensor(np.asarray(rows))
+        samples = StrokeSamples(*(field[index] for field in self.samples))
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
-            self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
+            self, samples=samples, covariates=kept, paint=self.paint[rows],
             block=self.block[rows], painted=self.painted[rows], habit=self.habit[rows],
         )  # fmt: skip
 

@@ -94,12 +94,13 @@ def propose(model: Model, measured: Measured, asked: Sequence[Question], seed: i
     so_far = linearise_rows(model, measured)[0].sum(0)
     rng = np.random.default_rng([seed, 14])
     sequences = [draw_sequence(rng, ranges, measured, count) for _ in range(_SEQUENCES)]
-    pool = [curvatures(actions, model, measured, ranges) for actions in sequences]
-    says = np.stack([curvature for _, curvature in pool])  # [S, k, P, P]
+    _, says = curvatures(sequences, model, measured, ranges)
     chosen = best_of_turns(so_far, says, columns, asked)
     # A turn's ink and clock follow from the strokes before it, so that the sequence is looked at once more as a whole.
-    actions, gathered = curvatures([sequences[s][turn] for turn, s in enumerate(chosen)], model, measured, ranges)
-    hasty, quickly = curvatures([action._replace(wait_s=0.0) for action in actions], model, measured, ranges)
+    best = [sequences[s][turn] for turn, s in enumerate(chosen)]
+    (actions,), (gathered,) = curvatures([best], model, measured, ranges)
+    without_waiting = [action._replace(wait_s=0.0) for action in actions]
+    (hasty,), (quickly,) = curvatures([without_waiting], model, measured, ranges)
     if worth(so_far + quickly.sum(0), columns, asked) > worth(so_far + gathered.sum(0), columns, asked) - _FOR_WAITING:
         actions, gathered = hasty, quickly
     total = so_far + gathered.sum(0)
@@ -144,11 +145,16 @@ def alike(total: Array, columns: Columns, pair: tuple[str, str]) -> float:
 
 
 def curvatures(
-    actions: Sequence[Action], model: Model, measured: Measured, ranges: Ranges
-) -> tuple[list[Action], Array]:
-    """Actions as they can be made one after another, and what each will say of the model's numbers, [k, P, P]."""
-    made, columns = in_turn(actions, measured, ranges)
-    return made, linearise_rows(model, as_measured(made, columns, model, measured, ranges))[0]
+    sequences: Sequence[Sequence[Action]], model: Model, measured: Measured, ranges: Ranges
+) -> tuple[list[list[Action]], Array]:
+    """Sequences of k actions as they can be made one after another, each where the recorded strokes end, and what every
+    action will say of the model's numbers, [S, k, P, P].
+    """
+    turns = [in_turn(actions, measured, ranges) for actions in sequences]
+    actions = [action for made, _ in turns for action in made]
+    columns = [row for _, rows in turns for row in rows]
+    curvature = linearise_rows(model, as_measured(actions, columns, model, measured, ranges))[0]
+    return [made for made, _ in turns], curvature.reshape(len(sequences), -1, *curvature.shape[1:])
 
 
 def as_table(proposal: Proposal, measured: Measured) -> pa.Table:
