@@ -89,8 +89,10 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
         improved = False
         for _ in range(6):
             candidate = model.at(damped_step(model.vector, model.vector, statistics, damping, hold, *near))
-            promise = promised(candidate.vector - model.vector, model.vector, statistics, hold)
-            if promise < _ENOUGH * loss and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss:
+            step = candidate.vector - model.vector
+            promise = promised(step, model.vector, statistics, hold)
+            cut_short = (np.abs(step) > 0.999 * reach).any()
+            if promise < _ENOUGH * loss and not cut_short and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss:
                 return candidate  # there is no next step that would need derivatives
             there = linearise(candidate, measured)  # where a step is taken, the next one needs it
             new = _loss(there) + _cost(candidate.vector, hold)
@@ -102,7 +104,7 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
             break
         gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
         statistics = there
-        if gained < _ENOUGH:
+        if gained < _ENOUGH and not cut_short:
             break
     return model
 
