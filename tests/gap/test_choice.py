@@ -42,6 +42,7 @@ def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
     [
         (-0.3, 0.2, {"speed_density"}),  # paler at speed, and softer: there is less paint
         (-0.3, -0.2, {"speed_bleed"}),  # paler and sharper: it bleeds less
+        (-0.3, -0.002, {"speed_density"}),  # as sharp as before, for all that can be known
         (0.0, 0.2, {"speed_bleed", "speed_density"}),
     ],
 )

@@ -1,14 +1,18 @@
 """What a fit ends at, and what its base can take back of a cause."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pentimento.gap.fit import fit, held, steadied
+from pentimento.gap.ends import UnevenEnds
+from pentimento.gap.fit import fit, held, steadied, tempered
 from pentimento.gap.foretell import Model, action_losses, identity
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
 from pentimento.gap.score import projected
 from pentimento.gap.trees import like_causes
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
 from tests.gap.test_large import strokes_of
 
@@ -42,6 +46,32 @@ def test_at_its_end_a_fit_is_pulled_nowhere(softened: tuple[Measured, Model]) ->
     strokes, model = softened
     slope = held(linearise(model, strokes), model).slope
     assert np.abs(slope.sum(0)).max() < 0.02 * np.abs(slope).sum(0).max()
+
+
+def test_one_stroke_that_is_wrong_by_far_does_not_say_all(softened: tuple[Measured, Model]) -> None:
+    """A photograph with its two sides exchanged: its action counts as three usual ones, and all others as they did."""
+    strokes, model = softened
+    after = strokes.samples.after.clone()
+    after[0] = after[0].flip(1)
+    spoilt = replace(strokes, samples=strokes.samples._replace(after=after))
+    losses = action_losses(model, spoilt)
+    tame = tempered(spoilt, model)
+    usual = np.median(losses)
+    assert losses.max() > 10 * usual
+    np.testing.assert_allclose(action_losses(model, tame), np.minimum(losses, 3 * usual), rtol=1e-6)
+    np.testing.assert_allclose(linearise(model, tame).energy, np.minimum(losses, 3 * usual), rtol=1e-4)
+    softening, with_all, with_less = (
+        float(fitted.mechanisms[-1].values[0]) for fitted in (model, fit(model, spoilt), fit(model, tame))
+    )
+    assert abs(with_less - softening) < 0.5 * abs(with_all - softening)
+
+
+def test_a_fit_goes_on_while_its_steps_are_cut_short() -> None:
+    """Ends that widen by as much as they may are several of the longest steps away, each of which gains little."""
+    strokes, plain = strokes_of(BristleLag, 0.009)
+    uneven = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
+    before, after = (float(action_losses(each, strokes).mean()) for each in (plain, uneven))
+    assert after < 0.9 * before
 
 
 def test_what_strokes_leave_open_is_not_anything(softened: tuple[Measured, Model]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from pentimento.gap.foretell import Model
@@ -63,7 +64,7 @@ def without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], m
     """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure.
 
     Less paint at speed (``speed_density``) can do all that ``speed_bleed`` does, and is paler. If that is sure, it is
-    named, but not where the rest contradicts it: then what is paler is a lack of the other's form.
+    named, but not where the rest surely contradicts it: then what is paler is a lack of the other's form.
     """
     last = {cause: refits[cause].mechanisms[-1] for cause in losses}
     names = {cause: {q.name for q in mechanism.quantities} for cause, mechanism in last.items()}
@@ -76,7 +77,9 @@ def without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], m
         sure = {name for name, (value, error) in values.items() if abs(value) > _SURE * error}
         told_apart = {other for other in within if sure - names[other]}
         if told_apart:
-            out |= told_apart if last[cause].coherent else {cause}
+            surely = last[cause].values * torch.tensor([q.name in sure for q in last[cause].quantities])
+            coherent = type(last[cause])(surely, last[cause].reference).coherent
+            out |= told_apart if coherent else {cause}
     return {cause: each for cause, each in losses.items() if cause not in out}
 
 

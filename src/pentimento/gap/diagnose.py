@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from pentimento.gap.candidates import displaces
 from pentimento.gap.choice import paired_p, unconfirmed
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, held
+from pentimento.gap.fit import first_model, fit, held, tempered
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, action_losses, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
@@ -114,21 +114,24 @@ def diagnose(
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0
-    found = find_large(first, plain, measured.context, share, vocabulary, seed, log)
+    weighed = tempered(measured, first)
+    found = find_large(first, weighed.pick(splits.discovery), measured.context, share, vocabulary, seed, log)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
         before = found.found
         unfound = [m for cause, m in found.observable.items() if cause not in before]
-        habits, measured = learn_habits(measured, found.model, splits.discovery, unfound, seed)
-        found = search(found, measured.pick(splits.discovery), seed, log)
+        habits, weighed = learn_habits(weighed, found.model, splits.discovery, unfound, seed)
+        weighed = tempered(weighed, found.model)
+        found = search(found, weighed.pick(splits.discovery), seed, log)
         if found.found == before:
             break
-    found = settle(found, measured.pick(splits.discovery), seed, log)
-    test = measured.pick(splits.test)
-    known = measured.pick(np.sort(np.concatenate(splits[:2])))
+    found = settle(found, weighed.pick(splits.discovery), seed, log)
+    measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
+    unsealed = np.sort(np.concatenate(splits[:2]))
+    test, known = measured.pick(splits.test), measured.pick(unsealed)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
-    confirmed_p = {m.cause: _confirmation(found, m, known, fresh, seed) for m in named}
+    confirmed_p = {m.cause: _confirmation(found, m, weighed.pick(unsealed), fresh, seed) for m in named}
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)

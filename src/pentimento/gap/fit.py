@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ _RANGE = (
         "mixing": (-2.5, 0.7),
     }
 )
-_QUIETEST = 0.05  # of the mean variance
+_MOST_OF_USUAL = 3.0
 _FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.2
 """Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
 _MOST_WIDENED = 3.0  # times what is typical
@@ -71,7 +72,7 @@ def first_model(measured: Measured) -> Model:
 
 
 def fit(model: Model, measured: Measured, at_start: Statistics | None = None, iterations: int = 40) -> Model:
-    """The model whose foretold photographs are nearest to the measured, by mean squared error.
+    """The model whose foretold photographs are nearest to the measured, by weighted mean squared error.
 
     What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
 
@@ -92,7 +93,11 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
             step = candidate.vector - model.vector
             promise = promised(step, model.vector, statistics, hold)
             cut_short = (np.abs(step) > 0.999 * reach).any()
-            if promise < _ENOUGH * loss and not cut_short and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss:
+            if (
+                promise < _ENOUGH * loss
+                and not cut_short
+                and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss
+            ):
                 return candidate  # there is no next step that would need derivatives
             there = linearise(candidate, measured)  # where a step is taken, the next one needs it
             new = _loss(there) + _cost(candidate.vector, hold)
@@ -107,6 +112,17 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
         if gained < _ENOUGH and not cut_short:
             break
     return model
+
+
+def tempered(measured: Measured, model: Model) -> Measured:
+    """The strokes with weights: no action's error about the model counts as more than ``_MOST_OF_USUAL`` times the
+    median (Huber 1964, by action): a single stroke that is wrong by ten times as much as others would say all.
+    """
+    plain = replace(measured, weight=np.ones(len(measured)))
+    losses = action_losses(model, plain)
+    _, action = np.unique(measured.action, return_inverse=True)
+    weight = np.minimum(_MOST_OF_USUAL * np.median(losses) / np.maximum(losses, 1e-30), 1.0)
+    return replace(measured, weight=weight[action])
 
 
 def held(statistics: Statistics, model: Model) -> Statistics:

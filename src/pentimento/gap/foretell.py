@@ -345,7 +345,7 @@ def mean_squared_error(residuals: Array, measured: Measured) -> Array:
 
 
 def action_losses(model: Model, measured: Measured) -> Array:
-    """Mean squared error of each action over its rows, sRGB, in the order of the actions' numbers."""
-    rows = mean_squared_error(residual(model, measured), measured)
+    """Mean squared error of each action over its rows, by their weights, sRGB, in the order of the actions' numbers."""
+    rows = measured.weight * mean_squared_error(residual(model, measured), measured)
     _, group = np.unique(measured.action, return_inverse=True)
     return np.bincount(group, rows) / np.bincount(group)

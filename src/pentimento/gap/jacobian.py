@@ -89,12 +89,13 @@ def linearise(model: Model, measured: Measured) -> Statistics:
 
 
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
+    """The same of each row, by its weight: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
     number, changes = _changes_of_mark(model, measured)
     batches = [slice(start, start + _ROWS_AT_ONCE) for start in range(0, len(measured), _ROWS_AT_ONCE)]
     parts = [_row_statistics(model, measured.pick(rows), number, changes[:, rows]) for rows in batches]
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return curvature, slope, energy
+    weight = measured.weight
+    return curvature * weight[:, None, None], slope * weight[:, None], energy * weight
 
 
 def _row_statistics(model: Model, measured: Measured, number: Array, changes: Array) -> tuple[Array, Array, Array]:

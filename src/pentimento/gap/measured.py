@@ -44,6 +44,8 @@ class Measured:
     """int64[B]: which session and load of paint."""
     painted: Array
     """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
+    weight: Array
+    """float64[B]: of each stroke's squared error in fits and tests; 1 unless ``fit.tempered`` has looked at them."""
     habit: Array
     """float32[B, H, W, 3]: what is foretold beside what any model says (``habits``), sRGB."""
 
@@ -68,7 +70,8 @@ class Measured:
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
             self, samples=samples, covariates=kept, paint=self.paint[rows],
-            block=self.block[rows], painted=self.painted[rows], habit=self.habit[rows],
+            block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
+            habit=self.habit[rows],
         )  # fmt: skip
 
 
@@ -89,7 +92,7 @@ def load_measured(table: pa.Table) -> Measured:
     paint = paint.reshape(-1)
     columns, paints = covariates_of(table) | carried_paint(table, samples), int(paint.max()) + 1
     nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
-    return Measured(samples, columns, paint, paints, block, painted, nothing_learnt)
+    return Measured(samples, columns, paint, paints, block, painted, np.ones(len(samples.path)), nothing_learnt)
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:
