@@ -1,5 +1,6 @@
 """The proposed strokes tell apart what imitates, better than random ones, and can be made."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from pentimento.gap.imitation import Imitation, columns_of
 from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.next_actions import Proposal, alike, as_table, curvatures, propose, questions, worth
-from pentimento.gap.pool import draw_sequence, in_turn, state_after
+from pentimento.gap.pool import Action, draw_sequence, in_turn, state_after
 from pentimento.gap.spans import ranges_of
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from tests.gap.conftest import Written
@@ -55,8 +56,8 @@ def test_imitation_falls_well_below_and_further_than_by_chance(
 def test_it_is_worth_more_than_any_of_many_random_designs(model: Model, strokes: Measured, proposal: Proposal) -> None:
     so_far, ranges, columns = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes), columns_of(model)
 
-    def value(actions: object) -> float:
-        return worth(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])  # type: ignore[arg-type]
+    def value(actions: Sequence[Action]) -> float:
+        return worth(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])
 
     best = max(value(draw_sequence(np.random.default_rng(seed), ranges, strokes, 8)) for seed in range(12))
     assert value(proposal.actions) > best > worth(so_far, columns, [PAIR])
