@@ -9,6 +9,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_stroke, pixel_to_canvas
 from pentimento.contracts.height_maps import surface_at_m
 from pentimento.push_dynamics.analytic_scene import (
+    from_way,
     local_places,
     scene_of,
     smoothed_periods,
@@ -28,6 +29,16 @@ def test_pixels_lie_where_the_contracts_frames_say() -> None:
         local = canvas_to_stroke(places, x, y, theta)
         found = np.stack([along[b, pixels[:, 1], pixels[:, 0]], across[b, pixels[:, 1], pixels[:, 0]]], axis=1)
         assert np.allclose(found, local, atol=1e-7)
+
+
+def test_places_beside_the_way_are_told_from_those_beyond_its_ends() -> None:
+    scene = scene_of(blank(5, 1), HALF_WIDTH_M)
+    length, away = scene.action[:, 3, None, None], from_way(scene) * HALF_WIDTH_M
+    beside, behind = (scene.along > 0) & (scene.along < length), scene.along < 0
+    assert np.allclose(away[beside], np.abs(scene.across)[beside], atol=1e-6)
+    assert np.allclose(away[behind], np.hypot(scene.along, scene.across)[behind], atol=1e-6)
+    beyond = scene.along > length
+    assert np.allclose(away[beyond], np.hypot(scene.along - length, scene.across)[beyond], atol=1e-6)
 
 
 def test_the_surface_at_the_start_is_the_one_that_the_robot_reads() -> None:

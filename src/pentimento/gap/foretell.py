@@ -16,15 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.func import vmap
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
+from pentimento.gap.batches import in_batches
 from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
 from pentimento.gap.mixture import mixture
+from pentimento.gap.taken_up import taken_up
 from pentimento.stroke_dynamics.mechanisms.geometry import arc_m, bending_per_m, moved_ends, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, extended_mark
 from pentimento.stroke_dynamics.traj2stroke import Mark
@@ -43,6 +44,7 @@ BASE = (
 )  # fmt: skip
 """``mixing``: paint and ground mix in light to the power of ``exp(mixing)``: 0 is linear light, about -0.8 the
 numbers of an sRGB picture, far below that a filter that dims by a share."""
+ROWS_AT_ONCE = 24
 _OUTERMOST = 3  # pieces of the half-width's curve
 _THINNEST_M = 1e-5
 _TIGHT_M = 0.02
@@ -258,48 +260,6 @@ def gain_of_camera(model: Model, measured: Measured) -> Array:
     return picture[..., 0].numpy().astype(np.float32)
 
 
-def taken_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
-    """By how much the paint of a tool that takes up all that it crosses differs from its own, float32[B, H, W, 3].
-
-    What is crossed is stirred in on the spot and carried along from there, by the renderer's law (``composition``).
-
-    Args:
-        paint: [B, 1, 1, 3] linear light, the tool's own.
-        below: [B, H, W, 3] what is there before.
-        painted: [B, H, W] how much paint that is, 0 to 1.
-    """
-    change = np.zeros_like(below)
-    for b in np.flatnonzero((painted * made.coverage).sum((1, 2)) > 0):
-        _take_up(made.segment[b], made.coverage[b], paint[b, 0, 0], below[b], painted[b], change[b])
-    return change
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _take_up(segment: Array, coverage: Array, paint: Array, below: Array, painted: Array, change: Array) -> None:
-    """Fill ``change`` [H, W, 3] of one stroke."""
-    height, width = segment.shape
-    passed = np.zeros(segment.max() + 1)
-    sums = np.zeros((len(passed), 3))
-    for row in range(height):
-        for column in range(width):
-            k = segment[row, column]
-            if k >= 0:
-                covered = max(coverage[row, column], 0.0)
-                passed[k] += covered
-                for c in range(3):
-                    change[row, column, c] = painted[row, column] * (below[row, column, c] - paint[c])
-                    sums[k, c] += covered * change[row, column, c]
-    for k in range(1, len(passed)):
-        passed[k] += passed[k - 1]
-        sums[k] += sums[k - 1]
-    for row in range(height):
-        for column in range(width):
-            k = segment[row, column]
-            if k >= 0:
-                for c in range(3):
-                    change[row, column, c] += sums[k, c] / max(passed[k], 1e-6)
-
-
 def foretold_linear(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
     """The windows after the strokes, linear light float32[B, H, W, 3]; or those ``pixels``, [n, 3]."""
     below = at_pixels(measured.samples.before_linear.numpy(), pixels)
@@ -331,6 +291,10 @@ def residual(model: Model, measured: Measured) -> Array:
 
 def foretold(model: Model, measured: Measured) -> Array:
     """The photographs after the strokes, sRGB float32[B, H, W, 3]."""
+    return np.concatenate(in_batches(lambda some: _foretold(model, some), measured, ROWS_AT_ONCE))
+
+
+def _foretold(model: Model, measured: Measured) -> Array:
     laid = ink(model, measured)
     changed = np.flatnonzero((laid.imprint.segment >= 0) | (laid.gain != 1))
     after = measured.samples.before.numpy().copy()

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
+from pentimento.gap.batches import in_batches
 from pentimento.gap.foretell import (
     BASE,
+    ROWS_AT_ONCE,
     SLABS,
     WIDTHS,
     Ink,
@@ -36,7 +38,6 @@ Array = NDArray[Any]
 _MIXING = BASE.index("mixing")
 _COLOR_STEP = 0.01
 _MARK_STEP = 1e-5
-_ROWS_AT_ONCE = 48
 
 
 def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
@@ -47,6 +48,10 @@ def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
 
 def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
     """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
+    return np.concatenate(in_batches(lambda some: _change_of_photographs(model, some, amounts), measured, ROWS_AT_ONCE))
+
+
+def _change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
     laid = ink(model, measured)
     linear = foretold_linear(laid, measured)
     number, changes = _changes_of_mark(model, measured)
@@ -90,25 +95,20 @@ def linearise(model: Model, measured: Measured) -> Statistics:
 
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
     """The same of each row, by its weight: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
-    number, changes = _changes_of_mark(model, measured)
-    batches = [slice(start, start + _ROWS_AT_ONCE) for start in range(0, len(measured), _ROWS_AT_ONCE)]
-    parts = [_row_statistics(model, measured.pick(rows), number, changes[:, rows]) for rows in batches]
+    parts = in_batches(lambda some: _row_statistics(model, some), measured, ROWS_AT_ONCE)
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     weight = measured.weight
     return curvature * weight[:, None, None], slope * weight[:, None], energy * weight
 
 
-def _row_statistics(model: Model, measured: Measured, number: Array, changes: Array) -> tuple[Array, Array, Array]:
+def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
     """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
 
     What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
     coverage; only what changes the paint or the picture needs all three.
-
-    Args:
-        number: which of the model's numbers change the mark.
-        changes: the mark's derivatives by them, [len(number), B, N, 5].
     """
     laid = ink(model, measured)
+    number, changes = _changes_of_mark(model, measured)
     of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
     of_paint = _changes_of_paint(model, measured, laid.imprint)
     inked = laid.imprint.segment >= 0

@@ -66,10 +66,9 @@ class Measured:
     def pick(self, rows: Array | slice) -> Measured:
         """The strokes with these indices; of a slice, nothing is copied."""
         index = rows if isinstance(rows, slice) else torch.as_tensor(np.asarray(rows))
-        samples = StrokeSamples(*(field[index] for field in self.samples))
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
-            self, samples=samples, covariates=kept, paint=self.paint[rows],
+            self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
             block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
             habit=self.habit[rows],
         )  # fmt: skip

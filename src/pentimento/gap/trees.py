@@ -7,11 +7,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 from pentimento.gap.jacobian import Statistics
+from pentimento.render.threads import in_threads
 
 Array = NDArray[Any]
 
@@ -63,11 +65,16 @@ def cross_fitted(
         fold: [n], -1 for pixels that none is grown on.
     """
     known = fold >= 0
-    trees = tuple(_grown(features, missing, weight, known & (fold != k), count) for k in range(_FOLDS))
-    said = np.zeros(len(missing))
-    for k, each in enumerate(trees):
+
+    def of_fold(k: int) -> tuple[Trees, Array, Array]:
+        grown = _grown(features, missing, weight, known & (fold != k), count)
         told = ~known | (fold == k)  # an action that was learnt from, by those that did not see it
-        said[told] += each.say(features[told])
+        return grown, told, grown.say(features[told])
+
+    trees, *parts = zip(*in_threads(of_fold, range(_FOLDS), get_num_threads()), strict=True)
+    said = np.zeros(len(missing))
+    for told, what in zip(*parts, strict=True):
+        said[told] += what
     said[~known] /= _FOLDS
     right = (weight * missing * said)[known].sum() / max((weight * said**2)[known].sum(), 1e-12)
     return trees, said, float(np.clip(right, 0.0, 1.0))

@@ -54,7 +54,7 @@ class PushScene:
     def __len__(self) -> int:
         return len(self.action)
 
-    def pick(self, rows: Array) -> PushScene:
+    def pick(self, rows: Array | slice) -> PushScene:
         """The pushes with these indices."""
         return replace(
             self, before=self.before[rows], along=self.along[rows],
@@ -120,6 +120,12 @@ def local_places(window_m: Array, shape: tuple[int, ...], action: Array, pixels_
     along = cos * x[:, None, :] + sin * y[:, :, None]
     across = cos * y[:, :, None] - sin * x[:, None, :]
     return along.astype(np.float32), across.astype(np.float32)
+
+
+def from_way(scene: PushScene) -> Array:
+    """How far places lie from the way of the tool, in half-widths of the footprint, float32[B, H, W]."""
+    station = np.clip(scene.along, 0.0, scene.action[:, 3, None, None])
+    return (np.hypot(scene.along - station, scene.across) / scene.half_width_m).astype(np.float32)
 
 
 def surface_at_start(height_m: Array, known: Array, along: Array, across: Array) -> Array:

@@ -53,7 +53,7 @@ class PushSamples(NamedTuple):
     covariates: dict[str, NDArray[np.float64]]
     """[N] of each other column of single numbers, NaN where unknown; "order" is among them."""
 
-    def pick(self, index: NDArray[Any]) -> PushSamples:
+    def pick(self, index: NDArray[Any] | slice) -> PushSamples:
         """The samples with these indices, or where a mask [N] is true."""
         kept = {name: values[index] for name, values in self.covariates.items()}
         arrays = {

@@ -38,7 +38,7 @@ class StrokeSamples(NamedTuple):
     valid: Tensor  # [B, H, W]
     action: Tensor  # [B] int64: rows of one value repeat the same command
 
-    def pick(self, index: Tensor) -> StrokeSamples:
+    def pick(self, index: Tensor | slice) -> StrokeSamples:
         """The samples with these indices."""
         return StrokeSamples(*(field[index] for field in self))
 

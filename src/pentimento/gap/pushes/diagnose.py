@@ -18,7 +18,7 @@ from pentimento.gap.floor import Floor, floor_of_repeats
 from pentimento.gap.modes import Unexplained
 from pentimento.gap.pushes.fit import equalised, fit
 from pentimento.gap.pushes.habits import PushHabits, learn_habits
-from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
+from pentimento.gap.pushes.jacobian import action_losses, linearise, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import unexplained
 from pentimento.gap.pushes.search import Search, observable_causes, search
@@ -101,7 +101,7 @@ def diagnose(
         if found.found == before:
             break
         model = found.model
-    measured = replace(weighed, weight=np.ones(len(weighed)))
+    measured = replace(weighed, weight=np.ones_like(weighed.weight))
     test = measured.pick(parts.sealed)
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
     named = list(found.model.mechanisms)
@@ -186,22 +186,24 @@ def _least_fall(confirmed_p: float, gap: float, floor: float) -> float:
 
 
 def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, parts: Parts, seed: int) -> float:
-    """The noise floor, weighted as errors of the pushes that are searched are; 0 where it is unknown, mm²."""
+    """The noise floor, weighted as errors are, and no more than those of the pushes that are searched; 0 where it is
+    unknown, mm².
+    """
     noise = noise_floor(model, weighed, seed)
-    searched = weighed.pick(parts.searched)
-    error = float(mean_squared_error(residual(model, searched), searched).mean())
-    return min(noise.mse / error, 1.0) * float(action_losses(model, searched).mean()) if noise else 0.0
+    return min(noise.mse, float(action_losses(model, weighed.pick(parts.searched)).mean())) if noise else 0.0
 
 
 def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:
-    """What even a perfect model would miss, from repeated actions (GAP.md, rule 6), mm²; None where none is repeated.
+    """What even a perfect model would miss, weighted as errors are, from repeated actions (GAP.md, rule 6), mm²; None
+    where none is repeated.
 
     Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
     """
     groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
     window = measured.samples.window_m
     aligned = [rows for rows in groups if np.ptp(window[rows], axis=0).max() < measured.scene.pixel_m / 2]
-    return floor_of_repeats(residual(model, measured), measured.valid, aligned, seed)
+    rest = np.sqrt(measured.weight) * residual(model, measured)
+    return floor_of_repeats(rest, measured.valid, aligned, seed)
 
 
 def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes) -> dict[str, tuple[float, float]]:

@@ -13,6 +13,7 @@ from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_square
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.steps import damped_step, promised
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
+from pentimento.push_dynamics.analytic_scene import from_way
 
 Array = NDArray[Any]
 
@@ -67,6 +68,9 @@ _FIRST_DAMPING, _NEXT_DAMPING, _LEAST_DAMPING = 1e-4, 1e-3, 1e-7
 _LONGEST = 0.5
 """How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
 _MOST_UNEQUAL = 8.0
+_RINGS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+"""Half-widths from the tool's way between which pixels are weighted alike."""
+_MOST_UNEVEN = 30.0
 
 
 def fit(
@@ -118,14 +122,25 @@ def fit(
 
 
 def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
-    """The pushes with weights: the inverse of each one's error about the model, within bounds, 1 on average.
+    """The pushes with weights: the inverse of each one's error about the model, and of the error that all have as far
+    from the tool's way, within bounds, 1 on average.
 
     A deep push that meets an old groove is wrong by tens of times what a shallow one is: unweighted, few such pushes
-    would say all.
+    would say all. And what a base gets wrong under the tool would drown what rises far from it.
     """
-    error = mean_squared_error(residual(model, measured), measured)
-    weight = np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MOST_UNEQUAL, _MOST_UNEQUAL)
-    return replace(measured, weight=weight / weight.mean())
+    missed, seen = residual(model, measured), measured.valid
+    ring, rings = np.digitize(from_way(measured.scene), _RINGS), len(_RINGS) + 1
+    squared = (_levelled(missed, measured) * np.square(missed))[seen]
+    of_ring = np.bincount(ring[seen], squared, rings) / np.maximum(np.bincount(ring[seen], minlength=rings), 1)
+    place = 1 / np.maximum(of_ring, of_ring.max() / _MOST_UNEVEN)[ring]
+    weight = (_levelled(np.sqrt(place) * missed, measured) * place).astype(np.float32)
+    return replace(measured, weight=weight / weight[seen].mean())
+
+
+def _levelled(missed: Array, measured: MeasuredPushes) -> Array:
+    """Weights [B, 1, 1] of pushes that miss so much, [B, H, W]."""
+    error = mean_squared_error(missed, measured)
+    return np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MOST_UNEQUAL, _MOST_UNEQUAL)[:, None, None]
 
 
 def _start(measured: MeasuredPushes) -> Array:

@@ -66,7 +66,7 @@ def learn_habits(
     push = np.nonzero(seen)[0]
     fold = folds(measured.action, rows, seed)[push]
     missing = residual(model, measured)[seen].astype(np.float64)
-    trees, said, share = cross_fitted(features, missing, measured.weight[push], fold, _TREES)
+    trees, said, share = cross_fitted(features, missing, measured.weight[seen], fold, _TREES)
     full = model.plus(*candidates)
     maps = share * _maps(said, seen)
     asked = replace(measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM))

@@ -6,21 +6,18 @@ the contact.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 
+from pentimento.gap.batches import in_batches
 from pentimento.gap.jacobian import Statistics, by_action
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.push_dynamics.analytic import BASE, CONTACT, KEPT, AnalyticPush, keep, settle, touch
 from pentimento.push_dynamics.analytic_scene import PushScene
-from pentimento.render.threads import in_threads
 
 Array = NDArray[Any]
-_R = TypeVar("_R")
 
 _STEP = 0.005
 _ROWS_AT_ONCE = 24
@@ -30,7 +27,7 @@ _STAGE = {"command": 0, "contact": 0, "material": 1, "surface": 2}
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     """Measured less foretold, habits included, millimetres float32[B, H, W]; 0 where nothing was measured."""
-    return np.concatenate(_in_threads(lambda some: _residual(model, some), measured))
+    return np.concatenate(in_batches(lambda some: _residual(model, some), measured, _ROWS_AT_ONCE))
 
 
 def _residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
@@ -45,8 +42,8 @@ def mean_squared_error(residuals: Array, measured: MeasuredPushes) -> Array:
 
 def action_losses(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     """Weighted mean squared error of each action over its rows, mm², in the order of the actions' numbers."""
-    rows = measured.weight * mean_squared_error(residual(model, measured), measured)
-    return by_action(rows, measured.action)
+    weighted = np.sqrt(measured.weight) * residual(model, measured)
+    return by_action(mean_squared_error(weighted, measured), measured.action)
 
 
 def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
@@ -56,18 +53,9 @@ def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
 
 def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], over its number of measured pixels; mm²."""
-    parts = _in_threads(lambda some: _row_statistics(model, some), measured)
+    parts = in_batches(lambda some: _row_statistics(model, some), measured, _ROWS_AT_ONCE)
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
-
-
-def _in_threads(function: Callable[[MeasuredPushes], _R], measured: MeasuredPushes) -> list[_R]:
-    """The results for a few rows at a time, in their order; the same for any number of threads, bit by bit.
-
-    The function must not come back here: it would wait for the threads that it holds.
-    """
-    some = np.split(np.arange(len(measured)), range(_ROWS_AT_ONCE, len(measured), _ROWS_AT_ONCE))
-    return in_threads(lambda rows: function(measured.pick(rows)), some, get_num_threads())
 
 
 def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
@@ -96,7 +84,7 @@ def _stage(name: str) -> int:
 
 
 def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
-    root = np.sqrt(measured.weight)[:, None, None].astype(np.float32) * measured.valid
+    root = np.sqrt(measured.weight) * measured.valid
     rows = len(measured)
     slopes = derivatives(model, measured.scene) * (root * np.float32(MM))
     slopes = slopes.reshape(len(slopes), rows, -1).transpose(1, 0, 2)  # [B, P, H W]

@@ -33,7 +33,7 @@ class MeasuredPushes:
     block: Array
     """int64[B]: which pushes share a surface: those between two smoothings."""
     weight: Array
-    """float64[B]: of each push's squared error in fits; 1 unless ``fit.equalised`` has looked at them."""
+    """float32[B, H, W]: of each pixel's squared error in fits; 1 unless ``fit.equalised`` has looked at them."""
     habit: Array
     """float32[B, H, W]: what is foretold beside what any model says (``habits``), mm."""
 
@@ -55,7 +55,7 @@ class MeasuredPushes:
         """float64[B] each: every numeric column but identities; NaN where unknown."""
         return {name: v for name, v in self.scene.covariates.items() if not name.endswith("_id")}
 
-    def pick(self, rows: Array) -> MeasuredPushes:
+    def pick(self, rows: Array | slice) -> MeasuredPushes:
         """The pushes with these indices."""
         return MeasuredPushes(
             self.samples.pick(rows), self.scene.pick(rows), self.after[rows], self.block[rows], self.weight[rows],
@@ -76,7 +76,7 @@ def measure(samples: PushSamples, half_width_m: float | None = None) -> Measured
     scene = scene_of(near, half_width_m, np.stack([_denoised(height) for height in near.before]))
     reference = surface_at_start(near.before, near.known, scene.along, scene.across)
     after = near.after - reference[:, None, None].astype(np.float32)
-    return MeasuredPushes(near, scene, after, _blocks(near), np.ones(len(after)), np.zeros_like(after))
+    return MeasuredPushes(near, scene, after, _blocks(near), np.ones_like(after), np.zeros_like(after))
 
 
 def cropped(samples: PushSamples, side_px: int = _SIDE_PX) -> PushSamples:
