@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, Self, TypeVar
+from contextlib import AbstractContextManager
+from functools import cache
+from typing import Any, Protocol, Self, TypeVar
 
 from numba import get_num_threads
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 from pentimento.render.threads import in_threads
 
@@ -28,6 +31,26 @@ def in_batches(function: Callable[[_M], _R], measured: _M, rows_at_once: int) ->
 
     The function must not come back here: it would wait for the threads that it holds.
     """
+
+    def of(rows: slice) -> _R:
+        with one_openmp_thread():
+            return function(measured.pick(rows))
+
     starts = range(0, len(measured), rows_at_once)
     batches = [slice(start, start + rows_at_once) for start in starts]
-    return in_threads(lambda rows: function(measured.pick(rows)), batches, get_num_threads())
+    return in_threads(of, batches, get_num_threads())
+
+
+def one_openmp_thread() -> AbstractContextManager[Any]:
+    """Inside, what the calling thread starts is not shared out any further by OpenMP, whose threads wait for each other
+    a hundred times as long on busy cores as they work.
+
+    It is said where work starts and not once for a diagnosis, for OpenMP counts for each thread by itself, and Numba
+    sets its number when it starts its own.
+    """
+    return _pools().limit(limits=1, user_api="openmp")
+
+
+@cache
+def _pools() -> ThreadpoolController:
+    return ThreadpoolController()

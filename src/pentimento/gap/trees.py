@@ -10,17 +10,13 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
+from pentimento.gap.batches import one_openmp_thread
 from pentimento.gap.jacobian import Statistics
 from pentimento.render.threads import in_threads
 
 Array = NDArray[Any]
 
-_POOLS = ThreadpoolController()
-# Trees are too small for threads, which on busy cores wait for each other a hundred times as long as they work. It is
-# said here and not once for a diagnosis, for Numba sets the number of OpenMP's threads when it starts its own.
-_ONE_THREAD = {"limits": 1, "user_api": "openmp"}
 _FOLDS = 3
 _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 64, 30, 0.18, 255
 _RIDGE = 1e-4
@@ -40,7 +36,7 @@ class Trees(NamedTuple):
 
     def say(self, features: Array) -> Array:
         """What they foretell of each pixel [n]."""
-        with _POOLS.limit(**_ONE_THREAD):
+        with one_openmp_thread():
             return np.asarray(self.grown.predict(_bins(features, self.edges)))
 
 
@@ -104,7 +100,7 @@ def _grown(features: Array, missing: Array, weight: Array, used: Array, count: i
         max_iter=count, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
         early_stopping=False, random_state=0,
     )  # fmt: skip
-    with _POOLS.limit(**_ONE_THREAD):
+    with one_openmp_thread():
         return Trees(edges, trees.fit(_bins(seen, edges), missing[used], weight[used]))
 
 

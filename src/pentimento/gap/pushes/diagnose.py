@@ -31,7 +31,7 @@ from pentimento.push_dynamics.mechanisms import Mechanism
 Array = NDArray[Any]
 
 _PASSES = 2
-_CONFIRMED_BESIDE_P, _SURE_P = 0.1, 0.01
+_CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P = 0.1, 0.01, 0.001
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
@@ -129,7 +129,8 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    while idle := [f for f in established if f.gain < 0]:
+    # Of all pushes alike, the few that are wrong by most say how much error falls: too little to deny what is certain.
+    while idle := [f for f in established if f.gain < 0 and f.confirmed_p > _CERTAIN_P]:
         worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)

@@ -146,7 +146,7 @@ def as_measured(
         action_id=np.arange(len(action)),
     )  # fmt: skip
     return MeasuredPushes(
-        samples, everything, everything.before, np.arange(len(action)), np.ones(len(action)), np.zeros_like(left)
+        samples, everything, everything.before, np.arange(len(action)), np.ones_like(left), np.zeros_like(left)
     )
 
 

@@ -29,15 +29,18 @@ _IMITABLE_P = 0.02
 """Of the errors that a refit removes, where the base could look like the cause."""
 _SHORTLIST = 0.3  # of the best gain
 _MOST_REFITS = 4
-_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.01, 0.015, 0.01
+_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.005, 0.0075, 0.01
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
-_LEAST_IF_IMITABLE_BESIDE, _LEAST_OF_MISFIT_BESIDE = 0.02, 0.04
+_LEAST_OF_MISFIT_BESIDE = 0.02
 """The same of a further cause that the base can look like: the forms of those that were found are not quite right
 either."""
 _BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
-"""Of the largest gain so far: what a further cause must add; the second where it can do the work of one that was found,
-having its driver or being its rival."""
+"""Of the largest gain so far: what a further cause must add; the second where it has the driver of one that was found,
+and can do its work."""
+_BESIDE_ITS_RIVAL = 0.7
+"""Of what a cause removed in the other's place: what must be left for it. Of two explanations of one thing, the second
+has little left to do; of two things, all."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 
 
@@ -91,7 +94,8 @@ def search(
     quantities = {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}
     steps: list[Step] = []
     gained: dict[str, float] = {}
-    rivals: dict[str, tuple[str, ...]] = {}
+    instead: dict[str, dict[str, float]] = {}
+    """Of each cause that was found: how much error its rivals removed in its place."""
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes that would have to act as nothing does, do too little, or are rather what looks like them."""
@@ -115,7 +119,7 @@ def search(
             c
             for c in refits
             if size[c] < _least(observable[c], bool(taken), floor or error, error - floor)
-            or size[c] < _enough(observable[c], observable, gained, rivals)
+            or size[c] < _enough(observable[c], observable, gained, instead)
             or _could_be_the_base(observable[c], before - losses[c], seed)
             or _is_rather_its_lookalike(c, losses[c], model, measured)
         }
@@ -126,7 +130,8 @@ def search(
         step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
-        gained[step.chosen], rivals[step.chosen] = size[step.chosen], step.rivals
+        gained[step.chosen] = size[step.chosen]
+        instead[step.chosen] = {rival: size[rival] for rival in step.rivals}
         model = _without_idle(refits[step.chosen], measured, seed, log)
     return Search(base, model, tuple(steps), observable, unseen)
 
@@ -146,11 +151,9 @@ def _weigh(
 
 def _least(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:
     """How much error a cause must remove at least, mm², where that is ``misfit`` above the floor."""
-    if not mechanism.imitable:
-        return max(_LEAST_OF_FLOOR * floor, _LEAST_OF_MISFIT * misfit)
-    if beside_others:
-        return max(_LEAST_IF_IMITABLE_BESIDE * floor, _LEAST_OF_MISFIT_BESIDE * misfit)
-    return max(_LEAST_IF_IMITABLE * floor, _LEAST_OF_MISFIT * misfit)
+    of_floor = _LEAST_IF_IMITABLE if mechanism.imitable else _LEAST_OF_FLOOR
+    of_misfit = _LEAST_OF_MISFIT_BESIDE if mechanism.imitable and beside_others else _LEAST_OF_MISFIT
+    return max(of_floor * floor, of_misfit * misfit)
 
 
 def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
@@ -185,7 +188,7 @@ def _enough(
     mechanism: Mechanism,
     observable: Mapping[str, Mechanism],
     gained: Mapping[str, float],
-    rivals: Mapping[str, tuple[str, ...]],
+    instead: Mapping[str, Mapping[str, float]],
 ) -> float:
     """How much error a further cause must remove, mm².
 
@@ -193,8 +196,9 @@ def _enough(
     """
     least = 0.0
     for found, gain in gained.items():
-        alike = mechanism.cause in rivals[found] or observable[found].driver == mechanism.driver
+        alike = observable[found].driver == mechanism.driver
         least = max(least, gain * (_BESIDE_SAME_DRIVER if alike else _BESIDE))
+        least = max(least, _BESIDE_ITS_RIVAL * instead[found].get(mechanism.cause, 0.0))
     return least
 
 
