@@ -92,6 +92,7 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
             candidate = model.at(damped_step(model.vector, model.vector, statistics, damping, hold, *near))
             step = candidate.vector - model.vector
             promise = promised(step, model.vector, statistics, hold)
+            # What went as far as one step may has not arrived: how little falls here says nothing of the rest.
             cut_short = (np.abs(step) > 0.999 * reach).any()
             if (
                 promise < _ENOUGH * loss

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
+from pentimento.gap.diagnose import Finding
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _least_fall, diagnose, noise_floor
+from pentimento.gap.pushes.diagnose import _can_deny, _least_fall, _only_surely_denied, diagnose, noise_floor
 from pentimento.gap.pushes.measured import measure
+from pentimento.gap.pushes.search import observable_causes
 from pentimento.gap.verdict import verdict
 from pentimento.push_dynamics.analytic import first_model
+from pentimento.push_dynamics.mechanisms.far_field import FarField
+from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
 from tests.gap.pushes.conftest import LOST, Played
 from tests.push_dynamics.played_pushes import blank
 
@@ -59,6 +65,15 @@ def test_what_the_scores_of_sealed_pushes_are_sure_of_their_errors_must_only_not
     unsure = _least_fall(0.05, 0.2, 1.0)
     assert _least_fall(0.001, 0.2, 1.0) == 0 < unsure
     assert _least_fall(0.05, 0.2, 2.0) == 2 * unsure > _least_fall(0.05, 0.2, 0.0) > 0
+
+
+def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> None:
+    known, _ = observable_causes(measure(blank(12, 1), 0.006), [FarField, ToolBacklash])
+    far, backlash = known["far_field"], known["tool_backlash"]
+    unsure = Finding("tool_backlash", 0.003, 0.06, -0.02, (-0.5, 0.6), {}, ())
+    assert _can_deny(unsure, far) and not _can_deny(unsure, backlash)
+    assert _can_deny(replace(unsure, gain_interval=(-0.5, -0.01)), backlash)
+    assert not _only_surely_denied(backlash, 0.3)  # nor do their scores speak for it
 
 
 def test_too_few_actions_are_refused(lossy: Played) -> None:

@@ -31,7 +31,7 @@ from pentimento.push_dynamics.mechanisms import Mechanism
 Array = NDArray[Any]
 
 _PASSES = 2
-_CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P = 0.1, 0.01, 0.001
+_CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P, _DENIED_P = 0.1, 0.01, 0.001, 0.05
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
@@ -108,7 +108,9 @@ def diagnose(
     confirmed_p = _confirmed_p(found, weighed, parts, seed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     noise = _weighed_floor(found.model, weighed, parts, seed)
-    of_use = _of_use(found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p)
+    of_use = _of_use(
+        found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, seed
+    )
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
@@ -129,8 +131,7 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    # Of all pushes alike, the few that are wrong by most say how much error falls: too little to deny what is certain.
-    while idle := [f for f in established if f.gain < 0 and f.confirmed_p > _CERTAIN_P]:
+    while idle := [f for f in established if f.gain < 0 and _can_deny(f, observable[f.cause])]:
         worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
@@ -154,6 +155,7 @@ def _of_use(
     sealed: MeasuredPushes,
     floor: float,
     confirmed_p: Mapping[str, float],
+    seed: int,
 ) -> AnalyticPush:
     """The model less the causes that are of no use on pushes that nothing was fitted to, with the weights that make
     pushes equal: of all alike, the few that are wrong by most would decide.
@@ -170,13 +172,30 @@ def _of_use(
         model = fit(model, known)
         losses, spare = action_losses(model, sealed), {}
         for m in model.mechanisms:
-            fall = float((action_losses(fit(model.without(m.cause), known), sealed) - losses).mean())
-            spare[m.cause] = fall - _least_fall(confirmed_p[m.cause], gap, floor)
-        worst = min(spare, key=lambda cause: spare[cause])
-        if spare[worst] >= 0:
+            falls = action_losses(fit(model.without(m.cause), known), sealed) - losses
+            if not _only_surely_denied(m, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
+                spare[m.cause] = float(falls.mean()) - _least_fall(confirmed_p[m.cause], gap, floor)
+        worst = min(spare, key=lambda cause: spare[cause], default=None)
+        if worst is None or spare[worst] >= 0:
             break
         model = model.without(worst)
     return model
+
+
+def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:
+    """Whether sealed pushes that are worse with a cause, all alike, deny it. The few that are wrong by most say how
+    much error falls there: too little to deny what is certain.
+    """
+    if _only_surely_denied(mechanism, finding.confirmed_p):
+        return finding.gain_interval[1] < 0
+    return finding.confirmed_p > _CERTAIN_P
+
+
+def _only_surely_denied(mechanism: Mechanism, confirmed_p: float) -> bool:
+    """Whether a cause goes only where sealed pushes are surely worse with it: where no base can look like it, and their
+    scores speak for it. They are few, and their errors cannot tell little from nothing.
+    """
+    return not mechanism.imitable and confirmed_p <= _CONFIRMED_BESIDE_P
 
 
 def _least_fall(confirmed_p: float, gap: float, floor: float) -> float:

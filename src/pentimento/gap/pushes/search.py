@@ -24,7 +24,8 @@ from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
 
-_FIRST_P, _LATER_P = 0.02, 0.01
+_FIRST_P, _LATER_P = 0.05, 0.03
+"""Of scores: who is worth a refit. What is not confirmed afterwards is told as suspected."""
 _IMITABLE_P = 0.02
 """Of the errors that a refit removes, where the base could look like the cause."""
 _SHORTLIST = 0.3  # of the best gain
