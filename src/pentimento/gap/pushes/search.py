@@ -36,12 +36,12 @@ like a cause."""
 _LEAST_OF_MISFIT_BESIDE = 0.02
 """The same of a further cause that the base can look like: the forms of those that were found are not quite right
 either."""
-_BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.02, 0.7
 """Of the largest gain so far: what a further cause must add; the second where it has the driver of one that was found,
 and can do its work."""
-_BESIDE_ITS_RIVAL = 0.7
-"""Of what a cause removed in the other's place: what must be left for it. Of two explanations of one thing, the second
-has little left to do; of two things, all."""
+_LEFT_BESIDE, _LEFT_BESIDE_ITS_RIVAL = 0.2, 0.7
+"""Of what a cause removed in the place of one that was found: what must be left for it beside that. Of two explanations
+of one thing, the second has little left to do; of two things, all."""
 _MOST_CAUSES, _MOST_STEPS = 6, 9
 
 
@@ -95,8 +95,8 @@ def search(
     quantities = {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}
     steps: list[Step] = []
     gained: dict[str, float] = {}
-    instead: dict[str, dict[str, float]] = {}
-    """Of each cause that was found: how much error its rivals removed in its place."""
+    left: dict[str, float] = {}
+    """How much error a cause must remove beside those in whose place it was refitted, mm²."""
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes that would have to act as nothing does, do too little, or are rather what looks like them."""
@@ -120,7 +120,7 @@ def search(
             c
             for c in refits
             if size[c] < _least(observable[c], bool(taken), floor or error, error - floor)
-            or size[c] < _enough(observable[c], observable, gained, instead)
+            or size[c] < _enough(observable[c], observable, gained, left)
             or _could_be_the_base(observable[c], before - losses[c], seed)
             or _is_rather_its_lookalike(c, losses[c], model, measured)
         }
@@ -132,7 +132,9 @@ def search(
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
-        instead[step.chosen] = {rival: size[rival] for rival in step.rivals}
+        for cause in losses:
+            share = _LEFT_BESIDE_ITS_RIVAL if cause in step.rivals else _LEFT_BESIDE
+            left[cause] = max(left.get(cause, 0.0), share * size[cause])
         model = _without_idle(refits[step.chosen], measured, seed, log)
     return Search(base, model, tuple(steps), observable, unseen)
 
@@ -189,17 +191,16 @@ def _enough(
     mechanism: Mechanism,
     observable: Mapping[str, Mechanism],
     gained: Mapping[str, float],
-    instead: Mapping[str, Mapping[str, float]],
+    left: Mapping[str, float],
 ) -> float:
     """How much error a further cause must remove, mm².
 
     A rival of what was found does its work, and what that one's form lacks.
     """
-    least = 0.0
+    least = left.get(mechanism.cause, 0.0)
     for found, gain in gained.items():
         alike = observable[found].driver == mechanism.driver
         least = max(least, gain * (_BESIDE_SAME_DRIVER if alike else _BESIDE))
-        least = max(least, _BESIDE_ITS_RIVAL * instead[found].get(mechanism.cause, 0.0))
     return least
 
 
