@@ -13,6 +13,7 @@ from pentimento.gap.foretell import Model, foretold_linear, ink
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.modes import MODES, AllModes, permuted_actions, structure, unexplained
 from pentimento.gap.modulator import Modulation
+from pentimento.gap.path_covariates import covariates_shown
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
 """In typical sizes, at one standard deviation of the temperature."""
@@ -45,7 +46,8 @@ def test_a_mode_is_named_with_its_covariate_and_not_with_what_goes_along(
     mode: str, strokes: tuple[Measured, Model]
 ) -> None:
     measured, model = strokes
-    left, strength, names = unexplained(model, warmed(mode, measured, model), 0)
+    strokes_then = warmed(mode, measured, model)
+    left, strength, names = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
     assert [(one.mode, one.covariate) for one in left[:1]] == [(mode, "temperature_c")]
     assert "clock_s" not in {one.covariate for one in left}
     assert strength.shape == (len(MODES), len(names))
@@ -54,7 +56,8 @@ def test_a_mode_is_named_with_its_covariate_and_not_with_what_goes_along(
 
 def test_where_nothing_depends_on_anything_nothing_is_named(strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
-    left, _, _ = unexplained(model, warmed(None, measured, model), 0)
+    strokes_then = warmed(None, measured, model)
+    left, _, _ = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
     assert left == []
 
 

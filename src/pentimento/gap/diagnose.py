@@ -23,6 +23,8 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.mixing import mixed
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
+from pentimento.gap.nameless import curve_is_as_good, shows_signature
+from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.score import projected
 from pentimento.gap.search import Search, search, settle
 from pentimento.gap.splits import Splits, split
@@ -141,7 +143,7 @@ def diagnose(
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: Model, mechanism: Mechanism) -> Finding:
-        rest = fit(_without(model, [mechanism.cause], base), known)
+        rest = without(model, [mechanism.cause])
         fall = (action_losses(rest, test) - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
@@ -154,12 +156,28 @@ def diagnose(
     def findings(model: Model) -> tuple[Finding, ...]:
         return tuple(finding(model, m) for m in model.mechanisms if not isinstance(m, UnevenEnds))
 
+    def without(model: Model, causes: Sequence[str]) -> Model:
+        rest = _without(model, causes, base)
+        return fit(rest, known) if any(m.cause in found.observable for m in rest.mechanisms) else base
+
+    def is_misnamed(finding: Finding) -> bool:
+        mechanism, rest = found.observable[finding.cause], without(extended, [finding.cause])
+        return not shows_signature(mechanism, finding.values) or curve_is_as_good(
+            mechanism, rest, extended_losses, known, test, seed
+        )
+
     established = findings(extended)
     # What is confirmed and of no use on strokes that nothing was fitted to goes, one by one: of two causes that can do
     # each other's work, neither is of use beside the other.
     while useless := [f for f in established if not _is_of_use(f, established, found, len(base_losses))]:
         worst = min(useless, key=lambda f: f.gain)
-        extended = fit(_without(extended, [worst.cause], base), known)
+        extended = without(extended, [worst.cause])
+        extended_losses = action_losses(extended, test)
+        established = findings(extended)
+    # Nor does what merely stands where something without a name belongs.
+    if misnamed := [f.cause for f in established if is_misnamed(f)]:
+        log(f"no better than what has no name: {', '.join(misnamed)}")
+        extended = without(extended, misnamed)
         extended_losses = action_losses(extended, test)
         established = findings(extended)
     # What is established itself is no other explanation of its neighbour.
@@ -167,7 +185,7 @@ def diagnose(
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names_of)) for f in established)
     doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
     suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
-    left, strength, names = unexplained(extended, known, seed)
+    left, strength, names = unexplained(extended, known, covariates_shown(known), seed)
     worth = generic(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]
     return Diagnosis(

@@ -1,12 +1,12 @@
 """What a tool does alike in every stroke and no base of a few numbers foretells: tufts, ragged ends, a paler side.
 
 Boosted trees learn it, pixel by pixel, from where a pixel lies about its place of the path, the press there and how it
-changes, and how far it is to the stroke's ends: nothing that a cause depends on (no speed, time, load, heading, bend,
-length, place on the canvas). Two things keep them from learning an effect instead (GAP.md, rule 9). What they say of a
-stroke was learnt from others (cross-fitting; Chernozhukov et al. 2018), and what of it looks, over all strokes and
-beyond chance, like any of the causes is left in the residual, so that this cause's score does not change: only the
-misfit about it falls. They learn twice: where each stroke as a whole came to lie is chance, hides what is alike, and is
-known better once that has been learnt.
+changes, how far it is to the stroke's ends, and how a tool that is turned lies to its way: nothing else that a cause
+depends on (no speed, time, load, heading on the canvas, bend, length, place). Two things keep them from learning an
+effect instead (GAP.md, rule 9). What they say of a stroke was learnt from others (cross-fitting; Chernozhukov et al.
+2018), and what of it looks, over all strokes and beyond chance, like any of the causes is left in the residual, so that
+this cause's score does not change: only the misfit about it falls. They learn twice: where each stroke as a whole came
+to lie is chance, hides what is alike, and is known better once that has been learnt.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ _FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot b
 _FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
 _STEADIED = 0.001
 """Of what holds a fit: too little to leave in the photographs what the base would do, enough where nothing was seen."""
+_TURNED_RAD = 0.2
+"""Standard deviation of a tool's yaw from which its bundle is seen from several sides."""
 _TREES = 50
 _FIRST_TREES = 20  # enough to see by how much each stroke is displaced
 
@@ -47,6 +49,8 @@ class Habits:
     """By how much what the trees say is to be believed, 0 to 1."""
     like_causes: Array
     """[P] of the model's numbers: what of it they would do."""
+    turned: bool
+    """Whether they know how the tool lies to its way."""
 
     def seen_from(self, model: Model) -> Habits:
         """The same, seen from a model that knows more paints: what is like causes does nothing to those."""
@@ -55,7 +59,7 @@ class Habits:
 
     def of(self, measured: Measured) -> Measured:
         """Strokes that nothing was learnt from, with their habits."""
-        pixels = _Pixels(self.model, measured)
+        pixels = _Pixels(self.model, measured, self.turned)
         said = np.mean([trees.say(pixels.features) for trees in self.trees], axis=0)
         return self._joined(measured, pixels, said)
 
@@ -74,7 +78,9 @@ def learn_habits(
         candidates: causes beside the model's whose effects must stay in the residual.
     """
     measured = replace(measured, habit=np.zeros_like(measured.habit))
-    pixels = _Pixels(model, measured)
+    # Of one that is never turned, that would be the way on the canvas, which causes depend on.
+    turned = bool(measured.samples.path[rows, 0, 4].std() > _TURNED_RAD)
+    pixels = _Pixels(model, measured, turned)
     missing = pixels.along_slope(residual(model, measured))
     fold = folds(measured.action, rows, seed)[pixels.stroke]
     _, said, share = cross_fitted(pixels.features, missing, pixels.depth, fold, _FIRST_TREES)
@@ -86,14 +92,14 @@ def learn_habits(
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
     columns = [full.columns_of(cause) for cause in unlike]
     amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
-    habits = Habits(full.without(*unlike), trees, share, amounts)
+    habits = Habits(full.without(*unlike), trees, share, amounts, turned)
     return habits, habits._joined(measured, pixels, said)
 
 
 class _Pixels:
     """Pixels of strokes where coverage can be seen."""
 
-    def __init__(self, model: Model, measured: Measured) -> None:
+    def __init__(self, model: Model, measured: Measured, turned: bool) -> None:
         laid = ink(model, measured)
         self._towards = slope_by_coverage(laid, measured)
         depth = np.square(self._towards).sum(-1)
@@ -103,7 +109,9 @@ class _Pixels:
         self.stroke = np.nonzero(self._seen)[0]
         """Index of each one's stroke, [n]."""
         self._by_place = laid.imprint.by_mark[self._seen][:, :2].astype(float)
-        self.features = _features(laid.imprint, self._seen, mark_px(model, measured), press_shares(model, measured))
+        mark = mark_px(model, measured)
+        lie = _lie(mark, measured.samples.path[..., 4].double().numpy()) if turned else []
+        self.features = _features(laid.imprint, self._seen, mark, press_shares(model, measured), lie)
 
     def along_slope(self, photographs: Array) -> Array:
         """The coverage [n] that photographs [B, H, W, 3] amount to."""
@@ -130,9 +138,17 @@ class _Pixels:
         return change
 
 
-def _features(made: Imprint, seen: Array, mark: Array, press: Array) -> Array:
-    """[n, 7]: how far left and ahead of its place on the path a pixel lies, its coverage; press there, and its slope;
-    how far it is to the start and to the end. Lengths in half-widths.
+def _lie(mark: Array, yaw: Array) -> list[Array]:
+    """How the tool lies to its way, [B, N] each: cosine and sine of twice the angle, a half turn being none."""
+    step = np.gradient(mark[..., :2], axis=1)
+    twice = 2 * (np.arctan2(-step[..., 1], step[..., 0]) - yaw)
+    return [np.cos(twice), np.sin(twice)]
+
+
+def _features(made: Imprint, seen: Array, mark: Array, press: Array, lie: Sequence[Array]) -> Array:
+    """[n, 7 and one for each of ``lie``]: how far left and ahead of its place on the path a pixel lies, its coverage;
+    press there, and its slope; how far it is to the start and to the end; how the tool lies there. Lengths in
+    half-widths.
     """
     stroke, k, t = np.nonzero(seen)[0], made.segment[seen].astype(int), made.along[seen]
     half = np.maximum(mark[..., 2], 1e-3)
@@ -146,7 +162,8 @@ def _features(made: Imprint, seen: Array, mark: Array, press: Array) -> Array:
 
     here, width = there(arc), there(half)
     ends = [np.minimum(far / width, _FARTHEST) for far in (here, arc[stroke, -1] - here)]
-    return np.stack([*made.place[seen].T, made.coverage[seen], there(press), there(slope), *ends], axis=1)
+    turns = [there(values) for values in lie]
+    return np.stack([*made.place[seen].T, made.coverage[seen], there(press), there(slope), *ends, *turns], axis=1)
 
 
 def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -> Array:

@@ -20,7 +20,6 @@ from scipy.optimize import nnls
 from pentimento.gap.foretell import Model
 from pentimento.gap.jacobian import linearise_rows
 from pentimento.gap.measured import Measured
-from pentimento.gap.path_covariates import covariates_shown
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
 from pentimento.stroke_dynamics.mechanisms.geometry import tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
@@ -83,10 +82,15 @@ def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array]:
     return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own
 
 
-def unexplained(model: Model, measured: Measured, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
-    """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
+def unexplained(
+    model: Model, measured: Measured, columns: Mapping[str, Array], seed: int
+) -> tuple[list[Unexplained], Array, list[str]]:
+    """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map.
+
+    Args:
+        columns: covariates, [B] each, without gaps.
+    """
     scores, energy = mode_scores(model, measured)
-    columns = covariates_shown(measured)
     error = float(linearise_rows(model, measured)[2].mean())
     return structure(MODES, scores, energy, error, columns, measured.action, seed)
 

@@ -73,6 +73,12 @@ class Mechanism:
     driver: ClassVar[str]
     """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
     quantities: ClassVar[tuple[Quantity, ...]]
+    told_by: ClassVar[tuple[str, ...]] = ()
+    """What is recorded of a stroke, or its path says (``gap.path_covariates``), that its effect goes with; of motion
+    within a stroke, nothing is.
+    """
+    signature: ClassVar[tuple[str, ...]] = ()
+    """Quantities of which one at least is not zero in what it is named for; empty: any."""
 
     def __init__(self, values: Tensor, reference: Mapping[str, float]) -> None:
         """``values`` [P] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted strokes."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
@@ -11,7 +10,6 @@ from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.search import (
     _could_be_the_base,
     _enough,
-    _is_rather_its_lookalike,
     _least,
     _weigh,
     observable_causes,
@@ -19,12 +17,9 @@ from pentimento.gap.pushes.search import (
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
-from pentimento.push_dynamics.mechanisms.mechanism import Mechanism
-from pentimento.push_dynamics.mechanisms.sinking import Sinking
-from pentimento.push_dynamics.mechanisms.springback import Springback
 from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
 from pentimento.push_dynamics.mechanisms.volume_loss import VolumeLoss
-from tests.push_dynamics.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, mechanism, played
+from tests.push_dynamics.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, played
 
 KINDS = (FarField, VolumeLoss, HeightOffset)
 
@@ -77,21 +72,6 @@ def test_a_fit_ends_where_another_one_finds_nothing_to_gain() -> None:
     again = fit(fitted, measured)
     left, least = (action_losses(model, measured).mean() for model in (fitted, again))
     assert left - least < 2e-3 * left
-
-
-@pytest.mark.parametrize(
-    ("kind", "values", "mistaken"),
-    [(Sinking, {"by_log_dwell": 0.08}, True), (Springback, {"kept_by_log_dwell": 0.15}, False)],
-)
-def test_what_sinks_while_it_rests_is_not_taken_for_springback(
-    kind: type[Mechanism], values: dict[str, float], mistaken: bool
-) -> None:
-    measured = measure(played([mechanism(kind, blank(), **values)]))
-    known, _ = observable_causes(measured, [Springback])
-    model = fit(first_model(measured.scene), measured)
-    losses = action_losses(fit(model.plus(known["springback"]), measured), measured)
-    assert losses.mean() < action_losses(model, measured).mean()
-    assert _is_rather_its_lookalike("springback", losses, model, measured) == mistaken
 
 
 def test_a_base_asks_more_of_what_it_can_look_like_and_of_that_beside_others_more_still() -> None:

@@ -21,6 +21,7 @@ from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import unexplained
+from pentimento.gap.pushes.nameless import lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
@@ -111,6 +112,7 @@ def diagnose(
     of_use = _of_use(
         found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, seed
     )
+    of_use = of_use.without(*_misnamed(of_use, known))
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
@@ -180,6 +182,20 @@ def _of_use(
             break
         model = model.without(worst)
     return model
+
+
+def _misnamed(model: AnalyticPush, known: MeasuredPushes) -> list[str]:
+    """Causes that stand where something belongs that has no name.
+
+    Args:
+        model: fitted to ``known``.
+    """
+    return [
+        m.cause
+        for m in model.mechanisms
+        if not shows_signature(m, values_with_errors(model, m.cause, known))
+        or lookalike_is_as_good(m.cause, model, known)
+    ]
 
 
 def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:

@@ -19,7 +19,7 @@ from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.score import Evidence, weighed, with_each
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
-from pentimento.push_dynamics.mechanisms import LOOKALIKES, Mechanism
+from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
@@ -99,7 +99,7 @@ def search(
     """How much error a cause must remove beside those in whose place it was refitted, mm²."""
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
-    """Causes that would have to act as nothing does, do too little, or are rather what looks like them."""
+    """Causes that would have to act as nothing does, or do too little."""
     while True:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
@@ -122,7 +122,6 @@ def search(
             if size[c] < _least(observable[c], bool(taken), floor or error, error - floor)
             or size[c] < _enough(observable[c], observable, gained, left)
             or _could_be_the_base(observable[c], before - losses[c], seed)
-            or _is_rather_its_lookalike(c, losses[c], model, measured)
         }
         dismissed |= mistaken
         losses = {cause: after for cause, after in losses.items() if cause not in mistaken}
@@ -164,17 +163,6 @@ def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
     shapes: a score at no effect may be sure of what hardly makes a push better.
     """
     return mechanism.imitable and paired_p(falls, seed) >= _IMITABLE_P
-
-
-def _is_rather_its_lookalike(cause: str, losses: Array, model: AnalyticPush, measured: MeasuredPushes) -> bool:
-    """Whether what the vocabulary has no name for explains as much as the cause does, which leaves ``losses``."""
-    if cause not in LOOKALIKES:
-        return False
-    try:
-        other = identity(LOOKALIKES[cause], measured.scene)
-    except NotObservable:
-        return False
-    return float(action_losses(fit(model.plus(other), measured), measured).mean()) <= float(losses.mean())
 
 
 def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:

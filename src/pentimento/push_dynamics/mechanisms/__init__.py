@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pentimento.push_dynamics.mechanisms.adhesion_lift import AdhesionLift
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
+from pentimento.push_dynamics.mechanisms.lower_rims import LowerRims
 from pentimento.push_dynamics.mechanisms.mechanism import Mechanism
 from pentimento.push_dynamics.mechanisms.sinking import Sinking
 from pentimento.push_dynamics.mechanisms.slope_slide import SlopeSlide
@@ -28,5 +29,5 @@ VOCABULARY: tuple[type[Mechanism], ...] = (
     WorkHardening,
 )
 
-LOOKALIKES: Mapping[str, type[Mechanism]] = {"springback": Sinking}
+LOOKALIKES: Mapping[str, type[Mechanism]] = {"far_field": LowerRims, "springback": Sinking}
 """By cause: what is none of them, and could be taken for it."""

@@ -97,6 +97,8 @@ class Mechanism:
     imitable: ClassVar[bool] = True
     """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
     depends on: a column of the table, the hour, or the sign of a direction."""
+    signature: ClassVar[tuple[str, ...]] = ()
+    """Quantities of which one at least is above zero in what it is named for; empty: any."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""

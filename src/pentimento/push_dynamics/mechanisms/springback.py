@@ -38,6 +38,7 @@ class Springback(Mechanism):
         Quantity("kept_by_log_dwell", "1", 0.1),
         Quantity("recovered_by_log_time", "1", 0.1),
     )
+    signature = ("kept_by_compression", "kept_by_log_dwell", "recovered_by_log_time")
 
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:

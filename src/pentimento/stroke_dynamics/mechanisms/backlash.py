@@ -18,6 +18,7 @@ class Backlash(Mechanism):
     cause = "backlash"
     site = "trajectory"
     driver = "reversal"
+    told_by = ("heading_cos", "heading_sin")
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

@@ -15,7 +15,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.stroke_dynamics.mechanisms.geometry import column, recorded, varies
+from pentimento.stroke_dynamics.mechanisms.geometry import SESSION, column, recorded, varies
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -29,6 +29,7 @@ class DryingShift(Mechanism):
     cause = "drying_shift"
     site = "density"
     driver = "session"
+    told_by = SESSION
     quantities = (
         Quantity("density_per_half_session", "1", 0.15),
         Quantity("lightness_per_half_session", "1", 0.15),

@@ -9,6 +9,8 @@ from torch import Tensor
 
 from pentimento.stroke_dynamics.simulation import NotObservable, StrokeContext, View
 
+SESSION = ("order", "tool_age_m", "t_before_s", "t_start_s", "t_after_s")
+"""Columns that tell how far a session has gone."""
 _SHORTEST_M = 1e-9
 _SLOWEST_M_S = 1e-4
 _FARTHEST_IN = 0.45  # of the stroke's length

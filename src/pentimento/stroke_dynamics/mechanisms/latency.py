@@ -15,6 +15,7 @@ class Latency(Mechanism):
     cause = "latency"
     site = "trajectory"
     driver = "motion"
+    told_by = ("speed_m_s",)
     quantities = (Quantity("time_s", "s", 0.05, signed=False),)
 
     @classmethod

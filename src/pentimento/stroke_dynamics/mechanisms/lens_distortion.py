@@ -18,6 +18,7 @@ class LensDistortion(Mechanism):
     cause = "lens_distortion"
     site = "camera"
     driver = "view"
+    told_by = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("at_edge_m", "m", 0.0005),
         Quantity("taken_up_at_edge_m", "m", 0.0005),

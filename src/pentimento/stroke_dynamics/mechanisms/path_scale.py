@@ -16,6 +16,7 @@ class PathScale(Mechanism):
     cause = "path_scale"
     site = "trajectory"
     driver = "extent"
+    told_by = ("length_m", "heading_cos", "heading_sin")
     quantities = (
         Quantity("x", "1", 0.05),
         Quantity("y", "1", 0.05),

@@ -16,11 +16,13 @@ class SpeedDensity(Mechanism):
     cause = "speed_density"
     site = "density"
     driver = "speed"
+    told_by = ("speed_m_s",)
     quantities = (
         Quantity("density_per_log_speed", "1", 0.2),
         Quantity("softening_per_log_speed", "1", 0.4),
         Quantity("spreading_per_log_speed", "1", 0.1),
     )
+    signature = ("density_per_log_speed",)
 
     @property
     def coherent(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pentimento.stroke_dynamics.mechanisms.bleeding import bleed
-from pentimento.stroke_dynamics.mechanisms.geometry import column, recorded
+from pentimento.stroke_dynamics.mechanisms.geometry import SESSION, column, recorded
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -16,6 +16,7 @@ class ToolWear(Mechanism):
     cause = "tool_wear"
     site = "width"
     driver = "session"
+    told_by = SESSION
     quantities = (
         Quantity("width_per_half_session", "1", 0.1),
         Quantity("ahead_at_half_session", "1", 0.05),

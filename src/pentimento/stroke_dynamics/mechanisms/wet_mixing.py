@@ -21,6 +21,7 @@ class WetMixing(Mechanism):
     cause = "wet_mixing"
     site = "composite"
     driver = "paint below"
+    told_by = ("wet_age_s", CARRIED[0])
     quantities = (
         Quantity("pickup_of_fresh", "1", 0.3),
         Quantity("pickup_of_old", "1", 0.3),

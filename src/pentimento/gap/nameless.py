@@ -1,0 +1,78 @@
+"""Whether a cause merely stands where something belongs that has no name.
+
+What is not in the vocabulary is often told passably by a neighbour that is: a mark that widens over the session, by a
+number for each sheet of paper; one that narrows with speed, by a bleed without a softer edge. So a cause must show what
+it is named for, and it has a rival without a name: a curve (``modulator``) over whatever was recorded that it does not
+go with. The right cause knows more of a stroke than any such curve, be its form as wrong as that of all materials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from pentimento.gap.choice import paired_p
+from pentimento.gap.foretell import Model, action_losses
+from pentimento.gap.measured import Measured
+from pentimento.gap.modes import unexplained
+from pentimento.gap.modulator import fit_modulator, modulated
+from pentimento.gap.path_covariates import covariates_shown
+from pentimento.stroke_dynamics.simulation import Mechanism
+
+Array = NDArray[Any]
+
+_SURE = 2.0  # standard errors
+_BETTER_P = 0.05
+_THE_SAME = 0.95
+"""Rank correlation: beyond, a column says what one says that the cause goes with (a clock beside the order)."""
+
+
+def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether a quantity without which it would be another cause is surely not zero.
+
+    Args:
+        values: each quantity with its standard error.
+    """
+    signed = [values[name] for name in mechanism.signature]
+    return not signed or any(abs(value) > _SURE * error for value, error in signed)
+
+
+def curve_is_as_good(
+    mechanism: Mechanism, rest: Model, losses: Array, known: Measured, sealed: Measured, seed: int
+) -> bool:
+    """Whether a cause is not surely better than a curve in its place over what it does not go with.
+
+    Args:
+        rest: the model without the cause, fitted to ``known``.
+        losses: mean squared error of each sealed action with the cause, sRGB, [n].
+    """
+    left, _, _ = unexplained(rest, known, _foreign(mechanism, known), seed)
+    if not left:
+        return False
+    pairs = [(one.mode, one.covariate) for one in left]
+    nameless = modulated(rest, fit_modulator(rest, known, pairs, seed), sealed)
+    return paired_p(action_losses(*nameless) - losses, seed) > _BETTER_P
+
+
+def _foreign(mechanism: Mechanism, measured: Measured) -> dict[str, Array]:
+    """What was recorded and the cause does not go with, [B] each."""
+    columns = covariates_shown(measured)
+    own = [columns[name] for name in mechanism.told_by if name in columns and not _is_a_kind(name)]
+    return {
+        name: values
+        for name, values in columns.items()
+        if name not in mechanism.told_by and not any(_rank_correlation(values, each) > _THE_SAME for each in own)
+    }
+
+
+def _is_a_kind(name: str) -> bool:
+    """Whether values are kinds, in no order."""
+    return name == "surface_level"
+
+
+def _rank_correlation(one: Array, other: Array) -> float:
+    return abs(float(np.asarray(spearmanr(one, other).statistic)))

@@ -1,0 +1,60 @@
+"""A cause gives way to what could be taken for it, and where it does not show what it is named for."""
+
+from __future__ import annotations
+
+import pytest
+
+from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.jacobian import action_losses
+from pentimento.gap.pushes.measured import measure
+from pentimento.gap.pushes.nameless import lookalike_is_as_good, shows_signature
+from pentimento.gap.pushes.search import observable_causes
+from pentimento.push_dynamics.analytic import first_model
+from pentimento.push_dynamics.mechanisms.far_field import FarField
+from pentimento.push_dynamics.mechanisms.lower_rims import LowerRims
+from pentimento.push_dynamics.mechanisms.mechanism import Mechanism
+from pentimento.push_dynamics.mechanisms.sinking import Sinking
+from pentimento.push_dynamics.mechanisms.springback import Springback
+from pentimento.push_dynamics.mechanisms.volume_loss import VolumeLoss
+from tests.push_dynamics.played_pushes import blank, mechanism, played
+
+
+@pytest.mark.parametrize(
+    ("named", "hidden", "values", "as_good"),
+    [
+        (Springback, Sinking, {"by_log_dwell": 0.08}, True),
+        (Springback, Springback, {"kept_by_log_dwell": 0.15}, False),
+        (FarField, LowerRims, {"share": 0.3}, True),
+        (FarField, FarField, {"share": 0.3}, False),
+        (VolumeLoss, LowerRims, {"share": 0.3}, False),  # that is what it is
+    ],
+)
+def test_a_cause_gives_way_to_what_could_be_taken_for_it(
+    named: type[Mechanism], hidden: type[Mechanism], values: dict[str, float], as_good: bool
+) -> None:
+    measured = measure(played([mechanism(hidden, blank(), **values)]))
+    known, _ = observable_causes(measured, [named])
+    base = fit(first_model(measured.scene), measured)
+    model = fit(base.plus(known[named.cause]), measured)
+    assert action_losses(model, measured).mean() < action_losses(base, measured).mean()
+    assert lookalike_is_as_good(named.cause, model, measured) == as_good
+
+
+@pytest.mark.parametrize(
+    ("compression", "dwell", "shown"),
+    [
+        ((-2.0, 0.2), (0.0, 0.02), False),  # as where walls slide in
+        ((0.5, 0.2), (0.0, 0.02), True),
+        ((-0.5, 0.2), (0.1, 0.02), True),
+        ((0.3, 0.2), (0.03, 0.02), False),
+    ],
+)
+def test_what_recovers_keeps_more_where_it_was_compressed_or_held_longer(
+    compression: tuple[float, float], dwell: tuple[float, float], shown: bool
+) -> None:
+    values = {"kept_by_compression": compression, "kept_by_log_dwell": dwell, "recovered_by_log_time": (0.0, 0.1)}
+    assert shows_signature(mechanism(Springback, blank()), values) == shown
+
+
+def test_a_cause_without_a_signature_shows_all_that_it_is() -> None:
+    assert shows_signature(mechanism(FarField, blank()), {"share": (0.01, 0.2)})

@@ -1,0 +1,68 @@
+"""A cause that stands where something without a name belongs gives way to it; the right one does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.contracts.strokes import example_table
+from pentimento.gap.fit import first_model, fit
+from pentimento.gap.foretell import Model, action_losses, foretold_linear, identity, ink
+from pentimento.gap.measured import Measured, load_measured
+from pentimento.gap.modes import MODES, AllModes
+from pentimento.gap.modulator import Modulation
+from pentimento.gap.nameless import curve_is_as_good, shows_signature
+from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
+from pentimento.stroke_dynamics.mechanisms.tool_wear import ToolWear
+
+ROWS = 72
+SEALED = np.arange(0, ROWS, 3)
+KNOWN = np.setdiff1d(np.arange(ROWS), SEALED)
+SESSION = np.linspace(-1, 1, ROWS)
+WARMTH = SESSION + 0.5 * np.random.default_rng(2).standard_normal(ROWS)
+"""Rises over the session, and goes up and down beside that."""
+
+
+def widened(by: NDArray[np.float64]) -> tuple[Model, Measured]:
+    """A fitted base, and strokes that are wider than it says by these shares, with noise."""
+    plain = load_measured(example_table(ROWS, seed=6))
+    model = fit(first_model(plain), plain, iterations=4)
+    amounts = {f"modulation_{mode}": np.zeros(ROWS) for mode in MODES} | {"modulation_width": by}
+    told = replace(plain, covariates=amounts)
+    drawn = model.plus(Modulation(torch.zeros(len(AllModes.quantities), dtype=torch.float64), {}))
+    noise = 0.01 * np.random.default_rng(1).standard_normal(plain.samples.after.shape)
+    after = np.clip(linear_to_srgb(foretold_linear(ink(drawn, told), told)) + noise, 0, 1).astype(np.float32)
+    samples = plain.samples._replace(after=torch.from_numpy(after), action=torch.arange(ROWS))
+    columns = {"order": np.arange(float(ROWS)), "clock": 5 * SESSION**3, "temperature_c": 20 + WARMTH}
+    return model, replace(plain, samples=samples, covariates=columns, block=np.arange(ROWS))
+
+
+def wear_gives_way(model: Model, strokes: Measured) -> bool:
+    known, sealed = strokes.pick(KNOWN), strokes.pick(SEALED)
+    wear = identity(ToolWear, strokes.context)
+    losses = action_losses(fit(model.plus(wear), known), sealed)
+    assert losses.mean() < 0.9 * action_losses(model, sealed).mean()  # it does explain something
+    return curve_is_as_good(wear, model, losses, known, sealed, 0)
+
+
+def test_wear_gives_way_where_the_warmth_that_rises_over_the_session_explains_as_much() -> None:
+    assert wear_gives_way(*widened(0.2 * WARMTH))
+
+
+def test_wear_stays_where_it_is_right_though_its_law_is_another_and_a_clock_runs_along() -> None:
+    assert not wear_gives_way(*widened(0.2 * np.tanh(2 * SESSION)))
+
+
+@pytest.mark.parametrize(("density", "shown"), [((0.3, 0.1), True), ((-0.3, 0.1), True), ((0.15, 0.1), False)])
+def test_what_is_not_surely_paler_shows_no_less_paint(density: tuple[float, float], shown: bool) -> None:
+    others = {"softening_per_log_speed": (0.5, 0.01), "spreading_per_log_speed": (0.2, 0.01)}
+    mechanism = SpeedDensity(torch.zeros(3), {})
+    assert shows_signature(mechanism, others | {"density_per_log_speed": density}) == shown
+
+
+def test_a_cause_of_one_quantity_shows_all_that_it_is() -> None:
+    assert shows_signature(SpeedWidth(torch.zeros(1), {}), {"width_per_log_speed": (0.01, 0.1)})
