@@ -44,9 +44,9 @@ def widened(by: NDArray[np.float64]) -> tuple[Model, Measured]:
 def wear_gives_way(model: Model, strokes: Measured) -> bool:
     known, sealed = strokes.pick(KNOWN), strokes.pick(SEALED)
     wear = identity(ToolWear, strokes.context)
-    losses = action_losses(fit(model.plus(wear), known), sealed)
-    assert losses.mean() < 0.9 * action_losses(model, sealed).mean()  # it does explain something
-    return curve_is_as_good(wear, model, losses, known, sealed, 0)
+    worn = fit(model.plus(wear), known)
+    assert action_losses(worn, sealed).mean() < 0.97 * action_losses(model, sealed).mean()  # it does explain something
+    return curve_is_as_good(wear, worn, model, known, sealed, 0)
 
 
 def test_wear_gives_way_where_the_warmth_that_rises_over_the_session_explains_as_much() -> None:
@@ -55,6 +55,13 @@ def test_wear_gives_way_where_the_warmth_that_rises_over_the_session_explains_as
 
 def test_wear_stays_where_it_is_right_though_its_law_is_another_and_a_clock_runs_along() -> None:
     assert not wear_gives_way(*widened(0.2 * np.tanh(2 * SESSION)))
+
+
+def test_wear_stays_beside_something_larger_that_is_not_known() -> None:
+    gusts = np.cos(2.4 * np.arange(ROWS))
+    model, strokes = widened(0.2 * SESSION + 0.2 * gusts)
+    gusty = replace(strokes, covariates=strokes.covariates | {"draught_m_s": gusts})
+    assert not wear_gives_way(model, gusty)
 
 
 @pytest.mark.parametrize(("density", "shown"), [((0.3, 0.1), True), ((-0.3, 0.1), True), ((0.15, 0.1), False)])

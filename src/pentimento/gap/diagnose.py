@@ -163,7 +163,7 @@ def diagnose(
     def is_misnamed(finding: Finding) -> bool:
         mechanism, rest = found.observable[finding.cause], without(extended, [finding.cause])
         return not shows_signature(mechanism, finding.values) or curve_is_as_good(
-            mechanism, rest, extended_losses, known, test, seed
+            mechanism, extended, rest, known, test, seed
         )
 
     established = findings(extended)

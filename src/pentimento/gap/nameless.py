@@ -27,6 +27,8 @@ Array = NDArray[Any]
 
 _SURE = 2.0  # standard errors
 _BETTER_P = 0.05
+_LITTLE = 0.5
+"""Of what the cause does alone."""
 _THE_SAME = 0.95
 """Rank correlation: beyond, a column says what one says that the cause goes with (a clock beside the order)."""
 
@@ -42,20 +44,27 @@ def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, floa
 
 
 def curve_is_as_good(
-    mechanism: Mechanism, rest: Model, losses: Array, known: Measured, sealed: Measured, seed: int
+    mechanism: Mechanism, model: Model, rest: Model, known: Measured, sealed: Measured, seed: int
 ) -> bool:
-    """Whether a cause is not surely better than a curve in its place over what it does not go with.
+    """Whether a curve over what a cause does not go with does its work: it is not surely worse in its place, and beside
+    it the cause has little left to do. (Of two effects that are there, each keeps its own.)
 
     Args:
-        rest: the model without the cause, fitted to ``known``.
-        losses: mean squared error of each sealed action with the cause, sRGB, [n].
+        model, rest: with the cause and without it, fitted to ``known``.
     """
     left, _, _ = unexplained(rest, known, _foreign(mechanism, known), seed)
     if not left:
         return False
     pairs = [(one.mode, one.covariate) for one in left]
-    nameless = modulated(rest, fit_modulator(rest, known, pairs, seed), sealed)
-    return paired_p(action_losses(*nameless) - losses, seed) > _BETTER_P
+
+    def with_curve(bare: Model) -> Array:
+        return action_losses(*modulated(bare, fit_modulator(bare, known, pairs, seed), sealed))
+
+    losses, instead = action_losses(model, sealed), with_curve(rest)
+    if paired_p(instead - losses, seed) <= _BETTER_P:
+        return False
+    beside, alone = instead - with_curve(model), action_losses(rest, sealed) - losses
+    return bool(beside.mean() < _LITTLE * alone.mean())
 
 
 def _foreign(mechanism: Mechanism, measured: Measured) -> dict[str, Array]:

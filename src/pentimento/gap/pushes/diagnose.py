@@ -193,7 +193,7 @@ def _misnamed(model: AnalyticPush, known: MeasuredPushes) -> list[str]:
     return [
         m.cause
         for m in model.mechanisms
-        if not shows_signature(m, values_with_errors(model, m.cause, known))
+        if (m.signature and not shows_signature(m, values_with_errors(model, m.cause, known)))
         or lookalike_is_as_good(m.cause, model, known)
     ]
 

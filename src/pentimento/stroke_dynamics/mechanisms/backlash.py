@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import canvas_directions, tangent
+from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, canvas_directions, tangent
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -18,7 +18,7 @@ class Backlash(Mechanism):
     cause = "backlash"
     site = "trajectory"
     driver = "reversal"
-    told_by = ("heading_cos", "heading_sin")
+    told_by = SHAPE
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

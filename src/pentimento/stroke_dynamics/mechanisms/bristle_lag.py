@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import trailing
+from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, trailing
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -15,6 +15,7 @@ class BristleLag(Mechanism):
     cause = "bristle_lag"
     site = "trajectory"
     driver = "motion"
+    told_by = SHAPE
     quantities = (Quantity("distance_m", "m", 0.003, signed=False),)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:

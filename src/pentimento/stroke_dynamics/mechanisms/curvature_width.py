@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import bending_per_m
+from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, bending_per_m
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -15,6 +15,7 @@ class CurvatureWidth(Mechanism):
     cause = "curvature_width"
     site = "width"
     driver = "bend"
+    told_by = SHAPE
     quantities = (Quantity("width_per_bend", "1", 0.2),)
 
     @classmethod

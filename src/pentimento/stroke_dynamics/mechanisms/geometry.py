@@ -11,6 +11,8 @@ from pentimento.stroke_dynamics.simulation import NotObservable, StrokeContext, 
 
 SESSION = ("order", "tool_age_m", "t_before_s", "t_start_s", "t_after_s")
 """Columns that tell how far a session has gone."""
+SHAPE = ("length_m", "press_m", "heading_cos", "heading_sin", "place_x_m", "place_y_m")
+"""What paths say of their shape; where they are told from their start, place and heading say how they bend."""
 _SHORTEST_M = 1e-9
 _SLOWEST_M_S = 1e-4
 _FARTHEST_IN = 0.45  # of the stroke's length

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import speed_m_s, trailing, usual_speed
+from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, speed_m_s, trailing, usual_speed
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -15,7 +15,7 @@ class Latency(Mechanism):
     cause = "latency"
     site = "trajectory"
     driver = "motion"
-    told_by = ("speed_m_s",)
+    told_by = (*SHAPE, "speed_m_s")
     quantities = (Quantity("time_s", "s", 0.05, signed=False),)
 
     @classmethod

@@ -5,7 +5,7 @@ Of strokes of which it is not known how they are turned on the canvas, one facto
 
 from __future__ import annotations
 
-from pentimento.stroke_dynamics.mechanisms.geometry import turned_alike
+from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, turned_alike
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
@@ -16,7 +16,7 @@ class PathScale(Mechanism):
     cause = "path_scale"
     site = "trajectory"
     driver = "extent"
-    told_by = ("length_m", "heading_cos", "heading_sin")
+    told_by = SHAPE
     quantities = (
         Quantity("x", "1", 0.05),
         Quantity("y", "1", 0.05),
