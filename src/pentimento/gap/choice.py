@@ -20,6 +20,7 @@ Array = NDArray[Any]
 _DRAWS = 4999
 _WORSE_P, _CONFIRMED_P = 0.05, 0.4
 _NEARLY = 0.95  # of what the best one removes
+_ALL_BUT = 0.99  # of what a cause removes that has more quantities
 _SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _MINOR = 0.5
 
@@ -60,8 +61,11 @@ def simplest_of_the_best(
     return Step(evidence, chosen, rivals)
 
 
-def without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], measured: Measured) -> dict[str, Array]:
-    """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure.
+def without_unlikely(
+    losses: Mapping[str, Array], error: float, refits: Mapping[str, Model], measured: Measured
+) -> dict[str, Array]:
+    """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure
+    and removes more of the ``error`` than what a form that is not quite right lacks.
 
     Less paint at speed (``speed_density``) can do all that ``speed_bleed`` does, and is paler. If that is sure, it is
     named, but not where the rest surely contradicts it: then what is paler is a lack of the other's form.
@@ -70,7 +74,8 @@ def without_unlikely(losses: Mapping[str, Array], refits: Mapping[str, Model], m
     names = {cause: {q.name for q in mechanism.quantities} for cause, mechanism in last.items()}
     out: set[str] = set()
     for cause in losses:
-        within = {other for other in losses if names[other] < names[cause]}
+        enough = error - _ALL_BUT * (error - losses[cause].mean())
+        within = {other for other in losses if names[other] < names[cause] and losses[other].mean() > enough}
         if not within:
             continue
         values = values_with_errors(refits[cause], last[cause], measured)

@@ -173,7 +173,7 @@ def _large_step(
     losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
     if not losses:
         return None
-    losses = without_unlikely(losses, refits, measured)
+    losses = without_unlikely(losses, error, refits, measured)
     quantities = quantities_of({cause: refits[cause].mechanisms[-1] for cause in losses})
     step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
     assert step.chosen is not None

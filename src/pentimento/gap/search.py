@@ -101,7 +101,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
             dismissed |= {cause for cause in losses if stands(fresh[cause], limit)}
             continue
-        losses = without_unlikely(losses, refits, measured)
+        losses = without_unlikely(losses, error, refits, measured)
         step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
         steps.append(step)
         assert step.chosen is not None
