@@ -131,13 +131,17 @@ def _rounded(place: FloatArray, world: World) -> FloatArray:
 
 
 def _balanced(bundle: Bundle) -> Bundle:
-    """Every other bristle, and each of these once more on the other side of the middle, as long and as wet.
+    """Every fourth bristle, and each of these three times more, a quarter turn on, as long and as wet.
 
     The bundle of a tool that keeps its arm's orientation does not turn with the stroke: what presses harder on one side
-    would shift all strokes alike, and a `path_offset` would be hidden beside the `orientation_width`.
+    would shift all strokes alike, and a `path_offset` would be hidden beside the `orientation_width`. What reaches
+    further to the sides than ahead would be such a width itself, at no strength of it.
     """
-    place, short, wetting = bundle.place[::2], bundle.short_m[::2], bundle.wetting[::2]
-    return Bundle(np.concatenate([place, -place]), np.tile(short, 2), np.tile(wetting, 2))
+    place, short, wetting = bundle.place[::4], bundle.short_m[::4], bundle.wetting[::4]
+    turned = [place]
+    for _ in range(3):
+        turned.append(turned[-1][:, ::-1] * (-1.0, 1.0))
+    return Bundle(np.concatenate(turned), np.tile(short, 4), np.tile(wetting, 4))
 
 
 def _span(scene: NDArray[np.float32], first: int, count: int) -> slice:

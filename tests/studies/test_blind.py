@@ -126,6 +126,15 @@ def test_strokes_cross_wet_paint_but_repeated_ones_do_not() -> None:
     assert np.mean(np.isfinite(single)) > 0.3 and not np.isfinite(repeated).any()
 
 
+def test_a_flat_tool_of_no_orientation_reaches_as_far_aside_as_ahead() -> None:
+    sketch = sketch_world("one", 5, "orientation_width", "flat_brush")
+    bundle = Easel(sketch.with_strengths((0.0,)), 5)._bundle
+    for weight in (bundle.short_m, bundle.wetting, np.ones(len(bundle.place))):
+        np.testing.assert_allclose(weight @ bundle.place, 0.0, atol=1e-12)
+        (aside, skew), (_, ahead) = bundle.place.T @ (weight[:, None] * bundle.place)
+        assert aside == pytest.approx(ahead) and skew == pytest.approx(0.0, abs=1e-9)
+
+
 def test_windows_are_small_and_hold_the_whole_path() -> None:
     sketch = sketch_world("none", 2, tool="flat_brush")
     for fine, size in ((False, {64, 48}), (True, {128, 96})):
