@@ -1,16 +1,26 @@
 """Of causes that explain the same the simplest is taken, unless one does what the other cannot."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.choice import Step, simplest_of_the_best, unconfirmed, without_echoes, without_unlikely
+from pentimento.gap.choice import (
+    Step,
+    by_what_is_left,
+    simplest_of_the_best,
+    unconfirmed,
+    without_echoes,
+    without_unlikely,
+)
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, action_losses, foretold, identity
 from pentimento.gap.measured import Measured, load_measured
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.speed_bleed import SpeedBleed
 from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
@@ -73,6 +83,38 @@ def test_causes_of_other_forms_stay_rivals() -> None:
     refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, ToolWear))
     step = Step({}, "speed_width", ("tool_wear",))
     assert without_echoes(step, refits, made).rivals == ("tool_wear",)
+
+
+TRAILING: tuple[type[Mechanism], ...] = (BristleLag, Latency)
+
+
+@pytest.mark.parametrize("worse_by", [1e-7, 1e-5])  # of errors of 1e-4: within what they scatter by, and surely beyond
+@pytest.mark.parametrize(("hidden", "other", "value"), [(Latency, "bristle_lag", 0.05), (BristleLag, "latency", 0.003)])
+def test_of_two_causes_by_which_a_mark_trails_what_goes_with_speed_decides_and_not_the_error(
+    hidden: type[Mechanism], other: str, value: float, worse_by: float
+) -> None:
+    refits, made = refitted(hidden, [value], TRAILING)
+    scatter = 1e-6 * np.random.default_rng(4).standard_normal(60)
+    losses = {hidden.cause: 1e-4 + worse_by + scatter, other: np.full(60, 1e-4)}
+    step = Step({}, other, (hidden.cause,) if worse_by < 1e-6 else ())
+    settled = by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None)
+    assert (settled.chosen, settled.rivals) == (hidden.cause, ())
+    kept = by_what_is_left(replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, made, 0, print)
+    assert (kept.chosen, kept.rivals) == (hidden.cause, ())
+
+
+def test_a_cause_that_removes_little_takes_nobodys_place_whatever_it_leaves() -> None:
+    refits, made = refitted(Latency, [0.05], TRAILING)
+    losses = {"latency": np.full(60, 2.5e-4), "bristle_lag": np.full(60, 1e-4)}
+    step = Step({}, "bristle_lag", ())
+    assert by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+
+
+def test_causes_that_go_with_the_same_are_left_to_their_errors() -> None:
+    refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, SpeedBleed))
+    losses = {"speed_width": np.full(60, 1e-4), "speed_bleed": np.full(60, 1e-4)}
+    step = Step({}, "speed_bleed", ("speed_width",))
+    assert by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
 
 
 def refitted(

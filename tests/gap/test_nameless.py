@@ -9,15 +9,22 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import Model, action_losses, foretold_linear, identity, ink
+from pentimento.gap.foretell import Model, action_losses, foretold, foretold_linear, identity, ink
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.modes import MODES, AllModes
 from pentimento.gap.modulator import Modulation
-from pentimento.gap.nameless import curve_is_as_good, shows_signature
+from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_by_another_power
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.geometry import speed_m_s, trailing
+from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from pentimento.stroke_dynamics.mechanisms.tool_wear import ToolWear
+from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
+from tests.gap.test_habits import photographed
 
 ROWS = 72
 SEALED = np.arange(0, ROWS, 3)
@@ -73,3 +80,43 @@ def test_what_is_not_surely_paler_shows_no_less_paint(density: tuple[float, floa
 
 def test_a_cause_of_one_quantity_shows_all_that_it_is() -> None:
     assert shows_signature(SpeedWidth(torch.zeros(1), {}), {"width_per_log_speed": (0.01, 0.1)})
+
+
+class TrailsByAPower(Mechanism):
+    """By 2 mm at 0.05 m/s, and by the power ``values[0]`` of the speed."""
+
+    cause = "trails_by_a_power"
+    site = "trajectory"
+    driver = "motion"
+    quantities = BristleLag.quantities
+
+    @property
+    def idle(self) -> bool:
+        return False
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        distance_m = 0.002 * (speed_m_s(context.path) / 0.05) ** self.values[0]
+        return mark._replace(points_m=trailing(mark.points_m, distance_m[..., None]))
+
+
+@pytest.mark.parametrize("beside", [(), (UnevenEnds,)])
+@pytest.mark.parametrize(
+    ("power", "kind", "another"),
+    [(0.0, BristleLag, False), (1.0, BristleLag, True), (0.2, BristleLag, False),
+     (1.0, Latency, False), (0.0, Latency, True), (0.8, Latency, False)],
+)  # fmt: skip
+def test_what_trails_by_another_power_of_the_speed_is_another_cause(
+    power: float, kind: type[Mechanism], another: bool, beside: tuple[type[Mechanism], ...]
+) -> None:
+    measured = load_measured(example_table(60, seed=3))
+    base = first_model(measured)
+    truth = TrailsByAPower(torch.tensor([power], dtype=torch.float64), {})
+    after = foretold(base.plus(truth), measured)
+    made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
+    model = fit(base.plus(*(identity(each, made.context) for each in (*beside, kind))), made)
+    assert trails_by_another_power(identity(kind, made.context), model, made) == another
+
+
+def test_nothing_trails_by_a_width() -> None:
+    model, strokes = widened(0.2 * SESSION)
+    assert not trails_by_another_power(SpeedWidth(torch.zeros(1), {}), model, strokes)

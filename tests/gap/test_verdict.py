@@ -61,3 +61,11 @@ def test_an_outside_table_is_spoken_of_when_there_is_one(written: Written, shift
 
 def test_notes_end_the_paragraph(written: Written) -> None:
     assert verdict(written.diagnosis, 56, 42, notes=["Row 3 is left out."])["sentence"].endswith("Row 3 is left out.")
+
+
+def test_what_has_no_name_and_does_as_well_is_told_from_what_was_not_confirmed(written: Written) -> None:
+    wear = replace(FOUND, cause="tool_wear", misnamed=True)
+    said = sentence(replace(written.diagnosis, established=(), suspected=(FOUND, wear)))
+    assert "Suspected, not confirmed on strokes that had no part in the search: bristle_lag." in said
+    assert "No better than what has no name, and so not named: tool_wear." in said
+    assert "Suspected" not in sentence(replace(written.diagnosis, established=(), suspected=(wear,)))

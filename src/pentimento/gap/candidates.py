@@ -144,7 +144,3 @@ def without_idle(
             log(f"{mechanism.cause} is no longer needed")
             return without_idle(refit, kept, measured, seed, log)
     return model
-
-
-def quantities_of(observable: Mapping[str, Mechanism]) -> dict[str, int]:
-    return {cause: len(mechanism.quantities) for cause, mechanism in observable.items()}

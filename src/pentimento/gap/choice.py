@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from pentimento.gap.foretell import Model
 from pentimento.gap.measured import Measured
+from pentimento.gap.modes import MODES, mode_scores, structure
+from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.score import Evidence
 from pentimento.gap.standard_errors import values_with_errors
+from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
 
@@ -23,6 +26,10 @@ _NEARLY = 0.95  # of what the best one removes
 _ALL_BUT = 0.99  # of what a cause removes that has more quantities
 _SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _MINOR = 0.5
+_DISPLACED = ("tangential", "normal")
+"""Modes that tell apart causes that move a mark."""
+_MOST_OF_IT = 0.5
+"""Of what the best one removes: what its kin must remove to take its place."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,86 @@ def simplest_of_the_best(
     rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
     return Step(evidence, chosen, rivals)
+
+
+def choose(
+    evidence: dict[str, Evidence],
+    losses: Mapping[str, Array],
+    error: float,
+    refits: Mapping[str, Model],
+    measured: Measured,
+    seed: int,
+    log: Callable[[str], None],
+) -> Step:
+    """``simplest_of_the_best`` of refits, or its kin where that leaves less of what tells the two apart
+    (``by_what_is_left``); without rivals that say the same (``without_echoes``).
+    """
+    quantities = {cause: len(refits[cause].mechanisms[-1].quantities) for cause in losses}
+    step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
+    return without_echoes(by_what_is_left(step, losses, error, refits, measured, seed, log), refits, measured)
+
+
+def by_what_is_left(
+    step: Step,
+    losses: Mapping[str, Array],
+    error: float,
+    refits: Mapping[str, Model],
+    measured: Measured,
+    seed: int,
+    log: Callable[[str], None],
+) -> Step:
+    """The step with its cause's kin in its place, where that leaves less displacement that goes with what only one of
+    the two goes with.
+
+    Bristles trail by a length, a late arm by a time. Either shortens a mark as well as the other, and which one leaves
+    less error hangs on what the base's imprint lacks; but of a mark that trails by a time, a length leaves a shift
+    along the path that goes with speed. Where errors do not tell the two apart, less of that decides; where they do,
+    only that one surely leaves something and the other does not.
+    """
+    assert step.chosen is not None
+    last = {cause: refits[cause].mechanisms[-1] for cause in losses}
+    chosen, removed = step.chosen, {cause: error - float(each.mean()) for cause, each in losses.items()}
+    for other in kin_of(last[chosen], list(last.values())):
+        columns = told_by_one_of(last[chosen], last[other], measured)
+        if not columns or removed[other] < _MOST_OF_IT * removed[chosen]:
+            continue
+        (own_is_sure, own), (its_is_sure, its) = (
+            displacement_left(refits[cause], measured, columns, seed) for cause in (chosen, other)
+        )
+        told_apart = own_is_sure != its_is_sure
+        tied = other in step.rivals
+        if its < own and (tied or (told_apart and own_is_sure)):
+            log(f"{other} and not {chosen}, which leaves a displacement by {', '.join(columns)}")
+            rivals = [cause for cause in step.rivals if cause != other] + [chosen] * (not told_apart)
+            return replace(step, chosen=other, rivals=tuple(rivals))
+        if told_apart:
+            step = replace(step, rivals=tuple(cause for cause in step.rivals if cause != other))
+    return step
+
+
+def kin_of(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
+    """Causes of the same driver that go with something else."""
+    return [
+        other.cause
+        for other in others
+        if other.driver == mechanism.driver and set(other.told_by) != set(mechanism.told_by)
+    ]
+
+
+def displacement_left(model: Model, measured: Measured, columns: Mapping[str, Array], seed: int) -> tuple[bool, float]:
+    """Whether what a model misses is surely displaced by an amount that goes with one of the columns [B]; and how
+    strongly, as |t|.
+    """
+    scores, energy, error = mode_scores(model, measured)
+    own = [MODES.index(mode) for mode in _DISPLACED]
+    left, strength, _ = structure(_DISPLACED, scores[:, own], energy[:, own], error, columns, measured.action, seed)
+    return bool(left), float(strength.max())
+
+
+def told_by_one_of(one: Mechanism, other: Mechanism, measured: Measured) -> dict[str, Array]:
+    """What was recorded and only one of two causes goes with, [B] each."""
+    shown = covariates_shown(measured)
+    return {name: shown[name] for name in sorted(set(one.told_by) ^ set(other.told_by)) if name in shown}
 
 
 def without_unlikely(

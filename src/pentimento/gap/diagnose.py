@@ -23,7 +23,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.mixing import mixed
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
-from pentimento.gap.nameless import curve_is_as_good, shows_signature
+from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_by_another_power
 from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.score import projected
 from pentimento.gap.search import Search, search, settle
@@ -62,6 +62,8 @@ class Finding:
     values: dict[str, tuple[float, float]]
     """Each quantity with its standard error."""
     rivals: tuple[str, ...]
+    misnamed: bool = False
+    """Whether it is no better than what has no name."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +164,10 @@ def diagnose(
 
     def is_misnamed(finding: Finding) -> bool:
         mechanism, rest = found.observable[finding.cause], without(extended, [finding.cause])
-        return not shows_signature(mechanism, finding.values) or curve_is_as_good(
-            mechanism, extended, rest, known, test, seed
+        return (
+            not shows_signature(mechanism, finding.values)
+            or trails_by_another_power(mechanism, extended, known)
+            or curve_is_as_good(mechanism, extended, rest, known, test, seed)
         )
 
     established = findings(extended)
@@ -175,7 +179,8 @@ def diagnose(
         extended_losses = action_losses(extended, test)
         established = findings(extended)
     # Nor does what merely stands where something without a name belongs.
-    if misnamed := [f.cause for f in established if is_misnamed(f)]:
+    misnamed = [f.cause for f in established if is_misnamed(f)]
+    if misnamed:
         log(f"no better than what has no name: {', '.join(misnamed)}")
         extended = without(extended, misnamed)
         extended_losses = action_losses(extended, test)
@@ -184,7 +189,7 @@ def diagnose(
     names_of = {f.cause for f in established}
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names_of)) for f in established)
     doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
-    suspected = tuple(finding(fit(extended.plus(m), known), m) for m in doubtful)
+    suspected = tuple(replace(finding(fit(extended.plus(m), known), m), misnamed=m.cause in misnamed) for m in doubtful)
     left, strength, names = unexplained(extended, known, covariates_shown(known), seed)
     worth = generic(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]

@@ -13,7 +13,6 @@ from pentimento.gap.candidates import (
     is_far,
     is_large,
     is_physical,
-    quantities_of,
     refit_with,
     refits_with,
     shortlist,
@@ -21,7 +20,7 @@ from pentimento.gap.candidates import (
     weigh,
     without_idle,
 )  # fmt: skip
-from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
+from pentimento.gap.choice import Step, choose, paired_p, without_unlikely
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, action_losses, identity
@@ -63,7 +62,6 @@ def find_large(
             observable[kind.cause] = identity(kind, all_strokes)
         except NotObservable as reason:
             unseen[kind.cause] = str(reason)
-    quantities = quantities_of(observable)
     steps: list[Step] = []
     gained: dict[str, float] = {}
     instead = _instead_of_ends(plain, base, floor, observable, measured)
@@ -72,7 +70,7 @@ def find_large(
     if instead:
         losses = {cause: action_losses(refit, measured) for cause, refit in instead.items()}
         before = float(action_losses(plain, measured).mean())
-        step = without_echoes(simplest_of_the_best(evidence, losses, before, quantities, seed, log), instead, measured)
+        step = choose(evidence, losses, before, instead, measured, seed, log)
         assert step.chosen is not None
         steps.append(step)
         base, model = plain, instead[step.chosen]
@@ -174,8 +172,7 @@ def _large_step(
     if not losses:
         return None
     losses = without_unlikely(losses, error, refits, measured)
-    quantities = quantities_of({cause: refits[cause].mechanisms[-1] for cause in losses})
-    step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
+    step = choose(evidence, losses, error, refits, measured, seed, log)
     assert step.chosen is not None
     best = refits[step.chosen]
     return (step, best) if is_large(best.mechanisms[-1]) or is_far(best, measured) else None

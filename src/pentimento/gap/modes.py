@@ -75,11 +75,13 @@ class Unexplained(NamedTuple):
     """Share of the error that a quadratic of the covariate in this mode would remove, to second order."""
 
 
-def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array]:
-    """Each row's residual in each mode, in typical sizes, [B, M]; and the modes' own energies [B, M]."""
-    curvature, slope, _ = linearise_rows(model.plus(AllModes(torch.zeros(len(MODES)), {})), measured)
+def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array, float]:
+    """Each row's residual in each mode, in typical sizes, [B, M]; the modes' own energies [B, M]; and the mean error
+    of the rows.
+    """
+    curvature, slope, error = linearise_rows(model.plus(AllModes(torch.zeros(len(MODES)), {})), measured)
     own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
-    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own
+    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own, float(error.mean())
 
 
 def unexplained(
@@ -90,8 +92,7 @@ def unexplained(
     Args:
         columns: covariates, [B] each, without gaps.
     """
-    scores, energy = mode_scores(model, measured)
-    error = float(linearise_rows(model, measured)[2].mean())
+    scores, energy, error = mode_scores(model, measured)
     return structure(MODES, scores, energy, error, columns, measured.action, seed)
 
 

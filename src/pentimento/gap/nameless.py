@@ -1,9 +1,10 @@
 """Whether a cause merely stands where something belongs that has no name.
 
 What is not in the vocabulary is often told passably by a neighbour that is: a mark that widens over the session, by a
-number for each sheet of paper; one that narrows with speed, by a bleed without a softer edge. So a cause must show what
-it is named for, and it has a rival without a name: a curve (``modulator``) over whatever was recorded that it does not
-go with. The right cause knows more of a stroke than any such curve, be its form as wrong as that of all materials.
+number for each sheet of paper; one that narrows with speed, by a bleed without a softer edge; one that trails by a
+time, by a length. So a cause must show what it is named for, and it has a rival without a name: a curve (``modulator``)
+over whatever was recorded that it does not go with. The right cause knows more of a stroke than any such curve, be its
+form as wrong as that of all materials.
 """
 
 from __future__ import annotations
@@ -15,11 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from pentimento.gap.ends import UnevenEnds
+from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, action_losses
 from pentimento.gap.measured import Measured
-from pentimento.gap.modes import unexplained
+from pentimento.gap.modes import MODES, AllModes, mode_scores, unexplained
 from pentimento.gap.modulator import fit_modulator, modulated
 from pentimento.gap.path_covariates import covariates_shown
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.geometry import speed_m_s
+from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -30,6 +36,12 @@ _LITTLE = 0.5
 _THE_SAME = 0.9
 """Rank correlation: beyond, a column says what one says that the cause goes with (a clock beside the order)."""
 
+_POWER_OF_SPEED = {BristleLag.cause: 0, Latency.cause: 1}
+"""By which power of a stroke's speed that grows by which its mark trails."""
+_ANOTHER_POWER = 0.15
+"""How far from it the power is that is seen in another cause's place: half of the true distance and less, as what was
+fitted has taken up the rest."""
+
 
 def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a quantity without which it would be another cause is surely not zero.
@@ -39,6 +51,40 @@ def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, floa
     """
     signed = [values[name] for name in mechanism.signature]
     return not signed or any(abs(value) > _SURE * error for value, error in signed)
+
+
+def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
+    """Whether a mark trails by what surely grows with another power of the speed than the cause says; False of causes
+    by which nothing trails, and where speeds are unknown.
+
+    What is left is a shift along the path; its slope over log speed, in units of the distance, is what the power lacks.
+    Uneven ends would take up the distance of a wrong one: it is asked without them.
+
+    Args:
+        model: with the cause, fitted to ``measured``.
+    """
+    speed = speed_m_s(measured.context.path)[:, 0].numpy()
+    if mechanism.cause not in _POWER_OF_SPEED or not (np.isfinite(speed).all() and speed.min() > 0):
+        return False
+    if any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        model = fit(model.without(UnevenEnds.cause), measured)
+    tangential = MODES.index("tangential")
+    scores, energy, _ = mode_scores(model, measured)
+    weight, log_speed = energy[:, tangential], np.log(speed)
+    centred = log_speed - np.average(log_speed, weights=weight)
+    shift_m = scores[:, tangential] * AllModes.quantities[tangential].typical
+    shift_m -= np.average(shift_m, weights=weight)
+    information = float((weight * centred**2).sum())
+    if information <= 0:
+        return False
+    slope_m = float((weight * centred * shift_m).sum()) / information
+    _, group = np.unique(measured.action, return_inverse=True)
+    by_action = np.bincount(group, weight * centred * (shift_m - slope_m * centred))
+    error_m = float(np.sqrt(np.square(by_action).sum())) / information
+    fitted = next(m for m in model.mechanisms if m.cause == mechanism.cause)
+    usual_speed = float(np.exp(np.average(log_speed, weights=weight)))
+    distance_m = float(fitted.values[0]) * usual_speed ** _POWER_OF_SPEED[mechanism.cause]
+    return abs(slope_m) - _SURE * error_m > _ANOTHER_POWER * distance_m
 
 
 def curve_is_as_good(

@@ -13,14 +13,13 @@ from pentimento.gap.candidates import (
     LATER_P,
     displaces,
     held_out_losses,
-    quantities_of,
     refits_with,
     shortlist,
     stands,
     weigh,
     without_idle,
 )  # fmt: skip
-from pentimento.gap.choice import Step, paired_p, simplest_of_the_best, without_echoes, without_unlikely
+from pentimento.gap.choice import Step, choose, displacement_left, kin_of, paired_p, told_by_one_of, without_unlikely
 from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, action_losses
 from pentimento.gap.measured import Measured
@@ -64,7 +63,7 @@ class Search:
 def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
     """Go on with what was begun, by ``find_large`` or by this, with the tool's habits in what is foretold."""
     model = fit(begun.model, measured)
-    observable, quantities = begun.observable, quantities_of(begun.observable)
+    observable = begun.observable
     steps = [step for step in begun.steps if step.chosen]
     gained = dict(begun.gained)
     evidence: dict[str, Evidence] = {}
@@ -78,6 +77,9 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = LATER_P if number else FIRST_P
         short = shortlist(fresh, limit, _KIN_P, observable)
+        needless = {cause for cause in short if _is_kin_of_what_suffices(cause, model, observable, measured, seed)}
+        dismissed |= needless
+        short = [cause for cause in short if cause not in needless]
         if not short or number == MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
@@ -102,7 +104,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
             dismissed |= {cause for cause in losses if stands(fresh[cause], limit)}
             continue
         losses = without_unlikely(losses, error, refits, measured)
-        step = without_echoes(simplest_of_the_best(evidence, losses, error, quantities, seed, log), refits, measured)
+        step = choose(evidence, losses, error, refits, measured, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
@@ -120,8 +122,13 @@ def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], No
     for step in found.steps:
         chosen, names = step.chosen, {m.cause for m in model.mechanisms}
         rivals = [rival for rival in step.rivals if rival not in names]
-        if chosen is None or chosen not in names or not rivals:
+        if chosen is None or chosen not in names:
             steps.append(replace(step, rivals=tuple(rivals)))
+            continue
+        kin = kin_of(found.observable[chosen], list(found.observable.values()))
+        rivals += [cause for cause in kin if cause not in [*names, *rivals]]
+        if not rivals:
+            steps.append(replace(step, rivals=()))
             continue
         without = fit(model.without(chosen), measured)
         now = next(m for m in model.mechanisms if m.cause == chosen)
@@ -129,16 +136,27 @@ def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], No
         refits |= refits_with(without, rivals, found.observable, measured)
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         error = float(action_losses(without, measured).mean())
-        settled = simplest_of_the_best(
-            step.evidence, losses, error, quantities_of({cause: found.observable[cause] for cause in losses}), seed, log
-        )
-        settled = without_echoes(settled, refits, measured)
+        settled = choose(step.evidence, losses, error, refits, measured, seed, log)
         assert settled.chosen is not None
         steps.append(settled)
         if settled.chosen != chosen:
             model = refits[settled.chosen]
             gained[settled.chosen] = gained.pop(chosen)
     return replace(found, model=model, steps=tuple(steps), gained=gained)
+
+
+def _is_kin_of_what_suffices(
+    cause: str, model: Model, observable: Mapping[str, Mechanism], measured: Measured, seed: int
+) -> bool:
+    """Whether the model has a cause of the same driver, and surely leaves no displacement by what only one of the two
+    goes with: where both act, either one alone does.
+    """
+    taken = {m.cause: m for m in model.mechanisms if m.cause in observable}
+    for kin in kin_of(observable[cause], list(taken.values())):
+        columns = told_by_one_of(observable[cause], taken[kin], measured)
+        if columns and not displacement_left(model, measured, columns, seed)[0]:
+            return True
+    return False
 
 
 def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:

@@ -90,9 +90,10 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
         said.append(f"Established: {named}. With that the error is {extended:.3g}.")
     else:
         said.append("No known cause is established.")
-    if diagnosis.suspected:
-        causes = ", ".join(finding.cause for finding in diagnosis.suspected)
-        said.append(f"Suspected, not confirmed on {kind.name} that had no part in the search: {causes}.")
+    if doubtful := [finding.cause for finding in diagnosis.suspected if not finding.misnamed]:
+        said.append(f"Suspected, not confirmed on {kind.name} that had no part in the search: {', '.join(doubtful)}.")
+    if misnamed := [finding.cause for finding in diagnosis.suspected if finding.misnamed]:
+        said.append(f"No better than what has no name, and so not named: {', '.join(misnamed)}.")
     if diagnosis.floor is None:
         said.append("No action is repeated often enough, so the noise floor is unknown.")
     else:
@@ -101,7 +102,8 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
             said.append(f"{diagnosis.gap_closed[0]:.0%} of the gap above it is closed.")
     if diagnosis.unexplained:
         mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
-        said.append(f"Structured residual: {mode} depends on {covariate}; no known cause explains it.")
+        known = "established" if diagnosis.suspected else "known"
+        said.append(f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it.")
     elif diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
         said.append("Gap above the floor, cause not observable in what was recorded.")
     said += _not_observable(diagnosis.search.not_observable)

@@ -112,7 +112,8 @@ def diagnose(
     of_use = _of_use(
         found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, seed
     )
-    of_use = of_use.without(*_misnamed(of_use, known))
+    misnamed = _misnamed(of_use, known)
+    of_use = of_use.without(*misnamed)
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
@@ -142,7 +143,9 @@ def diagnose(
     names = {f.cause for f in established}
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names)) for f in established)
     doubtful = [m for m in named if m.cause not in names]
-    suspected = tuple(finding(fit(extended.plus(m), plainly), m) for m in doubtful)
+    suspected = tuple(
+        replace(finding(fit(extended.plus(m), plainly), m), misnamed=m.cause in misnamed) for m in doubtful
+    )
     left, strength, covariates = unexplained(extended, known, seed)
     return PushDiagnosis(
         parts, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
