@@ -46,7 +46,7 @@ what the base can draw, a little is easily explained by what is not there."""
 _FEW = 15
 """Sealed actions."""
 _SMALLEST_GAP = 0.1
-"""Of the gap: below it a resampled gap is no measure for anything."""
+"""Of the gap, a resampled one, and of the error, the gap itself: what is smaller is no measure for anything."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,8 @@ def diagnose(
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
-    above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
+    missed = float(base_losses.mean())
+    above = max(missed - floor.mse, _SMALLEST_GAP * missed) if floor else missed
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: Model, mechanism: Mechanism) -> Finding:

@@ -134,7 +134,7 @@ def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], No
         now = next(m for m in model.mechanisms if m.cause == chosen)
         refits = {chosen: fit(model.without(chosen).plus(now), measured)}
         refits |= refits_with(without, rivals, found.observable, measured)
-        losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
+        losses = {cause: held_out_losses(refit, measured, seed) for cause, refit in refits.items()}
         error = float(action_losses(without, measured).mean())
         settled = choose(step.evidence, losses, error, refits, measured, seed, log)
         assert settled.chosen is not None
