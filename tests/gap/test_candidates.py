@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.gap.candidates import is_far, is_physical, shortlist, weigh
+from pentimento.gap import candidates
+from pentimento.gap.candidates import is_far, is_physical, shortlist, weigh, without_idle
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
 from pentimento.gap.measured import load_measured
@@ -69,3 +71,14 @@ def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
     from_tests = {cause: fit(model.plus(kind), strokes, at_start[cause]) for cause, kind in observable.items()}
     for cause, kind in observable.items():
         np.testing.assert_allclose(from_tests[cause].vector, fit(model.plus(kind), strokes).vector, atol=1e-5)
+
+
+@pytest.mark.parametrize(("p", "stay"), [(0.001, {"uneven_ends", "path_scale"}), (0.03, {"path_scale"}), (0.2, set())])
+def test_ends_must_be_surer_than_a_cause_to_stay_beside_a_new_one(
+    p: float, stay: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured = load_measured(example_table(12))
+    model = first_model(measured).plus(*(identity(k, measured.context) for k in (UnevenEnds, PathScale, BristleLag)))
+    monkeypatch.setattr(candidates, "paired_p", lambda differences, seed: p)
+    left = without_idle(model, frozenset(), measured, 0, lambda line: None)
+    assert {m.cause for m in left.mechanisms} == stay | {"bristle_lag"}

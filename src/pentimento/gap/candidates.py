@@ -22,7 +22,8 @@ Array = NDArray[Any]
 
 FIRST_P, LATER_P = 0.02, 0.01
 _IDLE_P = 0.05
-"""Beyond it a mechanism of the model is idle beside a new one: to stay asks for less than to come."""
+"""Beyond it a cause of the model is idle beside a new one: to stay asks for less than to come. Uneven ends, which stand
+in for a cause that moves the path, stay only as surely as one comes."""
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _LARGE = 2.0  # times what is typical
@@ -142,7 +143,8 @@ def without_idle(
         if mechanism.cause in kept or (isinstance(mechanism, UnevenEnds) and model.mechanisms[-1].site != "trajectory"):
             continue
         refit = fit(model.without(mechanism.cause), measured)
-        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _IDLE_P:
+        limit = LATER_P if isinstance(mechanism, UnevenEnds) else _IDLE_P
+        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > limit:
             log(f"{mechanism.cause} is no longer needed")
             return without_idle(refit, kept, measured, seed, log)
     return model
