@@ -92,3 +92,15 @@ def test_so_of_the_only_one_of_its_kind_that_is_not_little_beside_the_other() ->
     assert is_of_use(lag, wider) and is_of_use(wider, lag)
     assert not is_of_use(lag, worth("path_offset", 0.05, -0.01))
     assert not is_of_use(lag, worth("speed_width", 0.5, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("gain", "surely", "confirmed_p", "of_use"),
+    [(0.015, 0.004, 0.0005, True), (0.015, -0.001, 0.0005, False), (0.015, 0.004, 0.005, False),
+     (0.009, 0.004, 0.0005, False)],
+)  # fmt: skip
+def test_what_is_faint_must_leave_neither_the_confirming_strokes_nor_the_sealed_ones_a_doubt(
+    gain: float, surely: float, confirmed_p: float, of_use: bool
+) -> None:
+    assert is_of_use(worth("speed_width", gain, surely, confirmed_p), sealed=24) == of_use
+    assert is_of_use(worth("speed_width", gain, surely, confirmed_p), worth("bristle_lag", 1.0, 0.9)) == of_use

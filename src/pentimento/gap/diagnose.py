@@ -40,6 +40,8 @@ _LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
 """Of the gap on sealed strokes, and of the largest gain there of its kind, among what displaces the mark or among the
 others: what is worth less explains nothing, however sure it is. Where a cause's form is not quite right, another takes
 up a little of what it leaves. What is worth as little beside one of the other kind must be sure there."""
+_FAINT = 0.5
+"""Of the least gain: what will do where neither the confirming strokes nor the sealed ones leave a doubt."""
 _GOOD_GAIN = 0.1
 """Of the gap: what is worth less must surely be worth something on sealed strokes. Where the tool's own mark is not
 what the base can draw, a little is easily explained by what is not there."""
@@ -216,7 +218,8 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     sure = finding.confirmed_p <= _SURE_P and len(alike) == 1 and sealed <= _FEW
     if sure and len(established) == 1:
         return finding.gain > 0
-    if finding.gain < max(_LEAST_GAIN, _LEAST_BESIDE * max(alike)):
+    beyond_doubt = finding.confirmed_p <= _CERTAIN_P and finding.gain_interval[0] > 0
+    if finding.gain < max(_LEAST_GAIN * (_FAINT if beyond_doubt else 1.0), _LEAST_BESIDE * max(alike)):
         return False
     if finding.confirmed_p <= _CERTAIN_P:
         return True
