@@ -113,8 +113,7 @@ def by_what_is_left(
             displacement_left(refits[cause], measured, columns, seed) for cause in (chosen, other)
         )
         told_apart = own_is_sure != its_is_sure
-        tied = other in step.rivals
-        if its < own and (tied or (told_apart and own_is_sure)):
+        if its < own and (other in step.rivals or (own_is_sure and not its_is_sure)):
             log(f"{other} and not {chosen}, which leaves a displacement by {', '.join(columns)}")
             rivals = [cause for cause in step.rivals if cause != other] + [chosen] * (not told_apart)
             return replace(step, chosen=other, rivals=tuple(rivals))

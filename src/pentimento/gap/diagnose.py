@@ -59,7 +59,8 @@ class Finding:
     p_adjusted: float
     confirmed_p: float
     gain: float
-    """Share of the base's error above the floor that it removes."""
+    """Share that it removes of the base's error above the floor; of strokes a tenth of the error counts as such at
+    least, of pushes all of it where nothing is above."""
     gain_interval: tuple[float, float]
     values: dict[str, tuple[float, float]]
     """Each quantity with its standard error."""
@@ -166,11 +167,11 @@ def diagnose(
         return fit(rest, known) if any(m.cause in found.observable for m in rest.mechanisms) else base
 
     def is_misnamed(finding: Finding) -> bool:
-        mechanism, rest = found.observable[finding.cause], without(extended, [finding.cause])
+        mechanism = found.observable[finding.cause]
         return (
             not shows_signature(mechanism, finding.values)
             or trails_by_another_power(mechanism, extended, known)
-            or curve_is_as_good(mechanism, extended, rest, known, test, seed)
+            or curve_is_as_good(mechanism, extended, without(extended, [finding.cause]), known, test, seed)
         )
 
     established = findings(extended)

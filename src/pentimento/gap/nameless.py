@@ -39,8 +39,8 @@ _THE_SAME = 0.9
 _POWER_OF_SPEED = {BristleLag.cause: 0, Latency.cause: 1}
 """By which power of a stroke's speed that grows by which its mark trails."""
 _ANOTHER_POWER = 0.15
-"""How far from it the power is that is seen in another cause's place: half of the true distance and less, as what was
-fitted has taken up the rest."""
+"""How far off a power must be seen to be another. A wrong cause, fitted, has taken up half of the difference of 1 and
+more: .16 to .55 are seen of it, and of a right one's .2 at most."""
 
 
 def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:

@@ -148,8 +148,8 @@ def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], No
 def _is_kin_of_what_suffices(
     cause: str, model: Model, observable: Mapping[str, Mechanism], measured: Measured, seed: int
 ) -> bool:
-    """Whether the model has a cause of the same driver, and surely leaves no displacement by what only one of the two
-    goes with: where both act, either one alone does.
+    """Whether the model has a cause of the same driver and is not sure to leave a displacement by what only one of the
+    two goes with: where both act, either one alone leaves it.
     """
     taken = {m.cause: m for m in model.mechanisms if m.cause in observable}
     for kin in kin_of(observable[cause], list(taken.values())):
