@@ -121,6 +121,48 @@ def test_four_markers_are_enough_and_three_are_not(photo: Photo, calibration: Ca
         calibrate_camera(covered(photo, (*LAYOUT.ids[1::2], 2)), LAYOUT)
 
 
+@pytest.mark.parametrize("radius_px", [3, 4, 6])
+def test_ink_splashed_on_a_markers_corner_does_not_move_the_canvas(
+    photo: Photo, calibration: CameraCalibration, radius_px: int
+) -> None:
+    """The detector puts such a corner up to 7 px out; the canvas stays within .02 mm."""
+    splashed = photo.frame.copy()
+    for marker, corner in ((0, 0), (5, 2)):
+        corner_px = in_frame(LAYOUT.corners_m()[marker])[corner]
+        outwards_px = corner_px - in_frame(LAYOUT.centres_m[[marker]])[0]
+        splash_px = np.rint(corner_px + (radius_px - 1) * outwards_px / np.linalg.norm(outwards_px)).astype(int)
+        cv2.circle(splashed, splash_px.tolist(), radius_px, (20, 20, 20), -1)
+    seen = calibrate_camera(replace(photo, frame=splashed), LAYOUT)
+    points_m = np.array([[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2], [0.15, 0.1]])
+    assert np.linalg.norm(seen.to_camera(points_m) - calibration.to_camera(points_m), axis=1).max() < 0.06
+    assert seen.reprojection_px < 0.25
+
+
+@pytest.mark.parametrize("aside_px", [2.5, 5.0])
+def test_corners_found_beside_their_marker_are_looked_for_again(
+    photo: Photo, calibration: CameraCalibration, aside_px: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The detector's polygon cuts a corner of three markers; the corners themselves are in plain sight."""
+
+    real = cv2.aruco.ArucoDetector
+
+    class BesideDetector:
+        def __init__(self, *settings: object) -> None:
+            self._real = real(*settings)
+
+        def detectMarkers(self, image: np.ndarray) -> tuple:
+            corners, ids, rejected = self._real.detectMarkers(image)
+            for marker in corners[:3]:
+                marker[0, 1] += aside_px * np.array([0.6, -0.8])
+            return corners, ids, rejected
+
+    monkeypatch.setattr(cv2.aruco, "ArucoDetector", BesideDetector)
+    beside = calibrate_camera(photo, LAYOUT)
+    points_m = np.array([[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2], [0.15, 0.1]])
+    assert np.linalg.norm(beside.to_camera(points_m) - calibration.to_camera(points_m), axis=1).max() < 0.01
+    assert beside.reprojection_px == pytest.approx(calibration.reprojection_px, abs=0.01)
+
+
 def test_a_view_without_markers_is_refused(photo: Photo) -> None:
     with pytest.raises(CalibrationError, match="sees 0 of 8"):
         calibrate_camera(replace(photo, frame=np.full_like(photo.frame, 200)), LAYOUT)

@@ -25,6 +25,8 @@ Image = NDArray[np.uint8]
 
 _FEWEST_MARKERS = 4
 _MODULES = 6  # of a marker's side: 4 of code between two of border
+_BESIDE_PX, _BESIDE = 0.5, 4.0  # a corner lies elsewhere beyond half a pixel and four times the usual: lenses bend
+_LEAST_SQUARES = 0  # OpenCV has no name for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,7 @@ class CameraCalibration:
     camera_from_canvas: FloatArray
     """Homography [3, 3]: (x_m, y_m, 1) in the canvas frame -> (column, row, 1) of the frame, up to scale."""
     reprojection_px: float
-    """RMS distance between the found marker corners and where the homography puts them."""
+    """RMS distance between the marker corners that were used and where the homography puts them."""
     frame_size_px: tuple[int, int]
     """Width and height of the frames that it holds for."""
 
@@ -46,11 +48,13 @@ class CameraCalibration:
 def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     """Register the camera to the canvas by the ArUco markers round it.
 
-    The homography is the least-squares fit to all corners found, refined below a pixel.
+    A corner found pixels beside its marker is not mended by refining it, which looks only near by: by least
+    median squares the others say where it should be, and it is looked for there again. The homography is the
+    least-squares fit to the corners so found, without those that still lie elsewhere.
 
     Raises CalibrationError if fewer than four of the layout's markers are seen, or one is seen twice.
     """
-    found = _find_markers(photo.frame)
+    light, found = _find_markers(photo.frame)
     ids = [marker for marker, _ in found if marker in layout.ids]
     twice = sorted({marker for marker in ids if ids.count(marker) > 1})
     if twice:
@@ -64,11 +68,13 @@ def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     corners_m = layout.corners_m()
     canvas_m = np.concatenate([corners_m[layout.ids.index(marker)] for marker in ids])  # [4 K, 2]
     seen_px = np.concatenate([corners for marker, corners in found if marker in layout.ids])  # [4 K, 2]
-    found_homography, _ = cv2.findHomography(canvas_m, seen_px, 0)
-    if found_homography is None:
-        raise CalibrationError("The marker corners fix no homography; check that the markers lie as printed.")
-    homography = np.array(found_homography, dtype=np.float64)
-    miss_px = np.linalg.norm(_project(homography, canvas_m) - seen_px, axis=1)
+    expected_px = _project(_homography(canvas_m, seen_px, cv2.LMEDS), canvas_m)  # [4 K, 2]
+    inside_px = np.clip(expected_px, 0, np.array(light.shape[::-1]) - 1)
+    again_px = np.concatenate([_refined(light, corners) for corners in inside_px.reshape(-1, 4, 2)])
+    miss_px = np.linalg.norm(again_px - expected_px, axis=1)
+    agree = miss_px <= max(_BESIDE_PX, _BESIDE * float(np.median(miss_px)))  # [4 K]
+    homography = _homography(canvas_m[agree], again_px[agree], _LEAST_SQUARES)
+    miss_px = np.linalg.norm(_project(homography, canvas_m[agree]) - again_px[agree], axis=1)
     height, width = photo.frame.shape[:2]
     return CameraCalibration(homography, float(np.sqrt(np.mean(miss_px**2))), (width, height))
 
@@ -125,29 +131,38 @@ def window_in_camera(calibration: CameraCalibration, window_m: Sequence[float] |
     return np.concatenate((corners.min(axis=0), corners.max(axis=0)))
 
 
-def _find_markers(frame: Image) -> list[tuple[int, FloatArray]]:
-    """(id, corners [4, 2] as (column, row) from the marker's top left clockwise) of each marker seen.
+def _homography(canvas_m: FloatArray, seen_px: FloatArray, method: int) -> FloatArray:
+    """Homography [3, 3] from canvas points [N, 2] to pixels [N, 2] by one of OpenCV's methods."""
+    found, _ = cv2.findHomography(canvas_m, seen_px, method)
+    if found is None:
+        raise CalibrationError("The marker corners fix no homography; check that the markers lie as printed.")
+    return np.array(found, dtype=np.float64)
 
-    Corners are refined in linear light: in sRGB a pixel half on black and half on white is nearer to white,
-    which moves every corner a quarter of a pixel into its marker.
+
+def _find_markers(frame: Image) -> tuple[NDArray[np.float32], list[tuple[int, FloatArray]]]:
+    """Linear light [H, W] of the frame, and of each marker seen its id and corners.
+
+    Corners [4, 2] are (column, row) from the marker's top left clockwise. They are refined in linear light:
+    in sRGB a pixel half on black and half on white is nearer to white, which moves every corner a quarter of
+    a pixel into its marker.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     detector = cv2.aruco.ArucoDetector(dictionary, cv2.aruco.DetectorParameters())
     corners, ids, _ = detector.detectMarkers(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY))
-    if len(corners) == 0:  # then ids is None
-        return []
     linear = cv2.LUT(frame, _linear_of_srgb().astype(np.float32))
     light = np.asarray(cv2.cvtColor(linear, cv2.COLOR_RGB2GRAY), dtype=np.float32)
-    places = np.asarray(corners, dtype=np.float32).reshape(-1, 4, 2)
-    return [(int(marker), _refined(light, place)) for marker, place in zip(ids.ravel(), places, strict=True)]
+    if len(corners) == 0:  # then ids is None
+        return light, []
+    places = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
+    return light, [(int(marker), _refined(light, place)) for marker, place in zip(ids.ravel(), places, strict=True)]
 
 
-def _refined(light: NDArray[np.float32], corners: NDArray[np.float32]) -> FloatArray:
+def _refined(light: NDArray[np.float32], corners: FloatArray) -> FloatArray:
     """Corners [4, 2] of one marker below a pixel."""
     side_px = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())
     reach = max(2, round(0.7 * side_px / _MODULES))  # within the black border, away from the code
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 0.002)
-    points = corners.reshape(4, 1, 2).copy()
+    points = corners.reshape(4, 1, 2).astype(np.float32)
     return np.asarray(cv2.cornerSubPix(light, points, (reach, reach), (-1, -1), stop), dtype=np.float64)[:, 0]
 
 
