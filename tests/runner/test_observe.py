@@ -163,6 +163,29 @@ def test_corners_found_beside_their_marker_are_looked_for_again(
     assert beside.reprojection_px == pytest.approx(calibration.reprojection_px, abs=0.01)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_through_a_lens_that_bends_all_corners_count_alike(photo: Photo, seed: int) -> None:
+    """No homography fits such corners; that which fits all best is found, and not one that fits some and is aside."""
+    centre, bent = np.array([530.0, 375.0]), 3e-8  # of the frame; pixels by pixels cubed
+    rows, columns = np.mgrid[: FRAME[0], : FRAME[1]].astype(np.float32)
+    away = np.stack([columns, rows], axis=-1) - centre
+    taken_from = (centre + away * (1 + bent * (away**2).sum(-1, keepdims=True))).astype(np.float32)
+    frame = cv2.remap(photo.frame, taken_from, None, cv2.INTER_LINEAR).astype(np.float64)
+    frame += np.random.default_rng(seed).normal(size=frame.shape)
+    found = calibrate_camera(replace(photo, frame=np.clip(np.rint(frame), 0, 255).astype(np.uint8)), LAYOUT)
+
+    corners_m = LAYOUT.corners_m().reshape(-1, 2)
+    straight = in_frame(corners_m) - centre
+    seen = straight
+    for _ in range(20):
+        seen = straight / (1 + bent * (seen**2).sum(-1, keepdims=True))
+    best, _ = cv2.findHomography(corners_m, seen + centre, 0)
+    points_m = np.array([[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2], [0.15, 0.1]])
+    lifted = np.column_stack((points_m, np.ones(len(points_m)))) @ best.T
+    assert np.linalg.norm(found.to_camera(points_m) - lifted[:, :2] / lifted[:, 2:], axis=1).max() < 0.15
+    assert found.reprojection_px > 0.9  # which is the lens
+
+
 def test_a_view_without_markers_is_refused(photo: Photo) -> None:
     with pytest.raises(CalibrationError, match="sees 0 of 8"):
         calibrate_camera(replace(photo, frame=np.full_like(photo.frame, 200)), LAYOUT)

@@ -26,7 +26,7 @@ Image = NDArray[np.uint8]
 _FEWEST_MARKERS = 4
 _MODULES = 6  # of a marker's side: 4 of code between two of border
 _BESIDE_PX, _BESIDE = 0.5, 4.0  # a corner lies elsewhere beyond half a pixel and four times the usual: lenses bend
-_LEAST_SQUARES = 0  # OpenCV has no name for it
+_LOOKS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,9 @@ class CameraCalibration:
 def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     """Register the camera to the canvas by the ArUco markers round it.
 
-    A corner found pixels beside its marker is not mended by refining it, which looks only near by: by least
-    median squares the others say where it should be, and it is looked for there again. The homography is the
-    least-squares fit to the corners so found, without those that still lie elsewhere.
+    The homography is the least-squares fit to all corners found. A corner that was found pixels beside its marker
+    is not mended by refining it, which looks only near by: all corners are looked for again from where the fit
+    expects them, and those that still lie elsewhere are left out of it.
 
     Raises CalibrationError if fewer than four of the layout's markers are seen, or one is seen twice.
     """
@@ -68,13 +68,16 @@ def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     corners_m = layout.corners_m()
     canvas_m = np.concatenate([corners_m[layout.ids.index(marker)] for marker in ids])  # [4 K, 2]
     seen_px = np.concatenate([corners for marker, corners in found if marker in layout.ids])  # [4 K, 2]
-    expected_px = _project(_homography(canvas_m, seen_px, cv2.LMEDS), canvas_m)  # [4 K, 2]
-    inside_px = np.clip(expected_px, 0, np.array(light.shape[::-1]) - 1)
-    again_px = np.concatenate([_refined(light, corners) for corners in inside_px.reshape(-1, 4, 2)])
-    miss_px = np.linalg.norm(again_px - expected_px, axis=1)
-    agree = miss_px <= max(_BESIDE_PX, _BESIDE * float(np.median(miss_px)))  # [4 K]
-    homography = _homography(canvas_m[agree], again_px[agree], _LEAST_SQUARES)
-    miss_px = np.linalg.norm(_project(homography, canvas_m[agree]) - again_px[agree], axis=1)
+    used = np.ones(len(seen_px), dtype=bool)
+    inside_px = np.array(light.shape[::-1]) - 1
+    for _ in range(_LOOKS):
+        expected_px = _project(_homography(canvas_m[used], seen_px[used]), canvas_m)  # [4 K, 2]
+        starts_px = np.clip(expected_px, 0, inside_px).reshape(-1, 4, 2)
+        seen_px = np.concatenate([_refined(light, corners) for corners in starts_px])
+        miss_px = np.linalg.norm(seen_px - expected_px, axis=1)
+        used = miss_px <= max(_BESIDE_PX, _BESIDE * float(np.median(miss_px)))
+    homography = _homography(canvas_m[used], seen_px[used])
+    miss_px = np.linalg.norm(_project(homography, canvas_m[used]) - seen_px[used], axis=1)
     height, width = photo.frame.shape[:2]
     return CameraCalibration(homography, float(np.sqrt(np.mean(miss_px**2))), (width, height))
 
@@ -131,9 +134,11 @@ def window_in_camera(calibration: CameraCalibration, window_m: Sequence[float] |
     return np.concatenate((corners.min(axis=0), corners.max(axis=0)))
 
 
-def _homography(canvas_m: FloatArray, seen_px: FloatArray, method: int) -> FloatArray:
-    """Homography [3, 3] from canvas points [N, 2] to pixels [N, 2] by one of OpenCV's methods."""
-    found, _ = cv2.findHomography(canvas_m, seen_px, method)
+def _homography(canvas_m: FloatArray, seen_px: FloatArray) -> FloatArray:
+    """Homography [3, 3] from canvas points [N, 2] to pixels [N, 2], by least squares: a method that takes sides
+    would take those corners of a bent picture that agree by chance.
+    """
+    found, _ = cv2.findHomography(canvas_m, seen_px, 0)
     if found is None:
         raise CalibrationError("The marker corners fix no homography; check that the markers lie as printed.")
     return np.array(found, dtype=np.float64)
