@@ -8,7 +8,15 @@ import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.gap import candidates
-from pentimento.gap.candidates import is_far, is_physical, shortlist, weigh, without_idle
+from pentimento.gap.candidates import (
+    can_leave_what_looks_like,
+    is_far,
+    is_physical,
+    shortlist,
+    weigh,
+    with_that_of_refits,
+    without_idle,
+)
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
@@ -18,7 +26,9 @@ from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from tests.gap.test_habits import photographed
+from tests.gap.test_large import strokes_of
 
 
 def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
@@ -82,3 +92,30 @@ def test_ends_must_be_surer_than_a_cause_to_stay_beside_a_new_one(
     monkeypatch.setattr(candidates, "paired_p", lambda differences, seed: p)
     left = without_idle(model, frozenset(), measured, 0, lambda line: None)
     assert {m.cause for m in left.mechanisms} == stay | {"bristle_lag"}
+
+
+@pytest.mark.parametrize("offset_m", [0.001, 0.0])
+def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset_m: float) -> None:
+    strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
+    silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
+    refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
+    evidence = with_that_of_refits(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
+    assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
+    said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
+    assert with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
+
+
+def test_what_acts_with_the_wrong_sign_beside_a_new_cause_goes_however_much_it_does() -> None:
+    strokes, plain = strokes_of(BristleLag, -0.002)
+    model = fit(plain.plus(*(identity(kind, strokes.context) for kind in (BristleLag, PathOffset))), strokes)
+    assert float(model.mechanisms[0].values) < 0
+    kept = frozenset({BristleLag.cause})
+    assert [m.cause for m in without_idle(model, kept, strokes, 0, lambda _: None).mechanisms] == [PathOffset.cause]
+
+
+def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_all() -> None:
+    kinds = (BristleLag, PathScale, LensDistortion, PathOffset, SpeedWidth)
+    lag, scale, lens, offset, width = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
+    assert can_leave_what_looks_like(lag, scale) and can_leave_what_looks_like(lens, offset)
+    assert not can_leave_what_looks_like(offset, lag)
+    assert not can_leave_what_looks_like(lag, width) and not can_leave_what_looks_like(width, lag)

@@ -1,5 +1,7 @@
 """What a cause is credited with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -13,6 +15,7 @@ from pentimento.gap.measured import load_measured
 from pentimento.gap.search import Search
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
+from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -42,16 +45,19 @@ def test_ends_that_are_there_are_kept_and_a_model_that_loses_nothing_stays(base:
     assert causes(_without(lag, [], base)) == {"bristle_lag"}
 
 
-def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.005) -> Finding:
-    """A finding that is worth ``gain`` of the gap, and at least ``surely``."""
-    return Finding(cause, 0.001, confirmed_p, gain, (surely, 2 * gain - surely), {}, ())
+def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.005, left: float = 1.0) -> Finding:
+    """A finding that is worth ``gain`` of the gap, and at least ``surely``, where others leave ``left`` of it."""
+    values = {"distance_m": (0.004, 0.001)} if cause == "bristle_lag" else {}
+    return Finding(
+        cause, 0.001, confirmed_p, gain, (surely, 2 * gain - surely), values, (), of_what_is_left=gain / left
+    )
 
 
 def is_of_use(finding: Finding, *others: Finding, sealed: int = 10) -> bool:
     """Beside other established causes."""
     measured = load_measured(example_table(16))
     observable: dict[str, Mechanism] = {
-        kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, SpeedWidth)
+        kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, PathScale, SpeedWidth)
     }
     model = first_model(measured)
     found = Search(model, model, (), observable, {}, 0.0, {}, frozenset())
@@ -90,8 +96,25 @@ def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only
 def test_so_of_the_only_one_of_its_kind_that_is_not_little_beside_the_other() -> None:
     lag, wider = worth("bristle_lag", 0.03, -0.01), worth("speed_width", 0.05, -0.01)
     assert is_of_use(lag, wider) and is_of_use(wider, lag)
-    assert not is_of_use(lag, worth("path_offset", 0.05, -0.01))
+    assert not is_of_use(lag, worth("path_scale", 0.05, -0.01))
     assert not is_of_use(lag, worth("speed_width", 0.5, 0.2))
+
+
+def test_what_acts_with_a_sign_that_it_cannot_have_is_of_no_use() -> None:
+    lag = worth("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
+    assert is_of_use(lag)
+    assert not is_of_use(replace(lag, values={"distance_m": (-0.0001, 0.00002)}))
+
+
+def test_what_is_little_of_the_gap_may_be_much_of_what_others_leave_of_it() -> None:
+    offset, little = worth("path_offset", 0.97, 0.9, left=0.98), {"gain": 0.005, "surely": 0.003, "confirmed_p": 0.0005}
+    assert is_of_use(worth("speed_width", **little, left=0.03), offset, sealed=24)
+    assert not is_of_use(worth("speed_width", **little, left=1.0), offset, sealed=24)
+    # Of what displaces as well, an offset can leave nothing; what has a form can.
+    assert is_of_use(worth("bristle_lag", **little, left=0.03), offset, sealed=24)
+    assert not is_of_use(
+        worth("path_scale", **little, left=0.03), worth("bristle_lag", 0.97, 0.9, left=0.98), sealed=24
+    )
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,8 @@ from pentimento.gap.candidates import is_large
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import Model, foretold, identity
-from pentimento.gap.large import _far, _with_that_of_refits, find_large
+from pentimento.gap.large import _far, find_large
 from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.score import Evidence
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
@@ -61,14 +60,3 @@ def test_a_tip_that_trails_further_than_the_mark_is_wide_is_found_from_its_typic
     refits = _far(model, candidates, strokes)
     assert list(refits) == ["bristle_lag"]
     assert float(refits["bristle_lag"].mechanisms[-1].values[0]) == pytest.approx(0.009, rel=0.1)
-
-
-@pytest.mark.parametrize("offset_m", [0.001, 0.0])
-def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset_m: float) -> None:
-    strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
-    silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
-    refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
-    evidence = _with_that_of_refits(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
-    assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
-    said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
-    assert _with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said

@@ -3,11 +3,14 @@
 import pytest
 import torch
 
+from pentimento.contracts.strokes import example_table
 from pentimento.gap.candidates import displaces, weigh
 from pentimento.gap.choice import Step
-from pentimento.gap.fit import fit
+from pentimento.gap.ends import UnevenEnds
+from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import identity
-from pentimento.gap.search import Search, _enough, _is_kin_of_what_suffices, settle
+from pentimento.gap.measured import load_measured
+from pentimento.gap.search import Search, _hidden_by_ends, enough, is_kin_of_what_suffices, settle
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
@@ -18,14 +21,23 @@ from pentimento.stroke_dynamics.simulation import Mechanism
 from tests.gap.test_large import strokes_of
 
 
-def test_a_further_cause_must_be_worth_something_beside_others_of_its_kind() -> None:
-    kinds = (Latency, BristleLag, LensDistortion, SpeedWidth)
+def test_a_further_cause_must_be_worth_something_beside_others_whose_form_may_leave_it() -> None:
+    kinds = (Latency, BristleLag, LensDistortion, SpeedWidth, PathOffset)
     observable: dict[str, Mechanism] = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds}
-    lag, lens = observable["bristle_lag"], observable["lens_distortion"]
-    assert [displaces(mechanism) for mechanism in observable.values()] == [True, True, True, False]
-    gained = {"latency": 1.0, "speed_width": 0.1}
-    assert _enough(lag, observable, gained) > _enough(lens, observable, gained) > 0  # latency and lag: one driver
-    assert _enough(observable["speed_width"], observable, {"latency": 1.0}) == 0
+    lag, lens, width = (observable[cause] for cause in ("bristle_lag", "lens_distortion", "speed_width"))
+    assert [m.cause for m in observable.values() if not displaces(m)] == ["speed_width"]
+
+    def asked(mechanism: Mechanism, **gained: float) -> float:
+        measured = load_measured(example_table(16))
+        model = first_model(measured)
+        return enough(mechanism, 1e-3, Search(model, model, (), observable, {}, 1e-3, gained, frozenset()))
+
+    least = asked(lens)
+    assert least == pytest.approx(1e-5)  # a hundredth of the floor
+    assert asked(lens, latency=1.0, speed_width=0.1) > 1e-2
+    assert asked(lag, latency=1.0) > asked(lens, latency=1.0)  # one driver
+    assert asked(width, latency=1.0) == least
+    assert asked(lens, path_offset=1.0) == least  # the same for all: it has no form
 
 
 @pytest.mark.parametrize(("taken", "rival"), [(PathScale, PathOffset), (PathOffset, PathScale)])
@@ -49,8 +61,8 @@ def test_beside_a_delay_that_leaves_nothing_by_speed_no_lag_is_needed(taken: typ
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
     model = fit(plain.plus(observable[taken.cause]), strokes)
     (other,) = observable.keys() - {taken.cause}
-    assert _is_kin_of_what_suffices(other, model, observable, strokes, 0) == needless
-    assert not _is_kin_of_what_suffices(other, plain, observable, strokes, 0)
+    assert is_kin_of_what_suffices(other, model, observable, strokes, 0) == needless
+    assert not is_kin_of_what_suffices(other, plain, observable, strokes, 0)
 
 
 def test_in_the_end_a_lag_gives_way_to_a_delay_that_leaves_nothing_by_speed() -> None:
@@ -63,3 +75,15 @@ def test_in_the_end_a_lag_gives_way_to_a_delay_that_leaves_nothing_by_speed() ->
         plain, model, (Step(evidence, "bristle_lag", ()),), observable, {}, 0.0, {"bristle_lag": 1e-4}, frozenset()
     )
     assert settle(begun, strokes, 0, lambda _: None).found == {"latency"}
+
+
+@pytest.mark.parametrize(("hidden", "seconds", "asked_for"), [(Latency, 0.05, ["latency"]), (BristleLag, 0.005, [])])
+def test_a_delay_that_uneven_ends_hide_is_asked_for_by_what_they_leave(
+    hidden: type[Mechanism], seconds: float, asked_for: list[str]
+) -> None:
+    strokes, plain = strokes_of(hidden, seconds)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag, PathOffset)}
+    with_ends = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
+    candidates = list(observable.values())
+    assert _hidden_by_ends(with_ends, candidates, observable, strokes, 0) == asked_for
+    assert _hidden_by_ends(plain, candidates, observable, strokes, 0) == []

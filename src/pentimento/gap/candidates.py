@@ -14,7 +14,7 @@ from pentimento.gap.fit import fit, held
 from pentimento.gap.foretell import Model, action_losses, mark_px
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
-from pentimento.gap.score import Evidence, held_out_gains, weighed, with_each
+from pentimento.gap.score import Evidence, held_out_gains, mean_and_bounds, weighed, with_each
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -109,11 +109,38 @@ def held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
     return action_losses(model, measured) - gains
 
 
+def with_that_of_refits(
+    evidence: Mapping[str, Evidence],
+    refits: Mapping[str, Model],
+    limit: float,
+    model: Model,
+    measured: Measured,
+    seed: int,
+) -> dict[str, Evidence]:
+    """The evidence; where a cause's test does not speak for it, what its refit removes from actions that it was not
+    fitted to, for as many as need that with Bonferroni's correction.
+    """
+    unsaid = [cause for cause in refits if not stands(evidence[cause], limit)]
+    # What the base alone gains by being fitted longer is no cause's.
+    before = action_losses(fit(model, measured) if unsaid else model, measured)
+    weighed = dict(evidence)
+    for cause in unsaid:
+        gains = before - held_out_losses(refits[cause], measured, seed)
+        p = paired_p(gains, seed)
+        weighed[cause] = Evidence(p, min(len(unsaid) * p, 1.0), *mean_and_bounds(gains / before.mean(), 999, seed))
+    return weighed
+
+
 def is_physical(mechanism: Mechanism) -> bool:
     """Whether all of its quantities have signs that they can have; of a lens, whether they can be of one picture."""
     if isinstance(mechanism, LensDistortion):
         at_edge, taken_up = map(float, mechanism.values)
         return _LEAST_TAKEN_UP * at_edge**2 <= taken_up * at_edge <= _MOST_TAKEN_UP * at_edge**2
+    return has_its_signs(mechanism)
+
+
+def has_its_signs(mechanism: Mechanism) -> bool:
+    """Whether all of its quantities have signs that they can have."""
     return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
 
 
@@ -135,16 +162,32 @@ def displaces(mechanism: Mechanism) -> bool:
     return mechanism.site == "trajectory" or isinstance(mechanism, LensDistortion)
 
 
+def can_leave_what_looks_like(other: Mechanism, mechanism: Mechanism) -> bool:
+    """Whether what the form of one cause lacks may look like another: where both displace the mark, or neither does.
+    What a displacement leaves has two signs across a mark: no width takes it up.
+
+    What is the same for all strokes has no form that could lack anything.
+    """
+    return displaces(other) == displaces(mechanism) and bool(other.told_by)
+
+
 def without_idle(
     model: Model, kept: frozenset[str], measured: Measured, seed: int, log: Callable[[str], None]
 ) -> Model:
-    """The model less the mechanisms that it no longer needs, now that it has a new one; the causes ``kept`` stay."""
+    """The model less the mechanisms that it no longer needs, now that it has a new one, or that would have to act with
+    the wrong sign beside it; of the others the causes ``kept`` stay.
+    """
     for mechanism in model.mechanisms[:-1]:
-        if mechanism.cause in kept or (isinstance(mechanism, UnevenEnds) and model.mechanisms[-1].site != "trajectory"):
+        ends = isinstance(mechanism, UnevenEnds)
+        if ends and model.mechanisms[-1].site != "trajectory":
+            continue
+        possible = has_its_signs(mechanism)
+        if possible and mechanism.cause in kept:
             continue
         refit = fit(model.without(mechanism.cause), measured)
-        limit = LATER_P if isinstance(mechanism, UnevenEnds) else _IDLE_P
-        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > limit:
+        limit = LATER_P if ends else _IDLE_P
+        worse_p = paired_p(action_losses(refit, measured) - action_losses(model, measured), seed)
+        if not possible or worse_p > limit:
             log(f"{mechanism.cause} is no longer needed")
             return without_idle(refit, kept, measured, seed, log)
     return model

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.gap.candidates import displaces
-from pentimento.gap.choice import paired_p, unconfirmed
+from pentimento.gap.candidates import can_leave_what_looks_like
+from pentimento.gap.choice import unconfirmed
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import first_model, fit, held, tempered
+from pentimento.gap.fit import first_model, fit, tempered
 from pentimento.gap.floor import Floor, noise_floor
 from pentimento.gap.foretell import Model, action_losses, mean_squared_error, residual
 from pentimento.gap.habits import Habits, learn_habits
-from pentimento.gap.jacobian import linearise
+from pentimento.gap.in_doubt import confirmation, with_one_in_doubt
 from pentimento.gap.large import find_large
 from pentimento.gap.measured import Measured
 from pentimento.gap.mixing import mixed
@@ -25,7 +26,6 @@ from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_by_another_power
 from pentimento.gap.path_covariates import covariates_shown
-from pentimento.gap.score import projected
 from pentimento.gap.search import Search, search, settle
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
@@ -41,7 +41,8 @@ _LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
 others: what is worth less explains nothing, however sure it is. Where a cause's form is not quite right, another takes
 up a little of what it leaves. What is worth as little beside one of the other kind must be sure there."""
 _FAINT = 0.5
-"""Of the least gain: what will do where neither the confirming strokes nor the sealed ones leave a doubt."""
+"""Of the least gain: what will do, and of what the other causes leave of the gap alone, where neither the confirming
+strokes nor the sealed ones leave a doubt."""
 _GOOD_GAIN = 0.1
 """Of the gap: what is worth less must surely be worth something on sealed strokes. Where the tool's own mark is not
 what the base can draw, a little is easily explained by what is not there."""
@@ -67,6 +68,9 @@ class Finding:
     rivals: tuple[str, ...]
     misnamed: bool = False
     """Whether it is no better than what has no name."""
+    of_what_is_left: float = math.nan
+    """What it removes as a share not of the gap but of what of this all other established causes leave; NaN where
+    nothing but the gap was asked for."""
 
 
 @dataclass(frozen=True)
@@ -132,31 +136,36 @@ def diagnose(
         found = search(found, weighed.pick(splits.discovery), seed, log)
         if found.found == before:
             break
-    found = settle(found, weighed.pick(splits.discovery), seed, log)
-    measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
     unsealed = np.sort(np.concatenate(splits[:2]))
-    test, known = measured.pick(splits.test), measured.pick(unsealed)
+    fresh = np.isin(np.unique(weighed.action[unsealed]), weighed.action[splits.confirmation])
+    searched, known = weighed.pick(splits.discovery), weighed.pick(unsealed)
+    found = with_one_in_doubt(settle(found, searched, seed, log), searched, known, fresh, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
-    fresh = np.isin(np.unique(known.action), measured.action[splits.confirmation])
-    confirmed_p = {m.cause: _confirmation(found, m, weighed.pick(unsealed), fresh, seed) for m in named}
+    confirmed_p = {m.cause: confirmation(found.model, m.cause, known, fresh, seed) for m in named}
+    measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
+    test, known = measured.pick(splits.test), measured.pick(unsealed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
-    missed = float(base_losses.mean())
-    above = max(missed - floor.mse, _SMALLEST_GAP * missed) if floor else missed
+
+    def above_floor(missed: float) -> float:
+        return max(missed - floor.mse, _SMALLEST_GAP * missed) if floor else missed
+
+    above = above_floor(float(base_losses.mean()))
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: Model, mechanism: Mechanism) -> Finding:
-        rest = without(model, [mechanism.cause])
-        fall = (action_losses(rest, test) - action_losses(model, test)) / above
+        left = action_losses(without(model, [mechanism.cause]), test)
+        fall = (left - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
             float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, known), step.rivals,
+            of_what_is_left=float(fall.mean()) * above / above_floor(float(left.mean())),
         )  # fmt: skip
 
     def findings(model: Model) -> tuple[Finding, ...]:
@@ -204,8 +213,8 @@ def diagnose(
 
 
 def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, sealed: int) -> bool:
-    """Whether it is worth enough on sealed strokes: surely something, where it is little, or little beside another, and
-    the confirming strokes are not all but certain of it.
+    """Whether it acts with a sign that it can have, and is worth enough on sealed strokes: surely something, where it
+    is little, or little beside another, and the confirming strokes are not all but certain of it.
 
     A small table seals few strokes, which cannot tell little from nothing. Of the only cause that displaces the mark,
     or does not, which the confirming ones are sure of, few must only not deny it, and it must not be little beside one
@@ -214,31 +223,25 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     Args:
         sealed: actions.
     """
-    displaced = {f.cause: displaces(found.observable[f.cause]) for f in established}
-    alike = [f.gain for f in established if displaced[f.cause] == displaced[finding.cause]]
+    its = found.observable[finding.cause]
+    if any(not q.signed and finding.values[q.name][0] < 0 for q in its.quantities):
+        return False
+    others = [f for f in established if f is not finding and can_leave_what_looks_like(found.observable[f.cause], its)]
+    alike = [finding.gain, *(f.gain for f in others)]
     sure = finding.confirmed_p <= _SURE_P and len(alike) == 1 and sealed <= _FEW
     if sure and len(established) == 1:
         return finding.gain > 0
     beyond_doubt = finding.confirmed_p <= _CERTAIN_P and finding.gain_interval[0] > 0
-    if finding.gain < max(_LEAST_GAIN * (_FAINT if beyond_doubt else 1.0), _LEAST_BESIDE * max(alike)):
+    least = _FAINT * _LEAST_GAIN if beyond_doubt else _LEAST_GAIN
+    if (finding.of_what_is_left if beyond_doubt else finding.gain) < least:
+        return False
+    if finding.gain < _LEAST_BESIDE * max(alike):
         return False
     if finding.confirmed_p <= _CERTAIN_P:
         return True
     largest = max(f.gain for f in established)
     good = _GOOD_GAIN * largest if sure else max(_GOOD_GAIN, _LEAST_BESIDE * largest)
     return finding.gain >= good or finding.gain_interval[0] > 0
-
-
-def _confirmation(found: Search, mechanism: Mechanism, known: Measured, fresh: Array, seed: int) -> float:
-    """One-sided p that strokes which were not searched do not ask for the cause, as it was found: sign flips of their
-    scores in its direction (a difference of losses would have half the power).
-    """
-    statistics = held(linearise(found.model, known), found.model)
-    columns = found.model.columns_of(mechanism.cause)
-    rest = np.setdiff1d(np.arange(len(found.model.vector)), columns)
-    slope, curvature = projected(statistics, rest, columns)
-    values = found.model.vector[columns]
-    return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, values))[fresh], seed)
 
 
 def _without(model: Model, causes: Sequence[str], base: Model) -> Model:

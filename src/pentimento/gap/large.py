@@ -9,7 +9,6 @@ import torch
 from pentimento.gap.candidates import (
     FIRST_P,
     LATER_P,
-    held_out_losses,
     is_far,
     is_large,
     is_physical,
@@ -18,14 +17,15 @@ from pentimento.gap.candidates import (
     shortlist,
     stands,
     weigh,
+    with_that_of_refits,
     without_idle,
 )  # fmt: skip
-from pentimento.gap.choice import Step, choose, paired_p, without_unlikely
+from pentimento.gap.choice import Step, choose, without_unlikely
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, action_losses, identity
 from pentimento.gap.measured import Measured
-from pentimento.gap.score import Evidence, mean_and_bounds
+from pentimento.gap.score import Evidence
 from pentimento.gap.search import MOST_CAUSES, Search
 from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable, StrokeContext
 
@@ -165,7 +165,7 @@ def _large_step(
     """The step to the best of the refits of causes, where it removes a good part of the error and is large or far; and
     that refit.
     """
-    evidence = _with_that_of_refits(evidence, refits, limit, model, measured, seed)
+    evidence = with_that_of_refits(evidence, refits, limit, model, measured, seed)
     error = float(action_losses(model, measured).mean())
     losses = {c: action_losses(refit, measured) for c, refit in refits.items() if stands(evidence[c], limit)}
     losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
@@ -176,25 +176,3 @@ def _large_step(
     assert step.chosen is not None
     best = refits[step.chosen]
     return (step, best) if is_large(best.mechanisms[-1]) or is_far(best, measured) else None
-
-
-def _with_that_of_refits(
-    evidence: Mapping[str, Evidence],
-    refits: Mapping[str, Model],
-    limit: float,
-    model: Model,
-    measured: Measured,
-    seed: int,
-) -> dict[str, Evidence]:
-    """The evidence; where a cause's test does not speak for it, what its refit removes from actions that it was not
-    fitted to, for as many as need that with Bonferroni's correction.
-    """
-    unsaid = [cause for cause in refits if not stands(evidence[cause], limit)]
-    # What the base alone gains by being fitted longer is no cause's.
-    before = action_losses(fit(model, measured) if unsaid else model, measured)
-    weighed = dict(evidence)
-    for cause in unsaid:
-        gains = before - held_out_losses(refits[cause], measured, seed)
-        p = paired_p(gains, seed)
-        weighed[cause] = Evidence(p, min(len(unsaid) * p, 1.0), *mean_and_bounds(gains / before.mean(), 999, seed))
-    return weighed

@@ -5,24 +5,27 @@ It goes on where the search for large causes (``large``) ended, with the tool's 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pentimento.gap.candidates import (
     FIRST_P,
     LATER_P,
-    displaces,
+    can_leave_what_looks_like,
     held_out_losses,
     refits_with,
     shortlist,
     stands,
     weigh,
+    with_that_of_refits,
     without_idle,
 )  # fmt: skip
 from pentimento.gap.choice import Step, choose, displacement_left, kin_of, paired_p, told_by_one_of, without_unlikely
+from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
 from pentimento.gap.foretell import Model, action_losses
 from pentimento.gap.measured import Measured
+from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.score import Evidence
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -77,7 +80,9 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = LATER_P if number else FIRST_P
         short = shortlist(fresh, limit, _KIN_P, observable)
-        needless = {cause for cause in short if _is_kin_of_what_suffices(cause, model, observable, measured, seed)}
+        hidden = [] if short or not number else _hidden_by_ends(model, candidates, observable, measured, seed)
+        short = short or hidden
+        needless = {cause for cause in short if is_kin_of_what_suffices(cause, model, observable, measured, seed)}
         dismissed |= needless
         short = [cause for cause in short if cause not in needless]
         if not short or number == MOST_CAUSES or len(steps) == _MOST_STEPS:
@@ -85,12 +90,15 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
             break
         refits = refits_with(model, short, observable, measured, at_start)
         dismissed |= set(short) - set(refits)
+        if hidden:
+            fresh = with_that_of_refits(fresh, refits, limit, model, measured, seed)
+            evidence |= fresh
         before = action_losses(model, measured)
         error = float(before.mean())
-        least = max(_LEAST_OF_FLOOR * (begun.floor or error), _LEAST_OF_MISFIT * (error - begun.floor))
         losses = {cause: held_out_losses(refit, measured, seed) for cause, refit in refits.items()}
         size = {cause: float((before - each).mean()) for cause, each in losses.items()}
-        small = {c for c in losses if size[c] < max(least, _enough(observable[c], observable, gained))}
+        so_far = replace(begun, gained=gained)
+        small = {c for c in losses if size[c] < enough(observable[c], error, so_far)}
         dismissed |= small
         losses = {cause: after for cause, after in losses.items() if cause not in small}
         # From no effect a large one may look like little; what its refit removes is then the witness.
@@ -101,7 +109,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
             if stands(fresh[cause], limit) and (fresh[cause].least_gain > 0 or removes_p[cause] < LATER_P)
         }
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
-            dismissed |= {cause for cause in losses if stands(fresh[cause], limit)}
+            dismissed |= {cause for cause in losses if stands(fresh[cause], limit) or cause in hidden}
             continue
         losses = without_unlikely(losses, error, refits, measured)
         step = choose(evidence, losses, error, refits, measured, seed, log)
@@ -145,7 +153,7 @@ def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], No
     return replace(found, model=model, steps=tuple(steps), gained=gained)
 
 
-def _is_kin_of_what_suffices(
+def is_kin_of_what_suffices(
     cause: str, model: Model, observable: Mapping[str, Mechanism], measured: Measured, seed: int
 ) -> bool:
     """Whether the model has a cause of the same driver and is not sure to leave a displacement by what only one of the
@@ -159,11 +167,30 @@ def _is_kin_of_what_suffices(
     return False
 
 
-def _enough(mechanism: Mechanism, observable: Mapping[str, Mechanism], gained: Mapping[str, float]) -> float:
-    """How much error a further cause must remove, sRGB, to be more than what those of its kind have left: among what
-    displaces the mark, or among the others. What a displacement leaves has two signs across a mark: no width takes it
-    up.
+def _hidden_by_ends(
+    model: Model, candidates: Sequence[Mechanism], observable: Mapping[str, Mechanism], measured: Measured, seed: int
+) -> list[str]:
+    """Candidates that uneven ends may hide and that what is left asks for: a displacement by what they go with and
+    their kin does not. Ends are fitted to the average stroke, and every small step from no effect must undo them.
     """
-    alike = {cause: gain for cause, gain in gained.items() if displaces(observable[cause]) == displaces(mechanism)}
+    if not any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        return []
+    shown, asked_for = covariates_shown(measured), []
+    for candidate in candidates:
+        if candidate.driver == UnevenEnds.driver:
+            of_kin = {name for kin in kin_of(candidate, list(observable.values())) for name in observable[kin].told_by}
+            own = {name: shown[name] for name in candidate.told_by if name in shown and name not in of_kin}
+            if own and of_kin and displacement_left(model, measured, own, seed)[0]:
+                asked_for.append(candidate.cause)
+    return asked_for
+
+
+def enough(mechanism: Mechanism, error: float, so_far: Search) -> float:
+    """How much error, sRGB, a further cause must remove of the ``error`` that is left: more than what a base that is
+    wrong in many ways has of everything, and than what the forms of other causes may have left.
+    """
+    gained, observable, floor = so_far.gained, so_far.observable, so_far.floor
+    alike = {c: gain for c, gain in gained.items() if can_leave_what_looks_like(observable[c], mechanism)}
     same = {cause: observable[cause].driver == mechanism.driver for cause in alike}
-    return max((gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in alike.items()), default=0.0)
+    left = [gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in alike.items()]
+    return max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor), *left)
