@@ -47,7 +47,8 @@ def test_ends_that_are_there_are_kept_and_a_model_that_loses_nothing_stays(base:
 
 def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.005, left: float = 1.0) -> Finding:
     """A finding that is worth ``gain`` of the gap, and at least ``surely``, where others leave ``left`` of it."""
-    values = {"distance_m": (0.004, 0.001)} if cause == "bristle_lag" else {}
+    single = {"bristle_lag": "distance_m", "speed_width": "width_per_log_speed"}
+    values = {single[cause]: (0.004, 0.001)} if cause in single else {}
     return Finding(
         cause, 0.001, confirmed_p, gain, (surely, 2 * gain - surely), values, (), of_what_is_left=gain / left
     )
@@ -104,6 +105,11 @@ def test_what_acts_with_a_sign_that_it_cannot_have_is_of_no_use() -> None:
     lag = worth("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
     assert is_of_use(lag)
     assert not is_of_use(replace(lag, values={"distance_m": (-0.0001, 0.00002)}))
+
+
+def test_what_is_told_by_one_number_must_surely_have_one() -> None:
+    lag = worth("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
+    assert not is_of_use(replace(lag, values={"distance_m": (0.0004, 0.0003)}))
 
 
 def test_what_is_little_of_the_gap_may_be_much_of_what_others_leave_of_it() -> None:

@@ -48,6 +48,8 @@ _GOOD_GAIN = 0.1
 what the base can draw, a little is easily explained by what is not there."""
 _FEW = 15
 """Sealed actions."""
+_SURELY_THERE = 2.0
+"""Standard errors of a cause's only quantity."""
 _SMALLEST_GAP = 0.1
 """Of the gap, a resampled one, and of the error, the gap itself: what is smaller is no measure for anything."""
 
@@ -213,8 +215,8 @@ def diagnose(
 
 
 def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, sealed: int) -> bool:
-    """Whether it acts with a sign that it can have, and is worth enough on sealed strokes: surely something, where it
-    is little, or little beside another, and the confirming strokes are not all but certain of it.
+    """Whether it surely acts, with a sign that it can have, and is worth enough on sealed strokes: surely something,
+    where it is little, or little beside another, and the confirming strokes are not all but certain of it.
 
     A small table seals few strokes, which cannot tell little from nothing. Of the only cause that displaces the mark,
     or does not, which the confirming ones are sure of, few must only not deny it, and it must not be little beside one
@@ -226,6 +228,10 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     its = found.observable[finding.cause]
     if any(not q.signed and finding.values[q.name][0] < 0 for q in its.quantities):
         return False
+    if len(its.quantities) == 1:  # of several, each may be unsure where together they are not
+        ((value, error),) = finding.values.values()
+        if abs(value) < _SURELY_THERE * error:
+            return False
     others = [f for f in established if f is not finding and can_leave_what_looks_like(found.observable[f.cause], its)]
     alike = [finding.gain, *(f.gain for f in others)]
     sure = finding.confirmed_p <= _SURE_P and len(alike) == 1 and sealed <= _FEW

@@ -27,6 +27,7 @@ from pentimento.gap.search import MOST_CAUSES, Search, enough, is_kin_of_what_su
 Array = NDArray[Any]
 
 _IN_DOUBT_P, _MOST = 0.35, 2
+"""Beyond that p confirming strokes would be the only witness; of several in doubt, the first are refitted."""
 
 
 def confirmation(model: Model, cause: str, known: Measured, fresh: Array, seed: int) -> float:
