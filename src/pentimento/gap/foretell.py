@@ -193,10 +193,15 @@ class Ink(NamedTuple):
 
 def ink(model: Model, measured: Measured) -> Ink:
     """Coverage, and paint and picture after what the mechanisms do to them."""
+    return ink_of(mark_px(model, measured), model, measured)
+
+
+def ink_of(mark: Array, model: Model, measured: Measured) -> Ink:
+    """The same where the model's mark, as ``mark_px``, is known."""
     number = dict(zip(BASE, map(float, model.base), strict=True))
     weights = np.array([number[name] for name in SLABS])
     height, width = measured.samples.valid.shape[1:]
-    made = imprint(mark_px(model, measured), weights, (height, width))
+    made = imprint(mark, weights, (height, width))
     paint, gain = paint_laid(model, measured, made), gain_of_camera(model, measured)
     return Ink(made, paint, gain, float(np.exp(number["mixing"])))
 
@@ -291,11 +296,16 @@ def residual(model: Model, measured: Measured) -> Array:
 
 def foretold(model: Model, measured: Measured) -> Array:
     """The photographs after the strokes, sRGB float32[B, H, W, 3]."""
-    return np.concatenate(in_batches(lambda some: _foretold(model, some), measured, ROWS_AT_ONCE))
+    mark = mark_px(model, measured)
+
+    def of(some: slice) -> Array:
+        return _foretold(model, measured.pick(some), mark[some])
+
+    return np.concatenate(in_batches(of, len(measured), ROWS_AT_ONCE))
 
 
-def _foretold(model: Model, measured: Measured) -> Array:
-    laid = ink(model, measured)
+def _foretold(model: Model, measured: Measured, mark: Array) -> Array:
+    laid = ink_of(mark, model, measured)
     changed = np.flatnonzero((laid.imprint.segment >= 0) | (laid.gain != 1))
     after = measured.samples.before.numpy().copy()
     after.reshape(-1, 3)[changed] = linear_to_srgb(foretold_linear(laid, measured, changed))

@@ -20,7 +20,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.gap.fit import steadied
-from pentimento.gap.foretell import Model, foretold, ink, mark_px, press_shares, residual
+from pentimento.gap.foretell import Model, foretold, ink_of, mark_px, press_shares, residual
 from pentimento.gap.imprint import Imprint
 from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.gap.measured import Measured
@@ -100,7 +100,8 @@ class _Pixels:
     """Pixels of strokes where coverage can be seen."""
 
     def __init__(self, model: Model, measured: Measured, turned: bool) -> None:
-        laid = ink(model, measured)
+        mark = mark_px(model, measured)
+        laid = ink_of(mark, model, measured)
         self._towards = slope_by_coverage(laid, measured)
         depth = np.square(self._towards).sum(-1)
         self._seen = (laid.imprint.segment >= 0) & (depth > _FAINTEST)
@@ -109,7 +110,6 @@ class _Pixels:
         self.stroke = np.nonzero(self._seen)[0]
         """Index of each one's stroke, [n]."""
         self._by_place = laid.imprint.by_mark[self._seen][:, :2].astype(float)
-        mark = mark_px(model, measured)
         lie = _lie(mark, measured.samples.path[..., 4].double().numpy()) if turned else []
         self.features = _features(laid.imprint, self._seen, mark, press_shares(model, measured), lie)
 

@@ -24,7 +24,8 @@ from pentimento.gap.foretell import (
     at_pixels,
     foretold_linear,
     gain_of_camera,
-    ink,
+    ink_of,
+    mark_px,
     marks_px,
     paint_at,
     paint_laid,
@@ -48,18 +49,23 @@ def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
 
 def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
     """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
-    return np.concatenate(in_batches(lambda some: _change_of_photographs(model, some, amounts), measured, ROWS_AT_ONCE))
+    mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
+    change = np.tensordot(amounts[number], changes, 1)
+
+    def of(some: slice) -> Array:
+        return _change_of_photographs(model, measured.pick(some), amounts, mark[some], change[some])
+
+    return np.concatenate(in_batches(of, len(measured), ROWS_AT_ONCE))
 
 
-def _change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
-    laid = ink(model, measured)
+def _change_of_photographs(
+    model: Model, measured: Measured, amounts: Array, mark: Array, change_of_mark: Array
+) -> Array:
+    laid = ink_of(mark, model, measured)
     linear = foretold_linear(laid, measured)
-    number, changes = _changes_of_mark(model, measured)
     inked = np.flatnonzero(laid.imprint.segment >= 0)
     drawn = np.zeros_like(laid.imprint.coverage)
-    drawn.ravel()[inked] = change_of_coverage(laid.imprint, np.tensordot(amounts[number], changes, 1)[None], inked)[
-        :, 0
-    ]
+    drawn.ravel()[inked] = change_of_coverage(laid.imprint, change_of_mark[None], inked)[:, 0]
     drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
     _, steepness = _srgb_and_slope(linear)
     by_coverage, by_paint = _slopes(laid, measured)
@@ -95,28 +101,35 @@ def linearise(model: Model, measured: Measured) -> Statistics:
 
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
     """The same of each row, by its weight: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
-    parts = in_batches(lambda some: _row_statistics(model, some), measured, ROWS_AT_ONCE)
+    mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
+
+    def of(some: slice) -> tuple[Array, Array, Array]:
+        return _row_statistics(model, measured.pick(some), mark[some], number, changes[:, some])
+
+    parts = in_batches(of, len(measured), ROWS_AT_ONCE)
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     weight = measured.weight
     return curvature * weight[:, None, None], slope * weight[:, None], energy * weight
 
 
-def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
+def _row_statistics(
+    model: Model, measured: Measured, mark: Array, number: Array, changes: Array
+) -> tuple[Array, Array, Array]:
     """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
 
     What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
     coverage; only what changes the paint or the picture needs all three.
+
+    Args:
+        mark: of the model, as ``mark_px``.
+        number, changes: as ``_changes_of_mark``.
     """
-    laid = ink(model, measured)
-    number, changes = _changes_of_mark(model, measured)
+    laid = ink_of(mark, model, measured)
     of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
     of_paint = _changes_of_paint(model, measured, laid.imprint)
-    inked = laid.imprint.segment >= 0
-    by_camera = any(gain is not None for _, _, gain in of_paint)
-    changed = np.ones_like(inked) if by_camera else inked  # elsewhere nothing changes
-    first, first_inked = (np.concatenate([[0], np.cumsum(some.sum((1, 2)))]) for some in (changed, inked))
-    pixels, inked_pixels = np.flatnonzero(changed), np.flatnonzero(inked)
-    is_inked = at_pixels(inked, pixels)
+    inked = laid.imprint.segment >= 0  # elsewhere nothing changes but what the camera does
+    first = np.concatenate([[0], np.cumsum(inked.sum((1, 2)))])
+    pixels = np.flatnonzero(inked)
 
     samples, valid = measured.samples, measured.samples.valid.numpy()
     linear = foretold_linear(laid, measured, pixels)
@@ -130,21 +143,19 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
     missing = at_pixels(rest, pixels) - change
     rest.reshape(-1, 3)[pixels] = missing
 
-    by_level = at_pixels(laid.imprint.by_level, inked_pixels)
-    maps = np.concatenate([by_level, change_of_coverage(laid.imprint, changes, inked_pixels)], axis=1)
+    by_level = at_pixels(laid.imprint.by_level, pixels)
+    maps = np.concatenate([by_level, change_of_coverage(laid.imprint, changes, pixels)], axis=1)
     curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
     slope = np.zeros((len(measured), len(model.vector)))
     of_mark_twice = of_mark[:, None], of_mark
-    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     for b in range(len(measured)):
         own = slice(first[b], first[b + 1])
-        on = is_inked[own] if by_camera else slice(None)
-        drawn, depth = maps[first_inked[b] : first_inked[b + 1]], by_coverage[own][on]
+        drawn, depth = maps[own], by_coverage[own]
         curvature[b][of_mark_twice] = drawn.T @ (drawn * np.square(depth).sum(1, keepdims=True))
-        slope[b][of_mark] = (depth * missing[own][on]).sum(1) @ drawn
+        slope[b][of_mark] = (depth * missing[own]).sum(1) @ drawn
         pictures = {
-            p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][changed[b]])
-            + (0 if gain is None else by_gain[own] * gain[b][changed[b]][:, None])
+            p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][inked[b]])
+            + (0 if gain is None else by_gain[own] * gain[b][inked[b]][:, None])
             for p, paint, gain in of_paint
             if gain is not None or paint[b].any()
         }
@@ -153,15 +164,40 @@ def _row_statistics(model: Model, measured: Measured) -> tuple[Array, Array, Arr
         if not pictures:
             continue
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
-        cross = drawn.T @ (whole[:, on] * depth).sum(-1).T
+        cross = drawn.T @ (whole * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
         # A mechanism may act on the mark and on the paint: its two parts add up.
         curvature[b][np.ix_(of_mark, index)] += cross
         curvature[b][np.ix_(index, of_mark)] += cross.T
         curvature[b][np.ix_(index, index)] += flat @ flat.T
         slope[b][index] += flat @ missing[own].ravel()
+    if gains := {p: gain for p, _, gain in of_paint if gain is not None}:
+        _add_bare_ground(curvature, slope, rest, gains, laid, measured)
+    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     count = valid.sum((1, 2)) * 3
     return curvature / count[:, None, None], slope / count[:, None], energy / count
+
+
+def _add_bare_ground(
+    curvature: Array, slope: Array, rest: Array, gains: dict[int, Array], laid: Ink, measured: Measured
+) -> None:
+    """Add the pixels that strokes leave bare, of which a camera's gain changes the picture, to the sums over the
+    others; and take off ``rest`` [B, H, W, 3] what the gain has changed of them.
+
+    Args:
+        gains: by number of the model, its derivative by that, [B, H, W].
+    """
+    index, maps = np.array(list(gains)), np.stack(list(gains.values()))
+    bare = (laid.imprint.segment < 0) & (measured.samples.valid.numpy() > 0)
+    before, before_linear = measured.samples.before.numpy(), measured.samples.before_linear.numpy()
+    for b, here in enumerate(bare):
+        below, gain = before_linear[b][here], laid.gain[b][here][:, None]
+        srgb, steepness = _srgb_and_slope(below * gain)
+        missing = rest[b][here] - (srgb - before[b][here])
+        rest[b][here] = missing
+        by_gain, own = steepness * below, maps[:, b][:, here]
+        curvature[b][np.ix_(index, index)] += (own * np.square(by_gain).sum(1)) @ own.T
+        slope[b][index] += own @ (by_gain * missing).sum(1)
 
 
 def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
