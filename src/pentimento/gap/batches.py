@@ -1,4 +1,4 @@
-"""Rows a few at a time, shared out among threads: what is done to each has no need of the others."""
+"""Rows a few at a time: what is done to each has no need of the others."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 from functools import cache
 from typing import Any, TypeVar
 
-from numba import get_num_threads
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 from pentimento.render.threads import in_threads
@@ -15,10 +14,13 @@ from pentimento.render.threads import in_threads
 _R = TypeVar("_R")
 
 
-def in_batches(function: Callable[[slice], _R], rows: int, rows_at_once: int) -> list[_R]:
+def in_batches(function: Callable[[slice], _R], rows: int, rows_at_once: int, threads: int = 1) -> list[_R]:
     """The results for a few of so many rows at a time, in their order; the same for any number of threads, bit by bit.
 
-    The function must not come back here: it would wait for the threads that it holds.
+    Of more than one, the function must not come back here: it would wait for the threads that it holds.
+
+    Args:
+        threads: more than one only for work on whole arrays; where most is said in Python, they wait for each other.
     """
 
     def of(some: slice) -> _R:
@@ -26,7 +28,7 @@ def in_batches(function: Callable[[slice], _R], rows: int, rows_at_once: int) ->
             return function(some)
 
     batches = [slice(start, start + rows_at_once) for start in range(0, rows, rows_at_once)]
-    return in_threads(of, batches, get_num_threads())
+    return in_threads(of, batches, threads)
 
 
 def one_openmp_thread() -> AbstractContextManager[Any]:

@@ -21,7 +21,7 @@ from torch import Tensor
 from torch.func import vmap
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
-from pentimento.gap.batches import in_batches
+from pentimento.gap.batches import in_batches, one_openmp_thread
 from pentimento.gap.imprint import LEVELS, Imprint, imprint
 from pentimento.gap.measured import Measured
 from pentimento.gap.mixture import mixture
@@ -215,7 +215,8 @@ def press_shares(model: Model, measured: Measured) -> Array:
 def mark_px(model: Model, measured: Measured) -> Array:
     """float64[B, N, 5]: column, row, half-width, density, edge."""
     base = torch.tensor(model.base, dtype=torch.float64)
-    return _mark_px(model.press_m, base, model.at_work, measured).numpy()
+    with one_openmp_thread():
+        return _mark_px(model.press_m, base, model.at_work, measured).numpy()
 
 
 def marks_px(model: Model, mechanisms: Sequence[Mechanism], vectors: Array, measured: Measured) -> Array:
@@ -231,7 +232,8 @@ def marks_px(model: Model, mechanisms: Sequence[Mechanism], vectors: Array, meas
         valued = [type(m)(vector[columns] * typical, m.reference) for m, columns, typical in parts]
         return _mark_px(model.press_m, vector[: len(model.base)], valued, measured)
 
-    return np.asarray(vmap(at)(torch.tensor(vectors)).numpy())
+    with one_openmp_thread():
+        return np.asarray(vmap(at)(torch.tensor(vectors)).numpy())
 
 
 def _mark_px(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Mechanism], measured: Measured) -> Tensor:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 
 from pentimento.gap.batches import in_batches
@@ -27,7 +28,9 @@ _STAGE = {"command": 0, "contact": 0, "material": 1, "surface": 2}
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     """Measured less foretold, habits included, millimetres float32[B, H, W]; 0 where nothing was measured."""
-    return np.concatenate(in_batches(lambda some: _residual(model, measured.pick(some)), len(measured), _ROWS_AT_ONCE))
+    return np.concatenate(
+        in_batches(lambda some: _residual(model, measured.pick(some)), len(measured), _ROWS_AT_ONCE, get_num_threads())
+    )
 
 
 def _residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
@@ -53,7 +56,9 @@ def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
 
 def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], over its number of measured pixels; mm²."""
-    parts = in_batches(lambda some: _row_statistics(model, measured.pick(some)), len(measured), _ROWS_AT_ONCE)
+    parts = in_batches(
+        lambda some: _row_statistics(model, measured.pick(some)), len(measured), _ROWS_AT_ONCE, get_num_threads()
+    )
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
 
