@@ -5,6 +5,9 @@ number for each sheet of paper; one that narrows with speed, by a bleed without 
 time, by a length. So a cause must show what it is named for, and it has a rival without a name: a curve (``modulator``)
 over whatever was recorded that it does not go with. The right cause knows more of a stroke than any such curve, be its
 form as wrong as that of all materials.
+
+And what trails has a direction in time. Paint that overlaps on the inside of bends draws a mark inwards before a bend
+as after it, where a patch that trails cuts the corner only behind the tip.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
@@ -26,7 +30,8 @@ from pentimento.gap.path_covariates import covariates_shown
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.geometry import speed_m_s
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
-from pentimento.stroke_dynamics.simulation import Mechanism
+from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext
+from pentimento.stroke_dynamics.traj2stroke import Mark
 
 Array = NDArray[Any]
 
@@ -41,6 +46,10 @@ _POWER_OF_SPEED = {BristleLag.cause: 0, Latency.cause: 1}
 _ANOTHER_POWER = 0.15
 """How far off a power must be seen to be another. A wrong cause, fitted, has taken up half of the difference of 1 and
 more: .16 to .55 are seen of it, and of a right one's .2 at most."""
+_LEADS = 0.5
+"""Share of a distance that a mark trails by. Of paint that overlaps in bends, .7 are seen; of marks that trail, in
+photographs by others .3 at most and in simulations .1.
+"""
 
 
 def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
@@ -85,6 +94,30 @@ def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measur
     usual_speed = float(np.exp(np.average(log_speed, weights=weight)))
     distance_m = float(fitted.values[0]) * usual_speed ** _POWER_OF_SPEED[mechanism.cause]
     return abs(slope_m) - _SURE * error_m > _ANOTHER_POWER * distance_m
+
+
+def leads_as_much(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
+    """Whether a mark that trails by a distance would, beside that, lead by half of it: it is drawn to the inside of
+    bends alike before and after them, and nothing trails. False of any other cause.
+
+    Args:
+        model: with the cause, fitted to ``measured``.
+    """
+    if not isinstance(mechanism, BristleLag):
+        return False
+    both = fit(model.plus(_Leading(torch.zeros_like(mechanism.values), {})), measured)
+    trails_m = next(m for m in both.mechanisms if m.cause == mechanism.cause).values[0]
+    return bool(both.mechanisms[-1].values[0] > _LEADS * trails_m)
+
+
+class _Leading(BristleLag):
+    """The same backwards in time: the mark leads its tip as one trails that is drawn from end to start."""
+
+    cause = "leading"
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        backwards = super().mark(mark._replace(points_m=mark.points_m.flip(-2)), context)
+        return mark._replace(points_m=backwards.points_m.flip(-2))
 
 
 def curve_is_as_good(

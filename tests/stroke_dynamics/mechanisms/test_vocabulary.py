@@ -7,7 +7,6 @@ from torch import Tensor
 
 from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.stroke_dynamics.mechanisms.backlash import Backlash
-from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.canvas_tilt import CanvasTilt
 from pentimento.stroke_dynamics.mechanisms.drying_shift import DryingShift
 from pentimento.stroke_dynamics.mechanisms.geometry import (
@@ -149,14 +148,24 @@ def test_a_leash_cuts_corners_and_a_short_one_hardly() -> None:
         assert 0.1 * distance < float(cut) < distance
 
 
-def test_latency_is_a_lag_in_proportion_to_speed() -> None:
-    strokes = context()
-    mark = MODEL.double()(strokes.path)
-    time_s = 0.05
-    late = made(Latency, time_s).mark(mark, strokes).points_m
-    for i, speed in enumerate(speed_m_s(strokes.path)[:, 0]):
-        lag = BristleLag(torch.tensor([time_s * float(speed)], dtype=torch.float64), {})
-        torch.testing.assert_close(late[i], lag.mark(mark, strokes).points_m[i], atol=1e-7, rtol=0)
+def test_a_late_tip_is_where_it_was_told_to_be_a_time_ago() -> None:
+    time_s, t = 0.05, torch.linspace(0, 0.5, 200, dtype=torch.float64)
+    still = torch.zeros_like(t)
+    strokes = StrokeContext(torch.stack([t, t**2, still, still, still], dim=-1)[None, None], {})
+    mark = MODEL.double()(strokes.path)._replace(points_m=strokes.path[..., 1:3])
+    for late_s in (time_s, -time_s):
+        late = made(Latency, late_s).mark(mark, strokes).points_m[0, 0, :, 0]
+        torch.testing.assert_close(late, (t - late_s).clamp(0.0, 0.5) ** 2, atol=1e-5, rtol=0)
+
+
+def test_without_times_a_late_tip_trails_by_the_usual_speed() -> None:
+    path = line(0.02)
+    path = torch.cat([torch.full_like(path[..., :1], torch.nan), path, torch.zeros_like(path)], dim=-1)
+    strokes = StrokeContext(path, {})
+    mark = MODEL.double()(torch.nan_to_num(path))._replace(points_m=path[..., 1:3])
+    latency = Latency(torch.tensor([0.05], dtype=torch.float64), {"speed_m_s": 0.1})
+    behind = path[..., 1] - latency.mark(mark, strokes).points_m[..., 0]
+    torch.testing.assert_close(behind, (path[..., 1] - path[..., :1, 1]).clamp(max=0.005))
 
 
 def test_backlash_changes_sides_with_the_motion() -> None:

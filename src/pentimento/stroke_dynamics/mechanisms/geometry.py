@@ -105,6 +105,14 @@ def trailing(points_m: Tensor, distance_m: Tensor) -> Tensor:
     return points_m + torch.sign(distance_m)[..., None] * (torch.stack(trail, dim=-2) - points_m)
 
 
+def delayed(points_m: Tensor, times_s: Tensor, late_s: Tensor) -> Tensor:
+    """Where something is that goes through points [B, S, N, 2] later than at their times [B, S, N], [B, S, N, 2]. It
+    waits at the first of them; where it is early, below 0, at the last.
+    """
+    then_s = torch.minimum(torch.maximum(times_s - late_s, times_s[..., :1]), times_s[..., -1:])
+    return at_lengths(then_s, times_s, points_m)
+
+
 def recorded(context: StrokeContext, *names: str) -> tuple[int, Tensor]:
     """The number of the first of these columns that is there for every stroke and varies, and the column, [B, S].
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, speed_m_s, trailing, usual_speed
+from pentimento.stroke_dynamics.mechanisms.geometry import SHAPE, arc_m, delayed, speed_m_s, usual_speed
 from pentimento.stroke_dynamics.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.stroke_dynamics.traj2stroke import Mark
 
 
 class Latency(Mechanism):
-    """A first-order servo: see above."""
+    """See above: late by one time wherever it is, and so by little where the tip starts and stops."""
 
     cause = "latency"
     site = "trajectory"
@@ -23,6 +23,7 @@ class Latency(Mechanism):
         return usual_speed(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        speed = speed_m_s(context.path)
-        late = self.values[0] * torch.where(torch.isfinite(speed), speed, self.reference["speed_m_s"])[..., None]
-        return mark._replace(points_m=trailing(mark.points_m, late))
+        speed = speed_m_s(context.path)[..., None]
+        evenly = arc_m(context.path) / self.reference["speed_m_s"]
+        times_s = torch.where(torch.isfinite(speed), context.path[..., 0], evenly)
+        return mark._replace(points_m=delayed(mark.points_m, times_s, self.values[0]))
