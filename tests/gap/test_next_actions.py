@@ -114,6 +114,14 @@ def test_without_places_strokes_keep_their_frame(model: Model, strokes: Measured
         assert action.path[-1, 2] == pytest.approx(0, abs=1e-9)
 
 
+def test_a_pen_that_only_touches_is_proposed_to_touch(strokes: Measured) -> None:
+    path = strokes.samples.path.clone()
+    path[..., 3] = 0.0
+    touching = replace(strokes, samples=strokes.samples._replace(path=path))
+    actions = draw_sequence(np.random.default_rng(0), ranges_of(touching), touching, 5)
+    assert all((action.path[:, 3] == 0).all() for action in actions)
+
+
 def test_rivals_come_first_then_imitators_then_what_is_known_least(written: Written) -> None:
     found = Finding("bristle_lag", 0.001, 0.001, 0.4, (0.2, 0.6), {"distance_m": (0.004, 0.001)}, ("latency",))
     causes = ("bristle_lag", "latency", "path_scale")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
-from pentimento.gap.fit import fit, held
+from pentimento.gap.fit import fit, held, steadied
 from pentimento.gap.foretell import Model, action_losses, mark_px
 from pentimento.gap.jacobian import Statistics, linearise
 from pentimento.gap.measured import Measured
@@ -38,12 +38,15 @@ def weigh(
     """Evidence for each candidate at a fitted model, and the statistics of the model with it."""
     if not candidates:
         return {}, {}
-    # Without what holds the base: its pull would be charged to whatever a cause shares with the base.
-    statistics = linearise(model.plus(*candidates), measured)
+    full = model.plus(*candidates)
+    statistics = linearise(full, measured)
+    # As stiff as a fit holds the base, or a step that none would take (paint far from what was told) would do a cause's
+    # work. Without its pull, which would be charged to whatever a cause shares with the base.
+    stiff = steadied(statistics, full, 1.0)
     _, first = np.unique(measured.action, return_index=True)
     quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
     size = len(model.vector)
-    return weighed(statistics, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
+    return weighed(stiff, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
 
 
 def stands(evidence: Evidence, limit: float) -> bool:

@@ -107,5 +107,5 @@ def _room(measured: Measured, window_px: tuple[int, int]) -> Array:
 
 
 def _range(values: Array) -> tuple[float, float]:
-    low, high = np.quantile(values, [0.02, 0.98])
+    low, high = np.quantile(values, [0.02, 0.98]) + 0.0  # not -0.0, from which to 0.0 NumPy draws nothing
     return float(low), float(high)

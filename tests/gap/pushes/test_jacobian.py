@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.gap import batches
+from pentimento.gap.pushes import jacobian
 from pentimento.gap.pushes.fit import equalised
 from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows, residual
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
@@ -36,7 +36,7 @@ def test_the_statistics_foretell_the_error_of_a_small_step(measured: MeasuredPus
 def test_any_number_of_threads_gives_the_same_bits(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
     model, found = first_model(measured.scene), []
     for threads in (1, 2):
-        monkeypatch.setattr(batches, "get_num_threads", lambda threads=threads: threads)
+        monkeypatch.setattr(jacobian, "get_num_threads", lambda threads=threads: threads)
         found.append((*linearise_rows(model, measured), residual(model, measured)))
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
