@@ -20,6 +20,7 @@ from pentimento.gap.candidates import (
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit
 from pentimento.gap.foretell import WIDTHS, Model, foretold, identity
+from pentimento.gap.jacobian import Statistics
 from pentimento.gap.measured import load_measured
 from pentimento.gap.score import Evidence
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
@@ -27,6 +28,7 @@ from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
+from pentimento.stroke_dynamics.mechanisms.vignetting import Vignetting
 from tests.gap.test_habits import photographed
 from tests.gap.test_large import strokes_of
 
@@ -71,6 +73,29 @@ def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
     model = fit(first_model(strokes), strokes)
     lag = identity(BristleLag, strokes.context)
     assert weigh(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
+
+
+def test_a_step_that_no_fit_would_take_hides_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a lens darkens, paint ten times as far from what was told as is likely would do nearly as well."""
+    measured = load_measured(example_table(60))
+    measured = replace(measured, samples=measured.samples._replace(action=torch.arange(60)), block=np.arange(60))
+    model, darker = first_model(measured), identity(Vignetting, measured.context)
+    columns = len(model.vector) + len(darker.quantities)
+    rng = np.random.default_rng(0)
+    by_number = np.zeros((60, 40, columns))
+    by_number[..., len(model.base)] = 1.0  # red
+    by_number[..., len(model.vector)] = 1.0 + 0.1 * rng.standard_normal((60, 1))
+    missing = 0.3 * by_number[..., len(model.vector)] + rng.standard_normal((60, 40))
+    statistics = Statistics(
+        np.einsum("anp,anq->apq", by_number, by_number) / 40,
+        np.einsum("anp,an->ap", by_number, missing) / 40,
+        np.square(missing).mean(1),
+    )
+    monkeypatch.setattr(candidates, "linearise", lambda model, measured: statistics)
+    stiff = weigh(model, [darker], measured, 0)[0][Vignetting.cause]
+    monkeypatch.setattr(candidates, "steadied", lambda statistics, model, share: statistics)
+    free = weigh(model, [darker], measured, 0)[0][Vignetting.cause]
+    assert stiff.p < 0.001 and stiff.gain > 0 and free.p > 0.05
 
 
 def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
