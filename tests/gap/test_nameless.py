@@ -17,7 +17,7 @@ from pentimento.gap.modes import MODES, AllModes
 from pentimento.gap.modulator import Modulation
 from pentimento.gap.nameless import curve_is_as_good, leads_as_much, shows_signature, trails_by_another_power
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
-from pentimento.stroke_dynamics.mechanisms.geometry import speed_m_s, trailing
+from pentimento.stroke_dynamics.mechanisms.geometry import delayed, speed_m_s, trailing
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
@@ -99,6 +99,17 @@ class TrailsByAPower(Mechanism):
         return mark._replace(points_m=trailing(mark.points_m, distance_m[..., None]))
 
 
+class LateByAPower(TrailsByAPower):
+    """By the time in which a stroke goes as far."""
+
+    cause = "late_by_a_power"
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        speed = speed_m_s(context.path)
+        late_s = 0.002 * (speed / 0.05) ** self.values[0] / speed
+        return mark._replace(points_m=delayed(mark.points_m, context.path[..., 0], late_s[..., None]))
+
+
 @pytest.mark.parametrize("beside", [(), (UnevenEnds,)])
 @pytest.mark.parametrize(
     ("power", "kind", "another"),
@@ -110,7 +121,8 @@ def test_what_trails_by_another_power_of_the_speed_is_another_cause(
 ) -> None:
     measured = load_measured(example_table(60, seed=3))
     base = first_model(measured)
-    truth = TrailsByAPower(torch.tensor([power], dtype=torch.float64), {})
+    by_a_power = LateByAPower if kind is Latency else TrailsByAPower
+    truth = by_a_power(torch.tensor([power], dtype=torch.float64), {})
     after = foretold(base.plus(truth), measured)
     made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
     model = fit(base.plus(*(identity(each, made.context) for each in (*beside, kind))), made)
