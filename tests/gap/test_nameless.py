@@ -15,7 +15,7 @@ from pentimento.gap.foretell import Model, action_losses, foretold, foretold_lin
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.modes import MODES, AllModes
 from pentimento.gap.modulator import Modulation
-from pentimento.gap.nameless import curve_is_as_good, leads_as_much, shows_signature, trails_by_another_power
+from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_both_ways, trails_by_another_power
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.geometry import delayed, speed_m_s, trailing
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
@@ -135,29 +135,39 @@ def test_nothing_trails_by_a_width() -> None:
 
 
 class DrawnInwards(Mechanism):
-    """By 2 mm to the inside of bends, before them by the first share of that and after them by the second."""
+    """By 2 mm at 0.05 m/s, and by a power of the speed, to the inside of bends: before them by the first share of that
+    and after them by the second.
+    """
 
     cause = "drawn_inwards"
     site = "trajectory"
     driver = "motion"
-    quantities = (BristleLag.quantities[0], BristleLag.quantities[0])
+    quantities = 3 * BristleLag.quantities
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        distance_m = 0.002 * torch.ones_like(context.path[..., :1, 0])
+        before, after, power = self.values
+        distance_m = 0.002 * (speed_m_s(context.path)[..., None] / 0.05) ** power
         leading = trailing(mark.points_m.flip(-2), distance_m).flip(-2) - mark.points_m
         following = trailing(mark.points_m, distance_m) - mark.points_m
-        before, after = self.values
         return mark._replace(points_m=mark.points_m + before * leading + after * following)
 
 
-@pytest.mark.parametrize(("before", "after", "alike"), [(0.5, 0.5, True), (0.0, 1.0, False), (0.1, 0.9, False)])
-def test_what_is_drawn_inwards_before_a_bend_as_after_it_does_not_trail(
-    before: float, after: float, alike: bool
+@pytest.mark.parametrize(("kind", "power"), [(BristleLag, 0.0), (Latency, 1.0)])
+@pytest.mark.parametrize(
+    ("before", "after", "both_ways"), [(0.5, 0.5, True), (-0.5, 0.5, True), (0.0, 1.0, False), (0.1, 0.9, False)]
+)
+def test_what_is_bent_before_a_bend_as_after_it_does_not_trail(
+    before: float, after: float, both_ways: bool, kind: type[Mechanism], power: float
 ) -> None:
     measured = load_measured(example_table(60, seed=3))
     base = first_model(measured)
-    truth = DrawnInwards(torch.tensor([before, after], dtype=torch.float64), {})
+    truth = DrawnInwards(torch.tensor([before, after, power], dtype=torch.float64), {})
     photographs = foretold(base.plus(truth), measured)
     made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
-    lag = identity(BristleLag, made.context)
-    assert leads_as_much(lag, fit(base.plus(lag), made), made) == alike
+    model = fit(base.plus(identity(kind, made.context)), made)
+    assert trails_both_ways(model.mechanisms[-1], model, made) == both_ways
+
+
+def test_a_width_does_not_trail() -> None:
+    model, strokes = widened(0.2 * SESSION)
+    assert not trails_both_ways(SpeedWidth(torch.zeros(1), {}), model, strokes)

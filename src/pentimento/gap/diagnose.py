@@ -24,7 +24,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.mixing import mixed
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
-from pentimento.gap.nameless import curve_is_as_good, leads_as_much, shows_signature, trails_by_another_power
+from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_both_ways, trails_by_another_power
 from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.search import Search, search, settle
 from pentimento.gap.splits import Splits, split
@@ -182,7 +182,7 @@ def diagnose(
         return (
             not shows_signature(mechanism, finding.values)
             or trails_by_another_power(mechanism, extended, known)
-            or leads_as_much(mechanism, extended, known)
+            or trails_both_ways(mechanism, extended, known)
             or curve_is_as_good(mechanism, extended, without(extended, [finding.cause]), known, test, seed)
         )
 

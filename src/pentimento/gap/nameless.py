@@ -96,18 +96,19 @@ def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measur
     return abs(slope_m) - _SURE * error_m > _ANOTHER_POWER * distance_m
 
 
-def leads_as_much(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
-    """Whether a mark that trails by a distance would, beside that, lead by half of it: it is drawn to the inside of
-    bends alike before and after them, and nothing trails. False of any other cause.
+def trails_both_ways(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
+    """Whether a mark that trails by a distance or a time would, beside that, lead by half as much, or the contrary of
+    leading: it is bent alike before and after its bends, and nothing trails. False of any other cause.
 
     Args:
         model: with the cause, fitted to ``measured``.
     """
-    if not isinstance(mechanism, BristleLag):
+    if not isinstance(mechanism, BristleLag | Latency):
         return False
     both = fit(model.plus(_Leading(torch.zeros_like(mechanism.values), {})), measured)
-    trails_m = next(m for m in both.mechanisms if m.cause == mechanism.cause).values[0]
-    return bool(both.mechanisms[-1].values[0] > _LEADS * trails_m)
+    trails = next(m for m in both.mechanisms if m.cause == mechanism.cause)
+    trails_m = float(trails.values[0]) * trails.reference.get("speed_m_s", 1.0)
+    return abs(float(both.mechanisms[-1].values[0])) > _LEADS * trails_m
 
 
 class _Leading(BristleLag):
