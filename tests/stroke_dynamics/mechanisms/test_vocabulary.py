@@ -168,13 +168,30 @@ def test_without_times_a_late_tip_trails_by_the_usual_speed() -> None:
     torch.testing.assert_close(behind, (path[..., 1] - path[..., :1, 1]).clamp(max=0.005))
 
 
-def test_backlash_changes_sides_with_the_motion() -> None:
-    strokes = context()
-    back = strokes._replace(path=torch.cat([strokes.path[..., :1], strokes.path[..., 1:].flip(-2)], dim=-1))
-    play = made(Backlash, 5e-4, 5e-4)
-    there = play.mark(MODEL.double()(strokes.path), strokes).points_m - strokes.path[..., 1:3]
-    again = play.mark(MODEL.double()(back.path), back).points_m.flip(-2) - strokes.path[..., 1:3]
-    torch.testing.assert_close(there, -again)
+def offset_by_play(path: Tensor, x_m: float, y_m: float) -> Tensor:
+    """Of each point of paths [B, S, N, 5], [B, S, N, 2]."""
+    mark = made(Backlash, x_m, y_m).mark(MODEL.double()(path), context()._replace(path=path))
+    return mark.points_m - path[..., 1:3]
+
+
+def test_backlash_turns_over_with_the_axis_by_the_way_that_it_goes() -> None:
+    way = torch.linspace(0, 0.03, POINTS, dtype=torch.float64)
+    there_and_back = torch.cat([way, way.flip(0)[1:]])
+    path = torch.zeros(1, 1, len(there_and_back), 5, dtype=torch.float64)
+    path[..., 1] = there_and_back
+    offset = offset_by_play(path, 5e-4, 5e-4)
+    turned = torch.exp(-way / 5.5e-4)
+    torch.testing.assert_close(offset[0, 0, :POINTS, 0], -5e-4 * (1 - 0.5 * turned))
+    torch.testing.assert_close(offset[0, 0, POINTS:, 0], 5e-4 * (1 - (2 - 0.5 * turned[-1]) * turned[1:]))
+    assert not offset[..., 1].any()
+
+
+def test_backlash_of_one_axis_goes_with_its_own_motion_alone() -> None:
+    path = context().path
+    mirrored = torch.cat([path[..., :1], -path[..., 1:2], path[..., 2:]], dim=-1)
+    torch.testing.assert_close(
+        offset_by_play(mirrored, 5e-4, 3e-4), offset_by_play(path, 5e-4, 3e-4) * torch.tensor([-1.0, 1.0])
+    )
 
 
 def test_depletion_goes_on_along_the_stroke() -> None:
