@@ -15,7 +15,13 @@ from pentimento.gap.foretell import Model, action_losses, foretold, foretold_lin
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.gap.modes import MODES, AllModes
 from pentimento.gap.modulator import Modulation
-from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_both_ways, trails_by_another_power
+from pentimento.gap.nameless import (
+    curve_is_as_good,
+    ends_do_as_much,
+    shows_signature,
+    trails_both_ways,
+    trails_by_another_power,
+)
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.geometry import delayed, speed_m_s, trailing
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
@@ -171,3 +177,18 @@ def test_what_is_bent_before_a_bend_as_after_it_does_not_trail(
 def test_a_width_does_not_trail() -> None:
     model, strokes = widened(0.2 * SESSION)
     assert not trails_both_ways(SpeedWidth(torch.zeros(1), {}), model, strokes)
+
+
+@pytest.mark.parametrize("kind", [BristleLag, Latency])
+def test_what_trails_at_its_ends_alone_cuts_no_corners(kind: type[Mechanism]) -> None:
+    measured = load_measured(example_table(60, seed=3))
+    base = first_model(measured)
+    idle = identity(kind, measured.context)
+    cause = kind(torch.tensor([kind.quantities[0].typical / 2], dtype=torch.float64), idle.reference)
+    ends = UnevenEnds(torch.tensor([2e-4, -2e-4, 0.0, 0.0], dtype=torch.float64), {})
+    for truth, at_ends in ((ends, True), (cause, False)):
+        photographs = foretold(base.plus(truth), measured)
+        made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
+        model = fit(base.plus(idle), made)
+        assert float(model.mechanisms[-1].values[0]) > 0
+        assert ends_do_as_much(model.mechanisms[-1], model, made, 0) == at_ends

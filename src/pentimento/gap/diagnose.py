@@ -24,7 +24,14 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.mixing import mixed
 from pentimento.gap.modes import Unexplained, unexplained
 from pentimento.gap.modulator import generic
-from pentimento.gap.nameless import curve_is_as_good, shows_signature, trails_both_ways, trails_by_another_power
+from pentimento.gap.nameless import (
+    curve_is_as_good,
+    ends_do_as_much,
+    shows_signature,
+    trails_both_ways,
+    trails_by_another_power,
+    with_uneven_ends,
+)
 from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.search import Search, search, settle
 from pentimento.gap.splits import Splits, split
@@ -142,6 +149,7 @@ def diagnose(
     fresh = np.isin(np.unique(weighed.action[unsealed]), weighed.action[splits.confirmation])
     searched, known = weighed.pick(splits.discovery), weighed.pick(unsealed)
     found = with_one_in_doubt(settle(found, searched, seed, log), searched, known, fresh, seed, log)
+    found = _with_ends_for_what_trails(found, searched, weighed, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     confirmed_p = {m.cause: confirmation(found.model, m.cause, known, fresh, seed) for m in named}
     measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
@@ -249,6 +257,21 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     largest = max(f.gain for f in established)
     good = _GOOD_GAIN * largest if sure else max(_GOOD_GAIN, _LEAST_BESIDE * largest)
     return finding.gain >= good or finding.gain_interval[0] > 0
+
+
+def _with_ends_for_what_trails(
+    found: Search, searched: Measured, measured: Measured, seed: int, log: Callable[[str], None]
+) -> Search:
+    """What was found, with uneven ends in the place of a cause by which a mark trails, where they do as much.
+
+    A large one takes their place before other causes are known: what these do at a stroke's ends was in its favour.
+    """
+    for mechanism in found.model.mechanisms:
+        if ends_do_as_much(mechanism, found.model, measured, seed):
+            log(f"uneven ends do as much as {mechanism.cause}")
+            base, model = (with_uneven_ends(m, searched) for m in (found.base, found.model.without(mechanism.cause)))
+            return replace(found, base=base, model=model)
+    return found
 
 
 def _without(model: Model, causes: Sequence[str], base: Model) -> Model:

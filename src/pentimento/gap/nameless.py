@@ -7,7 +7,8 @@ over whatever was recorded that it does not go with. The right cause knows more 
 form as wrong as that of all materials.
 
 And what trails has a direction in time. Paint that overlaps on the inside of bends draws a mark inwards before a bend
-as after it, where a patch that trails cuts the corner only behind the tip.
+as after it, where a patch that trails cuts the corner only behind the tip. A tool that comes down and lifts off in
+different ways leaves ends that look like a lag, and no corner is cut.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ import torch
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from pentimento.gap.candidates import FIRST_P, held_out_losses
+from pentimento.gap.choice import paired_p
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import fit
-from pentimento.gap.foretell import Model, action_losses
+from pentimento.gap.foretell import Model, action_losses, identity
 from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, AllModes, mode_scores, unexplained
 from pentimento.gap.modulator import fit_modulator, modulated
@@ -109,6 +112,28 @@ def trails_both_ways(mechanism: Mechanism, model: Model, measured: Measured) -> 
     trails = next(m for m in both.mechanisms if m.cause == mechanism.cause)
     trails_m = float(trails.values[0]) * trails.reference.get("speed_m_s", 1.0)
     return abs(float(both.mechanisms[-1].values[0])) > _LEADS * trails_m
+
+
+def ends_do_as_much(mechanism: Mechanism, model: Model, measured: Measured, seed: int) -> bool:
+    """Whether a mark trails at its two ends alone: beside ends that differ, the cause does not surely remove anything
+    from strokes that it is not fitted to. Where strokes bend, what trails cuts corners, too. False of any other cause.
+
+    Args:
+        model: with the cause.
+        measured: all strokes there are: what bends say beside ends is faint.
+    """
+    if not isinstance(mechanism, BristleLag | Latency):
+        return False
+    instead = with_uneven_ends(model.without(mechanism.cause), measured)
+    beside = fit(instead.plus(mechanism), measured)
+    gains = action_losses(instead, measured) - held_out_losses(beside, measured, seed)
+    return paired_p(gains, seed) > FIRST_P
+
+
+def with_uneven_ends(model: Model, measured: Measured) -> Model:
+    """The model fitted with ends that may differ."""
+    differ = any(isinstance(m, UnevenEnds) for m in model.mechanisms)
+    return fit(model if differ else model.plus(identity(UnevenEnds, measured.context)), measured)
 
 
 class _Leading(BristleLag):
