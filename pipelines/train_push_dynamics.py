@@ -17,8 +17,9 @@ from pentimento.push_dynamics.evaluation import predict, scores
 from pentimento.push_dynamics.losses import height_errors
 from pentimento.push_dynamics.measured import PushSamples, load_pushes
 from pentimento.push_dynamics.pictures import comparison
+from pentimento.push_dynamics.posed_samples import in_pose
 from pentimento.push_dynamics.push_model import PushModel, write_push_model
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, split_by_action, train
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, split_by_action, train
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run

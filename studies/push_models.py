@@ -26,8 +26,9 @@ from pentimento.contracts.tables import read_table, write_table
 from pentimento.push_dynamics.conditioned import adapted, together
 from pentimento.push_dynamics.evaluation import predict, score, scores
 from pentimento.push_dynamics.measured import PushSamples, load_pushes
+from pentimento.push_dynamics.posed_samples import in_pose
 from pentimento.push_dynamics.push_model import PushModel, read_push_model, write_push_model
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, split_by_action, train
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, split_by_action, train
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
 from pentimento.runner.collect_pushes import collect_pushes

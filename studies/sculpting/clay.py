@@ -13,8 +13,9 @@ from pentimento.contracts.atomic import atomic_folder
 from pentimento.planning.sculptor.config import SculptorConfig
 from pentimento.push_dynamics.measured import load_pushes
 from pentimento.push_dynamics.planned import TorchClay, planned_members
+from pentimento.push_dynamics.posed_samples import in_pose
 from pentimento.push_dynamics.push_model import read_push_model, write_push_model
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, train
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, train
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.robots.sculpting import SculptingRobot
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot

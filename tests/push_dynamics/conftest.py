@@ -7,8 +7,9 @@ import pytest
 from pentimento.contracts.pushes import example_table
 from pentimento.push_dynamics.measured import PushSamples, load_pushes
 from pentimento.push_dynamics.pose import Crop
+from pentimento.push_dynamics.posed_samples import in_pose
 from pentimento.push_dynamics.push_model import PushModel
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, split_by_action, train
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, split_by_action, train
 
 CONFIG = TrainingConfig(
     side_px=40, behind_m=0.03, channels=8, members=2, epochs=10, batch=8, learning_rate=4e-3, visual_weight=1.0,

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pentimento.contracts.height_maps import surface_at_m
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model, identity
 from pentimento.push_dynamics.analytic_scene import scene_of
 from pentimento.push_dynamics.measured import PushSamples
 from pentimento.push_dynamics.mechanisms import Mechanism
 
 SIDE_M, PIXELS = 0.14, 84
+WINDOW_M = (0.0, 0.0, SIDE_M, SIDE_M)
 HALF_WIDTH_M = 0.006
 DEEP_M = (0.003, 0.009)
 
@@ -73,7 +75,7 @@ def played(
             height = 0.04 + _waves(rng)
         one = whole.pick(np.arange(max(b - 4, 0), b + 1))
         scans[0, b] = height
-        one.before[-1] = height
+        one.before[-1], one.surface_m[-1] = height, surface_at_m(height, WINDOW_M, *one.action[-1, :2])
         scene = scene_of(one, HALF_WIDTH_M).pick(np.array([-1]))
         truth = (model or first_model_of(DEEP_M)).plus(*mechanisms)
         height = height + truth.change(scene)[0]
@@ -105,12 +107,13 @@ def blank(actions: int = 40, repeats: int = 3, seed: int = 0) -> PushSamples:
 
 
 def samples_of(given: dict[str, Any], before: np.ndarray, after: np.ndarray) -> PushSamples:
-    n = len(before)
+    n, action = len(before), given["action"]
     names = {name: np.full(n, value) for name, value in (("session", "s"), ("tool", "ball"), ("material", "clay"))}
+    surface_m = [surface_at_m(height, WINDOW_M, x, y) for height, (x, y) in zip(before, action[:, :2], strict=True)]
     return PushSamples(
-        before=before, after=after, known=np.ones(before.shape, bool), action=given["action"],
-        window_m=np.tile([0.0, 0.0, SIDE_M, SIDE_M], (n, 1)), pixels_per_m=PIXELS / SIDE_M,
-        action_id=given["action_id"], kind=np.full(n, "push"), covariates=given["covariates"], **names,
+        before=before, after=after, known=np.ones(before.shape, bool), action=action,
+        window_m=np.tile(WINDOW_M, (n, 1)), pixels_per_m=PIXELS / SIDE_M, action_id=given["action_id"],
+        surface_m=np.array(surface_m), kind=np.full(n, "push"), covariates=given["covariates"], **names,
     )  # fmt: skip
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_stroke, pixel_to_canvas
-from pentimento.contracts.height_maps import surface_at_m
 from pentimento.push_dynamics.analytic_scene import (
     from_way,
     local_places,
@@ -43,20 +42,8 @@ def test_places_beside_the_way_are_told_from_those_beyond_its_ends() -> None:
 
 def test_the_surface_at_the_start_is_the_one_that_the_robot_reads() -> None:
     samples = played(actions=8, repeats=2)
-    known = np.ones(samples.before.shape, bool)
     along, across = local_places(samples.window_m, (PIXELS, PIXELS), samples.action, samples.pixels_per_m)
-    found = surface_at_start(samples.before, known, along, across)
-    for b, action in enumerate(samples.action):
-        told = surface_at_m(samples.before[b], samples.window_m[b], action[0], action[1])
-        assert found[b] == pytest.approx(told, abs=1e-6)
-
-
-def test_holes_do_not_count_in_the_surface_at_the_start() -> None:
-    samples = blank(3, 1)
-    along, across = local_places(samples.window_m, (PIXELS, PIXELS), samples.action, samples.pixels_per_m)
-    hole = across > 0
-    height = np.where(hole, np.float32(0.09), samples.before)
-    assert np.allclose(surface_at_start(height, ~hole, along, across), 0.04)
+    assert surface_at_start(samples.before, along, across) == pytest.approx(samples.surface_m, abs=1e-6)
 
 
 def test_a_push_that_starts_outside_its_window_is_named() -> None:

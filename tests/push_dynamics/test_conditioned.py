@@ -8,8 +8,9 @@ import torch
 from pentimento.contracts.errors import ContractError
 from pentimento.push_dynamics.conditioned import adapted, together
 from pentimento.push_dynamics.evaluation import pose_error
+from pentimento.push_dynamics.posed_samples import PoseSamples, in_pose
 from pentimento.push_dynamics.push_model import PushModel
-from pentimento.push_dynamics.training import PoseSamples, in_pose, train
+from pentimento.push_dynamics.training import train
 from tests.push_dynamics.conftest import CONFIG, Trained
 
 

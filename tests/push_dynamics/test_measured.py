@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_pixel
-from pentimento.contracts.height_maps import decode_height_m, encode_height_png
+from pentimento.contracts.height_maps import decode_height_m, encode_height_png, surface_at_m
 from pentimento.contracts.pushes import CONTRACT, example_table
 from pentimento.contracts.schema import arrow_schema
 from pentimento.push_dynamics.measured import load_pushes
@@ -69,6 +69,26 @@ def test_holes_are_filled_smoothly_and_stay_marked() -> None:
     assert repairs.holes == pytest.approx(24 / (3 * 3600))
     np.testing.assert_allclose(samples.after[1], slope, atol=4e-4)
     assert np.isfinite(samples.after).all()
+
+
+def test_the_surface_at_the_start_is_what_the_robot_read_whatever_a_later_scan_lacks() -> None:
+    table = example_table(3)
+    action, window = table.column("action")[1].as_py(), table.column("window_m")[1].as_py()
+    wall = 0.03 + 0.01 * (np.arange(60)[None, :] > canvas_to_pixel(action[:2], window, 500)[0]) + np.zeros((60, 1))
+    told = surface_at_m(wall, tuple(window), *action[:2])
+    for lacks in (wall > 0.035, wall < 0.035):
+        after = np.where(lacks & (np.arange(60)[:, None] % 2 == 0), np.nan, wall)
+        samples, _ = load_pushes(changed(table, 1, before=image(wall), after=image(after)))
+        assert samples.surface_m[1] == pytest.approx(told, abs=UNIT_M)
+
+
+def test_a_row_that_starts_in_a_hole_is_named() -> None:
+    table = example_table(3)
+    x, y = table.column("action")[1].as_py()[:2]
+    column, row = canvas_to_pixel([x, y], table.column("window_m")[1].as_py(), 500)
+    away = np.hypot(np.arange(60) - column, np.arange(60)[:, None] - row)
+    _, repairs = load_pushes(changed(table, 1, before=image(np.where(away < 6, np.nan, 0.04))))
+    assert "hole of 20 mm" in repairs.bad[1]
 
 
 def test_the_reported_tilt_is_taken_off() -> None:

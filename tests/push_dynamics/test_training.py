@@ -10,7 +10,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import example_table
 from pentimento.push_dynamics.evaluation import mean_footprint, predict, score, unchanged
 from pentimento.push_dynamics.measured import load_pushes
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, in_pose, split_by_action, train
+from pentimento.push_dynamics.posed_samples import in_pose
+from pentimento.push_dynamics.training import TrainingConfig, crop_for, split_by_action, train
 from tests.push_dynamics.conftest import CONFIG, Trained
 
 
@@ -57,36 +58,6 @@ def test_repeats_of_an_action_stay_together() -> None:
     assert len(apart) == 3  # one of the four repeated actions, and one of the four others
     with pytest.raises(ContractError, match="none trained on"):
         split_by_action(samples.pick(samples.action_id == 0), 0.25, 0)
-
-
-def test_the_constant_pose_holds_the_push_and_knows_where_it_sees(trained: Trained) -> None:
-    samples, crop = trained.training, trained.crop
-    seen = in_pose(samples, crop)
-    along, across = crop.places_m().unbind(-1)
-    for number in range(4):
-        length = float(seen.length_m[number])
-        on_line = (across.abs() < 2e-3) & (along > 0.5 * length - 1e-3) & (along < length + 1e-3)
-        beside = (across.abs() > 0.03) & seen.known[number]
-        assert seen.change[number][on_line].mean() < -1e-3
-        assert seen.change[number][beside].abs().mean() < 3e-4
-    edge = samples.pick(np.array([0]))._replace(action=np.array([[0.005, 0.06, 0.0, 0.02, 0.005]]))
-    known = in_pose(edge, crop).known[0]
-    assert not known[:, along[0] < -0.007].any()
-    assert known[10:30, along[0] > -0.004].all()
-
-
-def test_a_mirror_image_is_the_push_at_the_mirrored_place(trained: Trained) -> None:
-    """The crop's left and right change places; applied to a mirrored table it is the same crop."""
-    seen = in_pose(trained.training, trained.crop)
-    mirrored = seen.mirrored(torch.ones(len(seen.state), dtype=torch.bool))
-    x, y, theta, length, depth = trained.training.action.T
-    other = trained.training._replace(
-        before=trained.training.before[:, ::-1].copy(),
-        after=trained.training.after[:, ::-1].copy(),
-        action=np.stack([x, 0.12 - y, -theta, length, depth], axis=1),
-    )
-    torch.testing.assert_close(in_pose(other, trained.crop).state, mirrored.state, atol=1e-6, rtol=0)
-    torch.testing.assert_close(in_pose(other, trained.crop).change, mirrored.change, atol=1e-6, rtol=0)
 
 
 def test_a_rotated_canvas_gives_the_rotated_result(trained: Trained) -> None:

@@ -190,7 +190,7 @@ def diagnose(
         return (
             not shows_signature(mechanism, finding.values)
             or trails_by_another_power(mechanism, extended, known)
-            or trails_both_ways(mechanism, extended, known)
+            or trails_both_ways(mechanism, extended, measured)
             or curve_is_as_good(mechanism, extended, without(extended, [finding.cause]), known, test, seed)
         )
 

@@ -30,6 +30,7 @@ from pentimento.gap.measured import Measured
 from pentimento.gap.modes import MODES, AllModes, mode_scores, unexplained
 from pentimento.gap.modulator import fit_modulator, modulated
 from pentimento.gap.path_covariates import covariates_shown
+from pentimento.gap.standard_errors import values_with_errors
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
 from pentimento.stroke_dynamics.mechanisms.geometry import speed_m_s
 from pentimento.stroke_dynamics.mechanisms.latency import Latency
@@ -49,9 +50,10 @@ _POWER_OF_SPEED = {BristleLag.cause: 0, Latency.cause: 1}
 _ANOTHER_POWER = 0.15
 """How far off a power must be seen to be another. A wrong cause, fitted, has taken up half of the difference of 1 and
 more: .16 to .55 are seen of it, and of a right one's .2 at most."""
-_LEADS = 0.5
-"""Share of a distance that a mark trails by. Of paint that overlaps in bends, .7 are seen; of marks that trail, in
-photographs by others .3 at most and in simulations .1.
+_LEADS, _LEADS_BACKWARDS = 0.45, 0.5
+"""Share of a distance that a mark trails by, that it would lead by, beside; and would do the contrary of leading by. Of
+paint that overlaps in bends, .7 are seen, and less of little of it; of marks that trail, in photographs by others .33
+at most and in simulations .25 (-.45 where a time is told as a length as well).
 """
 
 
@@ -100,18 +102,21 @@ def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measur
 
 
 def trails_both_ways(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
-    """Whether a mark that trails by a distance or a time would, beside that, lead by half as much, or the contrary of
-    leading: it is bent alike before and after its bends, and nothing trails. False of any other cause.
+    """Whether a mark that trails by a distance or a time might lead by nearly half as much beside that, as far as can
+    be told, or would do the contrary of leading: it is bent alike before and after its bends, and nothing trails. False
+    of any other cause.
 
     Args:
-        model: with the cause, fitted to ``measured``.
+        model: with the cause.
+        measured: all strokes there are: what bends say is faint.
     """
     if not isinstance(mechanism, BristleLag | Latency):
         return False
     both = fit(model.plus(_Leading(torch.zeros_like(mechanism.values), {})), measured)
     trails = next(m for m in both.mechanisms if m.cause == mechanism.cause)
     trails_m = float(trails.values[0]) * trails.reference.get("speed_m_s", 1.0)
-    return abs(float(both.mechanisms[-1].values[0])) > _LEADS * trails_m
+    leads_m, error_m = values_with_errors(both, both.mechanisms[-1], measured)["distance_m"]
+    return leads_m + error_m > _LEADS * trails_m or leads_m < -_LEADS_BACKWARDS * trails_m
 
 
 def ends_do_as_much(mechanism: Mechanism, model: Model, measured: Measured, seed: int) -> bool:

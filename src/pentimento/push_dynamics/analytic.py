@@ -28,6 +28,7 @@ from pentimento.push_dynamics.analytic_scene import PushScene
 from pentimento.push_dynamics.contact import contact_of
 from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push
 from pentimento.push_dynamics.resistance import STATIONS, deepest_m, yielded
+from pentimento.push_dynamics.rims import forward, raised, source
 from pentimento.push_dynamics.spread import spread
 
 Array = NDArray[Any]
@@ -194,36 +195,28 @@ def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
     for mechanism in model.at_work:
         kept = mechanism.kept(kept, contact, scene)
     half_px = scene.half_width_m / scene.pixel_m * float(np.exp(_numbers(model)["log_rims"]))
-    # What a wall loses does not all rise behind it: below the surface at the start, the tool itself tells where.
-    tool = contact.inside * np.maximum(contact.pressed_m - scene.before, 0)
-    source = kept + np.float32(_numbers(model)["evenly"]) * (tool - kept)
-    far = spread(source, _FAR * half_px)
-    return Kept(contact, kept, spread(source, _NEAR * half_px), far, forward(far, scene.action[:, 2]))
+    rising = source(kept, contact.inside, contact.pressed_m, scene.before, _numbers(model)["evenly"])
+    far = spread(rising, _FAR * half_px)
+    return Kept(contact, kept, spread(rising, _NEAR * half_px), far, forward(far, scene.action[:, 2]))
 
 
 def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
     """What becomes of the displaced material: the whole change of height, float32[B, H, W] metres."""
-    number = {name: np.float32(value) for name, value in _numbers(model).items()}
-    contact, half_px = kept.contact, np.float32(scene.half_width_m / scene.pixel_m)
-    rims = (1 - number["far_rim"]) * kept.near_m + number["far_rim"] * kept.far_m
-    rims = rims + number["heap"] * _FAR * half_px * kept.ahead
+    number, contact, half_px = _numbers(model), kept.contact, scene.half_width_m / scene.pixel_m
     # A moving tool carries material along: the rims are higher towards the end of travel.
-    rims = rims * np.exp(number["lean"] * contact.progress) * (1 - contact.inside)
+    shape = number["far_rim"], number["heap"] * _FAR * half_px, number["lean"]
+    rims = raised(kept.near_m, kept.far_m, kept.ahead, contact.progress, contact.inside, shape)
     # Volume balance: what is pressed down comes up again.
     pressed = kept.indentation_m.sum((1, 2))
     least = np.maximum(_LEAST_NET * np.abs(rims).sum((1, 2)), _LEAST_RIMS * pressed) + _NOTHING_M
-    rims = rims * per_push(pressed / np.maximum(rims.sum((1, 2)), least))
-    lift = (number["end_lift"] + number["end_pull"] * contact.beyond_end) * np.float32(1e-3) * contact.peak
+    rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), least))
+    lift = np.float32(number["end_pull"] * 1e-3) * contact.beyond_end
+    lift += np.float32(number["end_lift"] * 1e-3)
+    lift *= contact.peak
     settled = Settled(kept.indentation_m, rims, lift)
     for mechanism in model.at_work:
         settled = mechanism.settled(settled, contact, scene)
     return spread(settled.lift_m + settled.rims_m - settled.indentation_m, float(np.exp(number["log_blur"])))
-
-
-def forward(maps: Array, heading_rad: Array) -> Array:
-    """Minus the slope of maps [B, H, W] along the travel, per pixel: positive ahead of a heap."""
-    down, right = np.gradient(maps, axis=(1, 2))
-    return per_push(np.sin(heading_rad)) * down - per_push(np.cos(heading_rad)) * right
 
 
 def typical(mechanism: Mechanism) -> Array:

@@ -56,7 +56,7 @@ class Correction:
         windows = np.tile(np.asarray(window_m, dtype=np.float64), (rows, 1))
         along, across = local_places(windows, (height, width), np.asarray(actions, dtype=np.float64), scale)
         heights = np.broadcast_to(height_m, (rows, height, width))
-        level = surface_at_start(heights, np.ones(heights.shape, bool), along, across)
+        level = surface_at_start(heights, along, across)
         columns = {name: np.full(rows, value) for name, value in self.covariates.items()}
         before, pushes = (heights - level[:, None, None]).astype(np.float32), np.asarray(actions, dtype=np.float64)
         worked = np.zeros_like(before)

@@ -100,9 +100,9 @@ def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: 
         )
     along, across = local_places(samples.window_m, samples.before.shape[1:], samples.action, samples.pixels_per_m)
     width = usual_half_width_m(samples) if half_width_m is None else half_width_m
-    reference = surface_at_start(samples.before, samples.known, along, across)
+    _at_start(along, across)
     worked, known = _worked(samples, width)
-    before = ((samples.before if denoised is None else denoised) - reference[:, None, None]).astype(np.float32)
+    before = ((samples.before if denoised is None else denoised) - samples.surface_m[:, None, None]).astype(np.float32)
     return push_scene(
         before, along, across, worked, samples.action, known, samples.covariates, 1 / samples.pixels_per_m, width
     )  # fmt: skip
@@ -128,21 +128,25 @@ def from_way(scene: PushScene) -> Array:
     return (np.hypot(scene.along - station, scene.across) / scene.half_width_m).astype(np.float32)
 
 
-def surface_at_start(height_m: Array, known: Array, along: Array, across: Array) -> Array:
-    """Height [B] from which the depth of each push counts (7.3.2): the median of [B, H, W] within 3 mm of its start.
+def surface_at_start(height_m: Array, along: Array, across: Array) -> Array:
+    """Height [B] from which the depth of pushes that are not made yet counts (7.3.2): the median of [B, H, W], without
+    holes, within 3 mm of each one's start.
 
-    As ``contracts.height_maps.surface_at_m`` reads it for the robot: of what was measured, and not smoothed, for on a
-    wall the median jumps. Where nothing was measured, of what holes were filled with.
+    As ``contracts.height_maps.surface_at_m`` reads it for the robot: not smoothed, for on a wall the median jumps.
 
     Raises:
         ContractError: a push starts outside its window.
     """
+    near = _at_start(along, across)
+    return np.array([np.median(height[there]) for height, there in zip(height_m, near, strict=True)], dtype=np.float64)
+
+
+def _at_start(along: Array, across: Array) -> Array:
+    """Which places are near the start of each push, bool[B, H, W]."""
     near = np.hypot(along, across) <= _NEAR_M + 1e-9
     if not np.any(near, axis=(1, 2)).all():
         raise ContractError("The start of a push lies outside its window: record scans that show it.")
-    measured = near & known
-    seen = np.where(np.any(measured, axis=(1, 2), keepdims=True), measured, near)
-    return np.array([np.median(height[there]) for height, there in zip(height_m, seen, strict=True)], dtype=np.float64)
+    return np.asarray(near)
 
 
 def usual_half_width_m(samples: PushSamples) -> float:

@@ -14,8 +14,9 @@ import torch
 
 from pentimento.contracts.errors import ContractError
 from pentimento.push_dynamics.param2deform import Param2Deform
+from pentimento.push_dynamics.posed_samples import PoseSamples
 from pentimento.push_dynamics.push_model import PushModel
-from pentimento.push_dynamics.training import PoseSamples, loss
+from pentimento.push_dynamics.training import loss
 
 _STEPS, _RATE = 150, 0.01
 _AT_ONCE = 20

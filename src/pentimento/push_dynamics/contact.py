@@ -18,7 +18,8 @@ Array = NDArray[Any]
 
 _FAR = 30.0
 """In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
-_PEAK, _COLLAR = 0.33, 0.66
+_PEAK = 0.33
+_COLLAR = 2 * _PEAK
 """Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
 _TINY = np.float32(1e-12)
 _NO_PEAK = 6.0
@@ -70,8 +71,7 @@ def _touch(
     pieces = deep.shape[1] - 1
     one, last = np.float32(1), knots.shape[1] - 1
     rise = max((knots[1, last] - knots[1, last - 1]) / (knots[0, last] - knots[0, last - 1]), np.float32(0))
-    share = np.float32((_PEAK / _COLLAR) ** 2)
-    inner_rate, collar_rate = np.float32(-1 / (2 * _PEAK**2)), np.float32(-1 / (2 * _COLLAR**2))
+    share, rate = np.float32((_PEAK / _COLLAR) ** 2), np.float32(-1 / (2 * _COLLAR**2))
     lowest, roundness = knots[1].min(), one - max(corners, np.float32(0))
     for b in range(before.shape[0]):
         shift, aside, slope, length, wider, end_radius = moved[b]
@@ -90,8 +90,9 @@ def _touch(
                 progress[b, i, j] = min(max((u - middle) * per_half, -one), one)
                 squared = (beyond - lead) ** 2 + (v * per_end_radius) ** 2
                 if squared < (_NO_PEAK * _COLLAR) ** 2:
-                    drawn = math.exp(squared * inner_rate) - math.exp(squared * collar_rate) * share
-                    peak[b, i, j] = np.float32(drawn) / (one - share)
+                    collar = np.float32(math.exp(squared * rate))
+                    inner = (collar * collar) * (collar * collar)  # of half the width
+                    peak[b, i, j] = (inner - share * collar) / (one - share)
                 station = min(max(u + slope * radius, np.float32(0)), length)
                 ahead = (u - station) * aspect
                 squared = ahead * ahead + v * v

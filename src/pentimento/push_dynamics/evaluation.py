@@ -14,8 +14,8 @@ from pentimento.push_dynamics.clouds import chamfer, cloud, earth_movers, thinne
 from pentimento.push_dynamics.losses import height_errors, slope_errors
 from pentimento.push_dynamics.measured import PushSamples
 from pentimento.push_dynamics.pose import Crop, to_canvas, to_pose
+from pentimento.push_dynamics.posed_samples import PoseSamples, in_pose
 from pentimento.push_dynamics.push_model import PushModel
-from pentimento.push_dynamics.training import PoseSamples, in_pose
 
 _VOXEL_M = 5e-3
 _AT_ONCE = 64

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts import frames
 from pentimento.contracts.errors import ContractError, PentimentoError
-from pentimento.contracts.height_maps import decode_height_m, level
+from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
 from pentimento.contracts.tables import MAX_BAD_SHARE
 from pentimento.planning.sculptor.holes import fill_holes
 
@@ -45,6 +45,8 @@ class PushSamples(NamedTuple):
     pixels_per_m: float
     action_id: NDArray[np.int64]
     """[N]: rows of one value repeat the same command."""
+    surface_m: NDArray[np.float64]
+    """[N]: height at the start, from which the depth counts, as the robot reads it off the scan before."""
     session: NDArray[np.str_]
     tool: NDArray[np.str_]
     material: NDArray[np.str_]
@@ -96,6 +98,7 @@ class _Row(NamedTuple):
     action: NDArray[np.float64]
     window_m: NDArray[np.float64]
     pixels_per_m: float
+    surface_m: float
     tilted: bool
 
 
@@ -153,12 +156,14 @@ def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
                 f"its heights {name} are about {float(np.nanmedian(height)):.3g} m: give height_per_unit_m in metres, "
                 "not millimetres"
             )
+    # Of the scan before alone, as fine as it was: what the one after does not show was there when the robot read.
+    surface_m = surface_at_m(before, tuple(window), action[0], action[1])
     scale = frames.pixels_per_m(before.shape, window)
     factor = max(round(scale / pixels_per_m), 1)
     height, width = (side // factor * factor for side in before.shape)
     kept = window + np.array([0.0, (before.shape[0] - height) / scale, (width - before.shape[1]) / scale, 0.0])
     before, after = _averaged(before, factor), _averaged(after, factor)
-    return _Row(before, after, action, kept, scale / factor, tilted)
+    return _Row(before, after, action, kept, scale / factor, surface_m, tilted)
 
 
 def _check_action(action: NDArray[np.float64], kind: str, window: NDArray[np.float64]) -> None:
@@ -228,6 +233,7 @@ def _stacked(rows: list[_Row], table: pa.Table) -> PushSamples:
         window_m=window,
         pixels_per_m=scale,
         action_id=np.asarray(table.column("action_id").to_pylist(), dtype=np.int64),
+        surface_m=np.array([row.surface_m for row in rows]),
         covariates=_covariates(table),
         **texts,
     )

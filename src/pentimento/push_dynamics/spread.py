@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 _REACH = 4.0  # standard deviations
-_WIDE = 0.25  # of a map's side: a kernel from there on costs less as a product of matrices
+_WIDE = 0.1  # of a map's side: a kernel from there on costs less as a product of matrices
 
 
 def spread(maps: Array, sigma_px: float) -> Array:

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import lightning
 import numpy as np
@@ -20,15 +20,14 @@ from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.push_dynamics.losses import height_errors, slope_errors
 from pentimento.push_dynamics.measured import PushSamples
 from pentimento.push_dynamics.param2deform import Param2Deform
-from pentimento.push_dynamics.pose import Crop, to_pose, within
+from pentimento.push_dynamics.pose import Crop
+from pentimento.push_dynamics.posed_samples import PoseSamples
 from pentimento.push_dynamics.push_model import PushFacts, PushModel
 
 Log = Callable[[str, float, int], None]
 
 _TOOL_STEPS, _TOOL_RATE = 120, 0.05
 """Of the fit of the tool's few numbers that comes before the network's."""
-_SEEN = 0.99
-"""Of the weights by which a pixel of the crop was sampled: so much must have been measured."""
 
 
 @dataclass(frozen=True)
@@ -58,26 +57,6 @@ class TrainingConfig:
         above_zero(self, "behind_m", "learning_rate", "held_out")
         if self.held_out >= 1:
             raise ValueError(f"held_out is {self.held_out}; below 1, some actions are left to train on.")
-
-
-class PoseSamples(NamedTuple):
-    """N pushes in the constant pose, heights in metres."""
-
-    state: Tensor  # [N, side, side] before
-    change: Tensor  # [N, side, side] after - before
-    known: Tensor  # [N, side, side] bool
-    length_m: Tensor  # [N]
-    depth_m: Tensor  # [N]
-    context: Tensor  # [N] int64
-
-    def pick(self, index: Tensor) -> PoseSamples:
-        """The samples with these indices."""
-        return PoseSamples(*(field[index] for field in self))
-
-    def mirrored(self, mirror: Tensor) -> PoseSamples:
-        """The same pushes seen in a mirror that holds the line of travel, where ``mirror`` [N] is true."""
-        images = [torch.where(mirror[:, None, None], image.flip(1), image) for image in self[:3]]
-        return PoseSamples(images[0], images[1], images[2], *self[3:])
 
 
 def crop_for(samples: PushSamples, config: TrainingConfig) -> Crop:
@@ -112,24 +91,6 @@ def split_by_action(samples: PushSamples, held_out: float, seed: int) -> tuple[P
         )
     is_apart = np.isin(samples.action_id, apart)
     return samples.pick(~is_apart), samples.pick(is_apart)
-
-
-def in_pose(samples: PushSamples, crop: Crop, context: int = 0) -> PoseSamples:
-    """Measured pushes in the constant pose, all of one context."""
-    window, action = (torch.from_numpy(array.astype(np.float32)) for array in (samples.window_m, samples.action))
-    before, after, known = (
-        to_pose(torch.from_numpy(image.astype(np.float32)), window, action, crop)
-        for image in (samples.before, samples.after, samples.known)
-    )
-    inside = within(window, action, crop)
-    return PoseSamples(
-        before,
-        after - before,
-        (known > _SEEN) & inside,
-        action[:, 3],
-        action[:, 4],
-        torch.full((len(action),), context),
-    )
 
 
 def loss(difference_m: Tensor, known: Tensor, pixels_per_m: float, visual_weight: float) -> Tensor:

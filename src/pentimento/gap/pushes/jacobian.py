@@ -6,7 +6,9 @@ the contact.
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import get_num_threads
@@ -19,18 +21,17 @@ from pentimento.push_dynamics.analytic import BASE, CONTACT, KEPT, AnalyticPush,
 from pentimento.push_dynamics.analytic_scene import PushScene
 
 Array = NDArray[Any]
+_R = TypeVar("_R")
 
 _STEP = 0.005
-_ROWS_AT_ONCE = 24
+_MOST_ROWS_AT_ONCE = 60
 MM = 1e3
 _STAGE = {"command": 0, "contact": 0, "material": 1, "surface": 2}
 
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     """Measured less foretold, habits included, millimetres float32[B, H, W]; 0 where nothing was measured."""
-    return np.concatenate(
-        in_batches(lambda some: _residual(model, measured.pick(some)), len(measured), _ROWS_AT_ONCE, get_num_threads())
-    )
+    return np.concatenate(_in_batches(lambda some: _residual(model, measured.pick(some)), len(measured)))
 
 
 def _residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
@@ -56,9 +57,7 @@ def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
 
 def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
     """The same of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], over its number of measured pixels; mm²."""
-    parts = in_batches(
-        lambda some: _row_statistics(model, measured.pick(some)), len(measured), _ROWS_AT_ONCE, get_num_threads()
-    )
+    parts = _in_batches(lambda some: _row_statistics(model, measured.pick(some)), len(measured))
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     return curvature, slope, energy
 
@@ -80,8 +79,18 @@ def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
                 done = keep(moved, scene, contact)
             case _:
                 done = kept
-        found[p] = (settle(moved, scene, done) - still) / np.float32(_STEP)
+        np.subtract(settle(moved, scene, done), still, out=found[p])
+        found[p] /= np.float32(_STEP)
     return found
+
+
+def _in_batches(function: Callable[[slice], _R], rows: int) -> list[_R]:
+    """The results for a few rows at a time, on all threads; as many at once as memory allows, for between two compiled
+    functions threads wait for each other.
+    """
+    threads = get_num_threads()
+    rounds = math.ceil(rows / (threads * _MOST_ROWS_AT_ONCE))
+    return in_batches(function, rows, math.ceil(rows / (threads * rounds)), threads)
 
 
 def _stage(name: str) -> int:
@@ -91,7 +100,8 @@ def _stage(name: str) -> int:
 def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
     root = np.sqrt(measured.weight) * measured.valid
     rows = len(measured)
-    slopes = derivatives(model, measured.scene) * (root * np.float32(MM))
+    slopes = derivatives(model, measured.scene)
+    slopes *= root * np.float32(MM)
     slopes = slopes.reshape(len(slopes), rows, -1).transpose(1, 0, 2)  # [B, P, H W]
     rest = (_residual(model, measured) * root).reshape(rows, -1)
     curvature = slopes @ slopes.transpose(0, 2, 1)

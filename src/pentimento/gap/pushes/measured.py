@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.push_dynamics.analytic_scene import PushScene, scene_of, smoothed_periods, surface_at_start
+from pentimento.push_dynamics.analytic_scene import PushScene, scene_of, smoothed_periods
 from pentimento.push_dynamics.measured import PushSamples
 
 Array = NDArray[Any]
@@ -74,8 +74,7 @@ def measure(samples: PushSamples, half_width_m: float | None = None) -> Measured
     """
     near = cropped(samples)
     scene = scene_of(near, half_width_m, np.stack([_denoised(height) for height in near.before]))
-    reference = surface_at_start(near.before, near.known, scene.along, scene.across)
-    after = near.after - reference[:, None, None].astype(np.float32)
+    after = (near.after - near.surface_m[:, None, None]).astype(np.float32)
     return MeasuredPushes(near, scene, after, _blocks(near), np.ones_like(after), np.zeros_like(after))
 
 

@@ -124,9 +124,7 @@ def as_measured(
     def scene(pushes: Array, before: Array, worked: Array, rows: Array) -> PushScene:
         along, across = local_places(windows[rows], shape, pushes, k)
         columns = {name: values[rows] for name, values in known.items()}
-        level = before - surface_at_start(before, np.ones(before.shape, bool), along, across)[:, None, None].astype(
-            np.float32
-        )
+        level = before - surface_at_start(before, along, across)[:, None, None].astype(np.float32)
         history = measured.scene.history_known
         return push_scene(level, along, across, worked, pushes, history, columns, 1 / k, half_width)
 
