@@ -16,7 +16,7 @@ from pentimento.gap.choice import paired_p, unconfirmed
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.floor import Floor, floor_of_repeats
 from pentimento.gap.modes import Unexplained
-from pentimento.gap.pushes.fit import equalised, fit
+from pentimento.gap.pushes.fit import equalised, fit, fit_without
 from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
@@ -89,7 +89,7 @@ def diagnose(
     plain = measured.pick(parts.searched)
     first = fit(first_model(plain.scene), plain)
     weighed = equalised(measured, first)
-    model = fit(first, weighed.pick(parts.searched))
+    base = model = fit(first, weighed.pick(parts.searched))
     observable, _ = observable_causes(plain, vocabulary)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
@@ -98,10 +98,10 @@ def diagnose(
         habits, weighed = learn_habits(weighed, model, parts.searched, unfound, seed)
         weighed = equalised(weighed, model)
         floor_share = _weighed_floor(model, weighed, parts, seed)
-        found = search(model.without(*before), weighed.pick(parts.searched), floor_share, vocabulary, seed, log)
+        found = search(base, weighed.pick(parts.searched), floor_share, vocabulary, seed, log)
         if found.found == before:
             break
-        model = found.model
+        base, model = found.base, found.model
     measured = replace(weighed, weight=np.ones_like(weighed.weight))
     test = measured.pick(parts.sealed)
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
@@ -122,7 +122,7 @@ def diagnose(
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: AnalyticPush, mechanism: Mechanism) -> Finding:
-        rest = fit(model.without(mechanism.cause), plainly)
+        rest = fit_without(model, mechanism.cause, base, plainly)
         fall = (action_losses(rest, test) - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
@@ -172,12 +172,13 @@ def _of_use(
     """
     if not model.mechanisms:
         return model
-    gap = float(action_losses(fit(base, known), sealed).mean()) - floor
+    base = fit(base, known)
+    gap = float(action_losses(base, sealed).mean()) - floor
     while model.mechanisms:
         model = fit(model, known)
         losses, spare = action_losses(model, sealed), {}
         for m in model.mechanisms:
-            falls = action_losses(fit(model.without(m.cause), known), sealed) - losses
+            falls = action_losses(fit_without(model, m.cause, base, known), sealed) - losses
             if not _only_surely_denied(m, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
                 spare[m.cause] = float(falls.mean()) - _least_fall(confirmed_p[m.cause], gap, floor)
         worst = min(spare, key=lambda cause: spare[cause], default=None)

@@ -121,6 +121,18 @@ def fit(
     return model
 
 
+def fit_without(model: AnalyticPush, cause: str, base: AnalyticPush, measured: MeasuredPushes) -> AnalyticPush:
+    """The model without one cause, fitted from its own numbers or from those of the base alone, whichever foretell
+    better: a base that a large cause has bent takes long to come back.
+
+    Args:
+        base: the same without any cause, fitted.
+    """
+    rest = model.without(cause)
+    starts = rest, replace(rest, base=base.base)
+    return fit(min(starts, key=lambda start: _loss(start, measured)), measured)
+
+
 def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
     """The pushes with weights: the inverse of each one's error about the model, and of the error that all have as far
     from the tool's way, within bounds, 1 on average.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best
 from pentimento.gap.jacobian import Statistics
-from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.fit import fit, fit_without
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.score import Evidence, weighed, with_each
@@ -134,7 +134,7 @@ def search(
         for cause in losses:
             share = _LEFT_BESIDE_ITS_RIVAL if cause in step.rivals else _LEFT_BESIDE
             left[cause] = max(left.get(cause, 0.0), share * size[cause])
-        model = _without_idle(refits[step.chosen], measured, seed, log)
+        model = _without_idle(refits[step.chosen], base, measured, seed, log)
     return Search(base, model, tuple(steps), observable, unseen)
 
 
@@ -192,11 +192,13 @@ def _enough(
     return least
 
 
-def _without_idle(model: AnalyticPush, measured: MeasuredPushes, seed: int, log: Callable[[str], None]) -> AnalyticPush:
+def _without_idle(
+    model: AnalyticPush, base: AnalyticPush, measured: MeasuredPushes, seed: int, log: Callable[[str], None]
+) -> AnalyticPush:
     """The model less the mechanisms that it no longer needs, now that it has a new one."""
     for mechanism in model.mechanisms[:-1]:
-        refit = fit(model.without(mechanism.cause), measured)
+        refit = fit_without(model, mechanism.cause, base, measured)
         if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
             log(f"{mechanism.cause} is no longer needed")
-            return _without_idle(refit, measured, seed, log)
+            return _without_idle(refit, base, measured, seed, log)
     return model
