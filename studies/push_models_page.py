@@ -201,8 +201,8 @@ def _unseen(worlds: list[Parts]) -> str:
     if rows:
         lines += [
             "\n## An unseen material with 20 pushes: L_3D, mm²\n",
-            "The conditioned model of the two others, its context and last layer fitted on 20 pushes; the bar is half\n"
-            "the error of the best other material's own model.\n",
+            "The conditioned model of the two others, its context and last layer fitted on 20 pushes, and then all of\n"
+            "it, slowly; the bar is half the error of the best other material's own model.\n",
             "| unseen | n | best other's model | two others, not adapted | 20 pushes alone | adapted on 20 | "
             "adapted / best other (bar ≤ 0.5) | own model, all pushes |",
             "|---|---|---|---|---|---|---|---|",

@@ -18,7 +18,7 @@ from pentimento.push_dynamics.posed_samples import PoseSamples
 from pentimento.push_dynamics.push_model import PushModel
 from pentimento.push_dynamics.training import loss
 
-_STEPS, _RATE = 150, 0.01
+_STEPS, _RATE, _RATE_OF_ALL = 150, 0.01, 3e-4
 _AT_ONCE = 20
 _OF_A_CONTEXT = ("tool", "context", "apart")
 """Parameters of the network with a row for each context."""
@@ -36,7 +36,7 @@ def adapted(model: PushModel, few: PoseSamples, context: tuple[str, str], visual
     """A model of one unseen context, from a few pushes in it.
 
     It starts from the trained context that foretells them best; then the context's numbers and the last layer are
-    fitted, all else stays.
+    fitted, and at last everything, slowly: a material that gives way otherwise is more than another context.
 
     Raises:
         ContractError: no push.
@@ -75,20 +75,25 @@ def _nearest(network: Param2Deform, few: PoseSamples, pixels_per_m: float, visua
 def _fit_context(
     network: Param2Deform, few: PoseSamples, pixels_per_m: float, visual_weight: float, generator: torch.Generator
 ) -> None:
-    network.requires_grad_(False)
+    few = few._replace(context=torch.zeros_like(few.context))
     own = [value for name, value in network.named_parameters() if name in _OF_A_CONTEXT]
     last = list(network.merged[-1].parameters())
-    for parameter in (*own, *last):
-        parameter.requires_grad_(True)
-    groups: list[dict[str, Any]] = [{"params": own}, {"params": last, "lr": _RATE / 5}]
-    optimizer = torch.optim.Adam(groups, lr=_RATE)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, _STEPS)
-    few = few._replace(context=torch.zeros_like(few.context))
-    for _ in range(_STEPS):
-        some = few.pick(torch.randperm(len(few.state), generator=generator)[:_AT_ONCE])
-        some = some.mirrored(torch.rand(len(some.state), generator=generator) < 0.5)
-        optimizer.zero_grad()
-        change = network(some.state, some.length_m, some.depth_m, some.context)
-        torch.autograd.backward(loss(change - some.change, some.known, pixels_per_m, visual_weight))
-        optimizer.step()
-        schedule.step()
+    steps: list[list[dict[str, Any]]] = [
+        [{"params": own, "lr": _RATE}, {"params": last, "lr": _RATE / 5}],
+        [{"params": list(network.parameters()), "lr": _RATE_OF_ALL}],
+    ]
+    for groups in steps:
+        network.requires_grad_(False)
+        for group in groups:
+            for parameter in group["params"]:
+                parameter.requires_grad_(True)
+        optimizer = torch.optim.Adam(groups)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, _STEPS)
+        for _ in range(_STEPS):
+            some = few.pick(torch.randperm(len(few.state), generator=generator)[:_AT_ONCE])
+            some = some.mirrored(torch.rand(len(some.state), generator=generator) < 0.5)
+            optimizer.zero_grad()
+            change = network(some.state, some.length_m, some.depth_m, some.context)
+            torch.autograd.backward(loss(change - some.change, some.known, pixels_per_m, visual_weight))
+            optimizer.step()
+            schedule.step()
