@@ -87,7 +87,7 @@ def played(
 def first_model_of(deep_m: tuple[float, float]) -> AnalyticPush:
     """The base that plays: a ball with rims and a heap."""
     model = first_model(_flat(np.array([[0.07, 0.07, 0.0, 0.02, deep_m[1]]])))
-    base = dict(zip(*_named(model), strict=True)) | {"lean": 0.5, "far_rim": 0.4, "kept": 0.85}
+    base = dict(zip(*_named(model), strict=True)) | {"facing": 0.7, "kept": 0.85}
     return model.at(np.array(list(base.values())))
 
 

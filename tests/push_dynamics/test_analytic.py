@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pentimento.gap.pushes.jacobian import derivatives
-from pentimento.push_dynamics.analytic import BASE, AnalyticPush, first_model, identity, touch
+from pentimento.push_dynamics.analytic import BASE, CONTACT, AnalyticPush, first_model, identity, touch
 from pentimento.push_dynamics.analytic_scene import PushScene, scene_of
 from pentimento.push_dynamics.mechanisms import VOCABULARY
 from tests.push_dynamics.played_pushes import HALF_WIDTH_M, PIXELS, blank, samples_of
@@ -69,12 +69,14 @@ def test_a_peak_rises_where_the_tool_still_touches() -> None:
     assert abs(contact.peak.sum((1, 2))).max() < 0.05 * np.maximum(contact.peak, 0).sum((1, 2)).min()
 
 
-def test_rims_whose_shape_adds_up_to_nothing_raise_no_towers() -> None:
-    """Volume balance divides by it."""
-    seen = scene([0.07, 0.07, 0.0, 0.004, 0.006])
+def test_rims_that_find_hardly_any_room_raise_no_towers() -> None:
+    """Volume balance divides by what was laid; at the bottom of a narrow hole, hardly anything is."""
+    hole = np.full((1, PIXELS, PIXELS), 0.04, dtype=np.float32)
+    hole[:, 40:44, 40:44] = 0.01
+    seen = scene([0.07, 0.07, 0.0, 0.004, 0.006], before_m=hole)
     pressed = touch(model_with(seen), seen).pressed_m.max()
-    for far in np.linspace(-4, 0, 81):
-        assert np.abs(model_with(seen, far_rim=far).change(seen)).max() < 2 * pressed, far
+    for stand_off in np.linspace(0, 3.5, 15):
+        assert np.abs(model_with(seen, stand_off=stand_off).change(seen)).max() < 2 * pressed, stand_off
 
 
 def test_the_groove_deepens_linearly_along_the_travel() -> None:
@@ -102,7 +104,7 @@ def test_only_what_stands_above_the_tools_underside_is_pressed() -> None:
 
 def test_volume_is_kept() -> None:
     seen = scene([0.05, 0.06, 0.7, 0.02, 0.006], [0.08, 0.08, -2.0, 0.01, 0.004])
-    change = model_with(seen, lean=0.8, heap=0.5, kept=0.7).change(seen)
+    change = model_with(seen, facing=0.8, kept=0.7).change(seen)
     moved = np.maximum(-change, 0).sum((1, 2))
     assert (moved > 1e-3).all()
     assert np.abs(change.sum((1, 2))).max() < 2e-3 * moved.min()
@@ -110,19 +112,19 @@ def test_volume_is_kept() -> None:
 
 def test_a_turned_push_leaves_the_turned_change() -> None:
     seen = scene([0.07, 0.07, 0.0, 0.02, 0.006], [0.07, 0.07, np.pi / 2, 0.02, 0.006])
-    change = model_with(seen, lean=0.5).change(seen)
+    change = model_with(seen, facing=0.8).change(seen)
     assert np.abs(np.rot90(change[0]) - change[1]).max() < 1e-5
 
 
 def test_the_change_is_the_same_on_both_sides_of_the_travel() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.02, 0.006])
-    change = model_with(seen, lean=0.5).change(seen)[0]
+    change = model_with(seen, facing=0.8).change(seen)[0]
     assert np.abs(change - change[::-1]).max() < 1e-6
 
 
-def test_more_lean_raises_what_lies_ahead_and_lowers_what_lies_behind() -> None:
+def test_more_facing_raises_what_lies_ahead_and_lowers_what_lies_behind() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.02, 0.006])
-    change = [model_with(seen, lean=lean).change(seen)[0] for lean in (0.0, 1.0)]
+    change = [model_with(seen, facing=facing).change(seen)[0] for facing in (0.0, 1.0)]
     ahead, behind = seen.along[0] > 0.03, seen.along[0] < -0.01
     assert change[1][ahead].sum() > change[0][ahead].sum()
     assert change[1][behind].sum() < change[0][behind].sum()
@@ -139,10 +141,11 @@ def test_a_vector_makes_the_model_again() -> None:
 
 def test_derivatives_are_those_of_the_change() -> None:
     seen = scene([0.05, 0.06, 0.7, 0.02, 0.006], [0.08, 0.08, -2.0, 0.01, 0.004])
-    model = model_with(seen, lean=0.3, heap=0.2, profile_1_mm=0.5)
+    model = model_with(seen, facing=0.3, profile_1_mm=0.5)
     found = derivatives(model, seen)
     for p, name in enumerate(BASE):
         step = 0.02 * (np.arange(len(BASE)) == p)
         central = (model.at(model.vector + step).change(seen) - model.at(model.vector - step).change(seen)) / 0.04
-        size = np.linalg.norm(central)
-        assert np.linalg.norm(found[p] - central) < 0.05 * size + 1e-8, name
+        # What the tool heaps up step by step has kinks: a heap is met again or is not.
+        bound = 0.08 if name in CONTACT else 0.05
+        assert np.linalg.norm(found[p] - central) < bound * np.linalg.norm(central) + 1e-8, name

@@ -1,4 +1,4 @@
-"""An analytic model of a push: the swept tool, the indentation it leaves, rims, a heap in front; and named causes.
+"""An analytic model of a push: the swept tool, the indentation it leaves, the heap around it; and named causes.
 
 The tip travels along u from 0 to L while it sinks from the surface at the start by g d u / L (thesis 7.3.2: the depth
 ramps linearly and is relative to the surface there). Its lower envelope over a place (u, v) is
@@ -8,27 +8,26 @@ ramps linearly and is relative to the surface there). Its lower envelope over a 
 with the tool's profile P, a ball's of radius R at its tip and free further out, and s where that ball reaches lowest.
 A tool with corners reaches further at its diagonals; arm and slab give way to what resists (``resistance``), so that
 m s is less where a wall is in the way and more over an old groove. What lies above E in ``before`` is pressed down: the
-model depends on the state. A share of it stays as an indentation; its volume comes up again in rims (spread by
-Gaussians of two widths, outside the contact, from where it was or more evenly around the tool) and a heap towards the
-travel; where the tool lifts off it may leave a peak. A blur ends it. All of these numbers are the base's nuisances
-(GAP.md, rule 2): free, so that no cause can explain a plain miscalibration. Mechanisms change the motion, what stays,
-or the surface.
+model depends on the state. A share of it stays as an indentation; its volume lies around the groove as the tool heaps
+it up (``heaping``), and where the tool lifts off it may leave a peak. A blur ends it. All of these numbers are the
+base's nuisances (GAP.md, rule 2): free, so that no cause can explain a plain miscalibration. Mechanisms change the
+motion, what stays, or the surface.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.push_dynamics.analytic_scene import PushScene
 from pentimento.push_dynamics.contact import contact_of
+from pentimento.push_dynamics.heaping import heaped
 from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push
 from pentimento.push_dynamics.resistance import STATIONS, deepest_m, yielded
-from pentimento.push_dynamics.rims import forward, raised, source
 from pentimento.push_dynamics.spread import spread
 
 Array = NDArray[Any]
@@ -41,19 +40,19 @@ _ROUND = 0.15
 PROFILE = tuple(f"profile_{k}_mm" for k in range(len(KNOTS)))
 CONTACT = (
     "log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "corners", "give_mm", "along_mm",
+    "log_rims", "facing", "stand_off",
 )  # fmt: skip
-KEPT = ("kept", "log_rims", "evenly")
-SURFACE = ("far_rim", "lean", "heap", "end_lift", "end_pull")
+KEPT = ("kept",)
+SURFACE = ("end_lift", "end_pull")
 BASE = (*CONTACT, *KEPT, *SURFACE, "log_blur")
-START = dict.fromkeys(BASE, 0.0) | {"kept": 0.9, "far_rim": 0.5, "log_blur": float(np.log(0.7))}
+START = dict.fromkeys(BASE, 0.0) | {"kept": 0.9, "facing": 0.5, "stand_off": 1.0, "log_blur": float(np.log(0.7))}
 EDGE_M = 0.0003
 """Softness of the contact where ``log_edge`` is 0."""
-_NEAR, _FAR = 0.5, 1.1
-"""Widths of the rims, in half-widths of the footprint."""
+_RIMS = 0.6
+"""Width of the Gaussian by which material rises around the tool, in half-widths of the footprint."""
 _DEEP_M = 0.005
-_LEAST_RIMS, _LEAST_NET = 0.02, 0.2
-"""What the rims' shape must add up to at least: of what stays pressed, and of its own sizes whatever their sign. Else
-a shape that adds up to nothing would raise towers."""
+_LEAST_RIMS = 0.02
+"""Of what stays pressed: what rims must add up to at least. Else hardly any would raise towers."""
 _NOTHING_M = 1e-12
 _RADII = 100
 _USUAL_DEPTH = 0.6
@@ -116,7 +115,8 @@ class AnalyticPush:
 
     def change(self, scene: PushScene) -> Array:
         """What the pushes do to the height, float32[B, H, W] metres."""
-        return settle(self, scene, keep(self, scene, touch(self, scene)))
+        contact = touch(self, scene)
+        return settle(self, scene, contact, keep(self, scene, contact))
 
 
 def first_model(scene: PushScene) -> AnalyticPush:
@@ -133,20 +133,6 @@ def identity(kind: type[Mechanism], scene: PushScene) -> Mechanism:
         NotObservable: these pushes cannot show it.
     """
     return kind(np.zeros(len(kind.quantities)), kind.reference_of(scene))
-
-
-class Kept(NamedTuple):
-    """What the material keeps of a contact."""
-
-    contact: Contact
-    indentation_m: Array
-    """float32[B, H, W] downwards."""
-    near_m: Array
-    """float32[B, H, W]: the indentation spread by the narrow of the rims' two Gaussians."""
-    far_m: Array
-    """By the wide one."""
-    ahead: Array
-    """How much higher that is behind each place than ahead of it, per pixel."""
 
 
 def touch(model: AnalyticPush, scene: PushScene) -> Contact:
@@ -179,7 +165,9 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     )  # fmt: skip
     edge = EDGE_M * np.exp(number["log_edge"])
     fixed = np.array([radius, np.exp(number["log_aspect"]), number["corners"], edge, scene.half_width_m])
-    return contact_of(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
+    tool = scene.before, scene.along, scene.across, moved, deep, knots, fixed
+    width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
+    return contact_of(*tool)._replace(heaped_m=heaped(*tool, width_px, number["facing"], number["stand_off"]))
 
 
 def _radius_at(depth_m: Array, ball_radius_m: float, knots: Array) -> Array:
@@ -189,31 +177,25 @@ def _radius_at(depth_m: Array, ball_radius_m: float, knots: Array) -> Array:
     return np.interp(depth_m, np.maximum.accumulate(profile) + 1e-9 * np.arange(_RADII), away)
 
 
-def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Kept:
-    """How much of what is pressed stays so."""
+def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Array:
+    """How much of what is pressed stays so: the indentation, float32[B, H, W] metres downwards."""
     kept = np.float32(_numbers(model)["kept"]) * contact.pressed_m
     for mechanism in model.at_work:
         kept = mechanism.kept(kept, contact, scene)
-    half_px = scene.half_width_m / scene.pixel_m * float(np.exp(_numbers(model)["log_rims"]))
-    rising = source(kept, contact.inside, contact.pressed_m, scene.before, _numbers(model)["evenly"])
-    far = spread(rising, _FAR * half_px)
-    return Kept(contact, kept, spread(rising, _NEAR * half_px), far, forward(far, scene.action[:, 2]))
+    return kept
 
 
-def settle(model: AnalyticPush, scene: PushScene, kept: Kept) -> Array:
+def settle(model: AnalyticPush, scene: PushScene, contact: Contact, indentation_m: Array) -> Array:
     """What becomes of the displaced material: the whole change of height, float32[B, H, W] metres."""
-    number, contact, half_px = _numbers(model), kept.contact, scene.half_width_m / scene.pixel_m
-    # A moving tool carries material along: the rims are higher towards the end of travel.
-    shape = number["far_rim"], number["heap"] * _FAR * half_px, number["lean"]
-    rims = raised(kept.near_m, kept.far_m, kept.ahead, contact.progress, contact.inside, shape)
-    # Volume balance: what is pressed down comes up again.
-    pressed = kept.indentation_m.sum((1, 2))
-    least = np.maximum(_LEAST_NET * np.abs(rims).sum((1, 2)), _LEAST_RIMS * pressed) + _NOTHING_M
-    rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), least))
+    number = _numbers(model)
+    rims = (1 - contact.inside) * contact.heaped_m
+    # Volume balance: what stays pressed down has come up.
+    pressed = indentation_m.sum((1, 2))
+    rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), _LEAST_RIMS * pressed + _NOTHING_M))
     lift = np.float32(number["end_pull"] * 1e-3) * contact.beyond_end
     lift += np.float32(number["end_lift"] * 1e-3)
     lift *= contact.peak
-    settled = Settled(kept.indentation_m, rims, lift)
+    settled = Settled(indentation_m, rims, lift)
     for mechanism in model.at_work:
         settled = mechanism.settled(settled, contact, scene)
     return spread(settled.lift_m + settled.rims_m - settled.indentation_m, float(np.exp(number["log_blur"])))

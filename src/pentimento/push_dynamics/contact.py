@@ -31,7 +31,7 @@ _HALF_DISC = np.float32(4 / (3 * math.pi))
 def contact_of(
     before: Array, along: Array, across: Array, moved: Array, deep: Array, knots: Array, fixed: Array
 ) -> Contact:
-    """The contact of B pushes.
+    """The contact of B pushes; nothing is heaped up yet.
 
     Args:
         before: float32[B, H, W] metres above the surface at the start of each push.
@@ -47,9 +47,27 @@ def contact_of(
     shape = before.shape
     made = Contact(*(np.zeros(shape, dtype=np.float32) for _ in Contact._fields))
     _touch(
-        before, along, across, *(numbers.astype(np.float32) for numbers in (moved, deep, knots, fixed)), *made
+        before, along, across, *(numbers.astype(np.float32) for numbers in (moved, deep, knots, fixed)), *made[:4]
     )  # fmt: skip
     return made
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def above_tip(distance: float, radius: float, knots: Array) -> float:
+    """How high above its tip a tool's underside is at a distance from its axis; numbers as of ``contact_of``."""
+    one, last = np.float32(1), knots.shape[1] - 1
+    ball = distance * distance / (2 * radius)
+    if distance <= knots[0, 0]:
+        return ball + knots[1, 0]
+    k = 1
+    while k < last and distance > knots[0, k]:
+        k += 1
+    part = min((distance - knots[0, k - 1]) / (knots[0, k] - knots[0, k - 1]), one)
+    more = knots[1, k - 1] + part * (knots[1, k] - knots[1, k - 1])
+    if distance <= knots[0, last]:
+        return ball + more
+    rise = max((knots[1, last] - knots[1, last - 1]) / (knots[0, last] - knots[0, last - 1]), np.float32(0))
+    return ball + more + rise * (distance - knots[0, last])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -64,20 +82,18 @@ def _touch(
     pressed: Array,
     inside: Array,
     beyond_end: Array,
-    progress: Array,
     peak: Array,
 ) -> None:
-    radius, aspect, corners, edge, half_width = fixed
+    radius, aspect, corners, edge, _ = fixed
     pieces = deep.shape[1] - 1
-    one, last = np.float32(1), knots.shape[1] - 1
-    rise = max((knots[1, last] - knots[1, last - 1]) / (knots[0, last] - knots[0, last - 1]), np.float32(0))
+    one = np.float32(1)
     share, rate = np.float32((_PEAK / _COLLAR) ** 2), np.float32(-1 / (2 * _COLLAR**2))
     lowest, roundness = knots[1].min(), one - max(corners, np.float32(0))
     for b in range(before.shape[0]):
         shift, aside, slope, length, wider, end_radius = moved[b]
-        narrower, middle = np.float32(math.exp(-wider)), length / 2
+        narrower = np.float32(math.exp(-wider))
         pieces_a_metre = np.float32(pieces) / max(length, np.float32(1e-6))
-        per_end_radius, per_half = one / end_radius, one / (middle + half_width)
+        per_end_radius = one / end_radius
         # Behind a tool that travelled is its own groove: it touches ahead.
         lead = _HALF_DISC * length / (length + end_radius)
         # Beyond this, squared, no part of the tool comes down to the highest place.
@@ -87,7 +103,6 @@ def _touch(
                 u, v = along[b, i, j] - shift, across[b, i, j] - aside
                 beyond = (u - length) * per_end_radius
                 beyond_end[b, i, j] = beyond
-                progress[b, i, j] = min(max((u - middle) * per_half, -one), one)
                 squared = (beyond - lead) ** 2 + (v * per_end_radius) ** 2
                 if squared < (_NO_PEAK * _COLLAR) ** 2:
                     collar = np.float32(math.exp(squared * rate))
@@ -103,16 +118,7 @@ def _touch(
                 place = min(station * pieces_a_metre, np.float32(pieces))
                 piece = min(int(place), pieces - 1)
                 lower = deep[b, piece] + (place - piece) * (deep[b, piece + 1] - deep[b, piece])
-                envelope = distance * distance / (2 * radius) - lower
-                if distance > knots[0, 0]:
-                    k = 1
-                    while k < last and distance > knots[0, k]:
-                        k += 1
-                    part = min((distance - knots[0, k - 1]) / (knots[0, k] - knots[0, k - 1]), one)
-                    envelope += knots[1, k - 1] + part * (knots[1, k] - knots[1, k - 1])
-                    envelope += rise * max(distance - knots[0, last], np.float32(0))
-                else:
-                    envelope += knots[1, 0]
+                envelope = above_tip(distance, radius, knots) - lower
                 ratio = (before[b, i, j] - envelope) / edge
                 if ratio > _FAR:
                     pressed[b, i, j], inside[b, i, j] = edge * ratio, one

@@ -29,13 +29,11 @@ _LIKELY = {
     "give_mm": 1.0,
     "kept": 0.3,
     "log_rims": 0.5,
-    "far_rim": 0.5,
+    "facing": 0.5,
+    "stand_off": 1.0,
     "along_mm": 1.0,
-    "lean": 1.0,
-    "heap": 1.0,
     "end_lift": 2.0,
     "end_pull": 1.0,
-    "evenly": 0.5,
     "log_blur": 0.7,
 }
 _RANGE = {
@@ -47,14 +45,12 @@ _RANGE = {
     "corners": (-0.5, 0.6),
     "give_mm": (0.0, 6.0),
     "kept": (0.05, 1.5),
-    "log_rims": (-1.2, 0.7),
-    "far_rim": (-1.5, 2.5),
+    "log_rims": (-1.5, 0.7),
+    "facing": (-1.0, 1.5),
+    "stand_off": (0.0, 3.5),
     "along_mm": (-3.0, 3.0),
-    "lean": (-3.0, 3.0),
-    "heap": (-4.0, 4.0),
     "end_lift": (-3.0, 3.0),
     "end_pull": (-3.0, 3.0),
-    "evenly": (-0.5, 1.5),
     "log_blur": (float(np.log(0.3)), float(np.log(4.0))),
 }
 _PROFILE_LIKELY_MM = 4.0
@@ -65,6 +61,8 @@ _ENOUGH_ON_THE_WAY = _ENOUGH / 10
 """The same while a number goes as far as it may in one iteration: a slide that is slight may show late."""
 _FIRST_DAMPING, _NEXT_DAMPING, _LEAST_DAMPING = 1e-4, 1e-3, 1e-7
 """Of a number's own curvature: at first, once a step has failed, and where all goes well."""
+_BENDS = 0.1
+"""Of what a step promised: less of it gained shows that the valley bends."""
 _LONGEST = 0.5
 """How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
 _MOST_UNEQUAL = 8.0
@@ -114,7 +112,11 @@ def fit(
             # What a whole step gives less, or more, than it promised is about what the next one can still give.
             left = abs(promise - gained) if damping <= _FIRST_DAMPING else gained
             ended = min(gained, left) < _ENOUGH * new
-        model, loss, damping = candidate, new, max(damping / 10, _LEAST_DAMPING)
+        # A valley that bends gives little of what it promised: it is followed in shorter steps.
+        bends = gained < _BENDS * promise and promise > _ENOUGH * new
+        ended &= not bends
+        model, loss = candidate, new
+        damping = damping * 10 if bends else max(damping / 10, _LEAST_DAMPING)
         if ended:
             break
         statistics = linearise(model, measured)

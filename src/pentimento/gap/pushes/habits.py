@@ -20,6 +20,7 @@ from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes
 from pentimento.push_dynamics.analytic import AnalyticPush, keep, settle, touch
 from pentimento.push_dynamics.mechanisms import Mechanism
+from pentimento.push_dynamics.spread import spread
 
 Array = NDArray[Any]
 
@@ -86,9 +87,9 @@ def _pixels(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array
     """Features [n, 13] of the pixels near the ways of the tool, and which these are, bool[B, H, W].
 
     How far ahead and aside of its place of the way a pixel lies, and how far; how deep the tool goes there and is to go
-    in the end, and how far; how much of the surface is in its way, how high that is; what the model makes of it, rims
-    and all; how far it is to both ends. What is told of places is in half-widths, what of commands and heights in
-    millimetres.
+    in the end, and how far; how much of the surface is in its way, how high that is; what is heaped up there, and how
+    much is pressed away around; what the model makes of it all; how far it is to both ends. What is told of places is
+    in half-widths, what of commands and heights in millimetres.
     """
     scene = measured.scene
     half, (length, depth) = scene.half_width_m, (scene.action[:, k, None, None] for k in (3, 4))
@@ -97,11 +98,12 @@ def _pixels(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array
     ahead, aside = (scene.along - station) / half, np.abs(scene.across) / half
     away = np.hypot(ahead, aside)
     seen = measured.valid & (away < _REACH)
-    made = keep(model, scene, touch(model, scene))
+    contact = touch(model, scene)
+    indentation = keep(model, scene, contact)
     told = (
         ahead, aside, away, depth * ramp * MM, *(np.broadcast_to(told * MM, away.shape) for told in (depth, length)),
-        made.contact.pressed_m * MM, scene.before * MM, made.near_m * MM, made.far_m * MM,
-        settle(model, scene, made) * MM,
+        contact.pressed_m * MM, scene.before * MM, contact.heaped_m * MM,
+        spread(indentation, half / scene.pixel_m) * MM, settle(model, scene, contact, indentation) * MM,
         np.minimum(station / half, _REACH), np.minimum((length - station) / half, _REACH),
     )  # fmt: skip
     return np.stack([maps[seen] for maps in told], axis=1).astype(np.float64), seen

@@ -66,20 +66,15 @@ def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
     """Of the change of height by each number of ``model.vector``, metres float32[P, B, H, W]."""
     contact = touch(model, scene)
     kept = keep(model, scene, contact)
-    still = settle(model, scene, kept)
+    still = settle(model, scene, contact, kept)
     stages = [_stage(name) for name in BASE]
     stages += [_STAGE[m.site] for m in model.mechanisms for _ in m.quantities]
     found = np.empty((len(stages), *still.shape), dtype=np.float32)
     for p, stage in enumerate(stages):
         moved = model.at(model.vector + _STEP * (np.arange(len(stages)) == p))
-        match stage:
-            case 0:
-                done = keep(moved, scene, touch(moved, scene))
-            case 1:
-                done = keep(moved, scene, contact)
-            case _:
-                done = kept
-        np.subtract(settle(moved, scene, done), still, out=found[p])
+        touched = touch(moved, scene) if stage == 0 else contact
+        stays = keep(moved, scene, touched) if stage < 2 else kept
+        np.subtract(settle(moved, scene, touched, stays), still, out=found[p])
         found[p] /= np.float32(_STEP)
     return found
 

@@ -68,10 +68,10 @@ class Contact(NamedTuple):
     """0 outside the contact, 1 inside, soft at the edge."""
     beyond_end: Array
     """How far ahead of the end of travel, in radii of the contact there."""
-    progress: Array
-    """-1 before the start of travel, 1 beyond its end."""
     peak: Array
     """What a tool draws up where it lifts off, out of what is around it: 1 in the middle, no volume."""
+    heaped_m: Array
+    """How high what the tool took away lies around its groove (``heaping``)."""
 
 
 class Settled(NamedTuple):

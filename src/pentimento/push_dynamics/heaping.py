@@ -1,0 +1,203 @@
+"""What a travelling tool heaps up around itself, step by step.
+
+At each step of its way the tool takes off what stands above its underside and lays it around what it touches: ahead of
+it more than behind it, hardly at all into the groove that it has just made. What it meets again, it takes along: so
+heaps grow ahead of a tool and are shed at its sides. An old hole takes what falls into it, as far as the tool leaves
+room there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pentimento.push_dynamics.contact import above_tip
+
+Array = NDArray[Any]
+
+_PITCH = 0.45
+"""Half-widths of the footprint from step to step."""
+_FEWEST_STEPS = 4
+_MOST_STEPS = 12
+_WIDTHS = 3.0
+"""Of the Gaussian by which material is laid around the contact: beyond, none is."""
+_FAR = np.float32(5)
+"""In softnesses of the contact's edge: beyond it, there is no contact."""
+_OPEN_M = np.float32(0.0004)
+"""A groove this deep takes half of what level ground takes."""
+_WIDEST = np.float32(2.6)
+"""Half-widths of the footprint: no part of a tool counts further out."""
+_RADII = 64
+_LEAST = np.float32(0.02)
+"""Of what is laid at the sides: so much at least is laid anywhere."""
+
+
+def heaped(
+    before: Array,
+    along: Array,
+    across: Array,
+    moved: Array,
+    deep: Array,
+    knots: Array,
+    fixed: Array,
+    width_px: float,
+    facing: float,
+    stand_off: float,
+) -> Array:
+    """How high material lies around the grooves of B pushes in the end, float32[B, H, W] metres; all that is taken off
+    is laid down again.
+
+    Args:
+        before, along, across, moved, deep, knots, fixed: as of ``contact_of``.
+        width_px: of the Gaussian by which it is laid around the contact.
+        facing: how much more of it a place straight ahead of a level way takes than one at the side.
+        stand_off: how much less of it lies right at the contact's edge; 0 none, 2 nothing lies there.
+    """
+    reach = math.ceil(_WIDTHS * width_px)
+    kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / width_px) / 2)
+    kernel = (kernel / kernel.sum()).astype(np.float32)
+    pitch = _PITCH * fixed[4]
+    steps = np.clip(np.ceil(moved[:, 3] / pitch) + 1, _FEWEST_STEPS, _MOST_STEPS).astype(np.int64)
+    laid = np.zeros_like(before)
+    shape = np.array([facing, stand_off], dtype=np.float32)
+    numbers = (values.astype(np.float32) for values in (moved, deep, knots, fixed))
+    _heap(before, along, across, *numbers, kernel, shape, steps, laid)
+    return laid
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _heap(
+    before: Array,
+    along: Array,
+    across: Array,
+    moved: Array,
+    deep: Array,
+    knots: Array,
+    fixed: Array,
+    kernel: Array,
+    shape: Array,
+    steps: Array,
+    laid: Array,
+) -> None:
+    radius, aspect, corners, edge, half_width = fixed
+    facing, stand_off = shape
+    one, zero, whole = np.float32(1), np.float32(0), np.float32(deep.shape[1] - 1)
+    rows, columns = before.shape[1:]
+    widest = _WIDEST * half_width
+    apart, last_radius = widest / np.float32(_RADII - 1), np.float32(_RADII - 1)
+    profile = np.empty(_RADII, np.float32)
+    for n in range(_RADII):
+        profile[n] = above_tip(apart * np.float32(n), radius, knots)
+    ground, contact = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
+    spread, weight = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
+    for b in range(before.shape[0]):
+        shift, aside, _, length, wider, _ = moved[b]
+        narrower = np.float32(math.exp(-wider))
+        ground[:] = before[b]
+        highest = before[b].max() + deep[b].max() + _FAR * edge
+        n = 1
+        while n < _RADII - 1 and profile[n] < highest:
+            n += 1
+        side_m = apart * np.float32(n) / (narrower * min(aspect, one))
+        lowest = max(deep[b, deep.shape[1] - 1], np.float32(1e-4))
+        ahead = facing * length / np.float32(math.hypot(length, lowest))
+        right_m, left_m = along[b, 0, 1] - along[b, 0, 0], across[b, 0, 1] - across[b, 0, 0]
+        pixel2 = right_m * right_m + left_m * left_m
+        side = int(side_m / math.sqrt(pixel2)) + 1
+        for step in range(steps[b]):
+            part = np.float32(step) / np.float32(steps[b] - 1)
+            station = min(int(part * whole), deep.shape[1] - 2)
+            depth = deep[b, station] + (part * whole - station) * (deep[b, station + 1] - deep[b, station])
+            u0, v0 = shift + part * length, aside
+            # Rows run down: across the columns' direction.
+            u, v = u0 - along[b, 0, 0], v0 - across[b, 0, 0]
+            column, row = int((u * right_m + v * left_m) / pixel2), int((u * left_m - v * right_m) / pixel2)
+            top, bottom = max(row - side, 0), min(row + side + 1, rows - 1)
+            first, last = max(column - side, 0), min(column + side + 1, columns - 1)
+            taken = zero
+            box = rows, -1, columns, -1
+            for i in range(top, bottom + 1):
+                for j in range(first, last + 1):
+                    contact[i, j] = zero
+                    u, v = (along[b, i, j] - u0) * aspect, across[b, i, j] - v0
+                    squared = u * u + v * v
+                    squared -= corners * 4 * (u * v) * (u * v) / (squared + np.float32(1e-12))
+                    away = np.float32(math.sqrt(squared)) * narrower / apart
+                    if away >= last_radius:
+                        continue
+                    n = int(away)
+                    tool = profile[n] + (away - n) * (profile[n + 1] - profile[n]) - depth
+                    over = ground[i, j] + laid[b, i, j] - tool
+                    ratio = over / edge
+                    if ratio < -_FAR:
+                        continue
+                    decayed = np.float32(math.exp(-abs(ratio)))
+                    contact[i, j] = (one if ratio > zero else decayed) / (one + decayed)
+                    box = min(box[0], i), max(box[1], i), min(box[2], j), max(box[3], j)
+                    if over > zero:
+                        taken += over
+                        again = min(over, laid[b, i, j])
+                        laid[b, i, j] -= again
+                        ground[i, j] -= over - again
+            if taken > zero:
+                _lay(
+                    taken, (u0, v0, ahead, stand_off, half_width), box, kernel, before[b],
+                    along[b], across[b], ground, contact, spread, weight, laid[b],
+                )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "arcp"})
+def _lay(
+    taken: float,
+    numbers: tuple[float, float, float, float, float],
+    box: tuple[int, int, int, int],
+    kernel: Array,
+    before: Array,
+    along: Array,
+    across: Array,
+    ground: Array,
+    contact: Array,
+    spread: Array,
+    weight: Array,
+    laid: Array,
+) -> None:
+    """Lay what was taken around the contact, which is inside the box of pixels (first and last row, column)."""
+    u0, v0, ahead, stand_off, half_width = numbers
+    one, zero, per_open = np.float32(1), np.float32(0), 1 / _OPEN_M
+    top, bottom, first, last = box
+    reach = len(kernel) // 2
+    high, low = max(top - reach, 0), min(bottom + reach, laid.shape[0] - 1)
+    left, right = max(first - reach, 0), min(last + reach, laid.shape[1] - 1)
+    for i in range(top, bottom + 1):
+        spread[i, left : right + 1] = zero
+        for t in range(first, last + 1):
+            here = contact[i, t]
+            if here > zero:
+                for j in range(max(t - reach, left), min(t + reach, right) + 1):
+                    spread[i, j] += here * kernel[j - t + reach]
+    total = zero
+    for i in range(high, low + 1):
+        weight[i, left : right + 1] = zero
+        for t in range(max(i - reach, top), min(i + reach, bottom) + 1):
+            share = kernel[t - i + reach]
+            for j in range(left, right + 1):
+                weight[i, j] += share * spread[t, j]
+        for j in range(left, right + 1):
+            u, v = along[i, j] - u0, across[i, j] - v0
+            near, lowered = weight[i, j], (before[i, j] - ground[i, j]) * per_open
+            near *= max(one - stand_off * near, _LEAST) / (one + lowered * lowered)
+            weight[i, j] = near * max(one + ahead * u / (np.float32(math.sqrt(u * u + v * v)) + half_width / 2), _LEAST)
+        if top <= i <= bottom:
+            for j in range(first, last + 1):
+                weight[i, j] *= one - contact[i, j]
+        for j in range(left, right + 1):
+            total += weight[i, j]
+    if total > zero:
+        share = taken / total
+        for i in range(high, low + 1):
+            for j in range(left, right + 1):
+                laid[i, j] += share * weight[i, j]
