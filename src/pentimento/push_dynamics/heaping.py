@@ -172,32 +172,38 @@ def _lay(
     reach = len(kernel) // 2
     high, low = max(top - reach, 0), min(bottom + reach, laid.shape[0] - 1)
     left, right = max(first - reach, 0), min(last + reach, laid.shape[1] - 1)
+    width = right - left + 1  # loops from 0 up are compiled to vectors
     for i in range(top, bottom + 1):
         spread[i, left : right + 1] = zero
         for t in range(first, last + 1):
             here = contact[i, t]
-            if here > zero:
-                for j in range(max(t - reach, left), min(t + reach, right) + 1):
-                    spread[i, j] += here * kernel[j - t + reach]
+            start, end = max(t - reach, left), min(t + reach, right) + 1
+            into, of = spread[i, start:end], kernel[start - t + reach :]
+            for j in range(end - start):
+                into[j] += here * of[j]
     total = zero
     for i in range(high, low + 1):
-        weight[i, left : right + 1] = zero
+        row = weight[i, left : right + 1]
+        row[:] = zero
         for t in range(max(i - reach, top), min(i + reach, bottom) + 1):
-            share = kernel[t - i + reach]
-            for j in range(left, right + 1):
-                weight[i, j] += share * spread[t, j]
-        for j in range(left, right + 1):
-            u, v = along[i, j] - u0, across[i, j] - v0
-            near, lowered = weight[i, j], (before[i, j] - ground[i, j]) * per_open
-            near *= max(one - stand_off * near, _LEAST) / (one + lowered * lowered)
-            weight[i, j] = near * max(one + ahead * u / (np.float32(math.sqrt(u * u + v * v)) + half_width / 2), _LEAST)
+            share, of = kernel[t - i + reach], spread[t, left : right + 1]
+            for j in range(width):
+                row[j] += share * of[j]
+        u, v = along[i, left : right + 1], across[i, left : right + 1]
+        first_m, now_m = before[i, left : right + 1], ground[i, left : right + 1]
+        for j in range(width):
+            ahead_m, aside_m, lowered = u[j] - u0, v[j] - v0, (first_m[j] - now_m[j]) * per_open
+            away_m = np.float32(math.sqrt(ahead_m * ahead_m + aside_m * aside_m)) + half_width / 2
+            row[j] *= max(one - stand_off * row[j], _LEAST) / (one + lowered * lowered)
+            row[j] *= max(one + ahead * ahead_m / away_m, _LEAST)
         if top <= i <= bottom:
             for j in range(first, last + 1):
                 weight[i, j] *= one - contact[i, j]
-        for j in range(left, right + 1):
-            total += weight[i, j]
+        for j in range(width):
+            total += row[j]
     if total > zero:
         share = taken / total
         for i in range(high, low + 1):
-            for j in range(left, right + 1):
-                laid[i, j] += share * weight[i, j]
+            row, onto = weight[i, left : right + 1], laid[i, left : right + 1]
+            for j in range(width):
+                onto[j] += share * row[j]
