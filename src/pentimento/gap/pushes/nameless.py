@@ -31,8 +31,8 @@ def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, floa
 
 def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes) -> bool:
     """Whether what could be taken for a cause does its work: it has one number where the cause has several, so that it
-    need not remove quite as much error. (Of springback that is there it removes half to two thirds, of a far-off swell four
-    fifths; where it is right itself, nineteen twentieths and more.)
+    need not remove quite as much error. (Of springback that is there it removes half to two thirds, of a far-off swell
+    four fifths; where it is right itself, nineteen twentieths and more.)
 
     Args:
         model: with the cause, fitted to ``known``.

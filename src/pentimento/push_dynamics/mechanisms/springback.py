@@ -6,6 +6,7 @@ A share that is always the same is the base's ``kept``. With compression c, dwel
     kept' = kept * (1 + a (c / (c + 5 mm) - 1/2) + b log(t_d / t_d0) - d log(t_s / t_s0)),
 
 for what recovers is bounded by the strain at which the material yields, and so a share that falls with compression.
+No more recovers than was pressed.
 The footprint and the rims stay as wide as the contact was: that tells recovery from a tool that goes less deep.
 """
 
@@ -55,7 +56,8 @@ class Springback(Mechanism):
                 by_rest = by_rest + sign * value * log_times(seconds, self.reference[name])
         share = contact.pressed_m / (contact.pressed_m + np.float32(_DEEP_M))
         by_compression = np.float32(self.values[0]) * (share - np.float32(0.5))
-        return kept_m * (1 + per_push(by_rest) + by_compression)
+        # What is shallow may recover wholly, and no more.
+        return kept_m * np.maximum(1 + per_push(by_rest) + by_compression, 0)
 
 
 def _dwell_s(scene: PushScene) -> Array | None:
