@@ -13,6 +13,9 @@ from pentimento.gap.measured import Measured
 
 Array = NDArray[Any]
 
+FEWEST = 3
+"""Repeated actions from which a floor can be read."""
+
 
 class Floor(NamedTuple):
     """Mean squared error of rows around the mean of their action: sRGB in [0, 1], or mm²."""
@@ -37,16 +40,28 @@ def floor_of_repeats(rest: Array, valid: Array, groups: Sequence[Array], seed: i
 
     Pixels count that are valid in all of an action's rows.
     """
-    spreads = []
+    values = spreads(rest, valid, groups)
+    if len(values) < FEWEST:
+        return None
+    return floor_of(values, np.ones(len(values)), seed)
+
+
+def spreads(rest: Array, valid: Array, groups: Sequence[Array]) -> Array:
+    """How far rows of one action differ from their mean, squared: [K], one of each group of two rows or more."""
+    found = []
     for rows in groups:
         if len(rows) < 2:
             continue
         seen = (valid[rows] > 0).all(0)
         own = rest[rows][:, seen]
-        spreads.append(np.square(own - own.mean(0)).sum() / (len(rows) - 1) / own[0].size)
-    if len(spreads) < 3:
-        return None
-    values = np.array(spreads)
-    drawn = np.random.default_rng([seed, 8]).choice(values, (1999, len(values))).mean(1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return Floor(float(values.mean()), (float(low), float(high)))
+        found.append(np.square(own - own.mean(0)).sum() / (len(rows) - 1) / own[0].size)
+    return np.array(found)
+
+
+def floor_of(values: Array, weights: Array, seed: int) -> Floor:
+    """The weighted mean of spreads [K], and between what it lies where the actions that count are drawn again."""
+    values, weights = values[weights > 0], weights[weights > 0]
+    drawn = np.random.default_rng([seed, 8]).choice(len(values), (1999, len(values)))
+    means = (weights * values)[drawn].sum(1) / weights[drawn].sum(1)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return Floor(float((weights * values).sum() / weights.sum()), (float(low), float(high)))

@@ -10,7 +10,14 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _can_deny, _least_fall, _only_surely_denied, diagnose, noise_floor
+from pentimento.gap.pushes.diagnose import (
+    _can_deny,
+    _least_fall,
+    _only_surely_denied,
+    diagnose,
+    noise_floor,
+    sealed_floor,
+)
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.search import observable_causes
 from pentimento.gap.verdict import verdict
@@ -59,6 +66,31 @@ def test_the_floor_is_the_scatter_of_repeats() -> None:
 def test_without_repeats_the_floor_is_unknown() -> None:
     measured = measure(blank(12, 1), 0.006)
     assert noise_floor(first_model(measured.scene), measured, 0) is None
+    assert sealed_floor(first_model(measured.scene), measured, np.arange(4), 0) is None
+
+
+def test_sealed_repeats_have_their_own_floor_and_sealed_single_pushes_that_of_all_repeats() -> None:
+    samples = blank(12, 3)
+    measured = measure(samples, 0.006)
+    repeated = np.unique(measured.action)[np.unique(measured.action, return_counts=True)[1] > 1]
+    rng = np.random.default_rng(0)
+    loud = measured.action == repeated[0]  # one action is noisier than all others
+    noise_m = np.where(loud, 4e-4, 1e-4)[:, None, None] * rng.standard_normal(measured.after.shape)
+    measured = replace(measured, after=measured.after + noise_m.astype(np.float32))
+    model = first_model(measured.scene)
+
+    def floor(*actions: int) -> float:
+        found = sealed_floor(model, measured, np.flatnonzero(np.isin(measured.action, actions)), 0)
+        assert found is not None and found.interval[0] <= found.mse <= found.interval[1]
+        return found.mse
+
+    single = np.setdiff1d(measured.action, repeated)
+    everywhere = noise_floor(model, measured, 0)
+    assert everywhere is not None
+    assert floor(repeated[0]) == pytest.approx(0.16, rel=0.1)
+    assert floor(repeated[1]) == pytest.approx(0.01, rel=0.1)
+    assert floor(*single) == pytest.approx(everywhere.mse)
+    assert floor(repeated[1], single[0]) == pytest.approx((0.01 + everywhere.mse) / 2, rel=0.1)
 
 
 def test_what_the_scores_of_sealed_pushes_are_sure_of_their_errors_must_only_not_deny() -> None:

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p, unconfirmed
 from pentimento.gap.diagnose import Finding
-from pentimento.gap.floor import Floor, floor_of_repeats
+from pentimento.gap.floor import FEWEST, Floor, floor_of, spreads
 from pentimento.gap.modes import Unexplained
 from pentimento.gap.pushes.fit import equalised, fit, fit_without
 from pentimento.gap.pushes.habits import PushHabits, learn_habits
@@ -116,7 +116,7 @@ def diagnose(
     of_use = of_use.without(*misnamed)
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
-    floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
+    floor = sealed_floor(extended, measured, parts.sealed, seed)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
     chosen = {step.chosen: step for step in found.steps if step.chosen}
@@ -239,11 +239,32 @@ def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Flo
 
     Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
     """
+    _, spread = _spread_of_repeats(model, measured)
+    return floor_of(spread, np.ones(len(spread)), seed) if len(spread) >= FEWEST else None
+
+
+def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> Floor | None:
+    """The noise floor of the rows ``sealed``: of a repeated action its own spread, which its error holds as well, and
+    of a single one what all repeated actions have at the mean, sealed or not.
+    """
+    actions, spread = _spread_of_repeats(model, measured)
+    if len(spread) < FEWEST:
+        return None
+    own = np.isin(actions, measured.action[sealed])
+    single = len(set(measured.action[sealed].tolist())) - own.sum()
+    return floor_of(spread, own + single / len(spread), seed)
+
+
+def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array]:
+    """Repeated actions [K] whose windows lie alike, and how far the rows of each differ in what the model misses, mm²,
+    weighted as errors are.
+    """
     groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
     window = measured.samples.window_m
-    aligned = [rows for rows in groups if np.ptp(window[rows], axis=0).max() < measured.scene.pixel_m / 2]
+    aligned = [g for g in groups if len(g) > 1 and np.ptp(window[g], axis=0).max() < measured.scene.pixel_m / 2]
     rest = np.sqrt(measured.weight) * residual(model, measured)
-    return floor_of_repeats(rest, measured.valid, aligned, seed)
+    actions = np.array([measured.action[rows[0]] for rows in aligned])
+    return actions, spreads(rest, measured.valid, aligned)
 
 
 def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes) -> dict[str, tuple[float, float]]:
