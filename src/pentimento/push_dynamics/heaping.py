@@ -32,6 +32,7 @@ _OPEN_M = np.float32(0.0004)
 _WIDEST = np.float32(2.6)
 """Half-widths of the footprint: no part of a tool counts further out."""
 _RADII = 64
+_TINY = np.float32(1e-12)
 _LEAST = np.float32(0.02)
 """Of what is laid at the sides: so much at least is laid anywhere."""
 
@@ -55,7 +56,7 @@ def heaped(
         before, along, across, moved, deep, knots, fixed: as of ``contact_of``.
         width_px: of the Gaussian by which it is laid around the contact.
         facing: how much more of it a place straight ahead of a level way takes than one at the side.
-        stand_off: how much less of it lies right at the contact's edge; 0 none, 2 nothing lies there.
+        stand_off: how much less of it lies right at the contact's edge; 0: no less, 2: nothing lies at a straight one.
     """
     reach = math.ceil(_WIDTHS * width_px)
     kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / width_px) / 2)
@@ -85,10 +86,9 @@ def _heap(
 ) -> None:
     radius, aspect, corners, edge, half_width = fixed
     facing, stand_off = shape
-    one, zero, whole = np.float32(1), np.float32(0), np.float32(deep.shape[1] - 1)
+    one, whole = np.float32(1), np.float32(deep.shape[1] - 1)
     rows, columns = before.shape[1:]
-    widest = _WIDEST * half_width
-    apart, last_radius = widest / np.float32(_RADII - 1), np.float32(_RADII - 1)
+    apart = _WIDEST * half_width / np.float32(_RADII - 1)
     profile = np.empty(_RADII, np.float32)
     for n in range(_RADII):
         profile[n] = above_tip(apart * np.float32(n), radius, knots)
@@ -102,7 +102,7 @@ def _heap(
         n = 1
         while n < _RADII - 1 and profile[n] < highest:
             n += 1
-        side_m = apart * np.float32(n) / (narrower * min(aspect, one))
+        side_m = apart * np.float32(n) / (narrower * min(aspect, one) * math.sqrt(one - max(corners, np.float32(0))))
         lowest = max(deep[b, deep.shape[1] - 1], np.float32(1e-4))
         ahead = facing * length / np.float32(math.hypot(length, lowest))
         right_m, left_m = along[b, 0, 1] - along[b, 0, 0], across[b, 0, 1] - across[b, 0, 0]
@@ -112,47 +112,72 @@ def _heap(
             part = np.float32(step) / np.float32(steps[b] - 1)
             station = min(int(part * whole), deep.shape[1] - 2)
             depth = deep[b, station] + (part * whole - station) * (deep[b, station + 1] - deep[b, station])
-            u0, v0 = shift + part * length, aside
+            u0 = shift + part * length
             # Rows run down: across the columns' direction.
-            u, v = u0 - along[b, 0, 0], v0 - across[b, 0, 0]
+            u, v = u0 - along[b, 0, 0], aside - across[b, 0, 0]
             column, row = int((u * right_m + v * left_m) / pixel2), int((u * left_m - v * right_m) / pixel2)
-            top, bottom = max(row - side, 0), min(row + side + 1, rows - 1)
-            first, last = max(column - side, 0), min(column + side + 1, columns - 1)
-            taken = zero
-            box = rows, -1, columns, -1
-            for i in range(top, bottom + 1):
-                for j in range(first, last + 1):
-                    contact[i, j] = zero
-                    u, v = (along[b, i, j] - u0) * aspect, across[b, i, j] - v0
-                    squared = u * u + v * v
-                    squared -= corners * 4 * (u * v) * (u * v) / (squared + np.float32(1e-12))
-                    away = np.float32(math.sqrt(squared)) * narrower / apart
-                    if away >= last_radius:
-                        continue
-                    n = int(away)
-                    tool = profile[n] + (away - n) * (profile[n + 1] - profile[n]) - depth
-                    over = ground[i, j] + laid[b, i, j] - tool
-                    ratio = over / edge
-                    if ratio < -_FAR:
-                        continue
-                    decayed = np.float32(math.exp(-abs(ratio)))
-                    contact[i, j] = (one if ratio > zero else decayed) / (one + decayed)
-                    box = min(box[0], i), max(box[1], i), min(box[2], j), max(box[3], j)
-                    if over > zero:
-                        taken += over
-                        again = min(over, laid[b, i, j])
-                        laid[b, i, j] -= again
-                        ground[i, j] -= over - again
-            if taken > zero:
+            box = (
+                max(row - side, 0), min(row + side + 1, rows - 1),
+                max(column - side, 0), min(column + side + 1, columns - 1),
+            )  # fmt: skip
+            taken, box = _take(
+                (u0, aside, depth, narrower, aspect, corners, edge, apart), box, profile, along[b], across[b], ground,
+                contact, laid[b],
+            )  # fmt: skip
+            if taken > 0:
                 _lay(
-                    taken, (u0, v0, ahead, stand_off, half_width), box, kernel, before[b],
-                    along[b], across[b], ground, contact, spread, weight, laid[b],
+                    taken, (u0, aside, ahead, stand_off, half_width), box, kernel, before[b], along[b], across[b],
+                    ground, contact, spread, weight, laid[b],
                 )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _take(
+    numbers: tuple[float, float, float, float, float, float, float, float],
+    box: tuple[int, int, int, int],
+    profile: Array,
+    along: Array,
+    across: Array,
+    ground: Array,
+    contact: Array,
+    laid: Array,
+) -> tuple[np.float32, tuple[int, int, int, int]]:
+    """Take off what stands above the tool within a box of pixels (first and last row, column), and tell where it
+    touches: how much it is, summed over pixels, and the box around the contact.
+    """
+    u0, v0, depth, narrower, aspect, corners, edge, apart = numbers
+    one, zero, last_radius = np.float32(1), np.float32(0), np.float32(len(profile) - 1)
+    taken = zero
+    touched = len(ground), -1, len(ground[0]), -1
+    for i in range(box[0], box[1] + 1):
+        for j in range(box[2], box[3] + 1):
+            contact[i, j] = zero
+            u, v = (along[i, j] - u0) * aspect, across[i, j] - v0
+            squared = u * u + v * v
+            squared -= corners * 4 * (u * v) * (u * v) / (squared + _TINY)
+            away = np.float32(math.sqrt(squared)) * narrower / apart
+            if away >= last_radius:
+                continue
+            n = int(away)
+            tool = profile[n] + (away - n) * (profile[n + 1] - profile[n]) - depth
+            over = ground[i, j] + laid[i, j] - tool
+            ratio = over / edge
+            if ratio < -_FAR:
+                continue
+            decayed = np.float32(math.exp(-abs(ratio)))
+            contact[i, j] = (one if ratio > zero else decayed) / (one + decayed)
+            touched = min(touched[0], i), max(touched[1], i), min(touched[2], j), max(touched[3], j)
+            if over > zero:
+                taken += over
+                again = min(over, laid[i, j])
+                laid[i, j] -= again
+                ground[i, j] -= over - again
+    return taken, touched
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "arcp"})
 def _lay(
-    taken: float,
+    taken: np.float32,
     numbers: tuple[float, float, float, float, float],
     box: tuple[int, int, int, int],
     kernel: Array,
@@ -165,7 +190,7 @@ def _lay(
     weight: Array,
     laid: Array,
 ) -> None:
-    """Lay what was taken around the contact, which is inside the box of pixels (first and last row, column)."""
+    """Lay what was taken around the contact, which is within the box of pixels (first and last row, column)."""
     u0, v0, ahead, stand_off, half_width = numbers
     one, zero, per_open = np.float32(1), np.float32(0), 1 / _OPEN_M
     top, bottom, first, last = box

@@ -36,7 +36,7 @@ like a cause."""
 _LEAST_OF_MISFIT_BESIDE = 0.02
 """The same of a further cause that the base can look like: the forms of those that were found are not quite right
 either."""
-_BESIDE, _BESIDE_SAME_DRIVER = 0.02, 0.7
+_BESIDE, _BESIDE_SAME_DRIVER = 0.01, 0.7
 """Of the largest gain so far: what a further cause must add; the second where it has the driver of one that was found,
 and can do its work."""
 _LEFT_BESIDE, _LEFT_BESIDE_ITS_RIVAL = 0.2, 0.7
