@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.push_dynamics.analytic_scene import PushScene
-from pentimento.push_dynamics.contact import contact_of
+from pentimento.push_dynamics.contact import Sweep, contact_of
 from pentimento.push_dynamics.heaping import heaped
 from pentimento.push_dynamics.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push
 from pentimento.push_dynamics.resistance import STATIONS, deepest_m, yielded
@@ -165,13 +165,13 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     )  # fmt: skip
     edge = EDGE_M * np.exp(number["log_edge"])
     fixed = np.array([radius, np.exp(number["log_aspect"]), number["corners"], edge, scene.half_width_m])
-    tool = scene.before, scene.along, scene.across, moved, deep, knots, fixed
+    sweep = Sweep(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
     width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
-    return contact_of(*tool)._replace(heaped_m=heaped(*tool, width_px, number["facing"], number["stand_off"]))
+    return contact_of(sweep)._replace(heaped_m=heaped(sweep, width_px, number["facing"], number["stand_off"]))
 
 
 def _radius_at(depth_m: Array, ball_radius_m: float, knots: Array) -> Array:
-    """How wide the tool is at heights [B] above its tip: half of it, metres. ``knots`` as of ``contact_of``."""
+    """How wide the tool is at heights [B] above its tip: half of it, metres. ``knots`` as of a ``Sweep``."""
     away = np.linspace(0.0, knots[0, -1], _RADII)
     profile = away**2 / (2 * ball_radius_m) + np.interp(away, *knots)
     return np.interp(depth_m, np.maximum.accumulate(profile) + 1e-9 * np.arange(_RADII), away)

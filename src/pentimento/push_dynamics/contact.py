@@ -6,7 +6,7 @@ See ``analytic.py`` for the tool's lower envelope. Most pixels are far from it; 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -28,33 +28,41 @@ _HALF_DISC = np.float32(4 / (3 * math.pi))
 """Of the radius: how far the middle of a half-disc is from the whole one's."""
 
 
-def contact_of(
-    before: Array, along: Array, across: Array, moved: Array, deep: Array, knots: Array, fixed: Array
-) -> Contact:
-    """The contact of B pushes; nothing is heaped up yet.
+class Sweep(NamedTuple):
+    """How a tool passes over B surfaces; metres."""
 
-    Args:
-        before: float32[B, H, W] metres above the surface at the start of each push.
-        along: float32[B, H, W] metres from the commanded start.
-        across: float32[B, H, W] metres to the left of it.
-        moved: float64[B, 6]: shift along, shift across, slope of the descent, length of travel, logarithm of the
-            tool's width, radius of the contact at the end; metres.
-        deep: float64[B, K]: depth of the tool's tip at K places of its way, from start to end, metres.
-        knots: float64[2, K]: distances from the tool's axis, and what is added to a ball's profile there; metres.
-        fixed: float64[5]: radius of the ball, factor ahead of the tool, by how much less a diagonal counts (of the
-            squared distance; 0 for a round tool), softness of the edge, half-width of the footprint; metres.
-    """
-    shape = before.shape
-    made = Contact(*(np.zeros(shape, dtype=np.float32) for _ in Contact._fields))
-    _touch(
-        before, along, across, *(numbers.astype(np.float32) for numbers in (moved, deep, knots, fixed)), *made[:4]
-    )  # fmt: skip
+    before: Array
+    """float32[B, H, W] above the surface at the start of each push."""
+    along: Array
+    """float32[B, H, W] from the commanded start."""
+    across: Array
+    """float32[B, H, W] to the left of it."""
+    moved: Array
+    """[B, 6]: shift along, shift across, slope of the descent, length of travel, logarithm of the tool's width, radius
+    of the contact at the end."""
+    deep: Array
+    """[B, K]: depth of the tool's tip at K places of its way, from start to end."""
+    knots: Array
+    """[2, K]: distances from the tool's axis, and what is added to a ball's profile there."""
+    fixed: Array
+    """[5]: radius of the ball, factor ahead of the tool, by how much less a diagonal counts (of the squared distance; 0
+    for a round tool), softness of the edge, half-width of the footprint."""
+
+    def single(self) -> Sweep:
+        """In single precision, as compiled code takes it."""
+        return Sweep(*(values.astype(np.float32, copy=False) for values in self))
+
+
+def contact_of(sweep: Sweep) -> Contact:
+    """The contact of B pushes; nothing is heaped up yet."""
+    made = Contact(*(np.zeros(sweep.before.shape, dtype=np.float32) for _ in Contact._fields))
+    _touch(sweep.single(), *made[:4])
     return made
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def above_tip(distance: float, radius: float, knots: Array) -> float:
-    """How high above its tip a tool's underside is at a distance from its axis; numbers as of ``contact_of``."""
+    """How high above its tip a tool's underside is at a distance from its axis; numbers as of a ``Sweep``."""
     one, last = np.float32(1), knots.shape[1] - 1
     ball = distance * distance / (2 * radius)
     if distance <= knots[0, 0]:
@@ -71,19 +79,8 @@ def above_tip(distance: float, radius: float, knots: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _touch(
-    before: Array,
-    along: Array,
-    across: Array,
-    moved: Array,
-    deep: Array,
-    knots: Array,
-    fixed: Array,
-    pressed: Array,
-    inside: Array,
-    beyond_end: Array,
-    peak: Array,
-) -> None:
+def _touch(sweep: Sweep, pressed: Array, inside: Array, beyond_end: Array, peak: Array) -> None:
+    before, along, across, moved, deep, knots, fixed = sweep
     radius, aspect, corners, edge, _ = fixed
     pieces = deep.shape[1] - 1
     one = np.float32(1)

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.push_dynamics.contact import above_tip
+from pentimento.push_dynamics.contact import Sweep, above_tip
 
 Array = NDArray[Any]
 
@@ -37,23 +37,11 @@ _LEAST = np.float32(0.02)
 """Of what is laid at the sides: so much at least is laid anywhere."""
 
 
-def heaped(
-    before: Array,
-    along: Array,
-    across: Array,
-    moved: Array,
-    deep: Array,
-    knots: Array,
-    fixed: Array,
-    width_px: float,
-    facing: float,
-    stand_off: float,
-) -> Array:
+def heaped(sweep: Sweep, width_px: float, facing: float, stand_off: float) -> Array:
     """How high material lies around the grooves of B pushes in the end, float32[B, H, W] metres; all that is taken off
     is laid down again.
 
     Args:
-        before, along, across, moved, deep, knots, fixed: as of ``contact_of``.
         width_px: of the Gaussian by which it is laid around the contact.
         facing: how much more of it a place straight ahead of a level way takes than one at the side.
         stand_off: how much less of it lies right at the contact's edge; 0: no less, 2: nothing lies at a straight one.
@@ -61,29 +49,17 @@ def heaped(
     reach = math.ceil(_WIDTHS * width_px)
     kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / width_px) / 2)
     kernel = (kernel / kernel.sum()).astype(np.float32)
-    pitch = _PITCH * fixed[4]
-    steps = np.clip(np.ceil(moved[:, 3] / pitch) + 1, _FEWEST_STEPS, _MOST_STEPS).astype(np.int64)
-    laid = np.zeros_like(before)
+    pitch = _PITCH * sweep.fixed[4]
+    steps = np.clip(np.ceil(sweep.moved[:, 3] / pitch) + 1, _FEWEST_STEPS, _MOST_STEPS).astype(np.int64)
+    laid = np.zeros_like(sweep.before)
     shape = np.array([facing, stand_off], dtype=np.float32)
-    numbers = (values.astype(np.float32) for values in (moved, deep, knots, fixed))
-    _heap(before, along, across, *numbers, kernel, shape, steps, laid)
+    _heap(sweep.single(), kernel, shape, steps, laid)
     return laid
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _heap(
-    before: Array,
-    along: Array,
-    across: Array,
-    moved: Array,
-    deep: Array,
-    knots: Array,
-    fixed: Array,
-    kernel: Array,
-    shape: Array,
-    steps: Array,
-    laid: Array,
-) -> None:
+def _heap(sweep: Sweep, kernel: Array, shape: Array, steps: Array, laid: Array) -> None:
+    before, along, across, moved, deep, knots, fixed = sweep
     radius, aspect, corners, edge, half_width = fixed
     facing, stand_off = shape
     one, whole = np.float32(1), np.float32(deep.shape[1] - 1)
