@@ -6,7 +6,9 @@ from dataclasses import replace
 import pytest
 
 from pentimento.gap.diagnose import Finding
+from pentimento.gap.modes import Unexplained
 from pentimento.gap.verdict import sentence, verdict
+from pentimento.gap.wandering import Wandering
 from tests.gap.conftest import Written
 
 KEYS = [
@@ -39,6 +41,15 @@ def test_without_repeats_the_floor_and_what_needs_it_are_unknown(written: Writte
     made = verdict(replace(written.diagnosis, floor=None), 56, 42)
     assert made["mse"]["floor"] is None and made["floor_reached"] is None and made["gap_closed"]["test"] is None
     assert "floor is unknown" in made["sentence"]
+
+
+def test_a_state_that_nobody_recorded_is_said_where_nothing_else_explains_it(written: Written) -> None:
+    wanders = Wandering("width", 0.0005, 3e-5, 2e-5)
+    found = replace(written.diagnosis, wanders=wanders, established=(), unexplained=())
+    assert "width wanders" in sentence(found)
+    assert verdict(found, 56, 42)["wanders"]["mse_of_repeats"] == 2e-5
+    known = Unexplained("width", "temperature_c", 0.001, 0.2)
+    assert "wanders" not in sentence(replace(found, unexplained=(known,)))
 
 
 def test_numbers_that_json_cannot_hold_are_unknown(written: Written) -> None:

@@ -22,7 +22,7 @@ from pentimento.gap.in_doubt import confirmation, with_one_in_doubt
 from pentimento.gap.large import find_large
 from pentimento.gap.measured import Measured
 from pentimento.gap.mixing import mixed
-from pentimento.gap.modes import Unexplained, unexplained
+from pentimento.gap.modes import MODES, Unexplained, mode_scores, unexplained
 from pentimento.gap.modulator import generic
 from pentimento.gap.nameless import (
     curve_is_as_good,
@@ -36,6 +36,7 @@ from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.search import Search, search, settle
 from pentimento.gap.splits import Splits, split
 from pentimento.gap.standard_errors import values_with_errors
+from pentimento.gap.wandering import Wandering, wandering
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -98,6 +99,8 @@ class Diagnosis:
     established: tuple[Finding, ...]
     suspected: tuple[Finding, ...]
     floor: Floor | None
+    wanders: Wandering | None
+    """A state that nobody recorded."""
     base_losses: Array
     """Of each sealed action, sRGB."""
     extended_losses: Array
@@ -157,7 +160,11 @@ def diagnose(
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
+    scores, energy, _ = mode_scores(extended, measured)
+    wanders = wandering(MODES, scores, energy, measured.action, measured.turn, seed)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
+    if floor and wanders:
+        floor = floor.moved(-wanders.mse_of_repeats)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
 
     def above_floor(missed: float) -> float:
@@ -218,8 +225,8 @@ def diagnose(
     worth = generic(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]
     return Diagnosis(
-        splits, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
-        tuple(left), strength, tuple(names),
+        splits, measured, habits, found, extended, base, established, suspected, floor, wanders, base_losses,
+        extended_losses, tuple(left), strength, tuple(names),
     )  # fmt: skip
 
 

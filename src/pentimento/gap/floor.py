@@ -24,6 +24,12 @@ class Floor(NamedTuple):
     interval: tuple[float, float]
     """95 %, by resampling actions."""
 
+    def moved(self, by: float) -> Floor:
+        """As much higher, or lower; no lower than where its interval begins at 0."""
+        low, high = self.interval
+        by = max(by, -low)
+        return Floor(self.mse + by, (low + by, high + by))
+
 
 def noise_floor(model: Model, measured: Measured, seed: int) -> Floor | None:
     """None where no action is repeated.

@@ -13,6 +13,7 @@ from pentimento.gap.floor import Floor
 from pentimento.gap.imitation import Imitation
 from pentimento.gap.modes import Unexplained
 from pentimento.gap.survey import Dependence
+from pentimento.gap.wandering import Wandering
 
 Array = NDArray[Any]
 
@@ -60,6 +61,10 @@ class Judged(Protocol):
     @property
     def floor(self) -> Floor | None:
         """None where no action is repeated."""
+
+    @property
+    def wanders(self) -> Wandering | None:
+        """A state that nobody recorded."""
 
     @property
     def base_losses(self) -> Array:

@@ -42,6 +42,8 @@ class Measured:
     """How many distinct paints the whole table has."""
     block: Array
     """int64[B]: which session and load of paint."""
+    turn: Array
+    """int64[B]: rank in the order of execution, session by session."""
     painted: Array
     """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
     weight: Array
@@ -69,7 +71,7 @@ class Measured:
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
             self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
-            block=self.block[rows], painted=self.painted[rows], weight=self.weight[rows],
+            block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows], weight=self.weight[rows],
             habit=self.habit[rows],
         )  # fmt: skip
 
@@ -89,9 +91,12 @@ def load_measured(table: pa.Table) -> Measured:
         _, block = np.unique(samples.action.numpy(), return_inverse=True)
     painted = _painted(samples.before_linear.numpy())
     paint = paint.reshape(-1)
+    order = np.lexsort((np.asarray(table["order"].to_pylist()), np.asarray(table["session"].to_pylist())))
     columns, paints = covariates_of(table) | carried_paint(table, samples), int(paint.max()) + 1
     nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
-    return Measured(samples, columns, paint, paints, block, painted, np.ones(len(samples.path)), nothing_learnt)
+    return Measured(
+        samples, columns, paint, paints, block, np.argsort(order), painted, np.ones(len(samples.path)), nothing_learnt
+    )
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:

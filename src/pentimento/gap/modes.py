@@ -119,12 +119,8 @@ def structure(
     names = list(columns)
     if not names:
         return [], np.zeros((len(modes), 0)), []
-    scores = scores - np.median(scores, axis=0)
-    spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
-    scores = scores / spread
-    weight = _certainty(scores, energy)
+    scores, weight, spread = levelled(scores, energy)
     root = np.sqrt(weight)
-    scores = np.clip(scores * root, -_OUTLYING, _OUTLYING) / root
     lines = np.stack([_standard(c) for c in columns.values()])  # [C, B]
     basis = np.stack([lines, np.stack([_standard(line**2) for line in lines])])
     whole = _strength(scores, weight, basis)
@@ -148,6 +144,18 @@ def structure(
         one = np.column_stack([np.ones(len(left)), basis[:, c].T])
         left = np.stack([left[:, m] - one @ _least_squares(one, left[:, m], root[:, m]) for m in range(len(modes))], 1)
     return found, np.sqrt(whole), names
+
+
+def levelled(scores: Array, energy: Array) -> tuple[Array, Array, Array]:
+    """Scores [B, M] about their median, in their usual deviation, outliers clipped; their weights [B, M], 1 on average;
+    and the usual deviations [M].
+    """
+    scores = scores - np.median(scores, axis=0)
+    spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
+    scores = scores / spread
+    weight = _certainty(scores, energy)
+    root = np.sqrt(weight)
+    return np.clip(scores * root, -_OUTLYING, _OUTLYING) / root, weight, spread
 
 
 def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Array:

@@ -88,6 +88,8 @@ def lead(diagnosis: Judged) -> str:
     if diagnosis.unexplained:
         left = diagnosis.unexplained[0]
         return f"Something that no known cause explains: {escape(left.mode)} depends on {escape(left.covariate)}."
+    if diagnosis.wanders:
+        return f"Something that nobody recorded: from one action to the next {escape(diagnosis.wanders.mode)} wanders."
     return "No known cause is established."
 
 

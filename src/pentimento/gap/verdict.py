@@ -66,6 +66,8 @@ def verdict(
     }
     if given_mse is not None:
         made["mse"]["given"] = given_mse
+    if diagnosis.wanders:
+        made["wanders"] = diagnosis.wanders._asdict()
     known: dict[str, Any] = _without_nan(made)
     return known
 
@@ -104,8 +106,14 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
         mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
         known = "established" if diagnosis.suspected else "known"
         said.append(f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it.")
-    elif diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
-        said.append("Gap above the floor, cause not observable in what was recorded.")
+    else:
+        if wanders := diagnosis.wanders:
+            said.append(
+                f"In the order of execution {wanders.mode} wanders, worth {wanders.mse:.3g}, and nothing that was "
+                "recorded goes with it."
+            )
+        if diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
+            said.append("Gap above the floor, cause not observable in what was recorded.")
     said += _not_observable(diagnosis.search.not_observable)
     rivals = [(finding.cause, rival) for finding in diagnosis.established for rival in finding.rivals]
     if rivals:

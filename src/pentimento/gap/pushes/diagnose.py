@@ -20,12 +20,14 @@ from pentimento.gap.pushes.fit import equalised, fit, fit_without
 from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.pushes.modes import unexplained
+from pentimento.gap.pushes.modes import MODES, mode_scores, unexplained
 from pentimento.gap.pushes.nameless import lookalike_is_as_good, shows_signature
+from pentimento.gap.pushes.noise import error_by_noise
 from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
 from pentimento.gap.standard_errors import covariance
+from pentimento.gap.wandering import Wandering, wandering
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model, typical
 from pentimento.push_dynamics.mechanisms import Mechanism
 
@@ -56,6 +58,8 @@ class PushDiagnosis:
     established: tuple[Finding, ...]
     suspected: tuple[Finding, ...]
     floor: Floor | None
+    wanders: Wandering | None
+    """A state that nobody recorded."""
     base_losses: Array
     """Of each sealed action, mm²."""
     extended_losses: Array
@@ -117,6 +121,9 @@ def diagnose(
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
     floor = sealed_floor(extended, measured, parts.sealed, seed)
+    wanders = wandering(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
+    if floor and wanders:
+        floor = floor.moved(-wanders.mse_of_repeats)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
     chosen = {step.chosen: step for step in found.steps if step.chosen}
@@ -148,8 +155,8 @@ def diagnose(
     )
     left, strength, covariates = unexplained(extended, known, seed)
     return PushDiagnosis(
-        parts, measured, habits, found, extended, base, established, suspected, floor, base_losses, extended_losses,
-        tuple(left), strength, tuple(covariates),
+        parts, measured, habits, found, extended, base, established, suspected, floor, wanders, base_losses,
+        extended_losses, tuple(left), strength, tuple(covariates),
     )  # fmt: skip
 
 
@@ -245,26 +252,30 @@ def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Flo
 
 def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> Floor | None:
     """The noise floor of the rows ``sealed``: of a repeated action its own spread, which its error holds as well, and
-    of a single one what all repeated actions have at the mean, sealed or not.
+    of a single one what all repeated actions have at the mean, sealed or not, and what the same noise does more, or
+    less, on its surface than on theirs.
     """
-    actions, spread = _spread_of_repeats(model, measured)
+    repeated, spread = _spread_of_repeats(model, measured)
     if len(spread) < FEWEST:
         return None
-    own = np.isin(actions, measured.action[sealed])
-    single = len(set(measured.action[sealed].tolist())) - own.sum()
-    return floor_of(spread, own + single / len(spread), seed)
+    own = np.array([measured.action[rows[0]] in measured.action[sealed] for rows in repeated])
+    single = np.setdiff1d(measured.action[sealed], [measured.action[rows[0]] for rows in repeated])
+    noise = error_by_noise(model, measured, repeated)
+    usual = np.mean([noise[rows].mean() for rows in repeated])
+    more = [noise[measured.action == action].mean() - usual for action in single]
+    floor = floor_of(spread, own + len(single) / len(spread), seed)
+    return floor.moved(sum(more) / (own.sum() + len(single)))
 
 
-def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array]:
-    """Repeated actions [K] whose windows lie alike, and how far the rows of each differ in what the model misses, mm²,
+def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:
+    """Rows of each repeated action whose windows lie alike, and how far these differ in what the model misses, mm² [K],
     weighted as errors are.
     """
     groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
     window = measured.samples.window_m
     aligned = [g for g in groups if len(g) > 1 and np.ptp(window[g], axis=0).max() < measured.scene.pixel_m / 2]
     rest = np.sqrt(measured.weight) * residual(model, measured)
-    actions = np.array([measured.action[rows[0]] for rows in aligned])
-    return actions, spreads(rest, measured.valid, aligned)
+    return aligned, spreads(rest, measured.valid, aligned)
 
 
 def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes) -> dict[str, tuple[float, float]]:

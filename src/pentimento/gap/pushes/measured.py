@@ -32,6 +32,8 @@ class MeasuredPushes:
     """float32[B, H, W] metres above the surface at the start of each push."""
     block: Array
     """int64[B]: which pushes share a surface: those between two smoothings."""
+    turn: Array
+    """int64[B]: rank in the order of execution, session by session."""
     weight: Array
     """float32[B, H, W]: of each pixel's squared error in fits; 1 unless ``fit.equalised`` has looked at them."""
     habit: Array
@@ -58,8 +60,8 @@ class MeasuredPushes:
     def pick(self, rows: Array | slice) -> MeasuredPushes:
         """The pushes with these indices."""
         return MeasuredPushes(
-            self.samples.pick(rows), self.scene.pick(rows), self.after[rows], self.block[rows], self.weight[rows],
-            self.habit[rows],
+            self.samples.pick(rows), self.scene.pick(rows), self.after[rows], self.block[rows], self.turn[rows],
+            self.weight[rows], self.habit[rows],
         )  # fmt: skip
 
 
@@ -75,7 +77,8 @@ def measure(samples: PushSamples, half_width_m: float | None = None) -> Measured
     near = cropped(samples)
     scene = scene_of(near, half_width_m, np.stack([_denoised(height) for height in near.before]))
     after = (near.after - near.surface_m[:, None, None]).astype(np.float32)
-    return MeasuredPushes(near, scene, after, _blocks(near), np.ones_like(after), np.zeros_like(after))
+    turn = np.argsort(np.lexsort((near.covariates["order"], near.session)))
+    return MeasuredPushes(near, scene, after, _blocks(near), turn, np.ones_like(after), np.zeros_like(after))
 
 
 def cropped(samples: PushSamples, side_px: int = _SIDE_PX) -> PushSamples:

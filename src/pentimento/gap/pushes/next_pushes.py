@@ -144,8 +144,9 @@ def as_measured(
         action_id=np.arange(len(action)),
     )  # fmt: skip
     return MeasuredPushes(
-        samples, everything, everything.before, np.arange(len(action)), np.ones_like(left), np.zeros_like(left)
-    )
+        samples, everything, everything.before, np.arange(len(action)), np.arange(len(action)), np.ones_like(left),
+        np.zeros_like(left),
+    )  # fmt: skip
 
 
 def _drawn_pairs(measured: MeasuredPushes, count: int, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
