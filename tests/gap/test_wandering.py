@@ -9,8 +9,9 @@ from pentimento.gap.wandering import Wandering, wandering
 Array = NDArray[np.float64]
 
 ROWS, REPEATED, TIMES = 168, 24, 3
-ENERGY = 0.02
+ENERGY, ERROR = 0.02, 0.05
 NOISE = 0.5
+TURN = np.arange(ROWS)
 
 
 def actions(rng: np.random.Generator, back_to_back: bool = False) -> NDArray[np.int64]:
@@ -27,7 +28,7 @@ def state(period: float) -> Array:
 
 
 def found_in(scores: Array, action: NDArray[np.int64], seed: int = 0) -> Wandering | None:
-    return wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), action, np.arange(ROWS), seed)
+    return wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), ERROR, action, TURN, seed)
 
 
 @pytest.mark.parametrize("period", [15.0, 40.0])
@@ -48,7 +49,7 @@ def test_whatever_the_rows_order_in_the_table() -> None:
     scores[:, 1] += state(20)
     shuffled = rng.permutation(ROWS)
     energy = np.full(scores.shape, ENERGY)
-    found = wandering(("blur", "width"), scores[shuffled], energy, action[shuffled], shuffled, 0)
+    found = wandering(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
     told = found_in(scores, action)
     assert found is not None and told is not None and found.mse == pytest.approx(told.mse, rel=1e-9)
 
@@ -76,3 +77,12 @@ def test_noise_does_not_wander() -> None:
         rng = np.random.default_rng([5, seed])
         found.append(found_in(rng.standard_normal((ROWS, 2)), actions(rng), seed))
     assert sum(one is not None for one in found) <= 2
+
+
+def test_what_is_worth_next_to_nothing_is_no_state() -> None:
+    rng = np.random.default_rng(7)
+    scores = NOISE * rng.standard_normal((ROWS, 2))
+    scores[:, 1] += state(20)
+    assert (
+        wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), 100 * ERROR, actions(rng), TURN, 0) is None
+    )

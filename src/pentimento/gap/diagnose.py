@@ -160,8 +160,7 @@ def diagnose(
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
-    scores, energy, _ = mode_scores(extended, measured)
-    wanders = wandering(MODES, scores, energy, measured.action, measured.turn, seed)
+    wanders = wandering(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
     if floor and wanders:
         floor = floor.moved(-wanders.mse_of_repeats)

@@ -24,6 +24,11 @@ class Floor(NamedTuple):
     interval: tuple[float, float]
     """95 %, by resampling actions."""
 
+    @property
+    def standard_error(self) -> float:
+        """As normal an error has it: a quarter of what is between the ends of the interval."""
+        return (self.interval[1] - self.interval[0]) / 4
+
     def moved(self, by: float) -> Floor:
         """As much higher, or lower; no lower than where its interval begins at 0."""
         low, high = self.interval

@@ -92,8 +92,7 @@ def unexplained(
     Args:
         columns: covariates, [B] each, without gaps.
     """
-    scores, energy, error = mode_scores(model, measured)
-    return structure(MODES, scores, energy, error, columns, measured.action, seed)
+    return structure(MODES, *mode_scores(model, measured), columns, measured.action, seed)
 
 
 def structure(

@@ -20,8 +20,8 @@ Array = NDArray[Any]
 
 _DRAWS = 1999
 _P = 0.01
-_LEAST = 0.25
-"""Correlation of neighbours: what is less alike is mostly noise, and no state that lasts."""
+_LEAST = 0.05
+"""Of the error: what is worth less may be what a base lacks where neighbours share a load of paint or a surface."""
 
 
 class Wandering(NamedTuple):
@@ -36,7 +36,7 @@ class Wandering(NamedTuple):
 
 
 def wandering(
-    modes: Sequence[str], scores: Array, energy: Array, action: Array, turn: Array, seed: int
+    modes: Sequence[str], scores: Array, energy: Array, error: float, action: Array, turn: Array, seed: int
 ) -> Wandering | None:
     """The mode in which neighbours in time are most alike, by permutation of actions, max-T over the modes; None where
     none is, beyond chance.
@@ -45,6 +45,7 @@ def wandering(
         modes: names, [M].
         scores: amount of each mode in each row's residual, [B, M].
         energy: what one unit of each is worth in the row's error, [B, M].
+        error: mean over the rows.
         action: rows of one value repeat one command, [B].
         turn: place of each row in the order of execution, 0 to B - 1, [B].
         seed: of the permutations.
@@ -67,8 +68,6 @@ def wandering(
     largest = np.array([alike(rows).max() for rows in orders])
     m = int(np.argmax(observed))
     p = float((1 + (largest >= observed[m]).sum()) / (_DRAWS + 1))
-    if p >= _P or observed[m] < _LEAST:
-        return None
 
     def worth(pairs: Array) -> float:
         weights = weight[:, m][pairs].prod(0)
@@ -76,6 +75,8 @@ def wandering(
         return max(float(covariance * spread[m] ** 2 * energy[:, m].mean()), 0.0)
 
     whole = worth(pairs)
+    if p >= _P or whole < _LEAST * error:
+        return None
     apart = _at_the_times_of_repeats(action, order)
     return Wandering(modes[m], p, whole, max(whole - worth(apart), 0.0) if apart.size else 0.0)
 

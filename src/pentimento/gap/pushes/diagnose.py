@@ -69,8 +69,10 @@ class PushDiagnosis:
 
     @property
     def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
-        """(base - extended) / (base - floor) on sealed pushes, and 95 % of it; None without a floor."""
-        if self.floor is None or self.base_losses.mean() <= self.floor.mse:
+        """(base - extended) / (base - floor) on sealed pushes, and 95 % of it; None without a floor, and where the gap
+        is less than how well the floor is known: sealed pushes that are not repeated have noise of their own.
+        """
+        if self.floor is None or self.base_losses.mean() - self.floor.mse <= self.floor.standard_error:
             return None
         fall = self.base_losses - self.extended_losses
         gap = self.base_losses - self.floor.mse
@@ -264,7 +266,7 @@ def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, s
     usual = np.mean([noise[rows].mean() for rows in repeated])
     more = [noise[measured.action == action].mean() - usual for action in single]
     floor = floor_of(spread, own + len(single) / len(spread), seed)
-    return floor.moved(sum(more) / (own.sum() + len(single)))
+    return floor.moved(float(np.sum(more)) / int(own.sum() + len(single)))
 
 
 def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:

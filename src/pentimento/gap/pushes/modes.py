@@ -59,18 +59,18 @@ class AllModes(Mechanism):
 MODES = tuple(quantity.name for quantity in AllModes.quantities)
 
 
-def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array]:
-    """Each row's residual in each mode, in typical sizes, [B, M]; and the modes' own energies [B, M], mm²."""
-    curvature, slope, _ = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
+def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, float]:
+    """Each row's residual in each mode, in typical sizes, [B, M]; the modes' own energies [B, M]; and the mean error of
+    the rows, both mm².
+    """
+    curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
     own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
-    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own
+    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own, float(error.mean())
 
 
 def unexplained(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
     """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
-    scores, energy = mode_scores(model, measured)
-    error = float(linearise_rows(model, measured)[2].mean())
-    return structure(MODES, scores, energy, error, covariates_shown(measured), measured.action, seed)
+    return structure(MODES, *mode_scores(model, measured), covariates_shown(measured), measured.action, seed)
 
 
 def covariates_shown(measured: MeasuredPushes) -> dict[str, Array]:
