@@ -13,6 +13,7 @@ from pentimento.gap.maps import canvas_map, places_known, stroke_map
 from pentimento.gap.measured import Measured
 from pentimento.gap.path_covariates import covariates_shown
 from pentimento.gap.survey import Survey, detectable, mode_strength
+from pentimento.gap.wandering import Wandering
 from tests.gap.conftest import Written
 
 
@@ -29,10 +30,11 @@ def drawn(png: bytes) -> np.ndarray:
         lambda w: figures.strokes(w.diagnosis, w.survey),
         lambda w: figures.mode_heat(w.survey, {("width", "press_m")}),
         lambda w: figures.dependence(w.survey),
+        lambda w: figures.wandering_curve(Wandering("width", 0.001, 1e-5, 1e-5, np.sin(np.arange(60) / 4))),
         lambda w: figures.imitation_heat(w.survey.imitation, ["ink_depletion"]),
         lambda w: figures.proposal_lines(w.proposal, w.survey),
     ],
-    ids=["waterfall", "strokes", "modes", "dependence", "imitation", "next actions"],
+    ids=["waterfall", "strokes", "modes", "dependence", "wandering", "imitation", "next actions"],
 )
 def test_a_figure_is_no_blank_and_the_same_twice(written: Written, draw: Callable[[Written], bytes]) -> None:
     first = draw(written)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pentimento.gap.diagnose import Finding
@@ -44,7 +45,7 @@ def test_without_repeats_the_floor_and_what_needs_it_are_unknown(written: Writte
 
 
 def test_a_state_that_nobody_recorded_is_said_where_nothing_else_explains_it(written: Written) -> None:
-    wanders = Wandering("width", 0.0005, 3e-5, 2e-5)
+    wanders = Wandering("width", 0.0005, 3e-5, 2e-5, np.zeros(56))
     found = replace(written.diagnosis, wanders=wanders, established=(), unexplained=())
     assert "width wanders" in sentence(found)
     assert verdict(found, 56, 42)["wanders"]["mse_of_repeats"] == 2e-5

@@ -41,6 +41,7 @@ def test_a_state_is_found_in_its_mode_with_what_it_is_worth(period: float) -> No
     # Neighbours are a step apart: they share cos(2 pi / period) of it.
     assert found.mse == pytest.approx(ENERGY * np.cos(2 * np.pi / period), rel=0.15)
     assert found.mse_of_repeats == pytest.approx(found.mse, rel=0.25)
+    assert np.corrcoef(found.amount, state(period))[0, 1] > 0.8
 
 
 def test_whatever_the_rows_order_in_the_table() -> None:
@@ -52,6 +53,7 @@ def test_whatever_the_rows_order_in_the_table() -> None:
     found = wandering(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
     told = found_in(scores, action)
     assert found is not None and told is not None and found.mse == pytest.approx(told.mse, rel=1e-9)
+    assert found.amount == pytest.approx(told.amount)
 
 
 def test_repeats_that_follow_one_another_hold_nothing_of_it() -> None:

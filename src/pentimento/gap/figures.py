@@ -20,6 +20,7 @@ from pentimento.gap.maps import ResidualMap
 from pentimento.gap.measured import Measured
 from pentimento.gap.next_actions import Proposal
 from pentimento.gap.survey import Survey
+from pentimento.gap.wandering import Wandering
 from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
 
 Array = NDArray[Any]
@@ -30,6 +31,7 @@ _GREEN = "#4f7f4a"
 _PAGE_IN = 10.5
 _LEAST_BAR = 0.002  # of the base's error
 _LEAST_TOP = 4.0  # of correlations in standard errors: where chance ends
+_NEIGHBOURS = 7  # of a running mean
 _QUESTIONS = (BLUE, OCHRE, _GREEN, "#7a4f86", "#a33a3a", "#555555")
 
 
@@ -111,6 +113,21 @@ def dependence(survey: Surveyed) -> bytes:
         for axes in cells[:, 0]:
             axes.set_ylabel("residual, deviations")
         cells[0, 0].legend(loc="best", fontsize=9)
+        return png(figure)
+
+
+def wandering_curve(wanders: Wandering) -> bytes:
+    """What wanders, action by action in the order of execution, and the mean of neighbours."""
+    amount = wanders.amount
+    window = np.ones(_NEIGHBOURS)
+    mean = np.convolve(amount, window, "same") / np.convolve(np.ones_like(amount), window, "same")
+    with drawing():
+        figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+        axes = figure.add_subplot()
+        axes.axhline(0.0, color="#deded8", lw=1.0, zorder=1)
+        axes.plot(amount, "o", color=_QUIET, ms=3.5, zorder=2)
+        axes.plot(mean, color=OCHRE, lw=2.0, zorder=3)
+        axes.set(xlabel="order of execution", ylabel=wanders.mode, xlim=(-1, len(amount)))
         return png(figure)
 
 

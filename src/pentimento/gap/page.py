@@ -161,7 +161,8 @@ def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
     if not survey.covariates:
         return section(
             "modes", "What the residual depends on",
-            "<p>Nothing that was recorded of every stroke varies: what the residual depends on cannot be asked.</p>",
+            "<p>Nothing that was recorded of every stroke varies: what the residual depends on cannot be asked.</p>"
+            + wandering(diagnosis, album),
         )  # fmt: skip
     structured = {(left.mode, left.covariate) for left in diagnosis.unexplained}
     heat = album.plot(
@@ -178,7 +179,20 @@ def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
         "95&nbsp;% bands that take each action as one witness. Ochre: base; blue: extended. Flat at 0 is a cause "
         "dealt with.",
     )  # fmt: skip
-    return section("modes", "What the residual depends on", heat + curves)
+    return section("modes", "What the residual depends on", heat + curves + wandering(diagnosis, album))
+
+
+def wandering(diagnosis: Judged, album: Album) -> str:
+    """What wanders, as a figure; nothing where nothing does."""
+    if diagnosis.wanders is None:
+        return ""
+    return album.plot(
+        "wandering.png", figures.wandering_curve(diagnosis.wanders),
+        f"Residual {diagnosis.wanders.mode} in the order of execution, row by row and as a running mean.",
+        "What wanders: the residual of each row in this mode, in robust standard deviations, in the order in which "
+        "the rows were made, and the mean of neighbours. Repeats differ by it, but it is no noise, and the noise floor "
+        "is without it. Whoever records what drifts so lets the next diagnosis name it.",
+    )  # fmt: skip
 
 
 def _imitation(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:

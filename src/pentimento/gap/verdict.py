@@ -67,7 +67,8 @@ def verdict(
     if given_mse is not None:
         made["mse"]["given"] = given_mse
     if diagnosis.wanders:
-        made["wanders"] = diagnosis.wanders._asdict()
+        mode, p, mse, mse_of_repeats, _ = diagnosis.wanders
+        made["wanders"] = {"mode": mode, "p": p, "mse": mse, "mse_of_repeats": mse_of_repeats}
     known: dict[str, Any] = _without_nan(made)
     return known
 

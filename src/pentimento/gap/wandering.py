@@ -33,6 +33,8 @@ class Wandering(NamedTuple):
     """What it is worth: mean squared error of rows, sRGB in [0, 1] or mm²."""
     mse_of_repeats: float
     """How much of that the spread of repeats holds."""
+    amount: Array
+    """[B] of the mode in each row's residual, in robust standard deviations, in the order of execution."""
 
 
 def wandering(
@@ -78,7 +80,8 @@ def wandering(
     if p >= _P or whole < _LEAST * error:
         return None
     apart = _at_the_times_of_repeats(action, order)
-    return Wandering(modes[m], p, whole, max(whole - worth(apart), 0.0) if apart.size else 0.0)
+    of_repeats = max(whole - worth(apart), 0.0) if apart.size else 0.0
+    return Wandering(modes[m], p, whole, of_repeats, amounts[order, m])
 
 
 def _at_the_times_of_repeats(action: Array, order: Array) -> Array:

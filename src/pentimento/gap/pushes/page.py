@@ -10,7 +10,7 @@ from pentimento.gap import figures as drawn
 from pentimento.gap.imitation import ALIKE, sentences
 from pentimento.gap.judged import PUSHES
 from pentimento.gap.leaderboard import leaderboard
-from pentimento.gap.page import html_page, lead, section
+from pentimento.gap.page import html_page, lead, section, wandering
 from pentimento.gap.pushes import figures
 from pentimento.gap.pushes.diagnose import PushDiagnosis
 from pentimento.gap.pushes.next_pushes import PushProposal
@@ -96,7 +96,7 @@ def _modes(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str:
         "The strongest of these pairs: means over bins with equally many pushes, in robust standard deviations, and "
         "95&nbsp;% bands that take each action as one witness. Ochre: base; blue: extended.",
     )  # fmt: skip
-    return section("modes", "What the residual depends on", heat + curves)
+    return section("modes", "What the residual depends on", heat + curves + wandering(diagnosis, album))
 
 
 def _imitation(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str:
