@@ -88,3 +88,10 @@ def test_what_is_worth_next_to_nothing_is_no_state() -> None:
     assert (
         wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), 100 * ERROR, actions(rng), TURN, 0) is None
     )
+
+
+def test_where_nothing_is_missed_nothing_wanders() -> None:
+    rng = np.random.default_rng(8)
+    nothing = np.zeros((ROWS, 2))
+    assert wandering(("blur", "width"), nothing, np.full(nothing.shape, ENERGY), 0.0, actions(rng), TURN, 0) is None
+    assert wandering(("width",), np.ones((1, 1)), np.ones((1, 1)), 1.0, np.zeros(1, int), np.zeros(1, int), 0) is None

@@ -22,6 +22,7 @@ _DRAWS = 1999
 _P = 0.01
 _LEAST = 0.05
 """Of the error: what is worth less may be what a base lacks where neighbours share a load of paint or a surface."""
+_TINY = 1e-12
 
 
 class Wandering(NamedTuple):
@@ -60,7 +61,7 @@ def wandering(
     if not pairs.size:
         return None
     root = np.sqrt(weight)
-    own = np.square(root * amounts).mean(0)
+    own = np.maximum(np.square(root * amounts).mean(0), _TINY)
 
     def alike(rows: Array) -> Array:
         return np.asarray((root * amounts)[rows[pairs]].prod(0).mean(0) / own)
@@ -77,7 +78,7 @@ def wandering(
         return max(float(covariance * spread[m] ** 2 * energy[:, m].mean()), 0.0)
 
     whole = worth(pairs)
-    if p >= _P or whole < _LEAST * error:
+    if p >= _P or whole <= _LEAST * error:
         return None
     apart = _at_the_times_of_repeats(action, order)
     of_repeats = max(whole - worth(apart), 0.0) if apart.size else 0.0
