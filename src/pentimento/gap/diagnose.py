@@ -100,7 +100,7 @@ class Diagnosis:
     suspected: tuple[Finding, ...]
     floor: Floor | None
     wanders: Wandering | None
-    """A state that nobody recorded."""
+    """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
     base_losses: Array
     """Of each sealed action, sRGB."""
     extended_losses: Array

@@ -6,7 +6,8 @@ depends on (no speed, time, load, heading on the canvas, bend, length, place). T
 effect instead (GAP.md, rule 9). What they say of a stroke was learnt from others (cross-fitting; Chernozhukov et al.
 2018), and what of it looks, over all strokes and beyond chance, like any of the causes is left in the residual, so that
 this cause's score does not change: only the misfit about it falls. They learn twice: where each stroke as a whole came
-to lie is chance, hides what is alike, and is known better once that has been learnt.
+to lie and how wide is chance, hides what is alike, and is known better once that has been learnt. Of a tool that draws
+its left as it draws its right, which the first trees tell, they then see one half, twice as often.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pentimento.gap.foretell import Model, foretold, ink_of, mark_px, press_shar
 from pentimento.gap.imprint import Imprint
 from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.gap.measured import Measured
-from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes
+from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes, said_at
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -37,6 +38,8 @@ _TURNED_RAD = 0.2
 """Standard deviation of a tool's yaw from which its bundle is seen from several sides."""
 _TREES = 50
 _FIRST_TREES = 20  # enough to see by how much each stroke is displaced
+_LEFT, _SINE = 0, 8
+"""Features that change their sign in the mirror."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class Habits:
     """[P] of the model's numbers: what of it they would do."""
     turned: bool
     """Whether they know how the tool lies to its way."""
+    mirrored: bool
+    """Whether left and right are one to them."""
 
     def seen_from(self, model: Model) -> Habits:
         """The same, seen from a model that knows more paints: what is like causes does nothing to those."""
@@ -60,7 +65,8 @@ class Habits:
     def of(self, measured: Measured) -> Measured:
         """Strokes that nothing was learnt from, with their habits."""
         pixels = _Pixels(self.model, measured, self.turned)
-        said = np.mean([trees.say(pixels.features) for trees in self.trees], axis=0)
+        features = one_sided(pixels.features) if self.mirrored else pixels.features
+        said = np.mean([trees.say(features) for trees in self.trees], axis=0)
         return self._joined(measured, pixels, said)
 
     def _joined(self, measured: Measured, pixels: _Pixels, said: Array) -> Measured:
@@ -82,17 +88,21 @@ def learn_habits(
     turned = bool(measured.samples.path[rows, 0, 4].std() > _TURNED_RAD)
     pixels = _Pixels(model, measured, turned)
     missing = pixels.along_slope(residual(model, measured))
-    fold = folds(measured.action, rows, seed)[pixels.stroke]
-    _, said, share = cross_fitted(pixels.features, missing, pixels.depth, fold, _FIRST_TREES)
+    features, fold = pixels.features, folds(measured.action, rows, seed)[pixels.stroke]
+    trees, said, share = cross_fitted(features, missing, pixels.depth, fold, _FIRST_TREES)
+    both = (said + said_at(trees, in_the_mirror(features), fold)) / 2
+    learnt = fold >= 0
+    mirrored = bool((pixels.depth * (np.square(missing - both) - np.square(missing - said)))[learnt].sum() < 0)
     # Where a stroke as a whole came to lie is chance, and much of the noise. It shows once what is alike is taken away.
-    missing -= pixels.displaced(missing - share * said)
-    trees, said, share = cross_fitted(pixels.features, missing, pixels.depth, fold, _TREES)
+    missing -= pixels.as_a_whole(missing - share * said)
+    features = one_sided(features) if mirrored else features
+    trees, said, share = cross_fitted(features, missing, pixels.depth, fold, _TREES)
     full = model.plus(*candidates)
     amounts = _fitted(share * pixels.photographs(said), measured, full, rows)
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
     columns = [full.columns_of(cause) for cause in unlike]
     amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
-    habits = Habits(full.without(*unlike), trees, share, amounts, turned)
+    habits = Habits(full.without(*unlike), trees, share, amounts, turned, mirrored)
     return habits, habits._joined(measured, pixels, said)
 
 
@@ -109,7 +119,7 @@ class _Pixels:
         """How clearly coverage shows, [n]."""
         self.stroke = np.nonzero(self._seen)[0]
         """Index of each one's stroke, [n]."""
-        self._by_place = laid.imprint.by_mark[self._seen][:, :2].astype(float)
+        self._by_place_and_width = laid.imprint.by_mark[self._seen][:, :3].astype(float)
         lie = _lie(mark, measured.samples.path[..., 4].double().numpy()) if turned else []
         self.features = _features(laid.imprint, self._seen, mark, press_shares(model, measured), lie)
 
@@ -117,11 +127,11 @@ class _Pixels:
         """The coverage [n] that photographs [B, H, W, 3] amount to."""
         return np.asarray((photographs * self._towards).sum(-1)[self._seen] / self.depth)
 
-    def displaced(self, coverage: Array) -> Array:
-        """What of a coverage [n] a displacement of each stroke as a whole does, by least squares, [n]."""
-        by = self._by_place
-        pairs = (self.depth[:, None, None] * by[:, :, None] * by[:, None, :]).reshape(-1, 4)
-        curvature = self._summed(pairs).reshape(-1, 2, 2)
+    def as_a_whole(self, coverage: Array) -> Array:
+        """What of a coverage [n] a displacement of each stroke, and another width, do, by least squares, [n]."""
+        by = self._by_place_and_width
+        pairs = (self.depth[:, None, None] * by[:, :, None] * by[:, None, :]).reshape(len(by), -1)
+        curvature = self._summed(pairs).reshape(-1, by.shape[1], by.shape[1])
         slope = self._summed((self.depth * coverage)[:, None] * by)
         moved = np.linalg.pinv(curvature, hermitian=True) @ slope[..., None]
         return np.asarray((by * moved[self.stroke, :, 0]).sum(1))
@@ -136,6 +146,18 @@ class _Pixels:
         change = np.zeros_like(self._towards)
         change[self._seen] = coverage[:, None] * self._towards[self._seen]
         return change
+
+
+def in_the_mirror(features: Array) -> Array:
+    """Those of ``_features`` of what lies on the other side of the way, in a mirror along it."""
+    mirrored = features.copy()
+    mirrored[:, [_LEFT, *range(_SINE, features.shape[1])]] *= -1
+    return mirrored
+
+
+def one_sided(features: Array) -> Array:
+    """The same of what lies on the left, and in the mirror of what lies on the right."""
+    return np.where(features[:, [_LEFT]] < 0, in_the_mirror(features), features)
 
 
 def _lie(mark: Array, yaw: Array) -> list[Array]:

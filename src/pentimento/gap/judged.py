@@ -64,7 +64,7 @@ class Judged(Protocol):
 
     @property
     def wanders(self) -> Wandering | None:
-        """A state that nobody recorded."""
+        """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
 
     @property
     def base_losses(self) -> Array:

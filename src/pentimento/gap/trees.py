@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,6 +75,17 @@ def cross_fitted(
     said[~known] /= _FOLDS
     right = (weight * missing * said)[known].sum() / max((weight * said**2)[known].sum(), 1e-12)
     return trees, said, float(np.clip(right, 0.0, 1.0))
+
+
+def said_at(trees: Sequence[Trees], features: Array, fold: Array) -> Array:
+    """What cross-fitted trees say at other ``features`` [n, F] of the pixels, each of those that they were not grown
+    on; 0 of a pixel that none was grown on, [n].
+    """
+    said = np.zeros(len(features))
+    for k, grown in enumerate(trees):
+        told = fold == k
+        said[told] = grown.say(features[told])
+    return said
 
 
 def like_causes(statistics: Statistics, nuisances: int) -> Array:

@@ -40,7 +40,7 @@ def test_a_cause_gives_way_to_what_could_be_taken_for_it(
     base = fit(first_model(measured.scene), measured)
     model = fit(base.plus(known[named.cause]), measured)
     assert action_losses(model, measured).mean() < action_losses(base, measured).mean()
-    assert lookalike_is_as_good(named.cause, model, measured) == as_good
+    assert lookalike_is_as_good(named.cause, model, measured, 0) == as_good
 
 
 @pytest.mark.parametrize(

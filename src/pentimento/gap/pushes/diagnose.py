@@ -59,7 +59,7 @@ class PushDiagnosis:
     suspected: tuple[Finding, ...]
     floor: Floor | None
     wanders: Wandering | None
-    """A state that nobody recorded."""
+    """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
     base_losses: Array
     """Of each sealed action, mm²."""
     extended_losses: Array
@@ -118,7 +118,7 @@ def diagnose(
     of_use = _of_use(
         found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, seed
     )
-    misnamed = _misnamed(of_use, known)
+    misnamed = _misnamed(of_use, known, seed)
     of_use = of_use.without(*misnamed)
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
@@ -197,7 +197,7 @@ def _of_use(
     return model
 
 
-def _misnamed(model: AnalyticPush, known: MeasuredPushes) -> list[str]:
+def _misnamed(model: AnalyticPush, known: MeasuredPushes, seed: int) -> list[str]:
     """Causes that stand where something belongs that has no name.
 
     Args:
@@ -207,7 +207,7 @@ def _misnamed(model: AnalyticPush, known: MeasuredPushes) -> list[str]:
         m.cause
         for m in model.mechanisms
         if (m.signature and not shows_signature(m, values_with_errors(model, m.cause, known)))
-        or lookalike_is_as_good(m.cause, model, known)
+        or lookalike_is_as_good(m.cause, model, known, seed)
     ]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pentimento.gap.choice import paired_p
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import MeasuredPushes
@@ -16,7 +17,8 @@ from pentimento.push_dynamics.mechanisms import LOOKALIKES, Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 _SURE = 2.0  # standard errors
-_AS_GOOD = 0.88  # of what the cause removes
+_AS_GOOD, _NEARLY_AS_GOOD = 0.95, 0.88  # of what the cause removes
+_CERTAINLY_WORSE_P = 0.001
 
 
 def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
@@ -29,10 +31,11 @@ def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, floa
     return not signed or any(value > _SURE * error for value, error in signed)
 
 
-def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes) -> bool:
+def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes, seed: int) -> bool:
     """Whether what could be taken for a cause does its work: it has one number where the cause has several, so that it
-    need not remove quite as much error. (Of springback that is there it removes half to two thirds, of a far-off swell
-    four fifths; where it is right itself, nineteen twentieths and more.)
+    need not remove quite as much error, unless it is certain that the cause is the better one. (Of springback that is
+    there it removes half to two thirds, of a far-off swell two thirds to nine tenths; where it is right itself,
+    nineteen twentieths and more.)
 
     Args:
         model: with the cause, fitted to ``known``.
@@ -44,7 +47,7 @@ def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes)
     except NotObservable:
         return False
     rest = fit(model.without(cause), known)
-    error, with_cause, instead = (
-        float(action_losses(each, known).mean()) for each in (rest, model, fit(rest.plus(other), known))
-    )
-    return error - instead >= _AS_GOOD * (error - with_cause)
+    error, with_cause, instead = (action_losses(each, known) for each in (rest, model, fit(rest.plus(other), known)))
+    certainly_worse = paired_p(instead - with_cause, seed) < _CERTAINLY_WORSE_P
+    as_good = _AS_GOOD if certainly_worse else _NEARLY_AS_GOOD
+    return bool((error - instead).mean() >= as_good * (error - with_cause).mean())

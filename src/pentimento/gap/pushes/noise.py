@@ -47,7 +47,8 @@ class Scatter(Mechanism):
 
 
 def error_by_noise(model: AnalyticPush, measured: MeasuredPushes, repeated: Sequence[Array]) -> Array:
-    """Mean squared error of each row that the arm's scatter and the scanner's noise make, mm² [B].
+    """Mean squared error of each row that the arm's scatter and the scanner's noise make, weighted as errors are,
+    mm² [B].
 
     Args:
         repeated: rows of each of some actions, two or more of each.
@@ -79,4 +80,4 @@ def error_by_scanner(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     for k in range(len(noise)):
         alike = untouched & (steep == k)
         noise[k] = missed[alike].mean() if alike.sum() >= _FEWEST else noise[max(k - 1, 0)]
-    return np.where(measured.valid, noise[steep], 0).sum((1, 2)) / measured.valid.sum((1, 2))
+    return (np.where(measured.valid, noise[steep], 0) * measured.weight).sum((1, 2)) / measured.valid.sum((1, 2))
