@@ -8,8 +8,8 @@ import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.gap.fit import first_model, fit
-from pentimento.gap.foretell import BASE, Model, foretold, identity, ink, mean_squared_error, residual
-from pentimento.gap.habits import learn_habits
+from pentimento.gap.foretell import BASE, WIDTHS, Model, foretold, identity, ink, mean_squared_error, residual
+from pentimento.gap.habits import in_the_mirror, learn_habits, one_sided
 from pentimento.gap.jacobian import linearise
 from pentimento.gap.measured import Measured, load_measured
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
@@ -157,3 +157,44 @@ def test_a_paint_that_was_never_seen_changes_no_habit(
     known, painted_anew = habits.of(few), habits.seen_from(more).of(replace(few, paints=few.paints + 2))
     assert np.abs(known.habit).max() > 0.01
     np.testing.assert_allclose(painted_anew.habit, known.habit, atol=1e-6)
+
+
+def test_the_mirror_of_the_mirror_is_what_was_there() -> None:
+    """Left changes sides, and with it the sine of how the tool lies to its way; nothing else does."""
+    features = np.random.default_rng(4).normal(size=(50, 9))
+    other = in_the_mirror(features)
+    changed = [k for k in range(9) if not (other[:, k] == features[:, k]).all()]
+    assert changed == [0, 8]
+    np.testing.assert_array_equal(in_the_mirror(other), features)
+    plain = in_the_mirror(features[:, :7])
+    np.testing.assert_array_equal(plain, other[:, :7])
+
+
+def test_both_sides_are_one_side() -> None:
+    features = np.random.default_rng(5).normal(size=(50, 9))
+    assert (one_sided(features)[:, 0] >= 0).all()
+    np.testing.assert_array_equal(one_sided(features), one_sided(in_the_mirror(features)))
+
+
+@pytest.mark.parametrize(("sides", "mirrored"), [((0.4, -0.4), True), ((0.4,), False)])
+def test_a_tool_that_draws_its_left_as_its_right_is_seen_so(
+    strokes: tuple[Measured, Model, list[Mechanism]], sides: tuple[float, ...], mirrored: bool
+) -> None:
+    measured, model, causes = strokes
+    laid = ink(model, measured).imprint
+    pale = sum(np.exp(-(((laid.place[..., :1] - side) / 0.15) ** 2)) for side in sides)
+    streaked = photographed(measured, measured.samples.after.numpy() + 0.2 * pale * (laid.coverage[..., None] > 0.5))
+    habits, _ = learn_habits(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, causes, 0)
+    assert habits.mirrored == mirrored
+
+
+def test_a_streak_is_learnt_from_strokes_that_are_not_equally_wide(streaked: tuple[Measured, Model]) -> None:
+    """Nor is what scatters with each stroke's width in the way."""
+    measured, model = streaked
+    wider = model.at(model.vector + 0.1 * np.isin(np.arange(len(model.vector)), [BASE.index(name) for name in WIDTHS]))
+    amount = np.random.default_rng(6).normal(0, 1, (len(measured), 1, 1, 1))
+    apart = amount * (foretold(wider, measured) - foretold(model, measured))
+    scattered = photographed(measured, measured.samples.after.numpy() + apart)
+    causes: list[Mechanism] = [identity(BristleLag, measured.context)]
+    calm, found = (learn_habits(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()

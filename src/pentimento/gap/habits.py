@@ -25,6 +25,7 @@ from pentimento.gap.foretell import Model, foretold, ink_of, mark_px, press_shar
 from pentimento.gap.imprint import Imprint
 from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.gap.measured import Measured
+from pentimento.gap.own_part import own_part
 from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes, said_at
 from pentimento.stroke_dynamics.simulation import Mechanism
 
@@ -93,8 +94,9 @@ def learn_habits(
     both = (said + said_at(trees, in_the_mirror(features), fold)) / 2
     learnt = fold >= 0
     mirrored = bool((pixels.depth * (np.square(missing - both) - np.square(missing - said)))[learnt].sum() < 0)
-    # Where a stroke as a whole came to lie is chance, and much of the noise. It shows once what is alike is taken away.
-    missing -= pixels.as_a_whole(missing - share * said)
+    # Where a stroke as a whole came to lie, and how wide, is chance, and much of the noise. It shows once what is alike
+    # is taken away.
+    missing -= own_part(missing - share * said, pixels.by_place_and_width, pixels.depth, pixels.stroke)
     features = one_sided(features) if mirrored else features
     trees, said, share = cross_fitted(features, missing, pixels.depth, fold, _TREES)
     full = model.plus(*candidates)
@@ -119,27 +121,14 @@ class _Pixels:
         """How clearly coverage shows, [n]."""
         self.stroke = np.nonzero(self._seen)[0]
         """Index of each one's stroke, [n]."""
-        self._by_place_and_width = laid.imprint.by_mark[self._seen][:, :3].astype(float)
+        self.by_place_and_width = laid.imprint.by_mark[self._seen][:, :3].astype(float)
+        """How coverage changes as the mark there moves, two ways, and widens, [n, 3]."""
         lie = _lie(mark, measured.samples.path[..., 4].double().numpy()) if turned else []
         self.features = _features(laid.imprint, self._seen, mark, press_shares(model, measured), lie)
 
     def along_slope(self, photographs: Array) -> Array:
         """The coverage [n] that photographs [B, H, W, 3] amount to."""
         return np.asarray((photographs * self._towards).sum(-1)[self._seen] / self.depth)
-
-    def as_a_whole(self, coverage: Array) -> Array:
-        """What of a coverage [n] a displacement of each stroke, and another width, do, by least squares, [n]."""
-        by = self._by_place_and_width
-        pairs = (self.depth[:, None, None] * by[:, :, None] * by[:, None, :]).reshape(len(by), -1)
-        curvature = self._summed(pairs).reshape(-1, by.shape[1], by.shape[1])
-        slope = self._summed((self.depth * coverage)[:, None] * by)
-        moved = np.linalg.pinv(curvature, hermitian=True) @ slope[..., None]
-        return np.asarray((by * moved[self.stroke, :, 0]).sum(1))
-
-    def _summed(self, values: Array) -> Array:
-        """Sums over the pixels of each stroke: of [n, C], [B, C]."""
-        strokes = len(self._seen)
-        return np.stack([np.bincount(self.stroke, column, strokes) for column in values.T], axis=1)
 
     def photographs(self, coverage: Array) -> Array:
         """What coverage [n] does to the photographs, float32[B, H, W, 3]."""

@@ -191,7 +191,7 @@ def wandering(diagnosis: Judged, album: Album) -> str:
         f"Residual {diagnosis.wanders.mode} in the order of execution, row by row and as a running mean.",
         "What wanders: the residual of each row in this mode, in robust standard deviations, in the order in which "
         "the rows were made, and the mean of neighbours. Repeats differ by it, but it is no noise, and the noise floor "
-        "is without it. Where no recorded column goes with it, record what drifts so: the next diagnosis can then name it.",
+        "is without it. Where no recorded column goes with it, record what drifts: the next diagnosis can name it.",
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.habits import learn_habits
 from pentimento.gap.pushes.jacobian import linearise, mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
+from pentimento.gap.pushes.noise import by_scatter
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.stiffness_drift import StiffnessDrift
@@ -95,3 +96,15 @@ def test_pushes_that_come_later_get_the_habits_that_the_others_have(
     measured, model = lipped
     habits, learnt = learn_habits(measured, model, KNOWN, session[2], 0)
     np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
+
+
+def test_a_lip_is_learnt_from_pushes_that_came_to_lie_apart(lipped: tuple[MeasuredPushes, AnalyticPush]) -> None:
+    """What scatters with each push's place and depth is not in the way: much the same is learnt as without it."""
+    measured, model = lipped
+    beside_m = 2e-4 * np.random.default_rng(4).standard_normal((len(measured), 3))
+    by = by_scatter(model, measured.scene)
+    apart = np.einsum("bk,kbhw->bhw", beside_m, by).astype(np.float32)
+    scattered = replace(measured, after=measured.after + apart)
+    calm, found = (learn_habits(each, model, KNOWN, [], 0)[1].habit[FRESH] for each in (measured, scattered))
+    assert np.square(apart[FRESH] * 1e3).sum() > np.square(calm).sum()
+    assert np.square(found - calm).sum() < 0.3 * np.square(calm).sum()

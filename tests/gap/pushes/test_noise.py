@@ -10,7 +10,7 @@ import pytest
 from pentimento.gap.pushes.diagnose import noise_floor, sealed_floor
 from pentimento.gap.pushes.jacobian import mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
-from pentimento.gap.pushes.noise import Scatter, error_by_scanner, error_by_scatter
+from pentimento.gap.pushes.noise import Scatter, by_scatter, error_by_scanner, error_by_scatter
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model
 from tests.push_dynamics.played_pushes import HALF_WIDTH_M, played
 
@@ -89,3 +89,20 @@ def test_the_floor_of_single_pushes_into_old_surfaces_is_what_noise_makes_of_the
         real.append(mean_squared_error(residual(model, made), made)[old].mean())
     assert np.mean(floors) == pytest.approx(np.mean(real), rel=0.2)
     assert abs(np.mean(floors) - np.mean(real)) < abs(np.mean(plain) - np.mean(real))
+
+
+def test_scatter_grows_as_it_is_said(exact: tuple[AnalyticPush, MeasuredPushes]) -> None:
+    model, measured = exact
+    by = by_scatter(model, measured.scene)
+    still = model.change(measured.scene)
+    for k, step_m in enumerate(5e-5 * np.eye(3)):
+        change = model.plus(Scatter(step_m, {})).change(measured.scene) - still
+        assert np.abs(change / 5e-5 - by[k]).mean() < 0.05 * np.abs(by[k]).mean()
+
+
+def test_the_scanners_part_counts_as_much_as_its_pixels_do(exact: tuple[AnalyticPush, MeasuredPushes]) -> None:
+    model, measured = exact
+    noise_m = 5e-5 * np.random.default_rng(3).standard_normal(measured.after.shape).astype(np.float32)
+    noisy = replace(measured, after=measured.after + noise_m)
+    half = replace(noisy, weight=0.5 * noisy.weight)
+    np.testing.assert_allclose(error_by_scanner(model, half), 0.5 * error_by_scanner(model, noisy))

@@ -4,12 +4,13 @@ left. As on strokes (``gap/diagnose.py``), and with the same statistics.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import combine_pvalues
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p, unconfirmed
@@ -116,8 +117,9 @@ def diagnose(
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     noise = _weighed_floor(found.model, weighed, parts, seed)
     of_use = _of_use(
-        found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, seed
-    )
+        found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p,
+        _sure(found, confirmed_p), seed,
+    )  # fmt: skip
     misnamed = _misnamed(of_use, known, seed)
     of_use = of_use.without(*misnamed)
     base = fit(found.base, plainly)
@@ -169,6 +171,7 @@ def _of_use(
     sealed: MeasuredPushes,
     floor: float,
     confirmed_p: Mapping[str, float],
+    sure: Collection[str],
     seed: int,
 ) -> AnalyticPush:
     """The model less the causes that are of no use on pushes that nothing was fitted to, with the weights that make
@@ -178,6 +181,7 @@ def _of_use(
 
     Args:
         floor: the noise floor, weighted as errors are, mm²; 0 where it is unknown.
+        sure: causes that scores are sure of: the errors of sealed pushes must only not deny them.
     """
     if not model.mechanisms:
         return model
@@ -189,7 +193,8 @@ def _of_use(
         for m in model.mechanisms:
             falls = action_losses(fit_without(model, m.cause, base, known), sealed) - losses
             if not _only_surely_denied(m, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
-                spare[m.cause] = float(falls.mean()) - _least_fall(confirmed_p[m.cause], gap, floor)
+                least = 0.0 if m.cause in sure else _LEAST_GAIN * max(gap, floor)
+                spare[m.cause] = float(falls.mean()) - least
         worst = min(spare, key=lambda cause: spare[cause], default=None)
         if worst is None or spare[worst] >= 0:
             break
@@ -227,11 +232,16 @@ def _only_surely_denied(mechanism: Mechanism, confirmed_p: float) -> bool:
     return not mechanism.imitable and confirmed_p <= _CONFIRMED_BESIDE_P
 
 
-def _least_fall(confirmed_p: float, gap: float, floor: float) -> float:
-    """How much error a cause must remove from sealed pushes, mm²: where their scores are sure of it, too, the error
-    must only not deny it.
+def _sure(found: Search, confirmed_p: Mapping[str, float]) -> set[str]:
+    """Causes that the scores of sealed pushes are sure of, or those of searched and sealed ones together (Fisher 1925):
+    the sealed had no part in the search.
     """
-    return 0.0 if confirmed_p <= _SURE_P else _LEAST_GAIN * max(gap, floor)
+    searched_p = {step.chosen: step.evidence[step.chosen].p_adjusted for step in found.steps if step.chosen}
+    return {
+        cause
+        for cause, p in confirmed_p.items()
+        if p <= _SURE_P or combine_pvalues([searched_p[cause], p], method="fisher").pvalue <= _CERTAIN_P
+    }
 
 
 def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, parts: Parts, seed: int) -> float:

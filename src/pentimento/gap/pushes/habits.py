@@ -3,7 +3,8 @@ slope, how a wall gives way.
 
 Learnt by boosted trees as of strokes (``gap/habits.py``), pixel by pixel, from where a pixel lies about the way of the
 tool, how deep and how far it goes, how high the surface stands, and how far it is to the ends of travel: nothing of
-time, speed, dwell, room, heading or history. What of it looks like a cause is left in the residual.
+time, speed, dwell, room, heading or history. What of it looks like a cause is left in the residual. They learn twice,
+as of strokes: where the arm came to be, and how deep, is chance.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.gap.own_part import own_part
 from pentimento.gap.pushes.jacobian import MM, linearise, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
+from pentimento.gap.pushes.noise import by_scatter
 from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes
 from pentimento.push_dynamics.analytic import AnalyticPush, keep, settle, touch
 from pentimento.push_dynamics.mechanisms import Mechanism
@@ -26,6 +29,7 @@ Array = NDArray[Any]
 
 _REACH = 3.0  # half-widths from the way of the tool: beyond, hardly anything moves
 _TREES = 50
+_FIRST_TREES = 20  # enough to see by how much each push is displaced
 _SMALL = 1e-3
 """Of a number's typical size: a step that is small enough to be linear."""
 
@@ -67,7 +71,12 @@ def learn_habits(
     push = np.nonzero(seen)[0]
     fold = folds(measured.action, rows, seed)[push]
     missing = residual(model, measured)[seen].astype(np.float64)
-    trees, said, share = cross_fitted(features, missing, measured.weight[seen], fold, _TREES)
+    weight = measured.weight[seen]
+    _, said, share = cross_fitted(features, missing, weight, fold, _FIRST_TREES)
+    # As of strokes, where the arm came to be is chance, and hides what is alike until some of that has been learnt.
+    by = by_scatter(model, measured.scene)[:, seen].T.astype(np.float64)
+    missing -= own_part(missing - share * said, by, weight, push)
+    trees, said, share = cross_fitted(features, missing, weight, fold, _TREES)
     full = model.plus(*candidates)
     maps = share * _maps(said, seen)
     asked = replace(measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM))

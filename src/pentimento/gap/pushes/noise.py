@@ -22,6 +22,7 @@ from pentimento.push_dynamics.mechanisms.mechanism import Mechanism, Motion, Qua
 
 Array = NDArray[Any]
 
+_STEP_M = 1e-5
 _RIDGE = 1e-6
 """Of the usual sensitivity: a push that hardly shows where the arm was says nothing of it."""
 _SLOPES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.2)
@@ -44,6 +45,15 @@ class Scatter(Mechanism):
         return motion._replace(
             along_m=motion.along_m + along, across_m=motion.across_m + across, lower_m=motion.lower_m + lower
         )
+
+
+def by_scatter(model: AnalyticPush, scene: PushScene) -> Array:
+    """How the change of height foretold by a model without ``Scatter`` grows with each of its quantities, mm per mm,
+    float32[3, B, H, W].
+    """
+    still = model.change(scene)
+    steps = _STEP_M * np.eye(len(Scatter.quantities))
+    return np.stack([(model.plus(Scatter(step, {})).change(scene) - still) / np.float32(_STEP_M) for step in steps])
 
 
 def error_by_noise(model: AnalyticPush, measured: MeasuredPushes, repeated: Sequence[Array]) -> Array:
