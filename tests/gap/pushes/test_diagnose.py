@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
+from pentimento.gap.choice import Step
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.judged import PUSHES
 from pentimento.gap.pushes.diagnose import (
     _can_deny,
-    _least_fall,
     _only_surely_denied,
+    _sure,
     diagnose,
     noise_floor,
     sealed_floor,
 )
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.search import observable_causes
+from pentimento.gap.score import Evidence
 from pentimento.gap.verdict import verdict
 from pentimento.push_dynamics.analytic import first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
@@ -93,10 +95,22 @@ def test_sealed_repeats_have_their_own_floor_and_sealed_single_pushes_that_of_al
     assert floor(repeated[1], single[0]) == pytest.approx((0.01 + everywhere.mse) / 2, rel=0.1)
 
 
-def test_what_the_scores_of_sealed_pushes_are_sure_of_their_errors_must_only_not_deny() -> None:
-    unsure = _least_fall(0.05, 0.2, 1.0)
-    assert _least_fall(0.001, 0.2, 1.0) == 0 < unsure
-    assert _least_fall(0.05, 0.2, 2.0) == 2 * unsure > _least_fall(0.05, 0.2, 0.0) > 0
+@pytest.mark.parametrize(
+    ("searched_p", "sealed_p", "sure"),
+    [
+        (0.04, 0.005, True),  # sealed pushes alone
+        (0.04, 0.05, False),
+        (0.001, 0.05, True),  # both together
+        (0.001, 0.1, False),
+    ],
+)
+def test_scores_of_searched_and_sealed_pushes_can_be_sure_together(
+    lossy: Played, searched_p: float, sealed_p: float, sure: bool
+) -> None:
+    found = lossy.diagnosis.search
+    evidence = Evidence(searched_p, searched_p, 0.1, (0.0, 0.2), 0.0)
+    found = replace(found, steps=(Step({"volume_loss": evidence}, "volume_loss", ()), Step({}, None, ())))
+    assert _sure(found, {"volume_loss": sealed_p}) == ({"volume_loss"} if sure else set())
 
 
 def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> None:
