@@ -11,19 +11,11 @@ from pentimento.contracts.errors import ContractError
 from pentimento.gap.choice import Step
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import (
-    _can_deny,
-    _only_surely_denied,
-    _sure,
-    diagnose,
-    noise_floor,
-    sealed_floor,
-)
+from pentimento.gap.pushes.diagnose import _can_deny, _only_surely_denied, _sure, diagnose
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.search import observable_causes
 from pentimento.gap.score import Evidence
 from pentimento.gap.verdict import verdict
-from pentimento.push_dynamics.analytic import first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
 from tests.gap.pushes.conftest import LOST, Played
@@ -53,46 +45,6 @@ def test_the_sealed_pushes_had_no_part_in_it(lossy: Played) -> None:
     searched, sealed = set(action[parts.searched]), set(action[parts.sealed])
     assert not searched & sealed and searched | sealed == set(action)
     assert len(lossy.diagnosis.base_losses) == len(sealed) == round(0.2 * len(set(action)))
-
-
-def test_the_floor_is_the_scatter_of_repeats() -> None:
-    samples = blank(12, 3)
-    rng = np.random.default_rng(0)
-    noisy = samples._replace(after=samples.after + 1e-4 * rng.standard_normal(samples.after.shape).astype(np.float32))
-    measured = measure(noisy, 0.006)
-    floor = noise_floor(first_model(measured.scene), measured, 0)
-    assert floor is not None
-    assert floor.mse == pytest.approx(0.01, rel=0.05)  # 0.1 mm of noise in the scan after; none in the one before
-
-
-def test_without_repeats_the_floor_is_unknown() -> None:
-    measured = measure(blank(12, 1), 0.006)
-    assert noise_floor(first_model(measured.scene), measured, 0) is None
-    assert sealed_floor(first_model(measured.scene), measured, np.arange(4), 0) is None
-
-
-def test_sealed_repeats_have_their_own_floor_and_sealed_single_pushes_that_of_all_repeats() -> None:
-    samples = blank(12, 3)
-    measured = measure(samples, 0.006)
-    repeated = np.unique(measured.action)[np.unique(measured.action, return_counts=True)[1] > 1]
-    rng = np.random.default_rng(0)
-    loud = measured.action == repeated[0]  # one action is noisier than all others
-    noise_m = np.where(loud, 4e-4, 1e-4)[:, None, None] * rng.standard_normal(measured.after.shape)
-    measured = replace(measured, after=measured.after + noise_m.astype(np.float32))
-    model = first_model(measured.scene)
-
-    def floor(*actions: int) -> float:
-        found = sealed_floor(model, measured, np.flatnonzero(np.isin(measured.action, actions)), 0)
-        assert found is not None and found.interval[0] <= found.mse <= found.interval[1]
-        return found.mse
-
-    single = np.setdiff1d(measured.action, repeated)
-    everywhere = noise_floor(model, measured, 0)
-    assert everywhere is not None
-    assert floor(repeated[0]) == pytest.approx(0.16, rel=0.1)
-    assert floor(repeated[1]) == pytest.approx(0.01, rel=0.1)
-    assert floor(*single) == pytest.approx(everywhere.mse, rel=0.1)
-    assert floor(repeated[1], single[0]) == pytest.approx((0.01 + everywhere.mse) / 2, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.gap.pushes.diagnose import noise_floor, sealed_floor
+from pentimento.gap.pushes.floor import noise_floor, sealed_floor
 from pentimento.gap.pushes.jacobian import mean_squared_error, residual
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
 from pentimento.gap.pushes.noise import Scatter, by_scatter, error_by_scanner, error_by_scatter

@@ -15,15 +15,15 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.gap.choice import paired_p, unconfirmed
 from pentimento.gap.diagnose import Finding
-from pentimento.gap.floor import FEWEST, Floor, floor_of, spreads
+from pentimento.gap.floor import Floor
 from pentimento.gap.modes import Unexplained
 from pentimento.gap.pushes.fit import equalised, fit, fit_without
+from pentimento.gap.pushes.floor import floor_while_searching, sealed_floor
 from pentimento.gap.pushes.habits import PushHabits, learn_habits
-from pentimento.gap.pushes.jacobian import action_losses, linearise, residual
+from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import MODES, mode_scores, unexplained
 from pentimento.gap.pushes.nameless import lookalike_is_as_good, shows_signature
-from pentimento.gap.pushes.noise import error_by_noise
 from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
@@ -104,7 +104,7 @@ def diagnose(
         unfound = [mechanism for cause, mechanism in observable.items() if cause not in before]
         habits, weighed = learn_habits(weighed, model, parts.searched, unfound, seed)
         weighed = equalised(weighed, model)
-        floor_share = _weighed_floor(model, weighed, parts, seed)
+        floor_share = floor_while_searching(model, weighed, parts.searched, seed)
         found = search(base, weighed.pick(parts.searched), floor_share, vocabulary, seed, log)
         if found.found == before:
             break
@@ -115,7 +115,7 @@ def diagnose(
     named = list(found.model.mechanisms)
     confirmed_p = _confirmed_p(found, weighed, parts, seed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
-    noise = _weighed_floor(found.model, weighed, parts, seed)
+    noise = floor_while_searching(found.model, weighed, parts.searched, seed)
     of_use = _of_use(
         found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p,
         _sure(found, confirmed_p), seed,
@@ -242,52 +242,6 @@ def _sure(found: Search, confirmed_p: Mapping[str, float]) -> set[str]:
         for cause, p in confirmed_p.items()
         if p <= _SURE_P or combine_pvalues([searched_p[cause], p], method="fisher").pvalue <= _CERTAIN_P
     }
-
-
-def _weighed_floor(model: AnalyticPush, weighed: MeasuredPushes, parts: Parts, seed: int) -> float:
-    """The noise floor, weighted as errors are, and no more than those of the pushes that are searched; 0 where it is
-    unknown, mm².
-    """
-    noise = noise_floor(model, weighed, seed)
-    return min(noise.mse, float(action_losses(model, weighed.pick(parts.searched)).mean())) if noise else 0.0
-
-
-def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:
-    """What even a perfect model would miss, weighted as errors are, from repeated actions (GAP.md, rule 6), mm²; None
-    where none is repeated.
-
-    Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
-    """
-    _, spread = _spread_of_repeats(model, measured)
-    return floor_of(spread, np.ones(len(spread)), seed) if len(spread) >= FEWEST else None
-
-
-def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> Floor | None:
-    """The noise floor of the rows ``sealed``: of a repeated action its own spread, which its error holds as well, and
-    of a single one what all repeated actions have at the mean, sealed or not, and what the same noise does more, or
-    less, on its surface than on theirs.
-    """
-    repeated, spread = _spread_of_repeats(model, measured)
-    if len(spread) < FEWEST:
-        return None
-    own = np.array([measured.action[rows[0]] in measured.action[sealed] for rows in repeated])
-    single = np.setdiff1d(measured.action[sealed], [measured.action[rows[0]] for rows in repeated])
-    noise = error_by_noise(model, measured, repeated)
-    usual = np.mean([noise[rows].mean() for rows in repeated])
-    more = [noise[measured.action == action].mean() - usual for action in single]
-    floor = floor_of(spread, own + len(single) / len(spread), seed)
-    return floor.moved(float(np.sum(more)) / int(own.sum() + len(single)))
-
-
-def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:
-    """Rows of each repeated action whose windows lie alike, and how far these differ in what the model misses, mm² [K],
-    weighted as errors are.
-    """
-    groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
-    window = measured.samples.window_m
-    aligned = [g for g in groups if len(g) > 1 and np.ptp(window[g], axis=0).max() < measured.scene.pixel_m / 2]
-    rest = np.sqrt(measured.weight) * residual(model, measured)
-    return aligned, spreads(rest, measured.valid, aligned)
 
 
 def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes) -> dict[str, tuple[float, float]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pentimento.gap.pushes.diagnose import PushDiagnosis, noise_floor
+from pentimento.gap.pushes.diagnose import PushDiagnosis
+from pentimento.gap.pushes.floor import noise_floor
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import MeasuredPushes
 
