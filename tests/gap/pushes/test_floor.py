@@ -58,7 +58,7 @@ def test_while_searching_the_floor_is_no_higher_than_what_is_searched() -> None:
     measured = measure(blank(12, 3), 0.006)
     repeats = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
     loud = np.isin(np.arange(len(measured)), np.concatenate([rows for rows in repeats if len(rows) > 1]))
-    noise_m = 4e-4 * loud[:, None, None] * np.random.default_rng(0).standard_normal(measured.after.shape)
+    noise_m = 8e-4 * loud[:, None, None] * np.random.default_rng(0).standard_normal(measured.after.shape)
     measured = replace(measured, after=measured.after + noise_m.astype(np.float32))
     model = first_model(measured.scene)
     everywhere = noise_floor(model, measured, 0)
