@@ -146,6 +146,19 @@ def test_strokes_that_come_later_get_the_habits_that_the_others_have(
     np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
 
 
+def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    plain, clean, causes = strokes
+    measured, model = streaked
+    habits, learnt = learn_habits(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    more, known = habits.learnt_from_all(learnt, KNOWN)
+    np.testing.assert_array_equal(known.habit[KNOWN], learnt.habit[KNOWN])
+    np.testing.assert_allclose(more.of(measured.pick(FRESH)).habit, known.habit[FRESH], atol=1e-5)
+    noise = error(clean, plain, FRESH)
+    assert error(model, known, FRESH) - noise < 0.9 * (error(model, learnt, FRESH) - noise)
+
+
 def test_a_paint_that_was_never_seen_changes_no_habit(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:

@@ -155,6 +155,7 @@ def diagnose(
     found = _with_ends_for_what_trails(found, searched, weighed, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     confirmed_p = {m.cause: confirmation(found.model, m.cause, known, fresh, seed) for m in named}
+    habits, weighed = habits.learnt_from_all(weighed, unsealed)
     measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
     test, known = measured.pick(splits.test), measured.pick(unsealed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)

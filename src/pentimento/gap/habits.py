@@ -26,7 +26,7 @@ from pentimento.gap.imprint import Imprint
 from pentimento.gap.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.gap.measured import Measured
 from pentimento.gap.own_part import own_part
-from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes, said_at
+from pentimento.gap.trees import Trees, cross_fitted, folds, grown, like_causes, said_at
 from pentimento.stroke_dynamics.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -69,6 +69,25 @@ class Habits:
         features = one_sided(pixels.features) if self.mirrored else pixels.features
         said = np.mean([trees.say(features) for trees in self.trees], axis=0)
         return self._joined(measured, pixels, said)
+
+    def learnt_from_all(self, measured: Measured, rows: Array) -> tuple[Habits, Measured]:
+        """Habits learnt once more, from all strokes with the indices ``rows`` by one set of trees, which knows more
+        than sets that each learn from a part; and the strokes, of which those that are none of ``rows`` have these.
+
+        Args:
+            measured: strokes that have these habits.
+        """
+        bare = replace(measured, habit=np.zeros_like(measured.habit))
+        pixels = _Pixels(self.model, bare, self.turned)
+        left = pixels.along_slope(residual(self.model, measured))
+        missing = pixels.along_slope(residual(self.model, bare))
+        missing -= own_part(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
+        features = one_sided(pixels.features) if self.mirrored else pixels.features
+        trees = grown(features, missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
+        habits = replace(self, trees=(trees,))
+        habit = habits._joined(bare, pixels, trees.say(features)).habit
+        habit[rows] = measured.habit[rows]
+        return habits, replace(measured, habit=habit)
 
     def _joined(self, measured: Measured, pixels: _Pixels, said: Array) -> Measured:
         habit = self.share * pixels.photographs(said)

@@ -64,9 +64,9 @@ def cross_fitted(
     known = fold >= 0
 
     def of_fold(k: int) -> tuple[Trees, Array, Array]:
-        grown = _grown(features, missing, weight, known & (fold != k), count)
+        part = grown(features, missing, weight, known & (fold != k), count)
         told = ~known | (fold == k)  # an action that was learnt from, by those that did not see it
-        return grown, told, grown.say(features[told])
+        return part, told, part.say(features[told])
 
     trees, *parts = zip(*in_threads(of_fold, range(_FOLDS), get_num_threads()), strict=True)
     said = np.zeros(len(missing))
@@ -77,14 +77,26 @@ def cross_fitted(
     return trees, said, float(np.clip(right, 0.0, 1.0))
 
 
+def grown(features: Array, missing: Array, weight: Array, used: Array, count: int) -> Trees:
+    """``count`` trees that learn what is ``missing`` at the pixels ``used``, bool[n]; the rest as ``cross_fitted``."""
+    seen = features[used]
+    edges = np.quantile(seen, np.linspace(0, 1, _BINS + 1)[1:-1], axis=0).T
+    trees = HistGradientBoostingRegressor(
+        max_iter=count, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
+        early_stopping=False, random_state=0,
+    )  # fmt: skip
+    with one_openmp_thread():
+        return Trees(edges, trees.fit(_bins(seen, edges), missing[used], weight[used]))
+
+
 def said_at(trees: Sequence[Trees], features: Array, fold: Array) -> Array:
     """What cross-fitted trees say at other ``features`` [n, F] of the pixels, each of those that they were not grown
     on; 0 of a pixel that none was grown on, [n].
     """
     said = np.zeros(len(features))
-    for k, grown in enumerate(trees):
+    for k, part in enumerate(trees):
         told = fold == k
-        said[told] = grown.say(features[told])
+        said[told] = part.say(features[told])
     return said
 
 
@@ -103,17 +115,6 @@ def like_causes(statistics: Statistics, nuisances: int) -> Array:
     amounts = np.zeros_like(slope)
     amounts[sure] = np.linalg.lstsq(ridged[np.ix_(sure, sure)], slope[sure], rcond=None)[0]
     return amounts
-
-
-def _grown(features: Array, missing: Array, weight: Array, used: Array, count: int) -> Trees:
-    seen = features[used]
-    edges = np.quantile(seen, np.linspace(0, 1, _BINS + 1)[1:-1], axis=0).T
-    trees = HistGradientBoostingRegressor(
-        max_iter=count, learning_rate=_RATE, max_leaf_nodes=_LEAVES, min_samples_leaf=_PIXELS_A_LEAF,
-        early_stopping=False, random_state=0,
-    )  # fmt: skip
-    with one_openmp_thread():
-        return Trees(edges, trees.fit(_bins(seen, edges), missing[used], weight[used]))
 
 
 def _bins(features: Array, edges: Array) -> Array:
