@@ -12,6 +12,7 @@ from pentimento.gap.candidates import (
     can_leave_what_looks_like,
     is_far,
     is_physical,
+    left_by_form,
     shortlist,
     weigh,
     with_that_of_refits,
@@ -24,6 +25,8 @@ from pentimento.gap.jacobian import Statistics
 from pentimento.gap.measured import load_measured
 from pentimento.gap.score import Evidence
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
+from pentimento.stroke_dynamics.mechanisms.latency import Latency
 from pentimento.stroke_dynamics.mechanisms.lens_distortion import LensDistortion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
@@ -144,3 +147,11 @@ def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_a
     assert can_leave_what_looks_like(lag, scale) and can_leave_what_looks_like(lens, offset)
     assert not can_leave_what_looks_like(offset, lag)
     assert not can_leave_what_looks_like(lag, width) and not can_leave_what_looks_like(width, lag)
+
+
+def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_goes_with_nothing_of_its_own() -> None:
+    kinds = (Latency, BristleLag, LensDistortion, SpeedWidth, InkDepletion)
+    late, lag, lens, width, ink = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
+    assert set(late.told_by) & set(lens.told_by) and not set(ink.told_by) & set(width.told_by)
+    assert left_by_form(late, lag) > left_by_form(late, lens) > left_by_form(width, ink) > 0
+    assert left_by_form(late, width) == 0  # one displaces the mark, the other does not

@@ -26,7 +26,7 @@ def drawn(png: bytes) -> np.ndarray:
 @pytest.mark.parametrize(
     "draw",
     [
-        lambda w: figures.waterfall(w.diagnosis),
+        lambda w: figures.leave_one_out(w.diagnosis),
         lambda w: figures.strokes(w.diagnosis, w.survey),
         lambda w: figures.mode_heat(w.survey, {("width", "press_m")}),
         lambda w: figures.dependence(w.survey),
@@ -34,7 +34,7 @@ def drawn(png: bytes) -> np.ndarray:
         lambda w: figures.imitation_heat(w.survey.imitation, ["ink_depletion"]),
         lambda w: figures.proposal_lines(w.proposal, w.survey),
     ],
-    ids=["waterfall", "strokes", "modes", "dependence", "wandering", "imitation", "next actions"],
+    ids=["leave_one_out", "strokes", "modes", "dependence", "wandering", "imitation", "next actions"],
 )
 def test_a_figure_is_no_blank_and_the_same_twice(written: Written, draw: Callable[[Written], bytes]) -> None:
     first = draw(written)

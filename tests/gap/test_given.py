@@ -61,7 +61,7 @@ def test_the_page_shows_what_it_foretells(written: Written, given: Given) -> Non
     told = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
     pages = [build_page(written.diagnosis, written.survey, written.proposal, told, one) for one in (None, given)]
     assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}
-    assert pages[1]["figures/waterfall.png"] != pages[0]["figures/waterfall.png"]
+    assert pages[1]["figures/leave_one_out.png"] != pages[0]["figures/leave_one_out.png"]
     assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]
     blank = given._replace(foretold=np.ones_like(given.foretold))
     drawn = figures.given_strokes(blank, written.diagnosis, written.survey)

@@ -41,7 +41,7 @@ VERDICT: dict[str, Any] = {
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "figures").mkdir()
     (tmp_path / "verdict.json").write_text(json.dumps(VERDICT))
-    for name in ("waterfall", "strokes"):
+    for name in ("leave_one_out", "strokes"):
         write_png(tmp_path / "figures" / f"{name}.png", np.full((4, 4, 3), 200, np.uint8))
     return tmp_path
 
@@ -52,7 +52,9 @@ def test_the_section_says_what_was_found_for_each_tool(folder: Path) -> None:
     assert read(html).open == []
     assert "The round brush" in html and "The marker" in html
     assert "ink_depletion &amp; nothing else" in html and "93\u00a0%" in html and "−0.31" in html
-    assert set(album.files) == {f"gap_{t}_{n}.png" for t in ("round_brush", "marker") for n in ("waterfall", "strokes")}
+    assert set(album.files) == {
+        f"gap_{t}_{n}.png" for t in ("round_brush", "marker") for n in ("leave_one_out", "strokes")
+    }
 
 
 def test_nothing_found_makes_no_table() -> None:
@@ -84,6 +86,6 @@ def test_the_page_holds_the_section_and_leads_to_it(
     files = build_report([painting], [tool], benchmarks, CONFIG, [read_diagnosis("round_brush", folder)])
     page = files["index.html"].decode()
     assert read(page).open == [] and '<a href="#gap">' in page and 'id="gap"' in page
-    assert "gap_round_brush_waterfall.png" in files
+    assert "gap_round_brush_leave_one_out.png" in files
     without = build_report([painting], [tool], benchmarks, CONFIG)["index.html"].decode()
     assert 'id="gap"' not in without and "#gap" not in without

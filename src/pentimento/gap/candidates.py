@@ -27,6 +27,9 @@ in for a cause that moves the path, stay only as surely as one comes."""
 _SHORTLIST = 0.4  # of the best gain
 _MOST_REFITS, _MOST_KIN = 4, 2
 _LARGE = 2.0  # times what is typical
+_LEFT, _LEFT_TO_ITS_DRIVER, _LEFT_TO_THE_UNRELATED = 0.05, 0.1, 0.01
+"""Of what a cause removes. A little is always left where an effect's true form is not the mechanism's; it is taken up
+by causes of the same driver first."""
 _LEAST_TAKEN_UP, _MOST_TAKEN_UP = -0.5, 3.0
 """Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified; where it is, what brings
 markers a little beyond the strokes back to their places. What is linear alone is a wrong scale, and no lens."""
@@ -172,6 +175,17 @@ def can_leave_what_looks_like(other: Mechanism, mechanism: Mechanism) -> bool:
     What is the same for all strokes has no form that could lack anything.
     """
     return displaces(other) == displaces(mechanism) and bool(other.told_by)
+
+
+def left_by_form(other: Mechanism, mechanism: Mechanism) -> float:
+    """Of what one cause removes, how much its form may leave that looks like another: where this goes with nothing that
+    it goes with, no more than chance, as strokes are drawn at random.
+    """
+    if not can_leave_what_looks_like(other, mechanism):
+        return 0.0
+    if other.driver == mechanism.driver:
+        return _LEFT_TO_ITS_DRIVER
+    return _LEFT if set(other.told_by) & set(mechanism.told_by) else _LEFT_TO_THE_UNRELATED
 
 
 def without_idle(

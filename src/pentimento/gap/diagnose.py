@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.gap.candidates import can_leave_what_looks_like
+from pentimento.gap.candidates import can_leave_what_looks_like, left_by_form
 from pentimento.gap.choice import unconfirmed
 from pentimento.gap.ends import UnevenEnds
 from pentimento.gap.fit import first_model, fit, tempered
@@ -81,6 +81,8 @@ class Finding:
     of_what_is_left: float = math.nan
     """What it removes as a share not of the gap but of what of this all other established causes leave; NaN where
     nothing but the gap was asked for."""
+    missed_without: float = math.nan
+    """Mean squared error that the model leaves on sealed strokes without it; NaN where that is not known."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +185,7 @@ def diagnose(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
             float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, known), step.rivals,
             of_what_is_left=float(fall.mean()) * above / above_floor(float(left.mean())),
+            missed_without=float(left.mean()),
         )  # fmt: skip
 
     def findings(model: Model) -> tuple[Finding, ...]:
@@ -249,15 +252,14 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
         if abs(value) < _SURELY_THERE * error:
             return False
     others = [f for f in established if f is not finding and can_leave_what_looks_like(found.observable[f.cause], its)]
-    alike = [finding.gain, *(f.gain for f in others)]
-    sure = finding.confirmed_p <= _SURE_P and len(alike) == 1 and sealed <= _FEW
+    sure = finding.confirmed_p <= _SURE_P and not others and sealed <= _FEW
     if sure and len(established) == 1:
         return finding.gain > 0
     beyond_doubt = finding.confirmed_p <= _CERTAIN_P and finding.gain_interval[0] > 0
     least = _FAINT * _LEAST_GAIN if beyond_doubt else _LEAST_GAIN
     if (finding.of_what_is_left if beyond_doubt else finding.gain) < least:
         return False
-    if finding.gain < _LEAST_BESIDE * max(alike):
+    if any(finding.gain < f.gain * min(left_by_form(found.observable[f.cause], its), _LEAST_BESIDE) for f in others):
         return False
     if finding.confirmed_p <= _CERTAIN_P:
         return True

@@ -153,41 +153,37 @@ def imitation_heat(found: Imitation, named: Sequence[str]) -> bytes:
         return png(figure)
 
 
-def waterfall(diagnosis: Judged, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
-    """From the base's error on sealed rows through each extension to the floor; a given model's error before it."""
+def leave_one_out(diagnosis: Judged, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
+    """From the base's error on sealed rows by that of the extended model without each of its causes to what this
+    misses with all of them, and to the floor; a given model's error before it.
+
+    What causes do does not add up: where two displace a mark, one alone may do as well, or neither.
+    """
     base, extended = float(diagnosis.base_losses.mean()), float(diagnosis.extended_losses.mean())
     floor = diagnosis.floor
-    above = base - (floor.mse if floor and floor.mse < base else 0.0)
-    falls = [(finding.cause, finding.gain * above) for finding in diagnosis.established]
-    shared = base - extended - sum(fall for _, fall in falls)
-    if len(falls) > 1 and abs(shared) > 0.005 * base:
-        falls.append(("shared\nbetween them", shared))
-    elif falls:
-        falls[-1] = falls[-1][0], falls[-1][1] + shared
     with drawing():
         bars: list[tuple[str, float, float, str, bool]] = [("base", 0.0, base, OCHRE, False)]
         if given_mse is not None:
             bars.insert(0, ("given\nmodel", 0.0, given_mse, INK, False))
-        level = base
-        for name, fall in falls:
-            bars.append((f"− {name}", level - fall, level, _GREEN if fall >= 0 else "#a33a3a", False))
-            level -= fall
-        bars.append(("extended", 0.0, level, BLUE, False))
+        for finding in diagnosis.established:
+            low, high = sorted((extended, finding.missed_without))
+            colour = _GREEN if finding.missed_without >= extended else "#a33a3a"
+            bars.append((f"without\n{finding.cause}", low, high, colour, False))
+        bars.append(("extended", 0.0, extended, BLUE, False))
         left = max(diagnosis.unexplained, key=lambda one: one.generic_gain, default=None)
-        if left is not None and left.generic_gain * level > _LEAST_BAR * base:
-            bars.append(
-                (f"− generic:\n{left.mode} by\n{left.covariate}", level * (1 - left.generic_gain), level, _QUIET, True)
-            )
+        if left is not None and left.generic_gain * extended > _LEAST_BAR * base:
+            generic = f"− generic:\n{left.mode} by\n{left.covariate}"
+            bars.append((generic, extended * (1 - left.generic_gain), extended, _QUIET, True))
         if floor is not None:
             bars.append(("noise floor", 0.0, floor.mse, "#bdbdb6", False))
-        figure = Figure(figsize=(max(1.35 * len(bars) + 1.2, 9.5), 3.6), layout="constrained")
+        figure = Figure(figsize=(max(1.5 * len(bars) + 1.2, 9.5), 3.6), layout="constrained")
         axes = figure.add_subplot()
         for x, (_, low, high, colour, expected) in enumerate(bars):
             axes.bar(
                 x, high - low, bottom=low, width=0.62, color=to_rgba(colour, 0.35 if expected else 1.0),
                 edgecolor=colour, hatch="//" if expected else None,
             )  # fmt: skip
-            axes.annotate(_small(abs(high - low)), (x, max(high, low)), (0, 3), textcoords="offset points", ha="center")
+            axes.annotate(_small(high - low), (x, high), (0, 3), textcoords="offset points", ha="center")
         if floor is not None:
             axes.axhspan(*floor.interval, color="#bdbdb6", alpha=0.4, lw=0)
         axes.set_xticks(range(len(bars)), [name for name, *_ in bars])

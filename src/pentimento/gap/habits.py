@@ -7,7 +7,8 @@ effect instead (GAP.md, rule 9). What they say of a stroke was learnt from other
 2018), and what of it looks, over all strokes and beyond chance, like any of the causes is left in the residual, so that
 this cause's score does not change: only the misfit about it falls. They learn twice: where each stroke as a whole came
 to lie and how wide is chance, hides what is alike, and is known better once that has been learnt. Of a tool that draws
-its left as it draws its right, which the first trees tell, they then see one half, twice as often.
+its left as it draws its right, which the first trees tell, they then see one half, twice as often. Sealed strokes have
+no part in any of it, and are told in the end by trees that learn from all others at once.
 """
 
 from __future__ import annotations
@@ -66,9 +67,7 @@ class Habits:
     def of(self, measured: Measured) -> Measured:
         """Strokes that nothing was learnt from, with their habits."""
         pixels = _Pixels(self.model, measured, self.turned)
-        features = one_sided(pixels.features) if self.mirrored else pixels.features
-        said = np.mean([trees.say(features) for trees in self.trees], axis=0)
-        return self._joined(measured, pixels, said)
+        return self._joined(measured, pixels, self._say(pixels))
 
     def learnt_from_all(self, measured: Measured, rows: Array) -> tuple[Habits, Measured]:
         """Habits learnt once more, from all strokes with the indices ``rows`` by one set of trees, which knows more
@@ -82,12 +81,18 @@ class Habits:
         left = pixels.along_slope(residual(self.model, measured))
         missing = pixels.along_slope(residual(self.model, bare))
         missing -= own_part(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
-        features = one_sided(pixels.features) if self.mirrored else pixels.features
-        trees = grown(features, missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
+        trees = grown(self._told_of(pixels), missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
         habits = replace(self, trees=(trees,))
-        habit = habits._joined(bare, pixels, trees.say(features)).habit
+        habit = habits._joined(bare, pixels, habits._say(pixels)).habit
         habit[rows] = measured.habit[rows]
         return habits, replace(measured, habit=habit)
+
+    def _told_of(self, pixels: _Pixels) -> Array:
+        return one_sided(pixels.features) if self.mirrored else pixels.features
+
+    def _say(self, pixels: _Pixels) -> Array:
+        features = self._told_of(pixels)
+        return np.asarray(np.mean([trees.say(features) for trees in self.trees], axis=0))
 
     def _joined(self, measured: Measured, pixels: _Pixels, said: Array) -> Measured:
         habit = self.share * pixels.photographs(said)

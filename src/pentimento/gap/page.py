@@ -95,14 +95,15 @@ def lead(diagnosis: Judged) -> str:
 
 def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], given: Given | None, album: Album) -> str:
     fall = album.plot(
-        "waterfall.png", figures.waterfall(diagnosis, given and given.mse),
-        "Bars from the base model's error through each extension to the noise floor.",
+        "leave_one_out.png", figures.leave_one_out(diagnosis, given and given.mse),
+        "Bars from the base model's error by that without each cause to the extended model's, and to the noise floor.",
         "Mean squared error over the windows of sealed strokes, sRGB. "
         + ("<b>Given model</b>: the one that was named. " if given else "")
         + "<b>Base</b>: the thesis's stroke model with free "
-        "nuisances. Green: what each cause removes, fitted in and out. <b>Extended</b>: what is left with all of them. "
-        "Hatched: what a smooth law of a mode that still has structure would remove, to second order. <b>Noise "
-        "floor</b>: what even a perfect model would miss, from repeated actions; the band is its 95&nbsp;% interval.",
+        "nuisances. Green: how much more is missed without one of the causes, all others fitted again. "
+        "<b>Extended</b>: what is left with all of them. Hatched: what a smooth law of a mode that still has structure "
+        "would remove, to second order. <b>Noise floor</b>: what even a perfect model would miss, from repeated "
+        "actions; the band is its 95&nbsp;% interval.",
     )  # fmt: skip
     splits = diagnosis.splits
     used = (

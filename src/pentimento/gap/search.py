@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from pentimento.gap.candidates import (
     FIRST_P,
     LATER_P,
-    can_leave_what_looks_like,
     held_out_losses,
+    left_by_form,
     refits_with,
     shortlist,
     stands,
@@ -34,9 +34,6 @@ _LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
 MOST_CAUSES, _MOST_STEPS = 6, 9
-_BESIDE, _BESIDE_SAME_DRIVER = 0.05, 0.1
-"""Of the largest gain so far: what a further cause must add. A little is always left where the effect's true form is
-not the mechanism's; it is taken up by causes of the same driver first."""
 
 
 @dataclass(frozen=True)
@@ -189,8 +186,6 @@ def enough(mechanism: Mechanism, error: float, so_far: Search) -> float:
     """How much error, sRGB, a further cause must remove of the ``error`` that is left: more than what a base that is
     wrong in many ways has of everything, and than what the forms of other causes may have left.
     """
-    gained, observable, floor = so_far.gained, so_far.observable, so_far.floor
-    alike = {c: gain for c, gain in gained.items() if can_leave_what_looks_like(observable[c], mechanism)}
-    same = {cause: observable[cause].driver == mechanism.driver for cause in alike}
-    left = [gain * (_BESIDE_SAME_DRIVER if same[c] else _BESIDE) for c, gain in alike.items()]
+    observable, floor = so_far.observable, so_far.floor
+    left = [gain * left_by_form(observable[cause], mechanism) for cause, gain in so_far.gained.items()]
     return max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor), *left)

@@ -14,10 +14,11 @@ from pentimento.report.html import Album, bar, table
 from pentimento.report.wording import count, decimal, percent, tool_name
 
 _FIGURES = {
-    "waterfall": (
-        "Bars from the base model's error through each extension to the noise floor ({tool}).",
-        "From the base model's error on sealed strokes through what each cause removes to the noise floor, which even "
-        "a perfect model would not pass.",
+    "leave_one_out": (
+        "Bars from the base model's error by that without each cause to the extended model's, and to the noise floor "
+        "({tool}).",
+        "From the base model's error on sealed strokes to that of the extended model, how much more is missed without "
+        "one of its causes, and the noise floor, which even a perfect model would not pass.",
     ),
     "strokes": (
         "Sealed strokes of the {tool}: photographs, what both models foretell, and their errors.",

@@ -108,3 +108,16 @@ def test_a_lip_is_learnt_from_pushes_that_came_to_lie_apart(lipped: tuple[Measur
     calm, found = (learn_habits(each, model, KNOWN, [], 0)[1].habit[FRESH] for each in (measured, scattered))
     assert np.square(apart[FRESH] * 1e3).sum() > np.square(calm).sum()
     assert np.square(found - calm).sum() < 0.3 * np.square(calm).sum()
+
+
+def test_from_all_pushes_together_the_habits_of_fresh_ones_are_known_better(
+    session: Session, lipped: tuple[MeasuredPushes, AnalyticPush]
+) -> None:
+    plain, clean, causes = session
+    measured, model = lipped
+    habits, learnt = learn_habits(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    more, known = habits.learnt_from_all(learnt, KNOWN)
+    np.testing.assert_array_equal(known.habit[KNOWN], learnt.habit[KNOWN])
+    np.testing.assert_allclose(more.of(measured.pick(FRESH)).habit, known.habit[FRESH], atol=1e-5)
+    noise = error(clean, plain, FRESH)
+    assert error(model, known, FRESH) - noise < 0.9 * (error(model, learnt, FRESH) - noise)

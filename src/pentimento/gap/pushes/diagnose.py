@@ -109,6 +109,7 @@ def diagnose(
         if found.found == before:
             break
         base, model = found.base, found.model
+    habits, weighed = habits.learnt_from_all(weighed, parts.searched)
     measured = replace(weighed, weight=np.ones_like(weighed.weight))
     test = measured.pick(parts.sealed)
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
@@ -133,15 +134,15 @@ def diagnose(
     chosen = {step.chosen: step for step in found.steps if step.chosen}
 
     def finding(model: AnalyticPush, mechanism: Mechanism) -> Finding:
-        rest = fit_without(model, mechanism.cause, base, plainly)
-        fall = (action_losses(rest, test) - action_losses(model, test)) / above
+        left = action_losses(fit_without(model, mechanism.cause, base, plainly), test)
+        fall = (left - action_losses(model, test)) / above
         drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
         low, high = np.quantile(drawn, [0.025, 0.975])
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
             float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism.cause, plainly),
-            step.rivals,
+            step.rivals, missed_without=float(left.mean()),
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)

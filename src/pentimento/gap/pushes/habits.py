@@ -4,7 +4,8 @@ slope, how a wall gives way.
 Learnt by boosted trees as of strokes (``gap/habits.py``), pixel by pixel, from where a pixel lies about the way of the
 tool, how deep and how far it goes, how high the surface stands, and how far it is to the ends of travel: nothing of
 time, speed, dwell, room, heading or history. What of it looks like a cause is left in the residual. They learn twice,
-as of strokes: where the arm came to be, and how deep, is chance.
+as of strokes: where the arm came to be, and how deep, is chance. Sealed pushes are told in the end by trees that learn
+from all others at once.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pentimento.gap.own_part import own_part
 from pentimento.gap.pushes.jacobian import MM, linearise, residual
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.noise import by_scatter
-from pentimento.gap.trees import Trees, cross_fitted, folds, like_causes
+from pentimento.gap.trees import Trees, cross_fitted, folds, grown, like_causes
 from pentimento.push_dynamics.analytic import AnalyticPush, keep, settle, touch
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.spread import spread
@@ -50,6 +51,24 @@ class PushHabits:
         features, seen = _pixels(self.model, measured)
         return self._joined(measured, seen, np.mean([trees.say(features) for trees in self.trees], axis=0))
 
+    def learnt_from_all(self, measured: MeasuredPushes, rows: Array) -> tuple[PushHabits, MeasuredPushes]:
+        """Habits learnt once more, from all pushes with the indices ``rows`` by one set of trees, which knows more than
+        sets that each learn from a part; and the pushes, of which those that are none of ``rows`` have these.
+
+        Args:
+            measured: pushes that have these habits.
+        """
+        bare = replace(measured, habit=np.zeros_like(measured.habit))
+        features, seen = _pixels(self.model, measured)
+        push, weight = np.nonzero(seen)[0], measured.weight[seen]
+        left, missing = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
+        missing -= own_part(left, _scatter(self.model, measured, seen), weight, push)
+        trees = grown(features, missing, weight, np.isin(push, rows), _TREES)
+        habits = replace(self, trees=(trees,))
+        habit = habits._joined(bare, seen, trees.say(features)).habit
+        habit[rows] = measured.habit[rows]
+        return habits, replace(measured, habit=habit)
+
     def _joined(self, measured: MeasuredPushes, seen: Array, said: Array) -> MeasuredPushes:
         scene = measured.scene
         moved = self.model.at(self.model.vector + _SMALL * self.like_causes)
@@ -74,8 +93,7 @@ def learn_habits(
     weight = measured.weight[seen]
     _, said, share = cross_fitted(features, missing, weight, fold, _FIRST_TREES)
     # As of strokes, where the arm came to be is chance, and hides what is alike until some of that has been learnt.
-    by = by_scatter(model, measured.scene)[:, seen].T.astype(np.float64)
-    missing -= own_part(missing - share * said, by, weight, push)
+    missing -= own_part(missing - share * said, _scatter(model, measured, seen), weight, push)
     trees, said, share = cross_fitted(features, missing, weight, fold, _TREES)
     full = model.plus(*candidates)
     maps = share * _maps(said, seen)
@@ -83,6 +101,11 @@ def learn_habits(
     amounts = like_causes(linearise(full, asked.pick(rows)), full.nuisances)
     habits = PushHabits(full, trees, share, amounts)
     return habits, habits._joined(measured, seen, said)
+
+
+def _scatter(model: AnalyticPush, measured: MeasuredPushes, seen: Array) -> Array:
+    """How each pixel [n] that is ``seen`` changes as the arm comes elsewhere, and deeper, [n, K]."""
+    return np.asarray(by_scatter(model, measured.scene)[:, seen].T, dtype=np.float64)
 
 
 def _maps(values: Array, seen: Array) -> Array:

@@ -41,11 +41,11 @@ def build_page(
 
 def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], album: Album) -> str:
     fall = album.plot(
-        "waterfall.png", drawn.waterfall(diagnosis, kind=PUSHES),
-        "Bars from the base model's error through each extension to the noise floor.",
+        "leave_one_out.png", drawn.leave_one_out(diagnosis, kind=PUSHES),
+        "Bars from the base model's error by that without each cause to the extended model's, and to the noise floor.",
         "Mean squared error over the windows of sealed pushes, mm². <b>Base</b>: the swept tool with free nuisances "
         "(profile, depth gain, give, rims, heap, blur), and what was learnt of what it does alike in every push. "
-        "Green: what each cause removes, fitted in and out. "
+        "Green: how much more is missed without one of the causes, all others fitted again. "
         "<b>Extended</b>: what is left with all of them. Hatched: what a smooth law of a mode that still has structure "
         "would remove, to second order. <b>Noise floor</b>: what even a perfect model would miss, from repeated "
         "actions; the band is its 95&nbsp;% interval.",
