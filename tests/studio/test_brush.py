@@ -99,3 +99,21 @@ def test_a_bend_throws_bristles_outwards() -> None:
     assert moved.outer[middle] @ outwards > 0.8 * np.linalg.norm(outwards) * np.linalg.norm(moved.outer[middle]) > 0
     assert not _drag(arc(0.012)).outer.any()
     assert np.abs(_drag(straight(), curvature_width=1.0).outer).max() < 1e-3
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.5])
+def test_a_bend_throws_bristles_outwards_where_the_tool_comes_down_and_leaves_too(lag: float) -> None:
+    """Bristles that trail rest at first."""
+    moved = _drag(arc(0.012), curvature_width=1.0, bristle_lag=lag)
+    centre = np.array([0.1, 0.112])
+    outwards = moved.patch - centre
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    out = np.einsum("mk,mk->m", moved.outer, outwards)
+    assert out.min() > -0.01 * out.max()
+    assert max(out[0], out[-1]) < 1.1 * np.median(out)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.5])
+def test_a_straight_stroke_throws_nothing_outwards_whichever_way_it_goes(lag: float) -> None:
+    across = straight()[:, [0, 2, 1, 3, 4]]
+    assert np.abs(_drag(across, curvature_width=1.0, bristle_lag=lag).outer).max() < 1e-3

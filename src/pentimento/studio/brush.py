@@ -18,6 +18,8 @@ FLICK = 0.03  # share of the bend that they recover in one step of leaving the s
 BEND_WIDENING = 0.45
 BEND_RADIUS_M = 0.014
 SPEED_SCALE_M_S = 0.09
+_STILL_M = 1e-7  # in one step
+_SMOOTHED = 15  # points, about 3 mm
 WEAR_WIDENING = 0.4
 
 Array = NDArray[np.float64]
@@ -179,14 +181,23 @@ def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, f
 
 
 def _course(patch: Array) -> tuple[Array, Array]:
-    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's way, smoothed over ~3
-    mm.
+    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's way, smoothed over ~3 mm. Where
+    it rests, those of the way that it goes on with, and at last of the way that it came.
     """
-    step = np.gradient(np.column_stack([_blur(patch[:, 0], 15), _blur(patch[:, 1], 15)]), axis=0)
-    length = np.hypot(step[:, 0], step[:, 1])
-    heading = np.where(length[:, None] > 1e-7, step / np.maximum(length, 1e-12)[:, None], (1.0, 0.0))
+    going = np.flatnonzero(np.hypot(*np.diff(patch, axis=0).T) > _STILL_M)
+    if going.size < 2:
+        return np.tile((1.0, 0.0), (len(patch), 1)), np.zeros(len(patch))
+    way = patch[np.append(going, going[-1] + 1)]
+    # Beyond its ends the way goes on as it came, or its smoothed ends would be bent and too short.
+    size = min(_SMOOTHED, 2 * (len(way) // 4) + 1)
+    beyond = np.pad(way, ((size // 2, size // 2), (0, 0)), mode="reflect", reflect_type="odd")
+    smooth = np.stack([np.convolve(line, np.full(size, 1 / size), mode="valid") for line in beyond.T], axis=1)
+    step = np.gradient(smooth, axis=0)
+    length = np.maximum(np.hypot(step[:, 0], step[:, 1]), _STILL_M)
+    heading = step / length[:, None]
     turn = heading[:, 0] * np.gradient(heading[:, 1]) - heading[:, 1] * np.gradient(heading[:, 0])
-    return heading, _blur(turn / np.maximum(length, 2e-5), 15)
+    at = np.minimum(np.searchsorted(going, np.arange(len(patch))), going.size)
+    return heading[at], _blur(turn / length, _SMOOTHED)[at]
 
 
 def _blur(values: Array, size: int) -> Array:
