@@ -150,8 +150,9 @@ def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_a
 
 
 def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_goes_with_nothing_of_its_own() -> None:
-    kinds = (Latency, BristleLag, LensDistortion, SpeedWidth, InkDepletion)
-    late, lag, lens, width, ink = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
+    kinds = (Latency, BristleLag, LensDistortion, PathOffset, SpeedWidth, InkDepletion)
+    late, lag, lens, offset, width, ink = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
     assert set(late.told_by) & set(lens.told_by) and not set(ink.told_by) & set(width.told_by)
     assert left_by_form(late, lag) > left_by_form(late, lens) > left_by_form(width, ink) > 0
+    assert left_by_form(late, offset) == left_by_form(late, lens)  # on average, a form may leave the same for all
     assert left_by_form(late, width) == 0  # one displaces the mark, the other does not

@@ -178,14 +178,15 @@ def can_leave_what_looks_like(other: Mechanism, mechanism: Mechanism) -> bool:
 
 
 def left_by_form(other: Mechanism, mechanism: Mechanism) -> float:
-    """Of what one cause removes, how much its form may leave that looks like another: where this goes with nothing that
-    it goes with, no more than chance, as strokes are drawn at random.
+    """Of what one cause removes, how much its form may leave that looks like another: where this goes with something,
+    and with nothing that it goes with, no more than chance, as strokes are drawn at random.
     """
     if not can_leave_what_looks_like(other, mechanism):
         return 0.0
     if other.driver == mechanism.driver:
         return _LEFT_TO_ITS_DRIVER
-    return _LEFT if set(other.told_by) & set(mechanism.told_by) else _LEFT_TO_THE_UNRELATED
+    unrelated = mechanism.told_by and not set(other.told_by) & set(mechanism.told_by)
+    return _LEFT_TO_THE_UNRELATED if unrelated else _LEFT
 
 
 def without_idle(
