@@ -259,8 +259,10 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     least = _FAINT * _LEAST_GAIN if beyond_doubt else _LEAST_GAIN
     if (finding.of_what_is_left if beyond_doubt else finding.gain) < least:
         return False
-    if any(finding.gain < f.gain * min(left_by_form(found.observable[f.cause], its), _LEAST_BESIDE) for f in others):
-        return False
+    for f in others:  # forms leave little to what goes with nothing of theirs; that must be there beyond doubt
+        may_be_left = left_by_form(found.observable[f.cause], its) if beyond_doubt else _LEAST_BESIDE
+        if finding.gain < f.gain * min(may_be_left, _LEAST_BESIDE):
+            return False
     if finding.confirmed_p <= _CERTAIN_P:
         return True
     largest = max(f.gain for f in established)
