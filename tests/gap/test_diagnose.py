@@ -14,6 +14,7 @@ from pentimento.gap.foretell import Model, identity
 from pentimento.gap.measured import load_measured
 from pentimento.gap.search import Search
 from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
 from pentimento.stroke_dynamics.mechanisms.path_offset import PathOffset
 from pentimento.stroke_dynamics.mechanisms.path_scale import PathScale
 from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
@@ -58,7 +59,8 @@ def is_of_use(finding: Finding, *others: Finding, sealed: int = 10) -> bool:
     """Beside other established causes."""
     measured = load_measured(example_table(16))
     observable: dict[str, Mechanism] = {
-        kind.cause: identity(kind, measured.context) for kind in (BristleLag, PathOffset, PathScale, SpeedWidth)
+        kind.cause: identity(kind, measured.context)
+        for kind in (BristleLag, PathOffset, PathScale, SpeedWidth, InkDepletion)
     }
     model = first_model(measured)
     found = Search(model, model, (), observable, {}, 0.0, {}, frozenset())
@@ -85,6 +87,13 @@ def test_what_confirming_strokes_are_certain_of_must_be_worth_little_and_not_sur
     assert is_of_use(worth("speed_width", 0.04, -0.05, confirmed_p=0.0005), lag, sealed=24)
     assert not is_of_use(worth("speed_width", 0.015, -0.05, confirmed_p=0.0005), lag, sealed=24)
     assert not is_of_use(worth("path_offset", 0.04, -0.05, confirmed_p=0.0005), lag, sealed=24)
+
+
+def test_what_goes_with_nothing_of_the_other_may_be_little_beside_it_where_it_is_beyond_doubt() -> None:
+    wider = worth("speed_width", 1.0, 0.9)
+    assert is_of_use(worth("ink_depletion", 0.03, 0.02, confirmed_p=0.0005), wider, sealed=24)
+    assert not is_of_use(worth("ink_depletion", 0.03, 0.02), wider, sealed=24)
+    assert not is_of_use(worth("ink_depletion", 0.03, -0.01, confirmed_p=0.0005), wider, sealed=24)
 
 
 def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only_not_deny_it() -> None:
