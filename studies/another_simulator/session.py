@@ -55,10 +55,12 @@ def recorded(world: World) -> pa.Table:
         paint = (
             opacity * (1 + rng.normal(0, _PAINT_SCATTER)) * _paint(effects, command, since_dip_m, order / len(actions))
         )
+        paint *= world.mixes[session % len(world.mixes)]
         below = _paper(world, tool, window_m, cover.shape, rng)
         grain = 1 - _GRAIN * cv2.GaussianBlur(rng.standard_normal(cover.shape).astype(np.float32), (0, 0), 1.2)
         covered = np.clip(cover * paint * grain, 0, 1)[..., None]
         after = _over(world, below, covered)
+        times_s = command.t_s if world.timed else np.full_like(command.t_s, np.nan)
         rows.append(
             {
                 "session": f"session_{session}",
@@ -66,7 +68,7 @@ def recorded(world: World) -> pa.Table:
                 "action_id": int(action),
                 "tool": "unknown",
                 "path": np.column_stack(
-                    [command.t_s, command.xy_m, command.z_m, np.full(len(command.t_s), command.yaw_rad)]
+                    [times_s, command.xy_m, command.z_m, np.full(len(times_s), command.yaw_rad)]
                 ).tolist(),
                 "window_m": window_m.tolist(),
                 "before": _photograph(below, rng),

@@ -41,6 +41,9 @@ WORLDS = (
     World("broad, too long, pale when fast", "chisel", 20, Effects(path_scale=0.07, speed_density=0.3)),
     World("red, mixed in sRGB", "nib", 21, color_srgb=_RED, painted_over=True, mixed_in="numbers"),
     World("pale when fast, the same", "nib", 22, Effects(speed_density=0.35), 168, True, 1100, _RED, True, "numbers"),
+    World("thin when fast, no times", "nib", 23, Effects(speed_width=0.18), timed=False),
+    World("each session its mix", "nib", 24, sessions=3, mixes=(0.93, 1.02, 1.05)),
+    World("drags a little, too long", "hairs", 25, Effects(bristle_lag=0.0012, path_scale=0.03)),
 )
 
 _HEAD = """\

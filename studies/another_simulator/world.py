@@ -68,8 +68,15 @@ class World:
     mixed_in: Literal["light", "numbers"] = "light"
     """Whether paint covers what is below in linear light, or in the picture's sRGB numbers, as drawing programs do."""
     sessions: int = 1
+    mixes: tuple[float, ...] = (1.0,)
+    """Share of the paint that is in each session's mix, in turn."""
+    timed: bool = True
+    """Whether the times of the points of a path were recorded."""
 
     @property
     def truth(self) -> frozenset[str]:
-        """What the finder should name: a broad edge is a cause, for no table says which tool it is of."""
-        return self.effects.causes | ({"orientation_width"} if self.tool == "chisel" else frozenset())
+        """What the finder should name: a broad edge is a cause, for no table says which tool it is of; what goes with
+        speed is none where no speed was recorded.
+        """
+        shown = {cause for cause in self.effects.causes if self.timed or not cause.startswith("speed_")}
+        return frozenset(shown | ({"orientation_width"} if self.tool == "chisel" else set()))

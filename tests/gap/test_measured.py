@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
-from pentimento.gap.measured import covariates_of
+from pentimento.gap.measured import covariates_of, mixes
 
 ROWS = 40
 
@@ -42,3 +42,19 @@ def test_what_is_mostly_unknown_or_says_something_by_being_unknown_stays() -> No
     found = covariates_of(recorded(humidity=seldom, wet_age_s=blank))
     assert np.isnan(found["humidity"]).sum() == np.isnan(seldom).sum()
     assert np.isnan(found["wet_age_s"]).sum() == 1
+
+
+def test_a_colour_is_another_paint_in_each_session_that_shows_enough_of_it() -> None:
+    session, block = np.repeat([0, 1], 40), np.arange(80) // 4
+    color = np.where(np.arange(80)[:, None] % 2 == 0, [0.1, 0.2, 0.3], [0.8, 0.2, 0.1])
+    found = mixes(color, session, block)
+    assert len(np.unique(found)) == 4
+    for each in np.unique(found):
+        assert len(np.unique(session[found == each])) == 1
+        assert len(np.unique(color[found == each], axis=0)) == 1
+
+
+def test_a_session_of_few_loads_has_no_mix_of_its_own() -> None:
+    session, block = np.repeat([0, 1], [70, 10]), np.arange(80) // 4
+    color = np.tile([0.1, 0.2, 0.3], (80, 1))
+    np.testing.assert_array_equal(mixes(color, session, block), 0)

@@ -1,6 +1,7 @@
 """What a diagnosis leaves in its folder, and that it says no before it writes anything."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,15 @@ def test_a_paint_that_the_model_has_not_seen_gets_no_offset(written: Written) ->
     other, strokes = applied(model, paints + 0.5, written.measured)
     assert len(other.color_offset) == 2 * len(paints)
     np.testing.assert_array_equal(other.color_offset[strokes.paint], 0.0)
+
+
+def test_a_colour_of_another_session_gets_the_mean_of_its_mixes(written: Written) -> None:
+    model, paints = written.diagnosis.extended, paints_of(written.measured)
+    darker = replace(model, color_offset=np.concatenate([model.color_offset, model.color_offset - 0.02]))
+    other, strokes = applied(darker, np.concatenate([paints, paints]), written.measured)
+    np.testing.assert_allclose(
+        other.color_offset[strokes.paint], (model.color_offset - 0.01)[written.measured.paint], atol=1e-12
+    )
 
 
 def test_an_outside_table_of_the_same_world_shows_the_same_gain(written: Written) -> None:

@@ -17,25 +17,27 @@ Array = NDArray[Any]
 
 
 def paints_of(measured: Measured) -> Array:
-    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``."""
+    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that was mixed anew for each session
+    is there as often.
+    """
     _, first = np.unique(measured.paint, return_index=True)
     paints: Array = measured.samples.color.double().numpy()[first].round(3)
     return paints
 
 
 def applied(model: Model, paints: Array, measured: Measured) -> tuple[Model, Measured]:
-    """Model and strokes with one numbering of paints; a paint that the model has not seen gets no offset.
+    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean offset
+    of the model's mixes of its colour; a colour that the model has not seen gets none.
 
     Args:
         paints: [K, 3] sRGB, those that the model's colour offsets belong to.
     """
-    own = paints_of(measured)
-    known = {tuple(paint): number for number, paint in enumerate(paints.round(3).tolist())}
-    new = [paint for paint in own.tolist() if tuple(paint) not in known]
-    known |= {tuple(paint): len(paints) + number for number, paint in enumerate(new)}
-    number = np.array([known[tuple(paint)] for paint in own.tolist()])
-    offsets = np.concatenate([model.color_offset, np.zeros((len(new), 3))])
-    return replace(model, color_offset=offsets), replace(measured, paint=number[measured.paint], paints=len(known))
+    same = (paints_of(measured)[:, None] == paints.round(3)).all(-1)
+    own = same @ model.color_offset / np.maximum(same.sum(1, keepdims=True), 1)
+    offsets = np.concatenate([model.color_offset, own])
+    return replace(model, color_offset=offsets), replace(
+        measured, paint=len(paints) + measured.paint, paints=len(offsets)
+    )
 
 
 def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: int) -> float | None:

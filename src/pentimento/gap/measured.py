@@ -23,6 +23,7 @@ Array = NDArray[Any]
 _POINTS = 24
 _LARGEST_SIDE_PX = 112
 _FEWEST_BLOCKS = 12
+_FEWEST_OF_A_MIX = 8  # blocks
 _NOT_COVARIATES = ("action_id",)
 _FEW_MISSING = 0.1  # of the rows
 _ANEW_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
@@ -37,9 +38,9 @@ class Measured:
     covariates: dict[str, Array]
     """float64[B] each: every numeric scalar column but identities; NaN where unknown."""
     paint: Array
-    """int64[B]: which of the distinct paints."""
+    """int64[B]: which of the distinct paints, by ``mixes``."""
     paints: int
-    """How many distinct paints the whole table has."""
+    """How many of these the whole table has."""
     block: Array
     """int64[B]: which session and load of paint."""
     turn: Array
@@ -85,18 +86,34 @@ def load_measured(table: pa.Table) -> Measured:
     samples = load_samples(table, _POINTS, _resolution(table), 1.0)
     before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
     samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
-    _, paint = np.unique(samples.color.numpy().round(3), axis=0, return_inverse=True)
     block = _loads(table)
     if block.max() + 1 < _FEWEST_BLOCKS:  # a pen that is never dipped: each action by itself
         _, block = np.unique(samples.action.numpy(), return_inverse=True)
     painted = _painted(samples.before_linear.numpy())
-    paint = paint.reshape(-1)
+    paint = mixes(samples.color.numpy(), _sessions(table), block)
     order = np.lexsort((np.asarray(table["order"].to_pylist()), np.asarray(table["session"].to_pylist())))
     columns, paints = covariates_of(table) | carried_paint(table, samples), int(paint.max()) + 1
     nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
     return Measured(
         samples, columns, paint, paints, block, np.argsort(order), painted, np.ones(len(samples.path)), nothing_learnt
     )
+
+
+def mixes(color_srgb: Array, session: Array, block: Array) -> Array:
+    """Number of each stroke's paint, int[B]: its colour, as it was mixed for its session where every session shows each
+    of its colours in enough blocks for what is fitted to some to hold for all.
+
+    A paint that is a little paler from session to session would else pass for whatever grows over the sessions (a
+    tool's wear).
+
+    Args:
+        color_srgb: [B, 3].
+        session, block: int[B].
+    """
+    color = np.unique(color_srgb.round(3), axis=0, return_inverse=True)[1].reshape(-1)
+    mixed = np.unique(np.stack([session, color]), axis=1, return_inverse=True)[1].reshape(-1)
+    fewest = min(len(np.unique(block[mixed == each])) for each in np.unique(mixed))
+    return np.asarray(mixed if fewest >= _FEWEST_OF_A_MIX else color)
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:
@@ -107,8 +124,7 @@ def covariates_of(table: pa.Table) -> dict[str, Array]:
     """
     found: dict[str, Array] = {}
     order = np.asarray(table["order"].to_pylist(), dtype=np.float64)
-    session = np.unique(table["session"].to_pylist(), return_inverse=True)[1]
-    load = _loads(table)
+    session, load = _sessions(table), _loads(table)
     for field in table.schema:
         if field.name in _NOT_COVARIATES or (field.name.endswith("_id") and field.name != "surface_id"):
             continue
@@ -124,6 +140,11 @@ def covariates_of(table: pa.Table) -> dict[str, Array]:
             if 1 < len(known) <= len(levels) // 8:
                 found.setdefault("surface_level", level.astype(np.float64))
     return found
+
+
+def _sessions(table: pa.Table) -> Array:
+    """Number of each row's session, int[B]."""
+    return np.asarray(np.unique(table["session"].to_pylist(), return_inverse=True)[1])
 
 
 def _loads(table: pa.Table) -> Array:

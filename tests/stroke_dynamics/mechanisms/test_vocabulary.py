@@ -312,6 +312,16 @@ def test_drying_tells_fast_from_slow_and_leaves_paint_of_the_usual_age() -> None
             torch.testing.assert_close(drift(number, now), torch.zeros(COUNT, dtype=torch.float64), atol=1e-9, rtol=0)
 
 
+def test_strokes_that_took_nobody_knows_how_long_have_no_age() -> None:
+    """The slower a stroke, the later after its start it is seen: what goes with speed would pass for drying."""
+    strokes = context()
+    after_s = strokes.covariates["t_start_s"] + torch.linspace(3.0, 9.0, COUNT, dtype=torch.float64)[:, None]
+    seen = strokes._replace(covariates=dict(strokes.covariates) | {"t_after_s": after_s})
+    untimed = seen._replace(path=torch.cat([seen.path[..., :1] * torch.nan, seen.path[..., 1:]], dim=-1))
+    assert "usual_age_s" in DryingShift.reference_of(seen)
+    assert "usual_age_s" not in DryingShift.reference_of(untimed)
+
+
 def test_wear_that_levels_off_is_the_same_at_both_ends_of_the_session() -> None:
     strokes = context()
     plain = MODEL.double()(strokes.path)

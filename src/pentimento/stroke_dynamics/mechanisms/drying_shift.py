@@ -83,9 +83,11 @@ def _dryness(age_s: Tensor, half_s: float) -> Tensor:
 
 
 def _age_s(context: StrokeContext) -> Tensor:
-    """From the end of each stroke until it was seen, [B, S]; NaN where unknown."""
+    """From the end of each stroke until it was seen, [B, S]; NaN where unknown: also of strokes that took nobody knows
+    how long, which are seen the later after their start the slower they are.
+    """
     known = context.covariates
     if "t_after_s" not in known or "t_start_s" not in known:
         return torch.full_like(context.path[..., 0, 0], torch.nan)
-    duration = torch.nan_to_num(context.path[..., -1, 0] - context.path[..., 0, 0])
+    duration = context.path[..., -1, 0] - context.path[..., 0, 0]
     return (known["t_after_s"] - known["t_start_s"] - duration).clamp(min=_SHORTEST_S)
