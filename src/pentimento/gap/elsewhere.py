@@ -17,8 +17,8 @@ Array = NDArray[Any]
 
 
 def paints_of(measured: Measured) -> Array:
-    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that was mixed anew for each session
-    is there as often.
+    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that each session mixed anew is
+    there as often.
     """
     _, first = np.unique(measured.paint, return_index=True)
     paints: Array = measured.samples.color.double().numpy()[first].round(3)
@@ -26,8 +26,8 @@ def paints_of(measured: Measured) -> Array:
 
 
 def applied(model: Model, paints: Array, measured: Measured) -> tuple[Model, Measured]:
-    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean offset
-    of the model's mixes of its colour; a colour that the model has not seen gets none.
+    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean
+    offset of the model's mixes of its colour; a colour that the model has not seen gets none.
 
     Args:
         paints: [K, 3] sRGB, those that the model's colour offsets belong to.
