@@ -58,8 +58,9 @@ the same base and candidates (BIC, forward).
 
 Two worlds mix paint with what is below it in the numbers of the picture, not in its light.
 
-The rule by which a displacement is tried on its own test's word came of an earlier draw of the late broad pen; the
-other worlds changed nothing in the finder.
+The rule by which a displacement is tried on its own test's word came of an earlier draw of the late broad pen; that
+each session may mix its paint anew, and that strokes without times have no age, came of the worlds that are named so.
+The other worlds changed nothing in the finder.
 
 | world | hidden | named | rivals | gap closed | pixels | s |
 |---|---|---|---|---|---|---|
