@@ -9,6 +9,7 @@ ToolKind = Literal["nib", "chisel", "hairs"]
 
 CANVAS_M = (0.30, 0.22)
 MIDDLE_M = (0.15, 0.11)
+_BY_SPEED = frozenset({"latency", "speed_width", "speed_density"})
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class World:
     @property
     def truth(self) -> frozenset[str]:
         """What the finder should name: a broad edge is a cause, for no table says which tool it is of; what goes with
-        speed is none where no speed was recorded.
+        speed is none where no times were recorded.
         """
-        shown = {cause for cause in self.effects.causes if self.timed or not cause.startswith("speed_")}
-        return frozenset(shown | ({"orientation_width"} if self.tool == "chisel" else set()))
+        hidden = frozenset() if self.timed else _BY_SPEED
+        return self.effects.causes - hidden | ({"orientation_width"} if self.tool == "chisel" else frozenset())

@@ -124,3 +124,19 @@ def test_in_numbers_pale_paint_mixes_darker_than_in_light() -> None:
     for light, numbers in zip(in_light, in_numbers, strict=True):
         assert (numbers <= light).all()
         assert (numbers < light).mean() > 0.01
+
+
+def test_a_session_paints_with_its_own_mix() -> None:
+    plain = World("", "nib", 3, rows=12, repeats=False, sessions=2)
+    darkest = [
+        [decode_png(row["bytes"]).min() for row in recorded(world)["after"].to_pylist()]
+        for world in (plain, replace(plain, mixes=(1.0, 0.5)))
+    ]
+    assert darkest[0][:6] == darkest[1][:6]
+    assert all(pale > dark + 20 for dark, pale in zip(darkest[0][6:], darkest[1][6:], strict=True))
+
+
+def test_without_times_nothing_that_goes_with_speed_can_be_found() -> None:
+    world = World("", "chisel", 3, Effects(speed_width=0.2, latency=0.05, path_scale=0.05), 4, False, timed=False)
+    assert world.truth == {"path_scale", "orientation_width"}
+    assert np.isnan(np.array(recorded(world)["path"].to_pylist()[0])[:, 0]).all()
