@@ -69,6 +69,22 @@ def test_a_peak_rises_where_the_tool_still_touches() -> None:
     assert abs(contact.peak.sum((1, 2))).max() < 0.05 * np.maximum(contact.peak, 0).sum((1, 2)).min()
 
 
+def test_a_peak_keeps_clear_of_an_older_groove() -> None:
+    """Nothing sticks where nothing is touched."""
+    push = [0.07, 0.07, 0.0, 0.0, 0.006]
+    level = np.full((3, PIXELS, PIXELS), 0.04, dtype=np.float32)
+    before_m, beside_m, grooved = level.copy(), level.copy(), scene(push)
+    before_m[:, grooved.along[0] > 0.003], beside_m[:, grooved.across[0] > 0.003] = 0.02, 0.02
+    middles = []
+    for surface_m in (level, before_m, beside_m):
+        seen = scene(push, push, push, before_m=surface_m)
+        peak = np.maximum(touch(model_with(seen, **HARD), seen).peak[0], 0)
+        middles.append([(peak * at[0]).sum() / peak.sum() for at in (seen.along, seen.across)])
+    assert np.abs(middles[0]).max() < 2e-4
+    (ahead, still), (middle, aside) = middles[1:]
+    assert ahead < -0.001 and aside == pytest.approx(ahead, abs=3e-4) and max(abs(still), abs(middle)) < 3e-4
+
+
 def test_rims_that_find_hardly_any_room_raise_no_towers() -> None:
     """Volume balance divides by what was laid; at the bottom of a narrow hole, hardly anything is."""
     hole = np.full((1, PIXELS, PIXELS), 0.04, dtype=np.float32)

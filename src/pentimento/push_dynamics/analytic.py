@@ -167,7 +167,8 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     fixed = np.array([radius, np.exp(number["log_aspect"]), number["corners"], edge, scene.half_width_m])
     sweep = Sweep(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
     width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
-    return contact_of(sweep)._replace(heaped_m=heaped(sweep, width_px, number["facing"], number["stand_off"]))
+    heaped_m = heaped(sweep, width_px, number["facing"], number["stand_off"])
+    return contact_of(sweep, scene.pixel_m)._replace(heaped_m=heaped_m)
 
 
 def _radius_at(depth_m: Array, ball_radius_m: float, knots: Array) -> Array:

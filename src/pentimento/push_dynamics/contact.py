@@ -16,16 +16,18 @@ from pentimento.push_dynamics.mechanisms.mechanism import Contact
 
 Array = NDArray[Any]
 
+_LEAST_PIXELS = np.float32(0.5)
+"""What a tool touches at least, at the end of its travel."""
 _FAR = 30.0
 """In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
-_PEAK = 0.33
-_COLLAR = 2 * _PEAK
+_PEAK = 0.48
+_COLLAR = 0.8
 """Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
 _TINY = np.float32(1e-12)
 _NO_PEAK = 6.0
 """Collars' widths from where the tool lifts off beyond which nothing is drawn up."""
-_HALF_DISC = np.float32(4 / (3 * math.pi))
-"""Of the radius: how far the middle of a half-disc is from the whole one's."""
+_TURN = np.float32(0.15)
+"""Of the contact's radius: how softly what lies ahead of a tool goes over into its own groove behind it."""
 
 
 class Sweep(NamedTuple):
@@ -39,7 +41,7 @@ class Sweep(NamedTuple):
     """float32[B, H, W] to the left of it."""
     moved: Array
     """[B, 6]: shift along, shift across, slope of the descent, length of travel, logarithm of the tool's width, radius
-    of the contact at the end."""
+    of the contact at the end on a level surface."""
     deep: Array
     """[B, K]: depth of the tool's tip at K places of its way, from start to end."""
     knots: Array
@@ -53,10 +55,10 @@ class Sweep(NamedTuple):
         return Sweep(*(values.astype(np.float32, copy=False) for values in self))
 
 
-def contact_of(sweep: Sweep) -> Contact:
-    """The contact of B pushes; nothing is heaped up yet."""
+def contact_of(sweep: Sweep, pixel_m: float) -> Contact:
+    """The contact of B pushes, on pixels of this side in metres; nothing is heaped up yet."""
     made = Contact(*(np.zeros(sweep.before.shape, dtype=np.float32) for _ in Contact._fields))
-    _touch(sweep.single(), *made[:4])
+    _touch(sweep.single(), np.float32(pixel_m), *made[:4])
     return made
 
 
@@ -79,39 +81,81 @@ def above_tip(distance: float, radius: float, knots: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _touch(sweep: Sweep, pressed: Array, inside: Array, beyond_end: Array, peak: Array) -> None:
+def _away(ahead: float, aside: float, corners: float) -> np.float32:
+    """How far a place is from the tool's axis, as its corners count it."""
+    squared = ahead * ahead + aside * aside
+    return np.float32(math.sqrt(squared - corners * 4 * (ahead * aside) * (ahead * aside) / (squared + _TINY)))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _share(ratio: float) -> np.float32:
+    """From 0 far below nothing to 1 far above it."""
+    return np.float32(1 / (1 + math.exp(-min(max(ratio, -_FAR), _FAR))))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _resting(
+    before: Array, along: Array, across: Array, moved: Array, deep: float, knots: Array, fixed: Array, pixel_m: float
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Where a tool touches before it lifts off: the middle of that along and across, and the radius of a disc as large.
+
+    It does not where an older groove is deeper; and behind a tool that travelled is its own groove, the more so the
+    farther it came.
+    """
+    one = np.float32(1)
+    radius, aspect, corners, edge, _ = fixed
+    shift, aside, _, length, wider, end_radius = moved
+    narrower, behind = np.float32(math.exp(-wider)), end_radius / (2 * length + end_radius)
+    reach = 2 * end_radius
+    area, sum_u, sum_v = _LEAST_PIXELS, np.float32(0), np.float32(0)
+    for i in range(before.shape[0]):
+        for j in range(before.shape[1]):
+            u, v = along[i, j] - shift - length, across[i, j] - aside
+            if u * u + v * v > reach * reach:
+                continue
+            distance = _away(u * aspect, v, corners) * narrower
+            ratio = (before[i, j] - above_tip(distance, radius, knots) + deep) / edge
+            touching = _share(ratio) * (behind + (one - behind) * _share(u / (_TURN * end_radius)))
+            area += touching
+            sum_u += touching * u
+            sum_v += touching * v
+    return length + sum_u / area, sum_v / area, np.float32(math.sqrt(area / math.pi)) * pixel_m
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _touch(sweep: Sweep, pixel_m: float, pressed: Array, inside: Array, beyond_end: Array, peak: Array) -> None:
     before, along, across, moved, deep, knots, fixed = sweep
     radius, aspect, corners, edge, _ = fixed
     pieces = deep.shape[1] - 1
     one = np.float32(1)
-    share, rate = np.float32((_PEAK / _COLLAR) ** 2), np.float32(-1 / (2 * _COLLAR**2))
+    share = np.float32((_PEAK / _COLLAR) ** 2)
+    rate, inner_rate = np.float32(-1 / (2 * _COLLAR**2)), np.float32(-1 / (2 * _PEAK**2))
     lowest, roundness = knots[1].min(), one - max(corners, np.float32(0))
     for b in range(before.shape[0]):
-        shift, aside, slope, length, wider, end_radius = moved[b]
+        shift, aside, slope, length, wider, _ = moved[b]
         narrower = np.float32(math.exp(-wider))
         pieces_a_metre = np.float32(pieces) / max(length, np.float32(1e-6))
-        per_end_radius = one / end_radius
-        # Behind a tool that travelled is its own groove: it touches ahead.
-        lead = _HALF_DISC * length / (length + end_radius)
+        middle_u, middle_v, rest_radius = _resting(
+            before[b], along[b], across[b], moved[b], deep[b, pieces], knots, fixed, pixel_m
+        )
+        per_radius = one / rest_radius
         # Beyond this, squared, no part of the tool comes down to the highest place.
         room = 2 * radius * (before[b].max() + deep[b].max() + _FAR * edge - lowest) / (roundness * narrower * narrower)
         for i in range(before.shape[1]):
             for j in range(before.shape[2]):
                 u, v = along[b, i, j] - shift, across[b, i, j] - aside
-                beyond = (u - length) * per_end_radius
+                beyond = (u - middle_u) * per_radius
                 beyond_end[b, i, j] = beyond
-                squared = (beyond - lead) ** 2 + (v * per_end_radius) ** 2
+                squared = beyond**2 + ((v - middle_v) * per_radius) ** 2
                 if squared < (_NO_PEAK * _COLLAR) ** 2:
-                    collar = np.float32(math.exp(squared * rate))
-                    inner = (collar * collar) * (collar * collar)  # of half the width
+                    collar, inner = np.float32(math.exp(squared * rate)), np.float32(math.exp(squared * inner_rate))
                     peak[b, i, j] = (inner - share * collar) / (one - share)
                 station = min(max(u + slope * radius, np.float32(0)), length)
                 ahead = (u - station) * aspect
                 squared = ahead * ahead + v * v
                 if squared > room:
                     continue
-                squared -= corners * 4 * (ahead * v) * (ahead * v) / (squared + _TINY)
-                distance = np.float32(math.sqrt(squared)) * narrower
+                distance = _away(ahead, v, corners) * narrower
                 place = min(station * pieces_a_metre, np.float32(pieces))
                 piece = min(int(place), pieces - 1)
                 lower = deep[b, piece] + (place - piece) * (deep[b, piece + 1] - deep[b, piece])

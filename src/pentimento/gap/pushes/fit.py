@@ -49,8 +49,8 @@ _RANGE = {
     "facing": (-1.0, 1.5),
     "stand_off": (0.0, 3.5),
     "along_mm": (-3.0, 3.0),
-    "end_lift": (-3.0, 3.0),
-    "end_pull": (-3.0, 3.0),
+    "end_lift": (-6.0, 15.0),
+    "end_pull": (-6.0, 6.0),
     "log_blur": (float(np.log(0.3)), float(np.log(4.0))),
 }
 _PROFILE_LIKELY_MM = 4.0

@@ -67,7 +67,7 @@ class Contact(NamedTuple):
     inside: Array
     """0 outside the contact, 1 inside, soft at the edge."""
     beyond_end: Array
-    """How far ahead of the end of travel, in radii of the contact there."""
+    """How far ahead of the middle of what the tool touches as it lifts off, in radii of that."""
     peak: Array
     """What a tool draws up where it lifts off, out of what is around it: 1 in the middle, no volume."""
     heaped_m: Array
