@@ -40,11 +40,11 @@ _ROUND = 0.15
 PROFILE = tuple(f"profile_{k}_mm" for k in range(len(KNOTS)))
 CONTACT = (
     "log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "corners", "give_mm", "along_mm",
-    "log_rims", "facing", "stand_off",
 )  # fmt: skip
+HEAP = ("log_rims", "facing", "stand_off")
 KEPT = ("kept",)
 SURFACE = ("end_lift", "end_pull")
-BASE = (*CONTACT, *KEPT, *SURFACE, "log_blur")
+BASE = (*CONTACT, *HEAP, *KEPT, *SURFACE, "log_blur")
 START = dict.fromkeys(BASE, 0.0) | {"kept": 0.9, "facing": 0.5, "stand_off": 1.0, "log_blur": float(np.log(0.7))}
 EDGE_M = 0.0003
 """Softness of the contact where ``log_edge`` is 0."""
@@ -136,7 +136,23 @@ def identity(kind: type[Mechanism], scene: PushScene) -> Mechanism:
 
 
 def touch(model: AnalyticPush, scene: PushScene) -> Contact:
-    """Where the tool passes below the surface."""
+    """Where the tool passes below the surface, and what it heaps up there."""
+    sweep = _sweep(model, scene)
+    return _heaped(model, scene, sweep, contact_of(sweep, scene.pixel_m))
+
+
+def heap(model: AnalyticPush, scene: PushScene, contact: Contact) -> Contact:
+    """The same for a model with other numbers of ``HEAP`` than the one whose contact it is."""
+    return _heaped(model, scene, _sweep(model, scene), contact)
+
+
+def _heaped(model: AnalyticPush, scene: PushScene, sweep: Sweep, contact: Contact) -> Contact:
+    number = _numbers(model)
+    width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
+    return contact._replace(heaped_m=heaped(sweep, width_px, number["facing"], number["stand_off"]))
+
+
+def _sweep(model: AnalyticPush, scene: PushScene) -> Sweep:
     number = _numbers(model)
     still = np.zeros(len(scene))
     motion = Motion(*[still] * len(Motion._fields))
@@ -165,10 +181,7 @@ def touch(model: AnalyticPush, scene: PushScene) -> Contact:
     )  # fmt: skip
     edge = EDGE_M * np.exp(number["log_edge"])
     fixed = np.array([radius, np.exp(number["log_aspect"]), number["corners"], edge, scene.half_width_m])
-    sweep = Sweep(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
-    width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
-    heaped_m = heaped(sweep, width_px, number["facing"], number["stand_off"])
-    return contact_of(sweep, scene.pixel_m)._replace(heaped_m=heaped_m)
+    return Sweep(scene.before, scene.along, scene.across, moved, deep, knots, fixed)
 
 
 def _radius_at(depth_m: Array, ball_radius_m: float, knots: Array) -> Array:

@@ -18,13 +18,13 @@ Array = NDArray[Any]
 
 _LEAST_PIXELS = np.float32(0.5)
 """What a tool touches at least, at the end of its travel."""
-_FAR = 30.0
+_FAR = np.float32(30)
 """In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
 _PEAK = 0.48
 _COLLAR = 0.8
 """Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
 _TINY = np.float32(1e-12)
-_NO_PEAK = 6.0
+_NO_PEAK = 3.5
 """Collars' widths from where the tool lifts off beyond which nothing is drawn up."""
 _TURN = np.float32(0.15)
 """Of the contact's radius: how softly what lies ahead of a tool goes over into its own groove behind it."""
@@ -90,7 +90,8 @@ def _away(ahead: float, aside: float, corners: float) -> np.float32:
 @njit(cache=True, error_model="numpy", nogil=True)
 def _share(ratio: float) -> np.float32:
     """From 0 far below nothing to 1 far above it."""
-    return np.float32(1 / (1 + math.exp(-min(max(ratio, -_FAR), _FAR))))
+    one = np.float32(1)
+    return one / (one + np.float32(math.exp(-min(max(ratio, -_FAR), _FAR))))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -106,15 +107,17 @@ def _resting(
     radius, aspect, corners, edge, _ = fixed
     shift, aside, _, length, wider, end_radius = moved
     narrower, behind = np.float32(math.exp(-wider)), end_radius / (2 * length + end_radius)
-    reach = 2 * end_radius
+    reach2 = np.float32(4) * end_radius * end_radius
     area, sum_u, sum_v = _LEAST_PIXELS, np.float32(0), np.float32(0)
     for i in range(before.shape[0]):
         for j in range(before.shape[1]):
             u, v = along[i, j] - shift - length, across[i, j] - aside
-            if u * u + v * v > reach * reach:
+            if u * u + v * v > reach2:
                 continue
             distance = _away(u * aspect, v, corners) * narrower
             ratio = (before[i, j] - above_tip(distance, radius, knots) + deep) / edge
+            if ratio < -_FAR:
+                continue
             touching = _share(ratio) * (behind + (one - behind) * _share(u / (_TURN * end_radius)))
             area += touching
             sum_u += touching * u
@@ -128,7 +131,7 @@ def _touch(sweep: Sweep, pixel_m: float, pressed: Array, inside: Array, beyond_e
     radius, aspect, corners, edge, _ = fixed
     pieces = deep.shape[1] - 1
     one = np.float32(1)
-    share = np.float32((_PEAK / _COLLAR) ** 2)
+    share, farthest = np.float32((_PEAK / _COLLAR) ** 2), np.float32((_NO_PEAK * _COLLAR) ** 2)
     rate, inner_rate = np.float32(-1 / (2 * _COLLAR**2)), np.float32(-1 / (2 * _PEAK**2))
     lowest, roundness = knots[1].min(), one - max(corners, np.float32(0))
     for b in range(before.shape[0]):
@@ -144,10 +147,10 @@ def _touch(sweep: Sweep, pixel_m: float, pressed: Array, inside: Array, beyond_e
         for i in range(before.shape[1]):
             for j in range(before.shape[2]):
                 u, v = along[b, i, j] - shift, across[b, i, j] - aside
-                beyond = (u - middle_u) * per_radius
+                beyond, beside = (u - middle_u) * per_radius, (v - middle_v) * per_radius
                 beyond_end[b, i, j] = beyond
-                squared = beyond**2 + ((v - middle_v) * per_radius) ** 2
-                if squared < (_NO_PEAK * _COLLAR) ** 2:
+                squared = beyond * beyond + beside * beside
+                if squared < farthest:
                     collar, inner = np.float32(math.exp(squared * rate)), np.float32(math.exp(squared * inner_rate))
                     peak[b, i, j] = (inner - share * collar) / (one - share)
                 station = min(max(u + slope * radius, np.float32(0)), length)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pentimento.gap.batches import in_batches
 from pentimento.gap.jacobian import Statistics, by_action
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.push_dynamics.analytic import BASE, CONTACT, KEPT, AnalyticPush, keep, settle, touch
+from pentimento.push_dynamics.analytic import BASE, CONTACT, HEAP, KEPT, AnalyticPush, heap, keep, settle, touch
 from pentimento.push_dynamics.analytic_scene import PushScene
 
 Array = NDArray[Any]
@@ -26,7 +26,7 @@ _R = TypeVar("_R")
 _STEP = 0.005
 _MOST_ROWS_AT_ONCE = 60
 MM = 1e3
-_STAGE = {"command": 0, "contact": 0, "material": 1, "surface": 2}
+_STAGE = {"command": 0, "contact": 0, "material": 2, "surface": 3}
 
 
 def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
@@ -72,8 +72,8 @@ def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
     found = np.empty((len(stages), *still.shape), dtype=np.float32)
     for p, stage in enumerate(stages):
         moved = model.at(model.vector + _STEP * (np.arange(len(stages)) == p))
-        touched = touch(moved, scene) if stage == 0 else contact
-        stays = keep(moved, scene, touched) if stage < 2 else kept
+        touched = touch(moved, scene) if stage == 0 else heap(moved, scene, contact) if stage == 1 else contact
+        stays = keep(moved, scene, touched) if stage in (0, 2) else kept
         np.subtract(settle(moved, scene, touched, stays), still, out=found[p])
         found[p] /= np.float32(_STEP)
     return found
@@ -89,7 +89,7 @@ def _in_batches(function: Callable[[slice], _R], rows: int) -> list[_R]:
 
 
 def _stage(name: str) -> int:
-    return 0 if name in CONTACT else 1 if name in KEPT else 2
+    return next((stage for stage, names in enumerate((CONTACT, HEAP, KEPT)) if name in names), 3)
 
 
 def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
