@@ -88,7 +88,7 @@ def _away(ahead: float, aside: float, corners: float) -> np.float32:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _share(ratio: float) -> np.float32:
+def _share(ratio: np.float32) -> np.float32:
     """From 0 far below nothing to 1 far above it."""
     one = np.float32(1)
     return one / (one + np.float32(math.exp(-min(max(ratio, -_FAR), _FAR))))
