@@ -5,11 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from pentimento.gap.diagnose import Finding
 from pentimento.gap.modes import Unexplained
 from pentimento.gap.verdict import sentence, verdict
 from pentimento.gap.wandering import Wandering
+from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
+from pentimento.stroke_dynamics.mechanisms.speed_width import SpeedWidth
 from tests.gap.conftest import Written
 
 KEYS = [
@@ -51,6 +54,16 @@ def test_a_state_that_nobody_recorded_is_said_where_nothing_else_explains_it(wri
     assert verdict(found, 56, 42)["wanders"]["mse_of_repeats"] == 2e-5
     known = Unexplained("width", "temperature_c", 0.001, 0.2)
     assert "wanders" not in sentence(replace(found, unexplained=(known,)))
+
+
+def test_structure_in_a_column_that_an_established_cause_speaks_of_is_what_it_leaves(written: Written) -> None:
+    """A law of another form leaves some of its own effect: "no cause explains it" would be read as a new one."""
+    left = replace(written.diagnosis, suspected=(), unexplained=(Unexplained("width", "speed_m_s", 0.001, 0.2),))
+    plain = left.extended.without(*(m.cause for m in left.extended.mechanisms))
+    slowed = plain.plus(*(kind(torch.zeros(len(kind.quantities)), {}) for kind in (SpeedWidth, BristleLag)))
+    assert "depends on speed_m_s; no known cause" in sentence(replace(left, extended=plain))
+    said = sentence(replace(left, extended=slowed))
+    assert "depends on speed_m_s, beyond what is established of it (speed_width); no other known cause" in said
 
 
 def test_numbers_that_json_cannot_hold_are_unknown(written: Written) -> None:

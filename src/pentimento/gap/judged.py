@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from numpy.typing import NDArray
 
@@ -43,8 +43,30 @@ class Searched(Protocol):
         """Causes that could not be looked for, and why."""
 
 
+class Told(Protocol):
+    """A mechanism of strokes or of pushes."""
+
+    cause: ClassVar[str]
+
+    @property
+    def told_by(self) -> tuple[str, ...]:
+        """Columns that its effect goes with."""
+
+
+class Extended(Protocol):
+    """A model with the established causes."""
+
+    @property
+    def mechanisms(self) -> Sequence[Told]:
+        """One for each cause."""
+
+
 class Judged(Protocol):
     """See ``gap.diagnose.Diagnosis``."""
+
+    @property
+    def extended(self) -> Extended:
+        """The base with the established causes."""
 
     @property
     def search(self) -> Searched:

@@ -42,7 +42,7 @@ def leaderboard(diagnosis: Judged, survey: Surveyed) -> str:
 
 def _found(finding: Finding, verdict: str, survey: Surveyed) -> tuple[str, ...]:
     quantities = "<br>".join(
-        f"{escape(name)}&nbsp;{_number(value).replace('-', '−')}&nbsp;±&nbsp;{_number(error, 1)}"
+        f"{escape(name)} {_number(value)}&nbsp;±&nbsp;{_number(error, 1)}"
         for name, (value, error) in finding.values.items()
     )
     return (
@@ -87,4 +87,6 @@ def _between(interval: tuple[float, float]) -> str:
 
 
 def _number(value: float, digits: int = 3) -> str:
-    return decimal(value, digits) if 1e-4 <= abs(value) < 1e4 or value == 0 else f"{value:.{digits - 1}e}"
+    """With a true minus, which no line breaks at."""
+    plain = decimal(value, digits) if 1e-4 <= abs(value) < 1e4 or value == 0 else f"{value:.{digits - 1}e}"
+    return plain.replace("-", "−")

@@ -104,9 +104,7 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
         if diagnosis.gap_closed is not None and diagnosis.established:
             said.append(f"{diagnosis.gap_closed[0]:.0%} of the gap above it is closed.")
     if diagnosis.unexplained:
-        mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
-        known = "established" if diagnosis.suspected else "known"
-        said.append(f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it.")
+        said.append(_structured(diagnosis))
     else:
         if wanders := diagnosis.wanders:
             said.append(
@@ -121,6 +119,17 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
         pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
         said.append(f"To tell {pairs}, make the {kind.name} of {NEXT_ACTIONS}.")
     return " ".join(said)
+
+
+def _structured(diagnosis: Judged) -> str:
+    """What the first of what is unexplained depends on, and what established causes say of that already."""
+    mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
+    told = [mechanism.cause for mechanism in diagnosis.extended.mechanisms if covariate in mechanism.told_by]
+    known = "established" if diagnosis.suspected else "known"
+    if told:
+        beyond = f"beyond what is established of it ({', '.join(told)}); no other {known} cause explains that"
+        return f"Structured residual: {mode} depends on {covariate}, {beyond}."
+    return f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it."
 
 
 def _named(finding: Finding, floor_known: bool) -> str:

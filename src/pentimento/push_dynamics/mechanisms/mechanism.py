@@ -105,6 +105,11 @@ class Mechanism:
         self.values, self.reference = values, reference
 
     @property
+    def told_by(self) -> tuple[str, ...]:
+        """Columns that its effect goes with; what else it is relative to is among them."""
+        return tuple(self.reference)
+
+    @property
     def idle(self) -> bool:
         """Whether it changes nothing, so that it need not be asked."""
         return not bool(np.any(self.values))
