@@ -10,8 +10,9 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.gap.choice import Step
 from pentimento.gap.diagnose import Finding
+from pentimento.gap.floor import Floor
 from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import _can_deny, _only_surely_denied, _sure, diagnose
+from pentimento.gap.pushes.diagnose import _can_deny, _least_error, _only_surely_denied, _sure, diagnose
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.search import observable_causes
 from pentimento.gap.score import Evidence
@@ -71,7 +72,14 @@ def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> 
     unsure = Finding("tool_backlash", 0.003, 0.06, -0.02, (-0.5, 0.6), {}, ())
     assert _can_deny(unsure, far) and not _can_deny(unsure, backlash)
     assert _can_deny(replace(unsure, gain_interval=(-0.5, -0.01)), backlash)
-    assert not _only_surely_denied(backlash, 0.3)  # nor do their scores speak for it
+    assert not _only_surely_denied(False, 0.3)  # nor do their scores speak for it
+
+
+def test_where_much_is_left_what_a_base_can_look_like_must_remove_much() -> None:
+    """In a base that is wrong in many ways, something always looks a little like a cause."""
+    floor = Floor(1.0, (0.8, 1.2))
+    close, far = (_least_error(floor, np.full(8, left)) for left in (1.1, 3.2))
+    assert close == pytest.approx(0.025) and far == pytest.approx(0.4 * 2.0)
 
 
 def test_too_few_actions_are_refused(lossy: Played) -> None:

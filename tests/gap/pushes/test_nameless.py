@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import measure
-from pentimento.gap.pushes.nameless import lookalike_is_as_good, shows_signature
+from pentimento.gap.pushes.nameless import goes_with_time, lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import observable_causes
 from pentimento.push_dynamics.analytic import first_model
 from pentimento.push_dynamics.mechanisms.far_field import FarField
@@ -44,19 +45,33 @@ def test_a_cause_gives_way_to_what_could_be_taken_for_it(
 
 
 @pytest.mark.parametrize(
-    ("compression", "dwell", "shown"),
+    ("times", "compression", "dwell", "shown"),
     [
-        ((-2.0, 0.2), (0.0, 0.02), False),  # as where walls slide in
-        ((0.5, 0.2), (0.0, 0.02), True),
-        ((-0.5, 0.2), (0.1, 0.02), True),
-        ((0.3, 0.2), (0.03, 0.02), False),
+        (["dwell_s"], (-2.0, 0.2), (0.0, 0.02), False),  # as where walls slide in
+        (["dwell_s"], (0.5, 0.2), (0.0, 0.02), False),  # any base that is wrong about depths
+        (["dwell_s"], (-0.5, 0.2), (0.1, 0.02), True),
+        (["dwell_s", "until_scan_s"], (0.3, 0.2), (0.03, 0.02), False),
+        ([], (0.5, 0.2), (0.0, 0.02), True),  # nothing more can be seen of it
+        ([], (-2.0, 0.2), (0.0, 0.02), False),
     ],
 )
-def test_what_recovers_keeps_more_where_it_was_compressed_or_held_longer(
-    compression: tuple[float, float], dwell: tuple[float, float], shown: bool
+def test_what_recovers_keeps_more_where_it_was_held_longer_and_where_that_is_not_known_where_it_was_compressed(
+    times: list[str], compression: tuple[float, float], dwell: tuple[float, float], shown: bool
 ) -> None:
     values = {"kept_by_compression": compression, "kept_by_log_dwell": dwell, "recovered_by_log_time": (0.0, 0.1)}
-    assert shows_signature(mechanism(Springback, blank()), values) == shown
+    assert shows_signature(Springback(np.zeros(3), dict.fromkeys(times, 1.0)), values) == shown
+
+
+@pytest.mark.parametrize(
+    ("times", "dwell", "does"),
+    [(["dwell_s"], (0.18, 0.01), True), (["dwell_s"], (0.03, 0.01), False), ([], (0.18, 0.01), False)],
+)
+def test_what_is_certain_to_go_with_recorded_times_is_no_shape(
+    times: list[str], dwell: tuple[float, float], does: bool
+) -> None:
+    values = {"kept_by_compression": (2.0, 0.1), "kept_by_log_dwell": dwell, "recovered_by_log_time": (0.0, 0.1)}
+    assert goes_with_time(Springback(np.zeros(3), dict.fromkeys(times, 1.0)), values) == does
+    assert not goes_with_time(mechanism(FarField, blank()), {"share": (0.3, 0.01)})
 
 
 def test_a_cause_without_a_signature_shows_all_that_it_is() -> None:

@@ -23,7 +23,7 @@ from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import MODES, mode_scores, unexplained
-from pentimento.gap.pushes.nameless import lookalike_is_as_good, shows_signature
+from pentimento.gap.pushes.nameless import goes_with_time, lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
@@ -39,6 +39,10 @@ _CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P, _DENIED_P = 0.1, 0.01, 0.001, 0.05
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
+_LEAST_IF_IMITABLE, _LEAST_OF_WHAT_IS_LEFT = 0.025, 0.4
+"""Of the noise floor, and of the error that is left above it for certain: what a cause must remove of sealed pushes
+that a base which is wrong about shapes can look like. Where much more is left than it takes away, it is one of many
+ways in which the base is wrong."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
@@ -146,7 +150,16 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    while idle := [f for f in established if f.gain < 0 and _can_deny(f, observable[f.cause])]:
+    while idle := [
+        f
+        for f in established
+        if (f.gain < 0 and _can_deny(f, observable[f.cause]))
+        or (
+            _could_be_shape(observable[f.cause], f.values)
+            and floor
+            and f.gain * above < _least_error(floor, extended_losses)
+        )
+    ]:
         worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
@@ -193,7 +206,8 @@ def _of_use(
         losses, spare = action_losses(model, sealed), {}
         for m in model.mechanisms:
             falls = action_losses(fit_without(model, m.cause, base, known), sealed) - losses
-            if not _only_surely_denied(m, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
+            could_be_shape = _could_be_shape(m, values_with_errors(model, m.cause, known) if m.signature else {})
+            if not _only_surely_denied(could_be_shape, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
                 least = 0.0 if m.cause in sure else _LEAST_GAIN * max(gap, floor)
                 spare[m.cause] = float(falls.mean()) - least
         worst = min(spare, key=lambda cause: spare[cause], default=None)
@@ -217,20 +231,31 @@ def _misnamed(model: AnalyticPush, known: MeasuredPushes, seed: int) -> list[str
     ]
 
 
+def _least_error(floor: Floor, extended_losses: Array) -> float:
+    """What a cause that a base can look like must remove of the error of sealed pushes, mm²."""
+    left = float(extended_losses.mean()) - floor.interval[1]
+    return max(_LEAST_IF_IMITABLE * floor.mse, _LEAST_OF_WHAT_IS_LEFT * left)
+
+
 def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:
     """Whether sealed pushes that are worse with a cause, all alike, deny it. The few that are wrong by most say how
     much error falls there: too little to deny what is certain.
     """
-    if _only_surely_denied(mechanism, finding.confirmed_p):
+    if _only_surely_denied(_could_be_shape(mechanism, finding.values), finding.confirmed_p):
         return finding.gain_interval[1] < 0
     return finding.confirmed_p > _CERTAIN_P
 
 
-def _only_surely_denied(mechanism: Mechanism, confirmed_p: float) -> bool:
+def _could_be_shape(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether a base that is wrong about shapes could look like a cause with these values, each with its error."""
+    return mechanism.imitable and not goes_with_time(mechanism, values)
+
+
+def _only_surely_denied(could_be_shape: bool, confirmed_p: float) -> bool:
     """Whether a cause goes only where sealed pushes are surely worse with it: where no base can look like it, and their
     scores speak for it. They are few, and their errors cannot tell little from nothing.
     """
-    return not mechanism.imitable and confirmed_p <= _CONFIRMED_BESIDE_P
+    return not could_be_shape and confirmed_p <= _CONFIRMED_BESIDE_P
 
 
 def _sure(found: Search, confirmed_p: Mapping[str, float]) -> set[str]:

@@ -16,7 +16,7 @@ from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import LOOKALIKES, Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
-_SURE = 2.0  # standard errors
+_SURE, _CERTAIN = 2.0, 5.0  # standard errors
 _AS_GOOD, _NEARLY_AS_GOOD = 0.95, 0.88  # of what the cause removes
 _CERTAINLY_WORSE_P = 0.001
 
@@ -29,6 +29,12 @@ def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, floa
     """
     signed = [values[name] for name in mechanism.signature]
     return not signed or any(value > _SURE * error for value, error in signed)
+
+
+def goes_with_time(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether it is certain that what it is named for goes with recorded times, as no shape of a base does."""
+    shown = [values[name] for name in mechanism.signature] if mechanism.reference else []
+    return any(value > _CERTAIN * error for value, error in shown)
 
 
 def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes, seed: int) -> bool:

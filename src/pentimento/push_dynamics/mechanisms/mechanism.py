@@ -97,8 +97,6 @@ class Mechanism:
     imitable: ClassVar[bool] = True
     """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
     depends on: a column of the table, the hour, or the sign of a direction."""
-    signature: ClassVar[tuple[str, ...]] = ()
-    """Quantities of which one at least is above zero in what it is named for; empty: any."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""
@@ -108,6 +106,11 @@ class Mechanism:
     def told_by(self) -> tuple[str, ...]:
         """Columns that its effect goes with; what else it is relative to is among them."""
         return tuple(self.reference)
+
+    @property
+    def signature(self) -> tuple[str, ...]:
+        """Quantities of which one at least is above zero in what it is named for; empty: any."""
+        return ()
 
     @property
     def idle(self) -> bool:

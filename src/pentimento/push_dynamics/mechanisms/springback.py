@@ -39,7 +39,15 @@ class Springback(Mechanism):
         Quantity("kept_by_log_dwell", "1", 0.1),
         Quantity("recovered_by_log_time", "1", 0.1),
     )
-    signature = ("kept_by_compression", "kept_by_log_dwell", "recovered_by_log_time")
+
+    @property
+    def signature(self) -> tuple[str, ...]:
+        """What recovers takes time: where times differ, that it does shows. By compression alone, any base that is
+        wrong about depths is too deep or not deep enough.
+        """
+        of_time = {"dwell_s": "kept_by_log_dwell", "until_scan_s": "recovered_by_log_time"}
+        shown = tuple(quantity for time, quantity in of_time.items() if time in self.reference)
+        return shown or ("kept_by_compression",)
 
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
