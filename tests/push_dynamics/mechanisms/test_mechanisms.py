@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from pentimento.gap.pushes.modes import of_the_command
 from pentimento.push_dynamics.analytic import BASE, AnalyticPush, first_model, identity, touch
 from pentimento.push_dynamics.analytic_scene import PushScene, scene_of
 from pentimento.push_dynamics.mechanisms import LOOKALIKES, VOCABULARY, Mechanism
@@ -43,6 +44,11 @@ def typical(kind: type[Mechanism]) -> list[float]:
 def test_the_vocabulary_is_that_of_gap_md() -> None:
     material = "springback volume_loss slope_slide far_field work_hardening adhesion_lift stiffness_drift"
     assert sorted(KINDS) == sorted(f"{material} height_offset tool_backlash".split())
+
+
+def test_what_tells_of_a_cause_are_columns_that_a_verdict_can_name(seen: PushScene) -> None:
+    told = {name for kind in VOCABULARY for name in kind.told_by}
+    assert told <= set(seen.covariates) | set(of_the_command(replace(seen, history_known=True, worked=seen.before)))
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)

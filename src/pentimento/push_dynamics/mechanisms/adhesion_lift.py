@@ -32,6 +32,7 @@ class AdhesionLift(Mechanism):
     cause = "adhesion_lift"
     site = "surface"
     driver = "retraction"
+    told_by = (_COLUMN, "dwell_s")
     imitable = False
     quantities = (
         Quantity("lift_by_log_speed_m", "m", 0.0003),

@@ -14,6 +14,7 @@ class HeightOffset(Mechanism):
     cause = "height_offset"
     site = "command"
     driver = "place"
+    told_by = ("start_x_m", "start_y_m")
     quantities = (
         Quantity("lower_m", "m", 0.0005),
         Quantity("lower_to_the_right_m", "m/half extent", 0.0005),

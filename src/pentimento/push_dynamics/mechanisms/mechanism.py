@@ -94,6 +94,8 @@ class Mechanism:
     driver: ClassVar[str]
     """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
     quantities: ClassVar[tuple[Quantity, ...]]
+    told_by: ClassVar[tuple[str, ...]] = ()
+    """What is recorded of a push, or its surface and path say (``gap.pushes.modes``), that its effect goes with."""
     imitable: ClassVar[bool] = True
     """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
     depends on: a column of the table, the hour, or the sign of a direction."""
@@ -101,11 +103,6 @@ class Mechanism:
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""
         self.values, self.reference = values, reference
-
-    @property
-    def told_by(self) -> tuple[str, ...]:
-        """Columns that its effect goes with; what else it is relative to is among them."""
-        return tuple(self.reference)
 
     @property
     def signature(self) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ class SlopeSlide(Mechanism):
     cause = "slope_slide"
     site = "surface"
     driver = "slope"
+    told_by = ("slope_below",)
     quantities = (
         Quantity("slid_to_31_degrees", "1", 1.0),
         Quantity("slid_to_48_degrees", "1", 1.0),

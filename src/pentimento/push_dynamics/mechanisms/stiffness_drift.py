@@ -29,6 +29,7 @@ class StiffnessDrift(Mechanism):
     cause = "stiffness_drift"
     site = "command"
     driver = "session"
+    told_by = (*_TIME, *_TEMPERATURE)
     imitable = False
     quantities = (
         Quantity("by_half_session", "1", 0.15),

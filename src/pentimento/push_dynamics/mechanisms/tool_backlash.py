@@ -18,6 +18,7 @@ class ToolBacklash(Mechanism):
     cause = "tool_backlash"
     site = "command"
     driver = "reversal"
+    told_by = ("heading_cos", "heading_sin")
     imitable = False
     quantities = (
         Quantity("x_m", "m", 0.0005),

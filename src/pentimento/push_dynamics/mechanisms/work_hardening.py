@@ -29,6 +29,7 @@ class WorkHardening(Mechanism):
     cause = "work_hardening"
     site = "contact"
     driver = "history"
+    told_by = ("worked_below_m",)
     quantities = (
         Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),
         Quantity("harder", "1", 0.5, signed=False),
