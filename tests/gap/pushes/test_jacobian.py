@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pentimento.gap.jacobian import Statistics
 from pentimento.gap.pushes import jacobian
 from pentimento.gap.pushes.fit import equalised
-from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows, residual
+from pentimento.gap.pushes.jacobian import action_losses, linearise, linearise_rows, residual, slopes_of
 from pentimento.gap.pushes.measured import MeasuredPushes, measure
 from pentimento.gap.pushes.modes import MODES, AllModes, mode_scores
 from pentimento.push_dynamics.analytic import first_model
@@ -31,6 +32,19 @@ def test_the_statistics_foretell_the_error_of_a_small_step(measured: MeasuredPus
     found = action_losses(model.at(model.vector + step), measured)
     assert np.allclose(said, found, rtol=0.02)
     assert np.allclose(statistics.energy, action_losses(model, measured), rtol=1e-4)
+
+
+def test_kept_slopes_tell_the_statistics_of_their_model_and_of_one_nearby(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    slopes = slopes_of(model, measured)
+    near = model.at(model.vector + 0.01)
+    here, there, own = linearise(model, measured), slopes.statistics(near), linearise(near, measured)
+    assert _are_close(slopes.statistics(model), here)
+    assert np.array_equal(there.curvature, here.curvature)
+    assert np.allclose(there.energy, own.energy, rtol=1e-5)
+    assert np.abs(there.slope - own.slope).max() < 0.3 * np.abs(here.slope - own.slope).max()
+    some = np.array([4, 0, 7])
+    assert _are_close(slopes.of(some).statistics(near), there.of(some))
 
 
 def test_any_number_of_threads_gives_the_same_bits(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,3 +86,7 @@ def test_a_push_that_differs_in_a_mode_scores_in_it(mode: str, amount: float, me
     played_out = replace(measured, after=measured.scene.before + changed)
     scores = mode_scores(model, played_out)[0][:, MODES.index(mode)] * AllModes.quantities[MODES.index(mode)].typical
     assert np.median(scores) == pytest.approx(amount, rel=0.25)
+
+
+def _are_close(one: Statistics, other: Statistics) -> bool:
+    return all(np.allclose(a, b, rtol=1e-5, atol=1e-9) for a, b in zip(one, other, strict=True))

@@ -11,7 +11,7 @@ from pentimento.gap.pushes.search import (
     _could_be_the_base,
     _enough,
     _least,
-    _weigh,
+    _with_all,
     observable_causes,
 )
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
@@ -60,9 +60,10 @@ def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
     measured = measure(played())
     model = fit(first_model(measured.scene), measured)
     known, _ = observable_causes(measured, [VolumeLoss, HeightOffset])
-    _, at_start = _weigh(model, list(known.values()), measured, 0)
+    with_all, slopes, _ = _with_all(model, known, measured)
     for cause, still in known.items():
-        found, anew = fit(model.plus(still), measured, at_start[cause]), fit(model.plus(still), measured)
+        at_start = slopes.of(np.append(np.arange(len(model.vector)), with_all.columns_of(cause)))
+        found, anew = fit(model.plus(still), measured, at_start), fit(model.plus(still), measured)
         np.testing.assert_allclose(found.vector, anew.vector, rtol=1e-3, atol=1e-4)
 
 

@@ -150,16 +150,7 @@ def diagnose(
         )  # fmt: skip
 
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    while idle := [
-        f
-        for f in established
-        if (f.gain < 0 and _can_deny(f, observable[f.cause]))
-        or (
-            _could_be_shape(observable[f.cause], f.values)
-            and floor
-            and f.gain * above < _least_error(floor, extended_losses)
-        )
-    ]:
+    while idle := [f for f in established if _is_idle(f, observable[f.cause], above, floor, extended_losses)]:
         worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
@@ -235,6 +226,20 @@ def _least_error(floor: Floor, extended_losses: Array) -> float:
     """What a cause that a base can look like must remove of the error of sealed pushes, mm²."""
     left = float(extended_losses.mean()) - floor.interval[1]
     return max(_LEAST_IF_IMITABLE * floor.mse, _LEAST_OF_WHAT_IS_LEFT * left)
+
+
+def _is_idle(finding: Finding, mechanism: Mechanism, above: float, floor: Floor | None, extended_losses: Array) -> bool:
+    """Whether sealed pushes, all alike, are worse with a cause, or not so much better as they must be with one that a
+    base can look like.
+
+    Args:
+        above: the error of the base above the floor, of which the gain is a share, mm².
+    """
+    if finding.gain < 0 and _can_deny(finding, mechanism):
+        return True
+    if floor is None or not _could_be_shape(mechanism, finding.values):
+        return False
+    return finding.gain * above < _least_error(floor, extended_losses)
 
 
 def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.jacobian import Statistics
-from pentimento.gap.pushes.jacobian import action_losses, linearise, mean_squared_error, residual
+from pentimento.gap.pushes.jacobian import Slopes, action_losses, mean_squared_error, residual, slopes_of
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.steps import damped_step, promised
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
@@ -63,6 +62,8 @@ _FIRST_DAMPING, _NEXT_DAMPING, _LEAST_DAMPING = 1e-4, 1e-3, 1e-7
 """Of a number's own curvature: at first, once a step has failed, and where all goes well."""
 _BENDS = 0.1
 """Of what a step promised: less of it gained shows that the valley bends."""
+_AS_PROMISED = 0.7
+"""Of what a step promised: where so much is gained, the slopes at its start serve for the next one as well."""
 _LONGEST = 0.5
 """How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
 _MOST_UNEQUAL = 8.0
@@ -72,17 +73,18 @@ _MOST_UNEVEN = 30.0
 
 
 def fit(
-    model: AnalyticPush, measured: MeasuredPushes, at_start: Statistics | None = None, iterations: int = 30
+    model: AnalyticPush, measured: MeasuredPushes, slopes: Slopes | None = None, iterations: int = 30
 ) -> AnalyticPush:
     """The model whose foretold heights are nearest to the measured, by weighted mean squared error.
 
     What the pushes leave open is held near the plainest base: a ball, rims all round, a hard edge.
 
     Args:
-        at_start: the model's ``linearise`` on these pushes, where it is known.
+        slopes: the model's on these pushes, where they are known.
     """
     start = _start(measured)
-    statistics = linearise(model, measured) if at_start is None else at_start
+    slopes = slopes or slopes_of(model, measured)
+    statistics = slopes.statistics(model)
     loss = float(statistics.energy.mean())
     hold = _hold(model, loss)
     loss += _cost(_away(model, start), hold)
@@ -119,7 +121,9 @@ def fit(
         damping = damping * 10 if bends else max(damping / 10, _LEAST_DAMPING)
         if ended:
             break
-        statistics = linearise(model, measured)
+        if gained < _AS_PROMISED * promise:
+            slopes = slopes_of(model, measured)
+        statistics = slopes.statistics(model)
     return model
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -48,6 +49,41 @@ def action_losses(model: AnalyticPush, measured: MeasuredPushes) -> Array:
     """Weighted mean squared error of each action over its rows, mm², in the order of the actions' numbers."""
     weighted = np.sqrt(measured.weight) * residual(model, measured)
     return by_action(mean_squared_error(weighted, measured), measured.action)
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """The Jacobian itself, weighted: a model near to that at which it was taken may do without its own."""
+
+    measured: MeasuredPushes
+    batches: tuple[Array, ...]
+    """Millimetres float32[B, P, H W] of a few rows each."""
+    curvature: Array
+    """Of each row, J^T J [B, P, P]."""
+
+    def of(self, columns: Array) -> Slopes:
+        """In these numbers alone, in their order."""
+        batches = tuple(slopes[:, columns] for slopes in self.batches)
+        return replace(self, batches=batches, curvature=self.curvature[:, columns][:, :, columns])
+
+    def statistics(self, model: AnalyticPush) -> Statistics:
+        """With the residuals of this model, as ``linearise`` has them."""
+        rest = _in_batches(lambda some: _weighted_residual(model, self.measured.pick(some)), len(self.measured))
+        slope = np.concatenate([_slope(*pair) for pair in zip(self.batches, rest, strict=True)])
+        energy = np.concatenate([np.square(missed).sum(1) for missed in rest])
+        rows = _a_pixel((self.curvature, slope, energy), self.measured)
+        return Statistics(*(by_action(values, self.measured.action) for values in rows))
+
+
+def slopes_of(model: AnalyticPush, measured: MeasuredPushes) -> Slopes:
+    """The Jacobian of the foretold heights in all numbers of the model."""
+
+    def of(some: slice) -> tuple[Array, Array]:
+        slopes = _weighted_slopes(model, measured.pick(some))
+        return slopes, _curvature(slopes)
+
+    batches, curvature = zip(*_in_batches(of, len(measured)), strict=True)
+    return Slopes(measured, batches, np.concatenate(curvature))
 
 
 def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
@@ -93,14 +129,32 @@ def _stage(name: str) -> int:
 
 
 def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
-    root = np.sqrt(measured.weight) * measured.valid
-    rows = len(measured)
+    slopes, rest = _weighted_slopes(model, measured), _weighted_residual(model, measured)
+    return _a_pixel((_curvature(slopes), _slope(slopes, rest), np.square(rest).sum(1)), measured)
+
+
+def _weighted_slopes(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Millimetres float32[B, P, H W]."""
     slopes = derivatives(model, measured.scene)
-    slopes *= root * np.float32(MM)
-    slopes = slopes.reshape(len(slopes), rows, -1).transpose(1, 0, 2)  # [B, P, H W]
-    rest = (_residual(model, measured) * root).reshape(rows, -1)
-    curvature = slopes @ slopes.transpose(0, 2, 1)
-    slope = np.einsum("bpn,bn->bp", slopes, rest)
-    energy = np.square(rest).sum(1)
+    slopes *= np.sqrt(measured.weight) * measured.valid * np.float32(MM)
+    return slopes.reshape(len(slopes), len(measured), -1).transpose(1, 0, 2)
+
+
+def _weighted_residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Millimetres float32[B, H W]."""
+    return (_residual(model, measured) * np.sqrt(measured.weight) * measured.valid).reshape(len(measured), -1)
+
+
+def _curvature(slopes: Array) -> Array:
+    return slopes @ slopes.transpose(0, 2, 1)
+
+
+def _slope(slopes: Array, rest: Array) -> Array:
+    return np.einsum("bpn,bn->bp", slopes, rest)
+
+
+def _a_pixel(sums: tuple[Array, Array, Array], measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+    """Sums over each row's pixels, over its number of measured ones."""
     pixels = measured.valid.sum((1, 2)).astype(np.float64)
+    curvature, slope, energy = sums
     return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from pentimento.gap.choice import Step, paired_p, simplest_of_the_best
 from pentimento.gap.jacobian import Statistics
 from pentimento.gap.pushes.fit import fit, fit_without
-from pentimento.gap.pushes.jacobian import action_losses, linearise
+from pentimento.gap.pushes.jacobian import Slopes, action_losses, slopes_of
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.score import Evidence, weighed, with_each
+from pentimento.gap.score import Evidence, weighed
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
@@ -100,15 +100,18 @@ def search(
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes that would have to act as nothing does, or do too little."""
+    with_all, slopes, statistics = _with_all(model, observable, measured)
     while True:
         taken = {m.cause for m in model.mechanisms}
-        candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
-        fresh, at_start = _weigh(model, candidates, measured, seed + len(steps))
+        own = np.arange(len(model.vector))
+        columns = {cause: with_all.columns_of(cause) for cause in observable if cause not in taken | dismissed}
+        fresh = _weigh(statistics, own, columns, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         short = _shortlist(fresh, _LATER_P if taken else _FIRST_P)
         if not short or len(taken) == _MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
+        at_start = {cause: slopes.of(np.append(own, columns[cause])) for cause in short}
         refits = {cause: fit(model.plus(observable[cause]), measured, at_start[cause]) for cause in short}
         refits = {cause: refit for cause, refit in refits.items() if refit.mechanisms[-1].physical}
         dismissed |= set(short) - set(refits)
@@ -135,20 +138,36 @@ def search(
             share = _LEFT_BESIDE_ITS_RIVAL if cause in step.rivals else _LEFT_BESIDE
             left[cause] = max(left.get(cause, 0.0), share * size[cause])
         model = _without_idle(refits[step.chosen], base, measured, seed, log)
+        with_all, slopes, statistics = _with_all(model, observable, measured)
     return Search(base, model, tuple(steps), observable, unseen)
 
 
+def _with_all(
+    model: AnalyticPush, observable: Mapping[str, Mechanism], measured: MeasuredPushes
+) -> tuple[AnalyticPush, Slopes, Statistics]:
+    """A fitted model with all further causes that the pushes can show, its slopes and its statistics."""
+    taken = {m.cause for m in model.mechanisms}
+    with_all = model.plus(*(m for cause, m in observable.items() if cause not in taken))
+    slopes = slopes_of(with_all, measured)
+    return with_all, slopes, slopes.statistics(with_all)
+
+
 def _weigh(
-    model: AnalyticPush, candidates: Sequence[Mechanism], measured: MeasuredPushes, seed: int
-) -> tuple[dict[str, Evidence], dict[str, Statistics]]:
-    """Evidence for each candidate at a fitted model, and the statistics of the model with it."""
-    if not candidates:
-        return {}, {}
-    statistics = linearise(model.plus(*candidates), measured)
+    statistics: Statistics, own: Array, columns: Mapping[str, Array], measured: MeasuredPushes, seed: int
+) -> dict[str, Evidence]:
+    """Evidence for each candidate at a fitted model.
+
+    Args:
+        statistics: of the model with all candidates.
+        own: where the model's own numbers stand, [P].
+        columns: where those of each candidate stand.
+    """
+    if not columns:
+        return {}
     _, first = np.unique(measured.action, return_index=True)
-    quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
-    size = len(model.vector)
-    return weighed(statistics, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
+    quantities = {cause: len(its) for cause, its in columns.items()}
+    some = statistics.of(np.concatenate([own, *columns.values()]))
+    return weighed(some, len(own), quantities, measured.block[first], seed)
 
 
 def _least(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:
