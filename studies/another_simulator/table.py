@@ -7,15 +7,13 @@ has a verdict in `data/studies/another_simulator/` is not judged again.
 from __future__ import annotations
 
 import argparse
-import json
-import tempfile
 from pathlib import Path
 from typing import Any
 
-from pentimento.contracts.atomic import atomic_write
 from studies.another_simulator.session import recorded
 from studies.another_simulator.world import Effects, World
-from studies.blind.one_world import verdict_by_table, write_parquet
+from studies.blind.one_world import verdict_by_table
+from studies.other_worlds import listed, named, rivals, share_closed, verdicts
 
 _RED = (0.60, 0.15, 0.10)
 WORLDS = (
@@ -72,27 +70,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m studies.another_simulator.table", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("data/studies/another_simulator"))
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    said = {}
-    for world in WORLDS:
-        kept = given.out / f"{world.seed}.json"
-        if not kept.exists():
-            with tempfile.TemporaryDirectory() as folder:
-                table = Path(folder) / "table.parquet"
-                write_parquet(table, recorded(world))
-                atomic_write(kept, (json.dumps(verdict_by_table(table)) + "\n").encode())
-        said[world] = json.loads(kept.read_text())
-        print(f"{world.name}: hidden {_listed(world.truth)}, named {_listed(_named(said[world]))}", flush=True)
+    said = verdicts(WORLDS, recorded, verdict_by_table, given.out)
     Path("docs/another_simulator.md").write_text(page(said))
 
 
 def page(said: dict[World, dict[str, Any]]) -> str:
     """Markdown."""
     lines = [_line(world, result) for world, result in said.items()]
-    exact = sum(world.truth == _named(result) for world, result in said.items())
+    exact = sum(world.truth == named(result) for world, result in said.items())
     pixels = sum(world.truth == frozenset(result["pixelwise"]) for world, result in said.items())
-    false = sum(len(_named(result) - world.truth) for world, result in said.items())
-    names = sum(len(_named(result)) for result in said.values())
+    false = sum(len(named(result) - world.truth) for world, result in said.items())
+    names = sum(len(named(result)) for result in said.values())
     tail = (
         f"\nExactly what is hidden is named in {exact} of {len(said)} worlds, by the likelihood of pixels in {pixels}; "
         f"false names: {false} of {names}.\n"
@@ -101,23 +89,11 @@ def page(said: dict[World, dict[str, Any]]) -> str:
 
 
 def _line(world: World, result: dict[str, Any]) -> str:
-    verdict = result["verdict"]
-    rivals = sorted({rival for entry in verdict["established"] for rival in entry["rivals"]})
-    closed = verdict["gap_closed"]["test"]
-    share = "–" if closed is None or not verdict["established"] else f"{closed:.2f}"
-    right = "" if world.truth == _named(result) else " **(not exact)**"
+    right = "" if world.truth == named(result) else " **(not exact)**"
     return (
-        f"| {world.name} | {_listed(world.truth)} | {_listed(_named(result))}{right} | {', '.join(rivals) or '–'} "
-        f"| {share} | {len(result['pixelwise'])} | {result['seconds']:.0f} |"
+        f"| {world.name} | {listed(world.truth)} | {listed(named(result))}{right} | {', '.join(rivals(result)) or '–'} "
+        f"| {share_closed(result)} | {len(result['pixelwise'])} | {result['seconds']:.0f} |"
     )
-
-
-def _named(result: dict[str, Any]) -> frozenset[str]:
-    return frozenset(entry["cause"] for entry in result["verdict"]["established"])
-
-
-def _listed(causes: frozenset[str]) -> str:
-    return ", ".join(sorted(causes)) or "nothing"
 
 
 if __name__ == "__main__":
