@@ -166,6 +166,7 @@ def _sweep(model: AnalyticPush, scene: PushScene) -> Sweep:
     ramp = np.where(travels[:, None], np.linspace(0.0, 1.0, STATIONS), 1.0)
     at_rest = np.where(travels[:, None], np.arange(STATIONS) == STATIONS - 1, True)
     wanted = depth[:, None] * ramp * np.exp(motion.log_depth_at_rest[:, None] * at_rest) + motion.lower_m[:, None]
+    wanted += motion.lower_at_start_m[:, None] * (1 - ramp)
     everything, worked = scene.resistance
     resistance = everything + per_push(motion.harder) * worked
     deep = yielded(resistance, deepest_m(told), wanted, number["give_mm"] * 1e-3)

@@ -11,7 +11,9 @@ from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.nameless import goes_with_time, lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import observable_causes
 from pentimento.push_dynamics.analytic import first_model
+from pentimento.push_dynamics.mechanisms.closed_start import ClosedStart
 from pentimento.push_dynamics.mechanisms.far_field import FarField
+from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
 from pentimento.push_dynamics.mechanisms.lower_rims import LowerRims
 from pentimento.push_dynamics.mechanisms.mechanism import Mechanism
 from pentimento.push_dynamics.mechanisms.sinking import Sinking
@@ -30,6 +32,9 @@ WEAKLY = {"kept_by_compression": 0.2, "kept_by_log_dwell": 0.06}
         (Springback, [(Springback, {"kept_by_log_dwell": 0.15})], False),
         (FarField, [(LowerRims, {"share": 0.3})], True),
         (FarField, [(FarField, {"share": 0.3})], False),
+        (HeightOffset, [(ClosedStart, {"less_deep_m": 0.001})], True),
+        (HeightOffset, [(HeightOffset, {"lower_m": -0.001})], False),
+        (HeightOffset, [(HeightOffset, {"lower_m": 0.001})], False),
         (VolumeLoss, [(LowerRims, {"share": 0.3})], False),  # that is what it is
     ],
 )

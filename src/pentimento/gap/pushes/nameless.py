@@ -1,7 +1,8 @@
 """Whether a cause of pushes merely stands where something belongs that has no name; of strokes, see ``gap.nameless``.
 
-Material that sinks while the tool rests looks like a share that recovers, and so do walls that slide in. A cause must
-show what it is named for, and do more than what could be taken for it (``LOOKALIKES``).
+Material that sinks while the tool rests looks like a share that recovers, and so do walls that slide in; a groove whose
+shallow start closes up looks like a tool that acts too high. A cause must show what it is named for, and do more than
+what could be taken for it (``LOOKALIKES``).
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ def goes_with_time(mechanism: Mechanism, values: Mapping[str, tuple[float, float
 def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes, seed: int) -> bool:
     """Whether what could be taken for a cause does its work: it has one number where the cause has several, so that it
     need not remove quite as much error, unless it is certain that the cause is the better one. (Of springback that is
-    there it removes half to two thirds, of a far-off swell two thirds to nine tenths; where it is right itself,
-    nineteen twentieths and more.)
+    there it removes half to two thirds, of a far-off swell two thirds to nine tenths, of a height that is wrong by more
+    towards one side a tenth to a half; where it is right itself, nineteen twentieths and more.)
 
     Args:
         model: with the cause, fitted to ``known``.
@@ -53,7 +54,10 @@ def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes,
     except NotObservable:
         return False
     rest = fit(model.without(cause), known)
-    error, with_cause, instead = (action_losses(each, known) for each in (rest, model, fit(rest.plus(other), known)))
+    other_model = fit(rest.plus(other), known)
+    if not other_model.mechanisms[-1].physical:
+        return False
+    error, with_cause, instead = (action_losses(each, known) for each in (rest, model, other_model))
     certainly_worse = paired_p(instead - with_cause, seed) < _CERTAINLY_WORSE_P
     as_good = _AS_GOOD if certainly_worse else _NEARLY_AS_GOOD
     return bool((error - instead).mean() >= as_good * (error - with_cause).mean())

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from pentimento.push_dynamics.mechanisms.adhesion_lift import AdhesionLift
+from pentimento.push_dynamics.mechanisms.closed_start import ClosedStart
 from pentimento.push_dynamics.mechanisms.far_field import FarField
 from pentimento.push_dynamics.mechanisms.height_offset import HeightOffset
 from pentimento.push_dynamics.mechanisms.lower_rims import LowerRims
@@ -29,5 +30,9 @@ VOCABULARY: tuple[type[Mechanism], ...] = (
     WorkHardening,
 )
 
-LOOKALIKES: Mapping[str, type[Mechanism]] = {"far_field": LowerRims, "springback": Sinking}
+LOOKALIKES: Mapping[str, type[Mechanism]] = {
+    "far_field": LowerRims,
+    "height_offset": ClosedStart,
+    "springback": Sinking,
+}
 """By cause: what is none of them, and could be taken for it."""

@@ -49,6 +49,8 @@ class Motion(NamedTuple):
     across_m: Array
     lower_m: Array
     """How much deeper it goes, at the start of travel as at the end."""
+    lower_at_start_m: Array
+    """The same at the start of travel, the less the nearer it is to its end."""
     log_depth: Array
     """How much deeper in proportion to its depth, as a logarithm."""
     log_width: Array
