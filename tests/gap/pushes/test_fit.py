@@ -1,5 +1,5 @@
-"""A fit ends as low with slopes that are kept as with fresh ones; a model less one of its causes is as near to the
-pushes as one that never had it, wherever its base has gone.
+"""A fit heeds signs, and ends as low with slopes that are kept as with fresh ones; a model less one of its causes is as
+near to the pushes as one that never had it, wherever its base has gone.
 """
 
 from __future__ import annotations
@@ -11,8 +11,11 @@ import pytest
 from pentimento.gap.pushes import fit as fitting
 from pentimento.gap.pushes.fit import fit, fit_without
 from pentimento.gap.pushes.jacobian import action_losses, slopes_of
-from pentimento.push_dynamics.analytic import first_model
+from pentimento.gap.pushes.measured import measure
+from pentimento.push_dynamics.analytic import first_model, identity
+from pentimento.push_dynamics.mechanisms.adhesion_lift import AdhesionLift
 from tests.gap.pushes.conftest import Played
+from tests.push_dynamics.played_pushes import HALF_WIDTH_M, blank, mechanism, played
 
 
 def test_a_model_without_a_cause_is_no_further_off_than_the_base_alone(lossy: Played) -> None:
@@ -41,3 +44,14 @@ def test_slopes_that_serve_twice_lead_as_low_as_fresh_ones(lossy: Played, monkey
     fresh = fit(start, measured)
     assert fewer < len(taken) - fewer
     assert action_losses(kept, measured).mean() <= 1.005 * action_losses(fresh, measured).mean()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_cannot_be_below_zero_ends_there_and_the_rest_of_its_cause_is_found(seed: int) -> None:
+    """Without what follows the dwell, its quantity would come out below zero in every second table."""
+    hidden = mechanism(AdhesionLift, blank(), lift_by_log_speed_m=0.001)
+    measured = measure(played([hidden], seed=seed), HALF_WIDTH_M)
+    start = first_model(measured.scene).plus(identity(AdhesionLift, measured.scene))
+    by_speed_m, by_dwell_m = fit(start, measured).mechanisms[-1].values
+    assert by_speed_m == pytest.approx(0.001, abs=2e-4)
+    assert 0 <= by_dwell_m < 1e-4

@@ -190,6 +190,9 @@ def _bounds(model: AnalyticPush) -> tuple[Array, Array]:
     low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
         low[i], high[i] = _PROFILE_RANGE_MM if name in PROFILE else _RANGE[name]
+    # What cannot be below zero ends there: where it is nothing, chance would take it below in every second table.
+    quantities = [quantity for mechanism in model.mechanisms for quantity in mechanism.quantities]
+    low[len(BASE) :][[not quantity.signed for quantity in quantities]] = 0.0
     return low, high
 
 

@@ -54,10 +54,7 @@ def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes,
     except NotObservable:
         return False
     rest = fit(model.without(cause), known)
-    other_model = fit(rest.plus(other), known)
-    if not other_model.mechanisms[-1].physical:
-        return False
-    error, with_cause, instead = (action_losses(each, known) for each in (rest, model, other_model))
+    error, with_cause, instead = (action_losses(each, known) for each in (rest, model, fit(rest.plus(other), known)))
     certainly_worse = paired_p(instead - with_cause, seed) < _CERTAINLY_WORSE_P
     as_good = _AS_GOOD if certainly_worse else _NEARLY_AS_GOOD
     return bool((error - instead).mean() >= as_good * (error - with_cause).mean())

