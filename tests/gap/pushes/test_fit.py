@@ -10,9 +10,9 @@ import pytest
 
 from pentimento.gap.pushes import fit as fitting
 from pentimento.gap.pushes.fit import fit, fit_without
-from pentimento.gap.pushes.jacobian import action_losses, slopes_of
-from pentimento.gap.pushes.measured import measure
-from pentimento.push_dynamics.analytic import first_model, identity
+from pentimento.gap.pushes.jacobian import Slopes, action_losses, slopes_of
+from pentimento.gap.pushes.measured import MeasuredPushes, measure
+from pentimento.push_dynamics.analytic import AnalyticPush, first_model, identity
 from pentimento.push_dynamics.mechanisms.adhesion_lift import AdhesionLift
 from tests.gap.pushes.conftest import Played
 from tests.push_dynamics.played_pushes import HALF_WIDTH_M, blank, mechanism, played
@@ -33,9 +33,9 @@ def test_slopes_that_serve_twice_lead_as_low_as_fresh_ones(lossy: Played, monkey
     start = first_model(measured.scene)
     taken = []
 
-    def counted(*given: object) -> object:
-        taken.append(given)
-        return slopes_of(*given)  # type: ignore[arg-type]
+    def counted(model: AnalyticPush, measured: MeasuredPushes) -> Slopes:
+        taken.append(model)
+        return slopes_of(model, measured)
 
     monkeypatch.setattr(fitting, "slopes_of", counted)
     kept = fit(start, measured)
