@@ -8,7 +8,7 @@ al. 2019). The smallest p over all candidates gives the adjusted one (min-P: Wes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,8 +38,36 @@ class Evidence(NamedTuple):
     """At 5 %, one-sided."""
 
 
+Scale = Callable[[Array, Array], Array]
+"""From a candidate's projected slope [n, Q] and curvature [n, Q, Q] of each action to what its scores' sum is measured
+by, [Q, Q]."""
+
+
+def information(slope: Array, curvature: Array) -> Array:
+    """How much error the candidate's numbers change: the statistic is the error that they would remove.
+
+    It is not divided by what the scores' spread would make of it: signs say how far chance goes, and where few actions
+    show a cause (paint is crossed in few strokes) that spread is the effect itself.
+    """
+    total: Array = curvature.sum(0)
+    return total
+
+
+def scatter(slope: Array, curvature: Array) -> Array:
+    """How far the actions' scores spread: the statistic is a robust one (Wald's). Where every action has much chance of
+    its own in some of a candidate's numbers and little in others, the error that the first seem to remove would drown
+    the second: each push comes to lie half a millimetre too high or too low.
+    """
+    return slope.T @ slope
+
+
 def weighed(
-    statistics: Statistics, nuisances: int, quantities: Mapping[str, int], block: Array, seed: int
+    statistics: Statistics,
+    nuisances: int,
+    quantities: Mapping[str, int],
+    block: Array,
+    seed: int,
+    scale: Scale = information,
 ) -> dict[str, Evidence]:
     """Evidence for each candidate at a fitted model.
 
@@ -50,7 +78,7 @@ def weighed(
     """
     held = np.arange(nuisances)
     index = _columns(nuisances, quantities)
-    tests = score_tests(statistics, held, index, _DRAWS, seed)
+    tests = score_tests(statistics, held, index, _DRAWS, seed, scale)
     error = float(statistics.energy.mean())
     evidence = {}
     for cause, columns in index.items():
@@ -100,22 +128,23 @@ def _pull(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
     return np.asarray(np.linalg.lstsq(_ridged(held), curvature[np.ix_(nuisances, candidate)], rcond=None)[0])
 
 
-def explained(pulls: Array, information: Array) -> Array:
-    """How much error a candidate's numbers would remove, [R], were the actions' scores to sum up to pulls [R, Q].
-
-    It is not divided by what the scores' spread would make of it (a robust Wald statistic): signs say how far chance
-    goes, and where few actions show a cause (paint is crossed in few strokes) that spread is the effect itself.
+def explained(pulls: Array, scale: Array) -> Array:
+    """The statistic of a candidate, [R], were its actions' scores to sum up to pulls [R, Q]; ``scale`` [Q, Q]: by its
+    information the error that it would remove.
     """
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    scaled = pulls / scale
-    removed: Array = np.einsum(
-        "rq,qr->r", scaled, np.linalg.solve(_ridged(information / np.outer(scale, scale)), scaled.T)
-    )
+    each = np.sqrt(np.maximum(np.diag(scale), 1e-300))
+    scaled = pulls / each
+    removed: Array = np.einsum("rq,qr->r", scaled, np.linalg.solve(_ridged(scale / np.outer(each, each)), scaled.T))
     return removed
 
 
 def score_tests(
-    statistics: Statistics, nuisances: Array, candidates: Mapping[str, Array], draws: int, seed: int
+    statistics: Statistics,
+    nuisances: Array,
+    candidates: Mapping[str, Array],
+    draws: int,
+    seed: int,
+    scale: Scale = information,
 ) -> dict[str, tuple[float, float]]:
     """(p, adjusted p) of each candidate by the wild bootstrap over actions.
 
@@ -127,7 +156,7 @@ def score_tests(
     p = np.empty((len(candidates), draws + 1))  # in the first column as observed
     for c, index in enumerate(candidates.values()):
         slope, curvature = projected(statistics, nuisances, index)
-        p[c] = _share_at_least(explained(signs @ slope, curvature.sum(0)))
+        p[c] = _share_at_least(explained(signs @ slope, scale(slope, curvature)))
     smallest = p.min(0)
     return {name: (float(p[c, 0]), float((smallest <= p[c, 0]).mean())) for c, name in enumerate(candidates)}
 

@@ -23,7 +23,7 @@ from pentimento.gap.pushes.habits import PushHabits, learn_habits
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import MODES, mode_scores, unexplained
-from pentimento.gap.pushes.nameless import goes_with_time, lookalike_is_as_good, shows_signature
+from pentimento.gap.pushes.nameless import goes_with_place, goes_with_time, lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
 from pentimento.gap.score import projected
@@ -197,7 +197,8 @@ def _of_use(
         losses, spare = action_losses(model, sealed), {}
         for m in model.mechanisms:
             falls = action_losses(fit_without(model, m.cause, base, known), sealed) - losses
-            could_be_shape = _could_be_shape(m, values_with_errors(model, m.cause, known) if m.signature else {})
+            values = values_with_errors(model, m.cause, known) if m.signature or m.by_place else {}
+            could_be_shape = _could_be_shape(m, values)
             if not _only_surely_denied(could_be_shape, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
                 least = 0.0 if m.cause in sure else _LEAST_GAIN * max(gap, floor)
                 spare[m.cause] = float(falls.mean()) - least
@@ -253,7 +254,7 @@ def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:
 
 def _could_be_shape(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a base that is wrong about shapes could look like a cause with these values, each with its error."""
-    return mechanism.imitable and not goes_with_time(mechanism, values)
+    return mechanism.imitable and not goes_with_time(mechanism, values) and not goes_with_place(mechanism, values)
 
 
 def _only_surely_denied(could_be_shape: bool, confirmed_p: float) -> bool:

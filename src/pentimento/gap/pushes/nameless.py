@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from scipy.stats import chi2
+
 from pentimento.gap.choice import paired_p
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
@@ -19,7 +21,7 @@ from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 _SURE, _CERTAIN = 2.0, 5.0  # standard errors
 _AS_GOOD, _NEARLY_AS_GOOD = 0.95, 0.88  # of what the cause removes
-_CERTAINLY_WORSE_P = 0.001
+_CERTAINLY_WORSE_P, _CERTAINLY_BY_PLACE_P = 0.001, 0.001
 
 
 def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
@@ -36,6 +38,14 @@ def goes_with_time(mechanism: Mechanism, values: Mapping[str, tuple[float, float
     """Whether it is certain that what it is named for goes with recorded times, as no shape of a base does."""
     shown = [values[name] for name in mechanism.signature] if mechanism.reference else []
     return any(value > _CERTAIN * error for value, error in shown)
+
+
+def goes_with_place(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether it is certain, by all of its quantities that do, that it differs from place to place, as no shape of a
+    base does.
+    """
+    squares = [(value / error) ** 2 for value, error in (values[name] for name in mechanism.by_place) if error > 0]
+    return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < _CERTAINLY_BY_PLACE_P)
 
 
 def lookalike_is_as_good(cause: str, model: AnalyticPush, known: MeasuredPushes, seed: int) -> bool:

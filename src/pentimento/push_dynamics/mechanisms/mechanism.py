@@ -101,6 +101,8 @@ class Mechanism:
     imitable: ClassVar[bool] = True
     """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
     depends on: a column of the table, the hour, or the sign of a direction."""
+    by_place: ClassVar[tuple[str, ...]] = ()
+    """Quantities by which it differs from place to place, as no shape does."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""
