@@ -6,7 +6,7 @@ from scipy.stats import kstest
 from wildboottest.wildboottest import WildboottestCL
 
 from pentimento.gap.jacobian import Statistics
-from pentimento.gap.score import explained, held_out_gains, interval_of_mean, project, score_tests, weighed
+from pentimento.gap.score import explained, held_out_gains, interval_of_mean, project, scatter, score_tests, weighed
 
 ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4
 
@@ -28,7 +28,10 @@ def regression(seed: int, effect: float = 0.0, shared: float = 1.0) -> tuple[np.
 
 def world(seed: int, effect: float = 0.0, shared: float = 1.0) -> Statistics:
     """Of such a regression, at the fitted nuisances."""
-    columns, y = regression(seed, effect, shared)
+    return at_fitted_nuisances(*regression(seed, effect, shared))
+
+
+def at_fitted_nuisances(columns: np.ndarray, y: np.ndarray) -> Statistics:
     nuisance = columns[..., :NUISANCES]
     y = y - nuisance @ np.linalg.lstsq(nuisance.reshape(-1, NUISANCES), y.ravel(), rcond=None)[0]
     return Statistics(
@@ -96,16 +99,35 @@ def test_a_cause_that_few_actions_show_is_found_beside_many() -> None:
             * (np.arange(ACTIONS) < 14)[:, None, None]
         )
         y = y + 1.5 * seldom[..., 0]
-        columns = np.concatenate([columns, seldom], axis=2)
-        nuisance = columns[..., :NUISANCES]
-        y = y - nuisance @ np.linalg.lstsq(nuisance.reshape(-1, NUISANCES), y.ravel(), rcond=None)[0]
-        statistics = Statistics(
-            np.einsum("nxp,nxq->npq", columns, columns), np.einsum("nxp,nx->np", columns, y), np.square(y).sum(1)
-        )
+        statistics = at_fitted_nuisances(np.concatenate([columns, seldom], axis=2), y)
         last = NUISANCES + CANDIDATES
         tests = score_tests(statistics, HELD, INDEX | {"seldom": np.arange(last, last + 4)}, 999, seed)
         found.append(tests["seldom"][1] < 0.02)
     assert np.mean(found) > 0.8
+
+
+def beside_what_scatters(seed: int, effect: float) -> tuple[Statistics, dict[str, np.ndarray]]:
+    """A candidate of two numbers: of one, each action has a chance of its own; the other is quiet, and matters."""
+    rng = np.random.default_rng([seed, 8])
+    columns, y = regression(seed, shared=3.0)
+    quiet = rng.normal(size=(ACTIONS, 1)) * rng.normal(size=PIXELS)
+    columns, y = np.concatenate([columns, quiet[..., None]], axis=2), y + effect * quiet
+    return at_fitted_nuisances(columns, y), {"both": np.array([NUISANCES, NUISANCES + CANDIDATES])}
+
+
+def test_a_quiet_number_is_heard_beside_one_that_scatters_where_scores_are_measured_by_their_scatter() -> None:
+    by_error, by_scatter = [], []
+    for seed in range(20):
+        statistics, candidate = beside_what_scatters(seed, 0.4)
+        by_error.append(score_tests(statistics, HELD, candidate, 499, seed)["both"][0])
+        by_scatter.append(score_tests(statistics, HELD, candidate, 499, seed, scatter)["both"][0])
+    assert np.mean(np.array(by_scatter) < 0.02) > 0.8 > 0.4 > np.mean(np.array(by_error) < 0.02)
+
+
+def test_without_an_effect_p_is_uniform_when_scores_are_measured_by_their_scatter() -> None:
+    worlds = (beside_what_scatters(seed, 0.0) for seed in range(150))
+    p = [score_tests(world, HELD, candidate, 199, 0, scatter)["both"][0] for world, candidate in worlds]
+    assert kstest(p, "uniform").pvalue > 0.01
 
 
 def published(seed: int, effect: float) -> WildboottestCL:

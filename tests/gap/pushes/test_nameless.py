@@ -8,7 +8,7 @@ import pytest
 from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import measure
-from pentimento.gap.pushes.nameless import goes_with_time, lookalike_is_as_good, shows_signature
+from pentimento.gap.pushes.nameless import goes_with_place, goes_with_time, lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import observable_causes
 from pentimento.push_dynamics.analytic import first_model
 from pentimento.push_dynamics.mechanisms.closed_start import ClosedStart
@@ -77,6 +77,23 @@ def test_what_is_certain_to_go_with_recorded_times_is_no_shape(
     values = {"kept_by_compression": (2.0, 0.1), "kept_by_log_dwell": dwell, "recovered_by_log_time": (0.0, 0.1)}
     assert goes_with_time(Springback(np.zeros(3), dict.fromkeys(times, 1.0)), values) == does
     assert not goes_with_time(mechanism(FarField, blank()), {"share": (0.3, 0.01)})
+
+
+@pytest.mark.parametrize(
+    ("lower", "to_the_right", "to_the_top", "does"),
+    [
+        ((0.6e-3, 0.07e-3), (0.1e-3, 0.1e-3), (0.0, 0.1e-3), False),  # as a base that is wrong about shallow depths
+        ((0.0, 0.1e-3), (0.3e-3, 0.1e-3), (-0.3e-3, 0.1e-3), True),  # both together
+        ((0.0, 0.1e-3), (0.3e-3, 0.1e-3), (0.0, 0.1e-3), False),
+        ((0.0, 0.1e-3), (-0.4e-3, 0.1e-3), (0.0, 0.0), True),  # all starts in one line
+    ],
+)
+def test_what_is_certain_to_differ_from_place_to_place_is_no_shape(
+    lower: tuple[float, float], to_the_right: tuple[float, float], to_the_top: tuple[float, float], does: bool
+) -> None:
+    values = {"lower_m": lower, "lower_to_the_right_m": to_the_right, "lower_to_the_top_m": to_the_top}
+    assert goes_with_place(mechanism(HeightOffset, blank()), values) == does
+    assert not goes_with_place(mechanism(FarField, blank()), {"share": (0.3, 0.01)})
 
 
 def test_a_cause_without_a_signature_shows_all_that_it_is() -> None:
