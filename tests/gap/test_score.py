@@ -6,7 +6,18 @@ from scipy.stats import kstest
 from wildboottest.wildboottest import WildboottestCL
 
 from pentimento.gap.jacobian import Statistics
-from pentimento.gap.score import explained, held_out_gains, interval_of_mean, project, scatter, score_tests, weighed
+from pentimento.gap.score import (
+    explained,
+    held_out_gains,
+    information,
+    interval_of_mean,
+    project,
+    scatter,
+    score_tests,
+    weighed,
+)
+
+BOTH = (information, scatter)
 
 ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4
 
@@ -89,7 +100,7 @@ def test_an_effect_is_found_and_only_it() -> None:
 
 def test_a_cause_that_few_actions_show_is_found_beside_many() -> None:
     """Paint is crossed in few strokes: divided by its own spread, over several numbers, such a score says nothing."""
-    found = []
+    found: dict[int, list[bool]] = {1: [], 2: []}
     for seed in range(20):
         rng = np.random.default_rng([seed, 7])
         columns, y = regression(seed)
@@ -101,9 +112,10 @@ def test_a_cause_that_few_actions_show_is_found_beside_many() -> None:
         y = y + 1.5 * seldom[..., 0]
         statistics = at_fitted_nuisances(np.concatenate([columns, seldom], axis=2), y)
         last = NUISANCES + CANDIDATES
-        tests = score_tests(statistics, HELD, INDEX | {"seldom": np.arange(last, last + 4)}, 999, seed)
-        found.append(tests["seldom"][1] < 0.02)
-    assert np.mean(found) > 0.8
+        for scales in ((information,), BOTH):
+            tests = score_tests(statistics, HELD, INDEX | {"seldom": np.arange(last, last + 4)}, 999, seed, scales)
+            found[len(scales)].append(tests["seldom"][1] < 0.02)
+    assert np.mean(found[1]) > 0.8 and np.mean(found[2]) > 0.7
 
 
 def beside_what_scatters(seed: int, effect: float) -> tuple[Statistics, dict[str, np.ndarray]]:
@@ -115,18 +127,18 @@ def beside_what_scatters(seed: int, effect: float) -> tuple[Statistics, dict[str
     return at_fitted_nuisances(columns, y), {"both": np.array([NUISANCES, NUISANCES + CANDIDATES])}
 
 
-def test_a_quiet_number_is_heard_beside_one_that_scatters_where_scores_are_measured_by_their_scatter() -> None:
+def test_a_quiet_number_is_heard_beside_one_that_scatters_where_scores_are_measured_by_their_scatter_too() -> None:
     by_error, by_scatter = [], []
     for seed in range(20):
         statistics, candidate = beside_what_scatters(seed, 0.4)
         by_error.append(score_tests(statistics, HELD, candidate, 499, seed)["both"][0])
-        by_scatter.append(score_tests(statistics, HELD, candidate, 499, seed, scatter)["both"][0])
+        by_scatter.append(score_tests(statistics, HELD, candidate, 499, seed, BOTH)["both"][0])
     assert np.mean(np.array(by_scatter) < 0.02) > 0.8 > 0.4 > np.mean(np.array(by_error) < 0.02)
 
 
-def test_without_an_effect_p_is_uniform_when_scores_are_measured_by_their_scatter() -> None:
+def test_without_an_effect_p_is_uniform_when_scores_are_measured_in_both_ways() -> None:
     worlds = (beside_what_scatters(seed, 0.0) for seed in range(150))
-    p = [score_tests(world, HELD, candidate, 199, 0, scatter)["both"][0] for world, candidate in worlds]
+    p = [score_tests(world, HELD, candidate, 199, 0, BOTH)["both"][0] for world, candidate in worlds]
     assert kstest(p, "uniform").pvalue > 0.01
 
 

@@ -8,7 +8,7 @@ al. 2019). The smallest p over all candidates gives the adjusted one (min-P: Wes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,7 +67,7 @@ def weighed(
     quantities: Mapping[str, int],
     block: Array,
     seed: int,
-    scale: Scale = information,
+    scales: Sequence[Scale] = (information,),
 ) -> dict[str, Evidence]:
     """Evidence for each candidate at a fitted model.
 
@@ -78,7 +78,7 @@ def weighed(
     """
     held = np.arange(nuisances)
     index = _columns(nuisances, quantities)
-    tests = score_tests(statistics, held, index, _DRAWS, seed, scale)
+    tests = score_tests(statistics, held, index, _DRAWS, seed, scales)
     error = float(statistics.energy.mean())
     evidence = {}
     for cause, columns in index.items():
@@ -144,19 +144,20 @@ def score_tests(
     candidates: Mapping[str, Array],
     draws: int,
     seed: int,
-    scale: Scale = information,
+    scales: Sequence[Scale] = (information,),
 ) -> dict[str, tuple[float, float]]:
     """(p, adjusted p) of each candidate by the wild bootstrap over actions.
 
     What is compared over all candidates is their p: statistics of those that few actions show have longer tails, which
-    would drown the others.
+    would drown the others. Of several ``scales`` the one counts by which a candidate has the smaller p, in every draw.
     """
     n = len(statistics.energy)
     signs = np.concatenate([np.ones((1, n)), np.random.default_rng([seed, 1]).choice((-1.0, 1.0), (draws, n))])
     p = np.empty((len(candidates), draws + 1))  # in the first column as observed
     for c, index in enumerate(candidates.values()):
         slope, curvature = projected(statistics, nuisances, index)
-        p[c] = _share_at_least(explained(signs @ slope, scale(slope, curvature)))
+        by_each = [_share_at_least(explained(signs @ slope, scale(slope, curvature))) for scale in scales]
+        p[c] = _share_at_most(np.min(by_each, axis=0))
     smallest = p.min(0)
     return {name: (float(p[c, 0]), float((smallest <= p[c, 0]).mean())) for c, name in enumerate(candidates)}
 
@@ -165,6 +166,11 @@ def _share_at_least(values: Array) -> Array:
     """For each of values [R] the share of them that is as large or larger."""
     ascending = np.sort(values)
     return 1 - np.searchsorted(ascending, values * (1 - 1e-12), side="left") / len(values)
+
+
+def _share_at_most(values: Array) -> Array:
+    """For each of values [R] the share of them that is as small or smaller."""
+    return np.searchsorted(np.sort(values), values, side="right") / len(values)
 
 
 def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, block: Array, seed: int) -> Array:

@@ -17,7 +17,7 @@ from pentimento.gap.jacobian import Statistics
 from pentimento.gap.pushes.fit import fit, fit_without
 from pentimento.gap.pushes.jacobian import Slopes, action_losses, slopes_of
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.score import Evidence, scatter, weighed
+from pentimento.gap.score import Evidence, information, scatter, weighed
 from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
@@ -167,7 +167,7 @@ def _weigh(
     _, first = np.unique(measured.action, return_index=True)
     quantities = {cause: len(its) for cause, its in columns.items()}
     some = statistics.of(np.concatenate([own, *columns.values()]))
-    return weighed(some, len(own), quantities, measured.block[first], seed, scatter)
+    return weighed(some, len(own), quantities, measured.block[first], seed, (information, scatter))
 
 
 def _least(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:
