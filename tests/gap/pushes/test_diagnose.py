@@ -78,8 +78,15 @@ def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> 
 def test_where_much_is_left_what_a_base_can_look_like_must_remove_much() -> None:
     """In a base that is wrong in many ways, something always looks a little like a cause."""
     floor = Floor(1.0, (0.8, 1.2))
-    close, far = (_least_error(floor, np.full(8, left)) for left in (1.1, 3.2))
+    close, far = (_least_error(floor, np.full(8, left), False) for left in (1.1, 3.2))
     assert close == pytest.approx(0.025) and far == pytest.approx(0.4 * 2.0)
+
+
+def test_and_no_scores_make_up_for_that_where_much_is_left() -> None:
+    """They are as sure of what a base gets wrong; against noise they stand for half."""
+    floor = Floor(1.0, (0.8, 1.2))
+    close, far = (_least_error(floor, np.full(8, left), True) for left in (1.1, 3.2))
+    assert close == pytest.approx(0.0125) and far == pytest.approx(0.4 * 2.0)
 
 
 def test_too_few_actions_are_refused(lossy: Played) -> None:

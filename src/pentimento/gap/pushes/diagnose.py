@@ -20,13 +20,13 @@ from pentimento.gap.modes import Unexplained
 from pentimento.gap.pushes.fit import equalised, fit, fit_without
 from pentimento.gap.pushes.floor import floor_while_searching, sealed_floor
 from pentimento.gap.pushes.habits import PushHabits, learn_habits
+from pentimento.gap.pushes.in_doubt import confirmations, with_one_in_doubt
 from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
 from pentimento.gap.pushes.modes import MODES, mode_scores, unexplained
 from pentimento.gap.pushes.nameless import goes_with_place, goes_with_time, lookalike_is_as_good, shows_signature
 from pentimento.gap.pushes.search import Search, observable_causes, search
 from pentimento.gap.pushes.splits import Parts, split_pushes
-from pentimento.gap.score import projected
 from pentimento.gap.standard_errors import covariance
 from pentimento.gap.wandering import Wandering, wandering
 from pentimento.push_dynamics.analytic import AnalyticPush, first_model, typical
@@ -39,7 +39,7 @@ _CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P, _DENIED_P = 0.1, 0.01, 0.001, 0.05
 _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
-_LEAST_IF_IMITABLE, _LEAST_OF_WHAT_IS_LEFT = 0.025, 0.4
+_LEAST_IF_IMITABLE, _LEAST_IF_SURE, _LEAST_OF_WHAT_IS_LEFT = 0.025, 0.0125, 0.4
 """Of the noise floor, and of the error that is left above it for certain: what a cause must remove of sealed pushes
 that a base which is wrong about shapes can look like. Where much more is left than it takes away, it is one of many
 ways in which the base is wrong."""
@@ -117,13 +117,15 @@ def diagnose(
     measured = replace(weighed, weight=np.ones_like(weighed.weight))
     test = measured.pick(parts.sealed)
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
+    sealed = np.isin(np.unique(weighed.action), weighed.action[parts.sealed])
+    found = with_one_in_doubt(found, known, weighed, sealed, seed, log)
     named = list(found.model.mechanisms)
-    confirmed_p = _confirmed_p(found, weighed, parts, seed)
+    confirmed_p = confirmations(found.model, weighed, sealed, seed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
+    sure = _sure(found, confirmed_p)
     noise = floor_while_searching(found.model, weighed, parts.searched, seed)
     of_use = _of_use(
-        found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p,
-        _sure(found, confirmed_p), seed,
+        found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, sure, seed,
     )  # fmt: skip
     misnamed = _misnamed(of_use, known, seed)
     of_use = of_use.without(*misnamed)
@@ -149,8 +151,12 @@ def diagnose(
             step.rivals, missed_without=float(left.mean()),
         )  # fmt: skip
 
+    def is_idle(finding: Finding) -> bool:
+        cause = finding.cause
+        return _is_idle(finding, observable[cause], above, floor, extended_losses, cause in sure)
+
     established = tuple(finding(extended, m) for m in extended.mechanisms)
-    while idle := [f for f in established if _is_idle(f, observable[f.cause], above, floor, extended_losses)]:
+    while idle := [f for f in established if is_idle(f)]:
         worst = min(idle, key=lambda f: f.gain).cause
         extended = base if len(established) == 1 else fit(extended.without(worst), plainly)
         extended_losses = action_losses(extended, test)
@@ -223,24 +229,29 @@ def _misnamed(model: AnalyticPush, known: MeasuredPushes, seed: int) -> list[str
     ]
 
 
-def _least_error(floor: Floor, extended_losses: Array) -> float:
-    """What a cause that a base can look like must remove of the error of sealed pushes, mm²."""
+def _least_error(floor: Floor, extended_losses: Array, sure: bool) -> float:
+    """What a cause that a base can look like must remove of the error of sealed pushes, mm²; less of what is noise
+    where scores are ``sure`` of it.
+    """
     left = float(extended_losses.mean()) - floor.interval[1]
-    return max(_LEAST_IF_IMITABLE * floor.mse, _LEAST_OF_WHAT_IS_LEFT * left)
+    return max((_LEAST_IF_SURE if sure else _LEAST_IF_IMITABLE) * floor.mse, _LEAST_OF_WHAT_IS_LEFT * left)
 
 
-def _is_idle(finding: Finding, mechanism: Mechanism, above: float, floor: Floor | None, extended_losses: Array) -> bool:
+def _is_idle(
+    finding: Finding, mechanism: Mechanism, above: float, floor: Floor | None, extended_losses: Array, sure: bool
+) -> bool:
     """Whether sealed pushes, all alike, are worse with a cause, or not so much better as they must be with one that a
     base can look like.
 
     Args:
         above: the error of the base above the floor, of which the gain is a share, mm².
+        sure: whether scores are sure of it.
     """
     if finding.gain < 0 and _can_deny(finding, mechanism):
         return True
     if floor is None or not _could_be_shape(mechanism, finding.values):
         return False
-    return finding.gain * above < _least_error(floor, extended_losses)
+    return finding.gain * above < _least_error(floor, extended_losses, sure)
 
 
 def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:
@@ -285,21 +296,3 @@ def values_with_errors(model: AnalyticPush, cause: str, measured: MeasuredPushes
         q.name: (float(value), float(error))
         for q, value, error in zip(fitted.quantities, fitted.values, errors, strict=True)
     }
-
-
-def _confirmed_p(found: Search, weighed: MeasuredPushes, parts: Parts, seed: int) -> dict[str, float]:
-    """Of each cause that was found, as it was found: one-sided p that the sealed pushes do not ask for it, by sign
-    flips of their scores in its direction.
-    """
-    if not found.model.mechanisms:
-        return {}
-    sealed = np.isin(np.unique(weighed.action), weighed.action[parts.sealed])
-    statistics, every = linearise(found.model, weighed), np.arange(len(found.model.vector))
-    confirmed = {}
-    for mechanism in found.model.mechanisms:
-        columns = found.model.columns_of(mechanism.cause)
-        slope, curvature = projected(statistics, np.setdiff1d(every, columns), columns)
-        values = found.model.vector[columns]
-        asked = slope @ values + np.einsum("p,npq,q->n", values, curvature, values)
-        confirmed[mechanism.cause] = paired_p(asked[sealed], seed)
-    return confirmed

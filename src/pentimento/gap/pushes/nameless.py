@@ -19,7 +19,7 @@ from pentimento.push_dynamics.analytic import AnalyticPush, identity
 from pentimento.push_dynamics.mechanisms import LOOKALIKES, Mechanism
 from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
-_SURE, _CERTAIN = 2.0, 5.0  # standard errors
+_SURE, _CERTAIN = 2.0, 4.0  # standard errors
 _AS_GOOD, _NEARLY_AS_GOOD = 0.95, 0.88  # of what the cause removes
 _CERTAINLY_WORSE_P, _CERTAINLY_BY_PLACE_P = 0.001, 0.001
 

@@ -24,7 +24,7 @@ from pentimento.push_dynamics.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
 
-_FIRST_P, _LATER_P = 0.05, 0.03
+FIRST_P, LATER_P = 0.05, 0.03
 """Of scores: who is worth a refit. What is not confirmed afterwards is told as suspected."""
 _IMITABLE_P = 0.02
 """Of the errors that a refit removes, where the base could look like the cause."""
@@ -42,7 +42,8 @@ and can do its work."""
 _LEFT_BESIDE, _LEFT_BESIDE_ITS_RIVAL = 0.2, 0.7
 """Of what a cause removed in the place of one that was found: what must be left for it beside that. Of two explanations
 of one thing, the second has little left to do; of two things, all."""
-_MOST_CAUSES, _MOST_STEPS = 6, 9
+MOST_CAUSES = 6
+_MOST_STEPS = 9
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,8 @@ def search(
         columns = {cause: with_all.columns_of(cause) for cause in observable if cause not in taken | dismissed}
         fresh = _weigh(statistics, own, columns, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
-        short = _shortlist(fresh, _LATER_P if taken else _FIRST_P)
-        if not short or len(taken) == _MOST_CAUSES or len(steps) == _MOST_STEPS:
+        short = _shortlist(fresh, LATER_P if taken else FIRST_P)
+        if not short or len(taken) == MOST_CAUSES or len(steps) == _MOST_STEPS:
             steps.append(Step(evidence, None, ()))
             break
         at_start = {cause: slopes.of(np.append(own, columns[cause])) for cause in short}
@@ -217,7 +218,7 @@ def _without_idle(
     """The model less the mechanisms that it no longer needs, now that it has a new one."""
     for mechanism in model.mechanisms[:-1]:
         refit = fit_without(model, mechanism.cause, base, measured)
-        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > _LATER_P:
+        if paired_p(action_losses(refit, measured) - action_losses(model, measured), seed) > LATER_P:
             log(f"{mechanism.cause} is no longer needed")
             return _without_idle(refit, base, measured, seed, log)
     return model

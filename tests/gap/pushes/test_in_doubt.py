@@ -1,0 +1,90 @@
+"""Causes that searched and sealed pushes ask for together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pentimento.gap.choice import Step
+from pentimento.gap.pushes.fit import fit
+from pentimento.gap.pushes.in_doubt import confirmations, with_one_in_doubt
+from pentimento.gap.pushes.measured import MeasuredPushes, measure
+from pentimento.gap.pushes.search import Search, observable_causes
+from pentimento.gap.score import Evidence
+from pentimento.push_dynamics.analytic import first_model
+from pentimento.push_dynamics.mechanisms.far_field import FarField
+from pentimento.push_dynamics.mechanisms.tool_backlash import ToolBacklash
+from tests.push_dynamics.played_pushes import blank, mechanism, played
+
+ACTIONS = 32
+PLAY_M = 0.0006
+KINDS = (FarField, ToolBacklash)
+
+
+def pushes(play_m: float) -> MeasuredPushes:
+    """A session whose tool has play to the right."""
+    return measure(played([mechanism(ToolBacklash, blank(ACTIONS), x_m=play_m)], ACTIONS))
+
+
+def halves(measured: MeasuredPushes) -> tuple[MeasuredPushes, np.ndarray]:
+    """The pushes to search, and which actions of all are the others."""
+    sealed = np.unique(measured.action) % 2 == 1
+    return measured.pick(np.flatnonzero(measured.action % 2 == 0)), sealed
+
+
+def ended(searched: MeasuredPushes, backlash_p: float, far_field_p: float = 0.9) -> Search:
+    """A search that has found nothing."""
+    observable, _ = observable_causes(searched, KINDS)
+    base = fit(first_model(searched.scene), searched)
+    evidence = {
+        "tool_backlash": Evidence(backlash_p, backlash_p, 0.1, (0.0, 0.2), 0.0),
+        "far_field": Evidence(far_field_p, far_field_p, 0.1, (0.0, 0.2), 0.0),
+    }
+    return Search(base, base, (Step(evidence, None, ()),), observable, {})
+
+
+@pytest.fixture(scope="module")
+def with_play() -> MeasuredPushes:
+    return pushes(PLAY_M)
+
+
+@pytest.mark.parametrize(
+    ("backlash_p", "far_field_p", "named"),
+    [
+        (0.1, 0.9, True),
+        (0.4, 0.9, False),  # sealed pushes would be the only witness
+        (0.02, 0.9, False),  # it was clear, and is too small or does what another does
+        (0.1, 0.08, True),  # a base could look like a swell far off: it is not asked for
+    ],
+)
+def test_what_is_in_doubt_is_taken_where_sealed_pushes_ask_for_it(
+    with_play: MeasuredPushes, backlash_p: float, far_field_p: float, named: bool
+) -> None:
+    searched, sealed = halves(with_play)
+    begun = ended(searched, backlash_p, far_field_p)
+    found = with_one_in_doubt(begun, searched, with_play, sealed, 0, lambda line: None)
+    assert found.found == ({"tool_backlash"} if named else frozenset())
+    if named:
+        assert [step.chosen for step in found.steps] == ["tool_backlash", None]
+        assert found.steps[0].evidence["tool_backlash"].p_adjusted < 0.01
+
+
+def test_and_not_where_these_do_not(with_play: MeasuredPushes) -> None:
+    """They were made before there was play."""
+    searched, sealed = halves(with_play)
+    others = pushes(0.0)
+    begun = ended(searched, 0.1)
+    model = fit(begun.model.plus(begun.observable["tool_backlash"]), searched)
+    assert confirmations(model, others, sealed, 0)["tool_backlash"] > 0.1
+    assert with_one_in_doubt(begun, searched, others, sealed, 0, lambda line: None) is begun
+
+
+def test_confirmation_asks_for_the_cause_in_its_direction(with_play: MeasuredPushes) -> None:
+    searched, sealed = halves(with_play)
+    begun = ended(searched, 0.1)
+    model = fit(begun.model.plus(begun.observable["tool_backlash"]), searched)
+    assert confirmations(model, with_play, sealed, 0)["tool_backlash"] < 0.01
+    own = np.isin(np.arange(len(model.vector)), model.columns_of("tool_backlash"))
+    other_way = model.at(np.where(own, -model.vector, model.vector))
+    assert confirmations(other_way, with_play, sealed, 0)["tool_backlash"] > 0.5
+    assert confirmations(begun.model, with_play, sealed, 0) == {}
