@@ -8,10 +8,10 @@ from pentimento.gap.pushes.fit import fit
 from pentimento.gap.pushes.jacobian import action_losses
 from pentimento.gap.pushes.measured import measure
 from pentimento.gap.pushes.search import (
-    _could_be_the_base,
     _enough,
     _least,
     _with_all,
+    could_be_the_base,
     observable_causes,
 )
 from pentimento.push_dynamics.analytic import BASE, KNOTS, PROFILE, first_model
@@ -37,9 +37,9 @@ def test_what_a_base_can_look_like_must_surely_make_pushes_better() -> None:
     noise = np.random.default_rng(0).standard_normal(100)
     noise = (noise - noise.mean()) / noise.std()
     little, much = noise + 0.15, noise + 0.35  # 1.5 and 3.5 standard errors
-    assert _could_be_the_base(known["height_offset"], little, 0)
-    assert not _could_be_the_base(known["height_offset"], much, 0)
-    assert not _could_be_the_base(known["tool_backlash"], little, 0)
+    assert could_be_the_base(known["height_offset"], little, 0)
+    assert not could_be_the_base(known["height_offset"], much, 0)
+    assert not could_be_the_base(known["tool_backlash"], little, 0)
 
 
 def test_a_flat_tip_is_not_taken_for_a_tool_that_goes_deeper() -> None:

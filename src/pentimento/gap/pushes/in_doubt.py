@@ -1,8 +1,4 @@
-"""What searched pushes leave in doubt, and sealed ones settle; of strokes, see ``gap.in_doubt``.
-
-Only causes that no base can look like: of the others, the scores of all pushes together are as sure of what a base gets
-wrong.
-"""
+"""What searched pushes leave in doubt, and sealed ones settle; of strokes, see ``gap.in_doubt``."""
 
 from __future__ import annotations
 
@@ -16,16 +12,16 @@ from scipy.stats import combine_pvalues
 
 from pentimento.gap.choice import Step, paired_p
 from pentimento.gap.pushes.fit import fit
-from pentimento.gap.pushes.jacobian import linearise
+from pentimento.gap.pushes.jacobian import action_losses, linearise
 from pentimento.gap.pushes.measured import MeasuredPushes
-from pentimento.gap.pushes.search import FIRST_P, LATER_P, MOST_CAUSES, Search
+from pentimento.gap.pushes.search import MOST_CAUSES, Search, could_be_the_base
 from pentimento.gap.score import projected
 from pentimento.push_dynamics.analytic import AnalyticPush
 
 Array = NDArray[Any]
 
-_IN_DOUBT_P = 0.35
-"""Beyond, sealed pushes would be the only witness."""
+_IN_DOUBT_P, _MOST = 0.35, 2
+"""Beyond that p sealed pushes would be the only witness; of several in doubt, those that promise most are refitted."""
 _TOGETHER_P = 0.01
 
 
@@ -55,31 +51,30 @@ def with_one_in_doubt(
     found: Search, searched: MeasuredPushes, measured: MeasuredPushes, sealed: Array, seed: int,
     log: Callable[[str], None],
 ) -> Search:  # fmt: skip
-    """What was found, and beside it the cause that searched pushes speak for most without being sure, where together
-    with the sealed ones (Fisher 1925) they are.
+    """What was found, and beside it a cause that searched pushes speak for without being sure, where together with the
+    sealed ones (Fisher 1925) they are, and of all of them it removes as much error as a cause must.
 
     Args:
         measured, sealed: as of ``confirmations``.
     """
-    last, limit = found.steps[-1], LATER_P if found.found else FIRST_P
+    if len(found.found) == MOST_CAUSES:
+        return found
+    last = found.steps[-1]
     in_doubt = {
-        cause: e.p_adjusted
-        for cause, e in last.evidence.items()
-        if cause not in found.found
-        and not found.observable[cause].imitable
-        and limit <= e.p_adjusted < _IN_DOUBT_P
-        and e.gain > 0
+        c: e for c, e in last.evidence.items() if c in found.least and e.p_adjusted < _IN_DOUBT_P and e.gain > 0
     }
-    if not in_doubt or len(found.found) == MOST_CAUSES:
-        return found
-    cause = min(in_doubt, key=lambda cause: in_doubt[cause])
-    model = fit(found.model.plus(found.observable[cause]), searched)
-    if not model.mechanisms[-1].physical:
-        return found
-    confirmed_p = confirmations(model, measured, sealed, seed)[cause]
-    together_p = float(combine_pvalues([in_doubt[cause], confirmed_p], method="fisher").pvalue)
-    if together_p >= _TOGETHER_P:
-        return found
-    log(f"{cause}: in doubt, and not with the sealed pushes (p {together_p:.2g})")
-    evidence = {**last.evidence, cause: last.evidence[cause]._replace(p_adjusted=together_p)}
-    return replace(found, model=model, steps=(*found.steps[:-1], Step(evidence, cause, ()), last))
+    before = action_losses(found.model, measured)
+    for cause in sorted(in_doubt, key=lambda cause: -in_doubt[cause].gain)[:_MOST]:
+        mechanism = found.observable[cause]
+        model = fit(found.model.plus(mechanism), searched)
+        falls = before - action_losses(model, measured)
+        enough = model.mechanisms[-1].physical and falls.mean() >= found.least[cause]
+        if not enough or could_be_the_base(mechanism, falls, seed):
+            continue
+        confirmed_p = confirmations(model, measured, sealed, seed)[cause]
+        together_p = float(combine_pvalues([in_doubt[cause].p_adjusted, confirmed_p], method="fisher").pvalue)
+        if together_p < _TOGETHER_P:
+            log(f"{cause}: in doubt, and not with the sealed pushes (p {together_p:.2g})")
+            evidence = {**last.evidence, cause: in_doubt[cause]._replace(p_adjusted=together_p)}
+            return replace(found, model=model, steps=(*found.steps[:-1], Step(evidence, cause, ()), last))
+    return found

@@ -5,7 +5,7 @@ As on strokes (``gap/search.py``), of large causes and small ones at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,6 +57,8 @@ class Search:
     """Each cause that these pushes can show, as it changes nothing yet."""
     not_observable: dict[str, str]
     """Causes that they cannot show, and why."""
+    least: Mapping[str, float]
+    """How much error each cause that was not found would have to remove beside those that were, mm²."""
 
     @property
     def found(self) -> frozenset[str]:
@@ -120,12 +122,9 @@ def search(
         error = float(before.mean())
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         size = {cause: float((before - after).mean()) for cause, after in losses.items()}
+        least = _least_beside(refits, observable, gained, left, floor, error)
         mistaken = {
-            c
-            for c in refits
-            if size[c] < _least(observable[c], bool(taken), floor or error, error - floor)
-            or size[c] < _enough(observable[c], observable, gained, left)
-            or _could_be_the_base(observable[c], before - losses[c], seed)
+            c for c in refits if size[c] < least[c] or could_be_the_base(observable[c], before - losses[c], seed)
         }
         dismissed |= mistaken
         losses = {cause: after for cause, after in losses.items() if cause not in mistaken}
@@ -140,7 +139,10 @@ def search(
             left[cause] = max(left.get(cause, 0.0), share * size[cause])
         model = _without_idle(refits[step.chosen], base, measured, seed, log)
         with_all, slopes, statistics = _with_all(model, observable, measured)
-    return Search(base, model, tuple(steps), observable, unseen)
+    others = set(observable) - {m.cause for m in model.mechanisms}
+    error = float(action_losses(model, measured).mean())
+    least = _least_beside(others, observable, gained, left, floor, error)
+    return Search(base, model, tuple(steps), observable, unseen, least)
 
 
 def _with_all(
@@ -178,7 +180,7 @@ def _least(mechanism: Mechanism, beside_others: bool, floor: float, misfit: floa
     return max(of_floor * floor, of_misfit * misfit)
 
 
-def _could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
+def could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
     """Whether the errors that its refit removes, [actions], could as well be those of a base that is wrong about
     shapes: a score at no effect may be sure of what hardly makes a push better.
     """
@@ -193,6 +195,26 @@ def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
     best = max(standing, key=lambda cause: evidence[cause].gain)
     near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
     return sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
+
+
+def _least_beside(
+    causes: Iterable[str],
+    observable: Mapping[str, Mechanism],
+    gained: Mapping[str, float],
+    left: Mapping[str, float],
+    floor: float,
+    error: float,
+) -> dict[str, float]:
+    """How much error each of some causes must remove at least, mm², beside those that ``gained`` what they did; of the
+    floor 0 where it is unknown.
+    """
+    return {
+        cause: max(
+            _least(observable[cause], bool(gained), floor or error, error - floor),
+            _enough(observable[cause], observable, gained, left),
+        )
+        for cause in causes
+    }
 
 
 def _enough(
