@@ -65,7 +65,7 @@ def test_what_is_in_doubt_is_taken_where_sealed_pushes_ask_for_it(
     assert found.found == ({"tool_backlash"} if named else frozenset())
     if named:
         assert [step.chosen for step in found.steps] == ["tool_backlash", None]
-        assert found.steps[0].evidence["tool_backlash"].p_adjusted < 0.01
+        assert found.steps[0].evidence["tool_backlash"].p_adjusted < 0.003
 
 
 def test_and_not_where_these_do_not(with_play: MeasuredPushes) -> None:

@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 _IN_DOUBT_P, _MOST = 0.35, 2
 """Beyond that p sealed pushes would be the only witness; of several in doubt, those that promise most are refitted."""
-_TOGETHER_P = 0.01
+_TOGETHER_P = 0.003
 
 
 def confirmations(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> dict[str, float]:
