@@ -1,5 +1,5 @@
 """What a hidden effect adds to the error, and how much of that a verdict takes away again, in blind worlds and their
-twins: `python -m studies.twins [--strokes 8] [--pushes 6]`.
+twins: `python -m studies.twins [--strokes 8] [--pushes 8]`.
 
 A verdict's share of the gap is of all that a base gets wrong, its tool's shape included. A world's twin is the same
 world, with the same actions under the same chance, without the effect: what its base misses is what no cause could have
@@ -29,6 +29,8 @@ from studies.blind.series import seed_of
 from studies.blind.strength import StrengthError
 from studies.blind.table import commit_of_head
 from studies.blind.worlds import sketch_world as sketch_strokes
+from studies.blind_pushes.collect import as_table as as_push_table
+from studies.blind_pushes.collect import decoys, rows_with_and_without
 from studies.blind_pushes.verdict_of import verdict_on
 from studies.blind_pushes.worlds import sketch_world as sketch_pushes
 
@@ -39,11 +41,12 @@ _INTRODUCTION = """\
 
 Written by `python -m studies.twins`; do not edit. Worlds of the blind tests of [strokes](blind_tests.md) and
 [pushes](blind_pushes.md) with one cause of q ≥ 0.2 that is named exactly. Each has a *twin*: the same world, actions
-and chance without the effect. Errors are of sealed rows over the noise floor: of the *base* in the world, of the
-*extended* model there, and of the base in the *twin*. *Gap closed* is the verdict's, (base − extended) / (base − 1): of
-all that the base gets wrong. *Of the effect* is (base − extended) / (base − twin): of what the effect adds to that,
-which is all that a cause can explain. Where it is above 1, the base fares better with the effect explained than without
-it: chance, or a shape that the cause's own numbers help to draw."""
+and chance without the effect; of pushes on the same surfaces, too, so that each finds what the world's has left. Errors
+are of sealed rows over the noise floor: of the *base* in the world, of the *extended* model there, and of the base in
+the *twin*. *Gap closed* is the verdict's, (base − extended) / (base − 1): of all that the base gets wrong. *Of the
+effect* is (base − extended) / (base − twin): of what the effect adds to that, which is all that a cause can explain.
+Where it is above 1, the base fares better with the effect explained than without it: chance, or a shape that the
+cause's own numbers help to draw; a dash, where the base misses no less without the effect."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,9 @@ class Pair:
         return (self.base - self.extended) / (self.base - 1)
 
     @property
-    def of_the_effect(self) -> float:
-        """Share of what the effect adds."""
-        return (self.base - self.extended) / (self.base - self.twin)
+    def of_the_effect(self) -> float | None:
+        """Share of what the effect adds; None where it adds nothing."""
+        return (self.base - self.extended) / (self.base - self.twin) if self.twin < self.base else None
 
 
 def pair_of(truth: strokes.Truth | pushes.Truth, world: Judged, twin: Judged) -> Pair | None:
@@ -107,7 +110,10 @@ def push_pair(seed: int) -> Pair | None:
     if sketch.q[0] < STRONG_Q:
         return None
     table, truth = pushes.make_world(sketch)
-    return pair_of(truth, *(verdict_on(each, 0)[1] for each in (table, pushes.recorded(sketch, truth, times=0.0))))
+    hidden = sketch.with_strengths({sketch.causes[0]: truth.strengths[0].strength})
+    _, quiet = rows_with_and_without(sketch, hidden, sketch.seed, sketch.config)
+    twin = as_push_table(quiet, decoys(len(quiet), sketch.seed))
+    return pair_of(truth, *(verdict_on(each, 0)[1] for each in (table, twin)))
 
 
 def page(of_strokes: Sequence[Pair], of_pushes: Sequence[Pair], commit: str) -> str:
@@ -126,18 +132,20 @@ def _table(pairs: Sequence[Pair]) -> str:
     ]
     rows += [
         f"| {pair.cause} | {pair.tool} | {'yes' if pair.misshaped else 'no'} | {pair.q:.2f} | {pair.base:.2f} "
-        f"| {pair.extended:.2f} | {pair.twin:.2f} | {pair.closed:.2f} | {pair.of_the_effect:.2f} |"
+        f"| {pair.extended:.2f} | {pair.twin:.2f} | {pair.closed:.2f} | {_two(pair.of_the_effect)} |"
         for pair in pairs
     ]
     return "\n".join(rows)
 
 
 def _medians(pairs: Sequence[Pair]) -> str:
-    closed, of_the_effect = ([getattr(pair, name) for pair in pairs] for name in ("closed", "of_the_effect"))
-    return (
-        f"Medians: gap closed {np.median(closed):.2f}, of the effect {np.median(of_the_effect):.2f} "
-        f"(least {min(of_the_effect):.2f})."
-    )
+    shares = [pair.of_the_effect for pair in pairs if pair.of_the_effect is not None]
+    of_the_effect = f"{np.median(shares):.2f} (least {min(shares):.2f})" if shares else "–"
+    return f"Medians: gap closed {np.median([pair.closed for pair in pairs]):.2f}, of the effect {of_the_effect}."
+
+
+def _two(share: float | None) -> str:
+    return "–" if share is None else f"{share:.2f}"
 
 
 def _pairs(pair: Callable[[int], Pair | None], commit: str, series: str, wanted: int) -> Iterator[Pair]:
@@ -151,7 +159,7 @@ def _pairs(pair: Callable[[int], Pair | None], commit: str, series: str, wanted:
         index += 1
         if made is not None:
             found += 1
-            print(f"{made.cause}, {made.tool}: {made.closed:.2f} closed, {made.of_the_effect:.2f}", flush=True)
+            print(f"{made.cause}, {made.tool}: {made.closed:.2f} closed, {_two(made.of_the_effect)}", flush=True)
             yield made
 
 
@@ -159,7 +167,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.twins", description=__doc__)
     parser.add_argument("--strokes", type=int, default=8, help="worlds")
-    parser.add_argument("--pushes", type=int, default=6, help="worlds")
+    parser.add_argument("--pushes", type=int, default=8, help="worlds")
     given = parser.parse_args()
     commit, of_strokes, of_pushes = commit_of_head(), list[Pair](), list[Pair]()
     for pairs, pair, series, wanted in (

@@ -32,13 +32,13 @@ def recorded_rows(sketch: Sketch, world: ClayWorld, seed: int) -> list[dict[str,
 
 
 def rows_with_and_without(
-    sketch: Sketch, world: ClayWorld, seed: int, pushes: int
+    sketch: Sketch, world: ClayWorld, seed: int, config: PushCollectionConfig
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of a shorter design without repeats, made in a world under a seed; and the same rows with what each push
-    would have left, on the same surface and by the same chance, in the sketch's world without effects.
+    """Rows of a design made in a world under a seed; and the same rows with what each push would have left, on the same
+    surface and by the same chance, in the sketch's world without effects.
     """
     robot = _Twofold(_studio(sketch, world, seed), _scanned(sketch, sketch.world))
-    loud = _collected(robot, sketch, replace(sketch.config, pushes=pushes, repeated=0, times=1))
+    loud = _collected(robot, sketch, config)
     quiet = [
         row | {"after": {"bytes": encode_height_png(height_m, HEIGHT_PER_UNIT_M), "path": None}}
         for row, height_m in zip(loud, robot.quiet_m, strict=True)

@@ -15,6 +15,7 @@ the effect.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,7 +93,8 @@ def find_strength(trial: Trial, effect: str, q: float) -> Strength:
 
 def _made(sketch: Sketch, strengths: dict[str, float], seed: int) -> tuple[PushSamples, PushSamples]:
     """With the effects, and each push without."""
-    both = rows_with_and_without(sketch, sketch.with_strengths(strengths), sketch.seed + seed, PUSHES)
+    config = replace(sketch.config, pushes=PUSHES, repeated=0, times=1)
+    both = rows_with_and_without(sketch, sketch.with_strengths(strengths), sketch.seed + seed, config)
     loud, quiet = (cropped(load_pushes(as_table(rows, {}), PIXELS_PER_M)[0]) for rows in both)
     return loud, quiet
 

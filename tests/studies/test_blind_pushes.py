@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.gap.pushes.measured import PIXELS_PER_M
 from pentimento.push_dynamics.measured import load_pushes
+from pentimento.runner.push_design import PushCollectionConfig
 from studies.blind.make import write_world
 from studies.blind.one_world import SealError, opened
 from studies.blind_pushes.collect import as_table, decoys, rows_with_and_without
@@ -25,8 +27,12 @@ from studies.blind_pushes.strength import Trial, absorbed, find_strength, measur
 from studies.blind_pushes.worlds import CAUSES, Sketch, sketch_world
 
 
+def without_repeats(sketch: Sketch, pushes: int) -> PushCollectionConfig:
+    return replace(sketch.config, pushes=pushes, repeated=0, times=1)
+
+
 def some_rows(sketch: Sketch, pushes: int) -> list[dict[str, Any]]:
-    return rows_with_and_without(sketch, sketch.world, 1, pushes)[0]
+    return rows_with_and_without(sketch, sketch.world, 1, without_repeats(sketch, pushes))[0]
 
 
 def test_a_seed_draws_one_world() -> None:
@@ -69,7 +75,7 @@ def test_each_push_is_made_with_and_without_the_effect_on_one_surface_by_one_cha
     for strengths, alike in (({}, True), ({"adhesion_lift": 2.0}, False)):
         loud, quiet = (
             load_pushes(as_table(rows, {}), PIXELS_PER_M)[0]
-            for rows in rows_with_and_without(sketch, sketch.with_strengths(strengths), 1, 4)
+            for rows in rows_with_and_without(sketch, sketch.with_strengths(strengths), 1, without_repeats(sketch, 4))
         )
         assert np.array_equal(loud.before, quiet.before)
         differ = np.abs(loud.after - quiet.after).max((1, 2))

@@ -40,3 +40,11 @@ def test_a_page_has_a_row_for_each_world_and_the_medians() -> None:
     text = page([Pair("tool_wear", "marker", True, 0.21, 1.6, 1.3, 1.2)], [], "abc")
     assert "| tool_wear | marker | yes | 0.21 | 1.60 | 1.30 | 1.20 | 0.50 | 0.75 |" in text
     assert "Medians: gap closed 0.50, of the effect 0.75 (least 0.75)." in text and "## Pushes" not in text
+
+
+def test_an_effect_that_hides_what_a_base_gets_wrong_has_no_share() -> None:
+    hidden = Pair("springback", "ball", True, 0.2, 1.3, 1.1, 1.7)
+    assert hidden.of_the_effect is None
+    text = page([], [hidden, Pair("volume_loss", "ball", False, 0.2, 1.6, 1.3, 1.2)], "abc")
+    assert "| 1.30 | 1.10 | 1.70 | 0.67 | – |" in text
+    assert "of the effect 0.75 (least 0.75)." in text
