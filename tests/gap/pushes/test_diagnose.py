@@ -64,6 +64,8 @@ def test_scores_of_searched_and_sealed_pushes_can_be_sure_together(
     evidence = Evidence(searched_p, searched_p, 0.1, (0.0, 0.2), 0.0)
     found = replace(found, steps=(Step({"volume_loss": evidence}, "volume_loss", ()), Step({}, None, ())))
     assert _sure(found, {"volume_loss": sealed_p}) == ({"volume_loss"} if sure else set())
+    in_doubt = replace(found, steps=(Step({"volume_loss": evidence}, None, ()),))
+    assert _sure(in_doubt, {"volume_loss": sealed_p}) == ({"volume_loss"} if sure else set())
 
 
 def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> None:

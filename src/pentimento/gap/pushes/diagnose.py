@@ -41,7 +41,7 @@ _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
 _LEAST_IF_IMITABLE, _LEAST_IF_SURE, _LEAST_OF_WHAT_IS_LEFT = 0.025, 0.0125, 0.4
 """Of the noise floor, and of the error that is left above it for certain: what a cause must remove of sealed pushes
-that a base which is wrong about shapes can look like. Where much more is left than it takes away, it is one of many
+that a base which is wrong about shapes can look like (the second where scores are sure of it). Where much more is left than it takes away, it is one of many
 ways in which the base is wrong."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
@@ -118,11 +118,12 @@ def diagnose(
     test = measured.pick(parts.sealed)
     known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
     sealed = np.isin(np.unique(weighed.action), weighed.action[parts.sealed])
-    found = with_one_in_doubt(found, known, weighed, sealed, seed, log)
+    searched = found
+    found = with_one_in_doubt(searched, known, weighed, sealed, seed, log)
     named = list(found.model.mechanisms)
     confirmed_p = confirmations(found.model, weighed, sealed, seed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
-    sure = _sure(found, confirmed_p)
+    sure = _sure(searched, confirmed_p)
     noise = floor_while_searching(found.model, weighed, parts.searched, seed)
     of_use = _of_use(
         found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, sure, seed,
@@ -275,11 +276,16 @@ def _only_surely_denied(could_be_shape: bool, confirmed_p: float) -> bool:
     return not could_be_shape and confirmed_p <= _CONFIRMED_BESIDE_P
 
 
-def _sure(found: Search, confirmed_p: Mapping[str, float]) -> set[str]:
+def _sure(searched: Search, confirmed_p: Mapping[str, float]) -> set[str]:
     """Causes that the scores of sealed pushes are sure of, or those of searched and sealed ones together (Fisher 1925):
     the sealed had no part in the search.
+
+    Args:
+        searched: before a cause in doubt was taken: with it, its p has the sealed pushes in it.
     """
-    searched_p = {step.chosen: step.evidence[step.chosen].p_adjusted for step in found.steps if step.chosen}
+    at_the_end = searched.steps[-1].evidence
+    searched_p = {cause: evidence.p_adjusted for cause, evidence in at_the_end.items()}
+    searched_p |= {step.chosen: step.evidence[step.chosen].p_adjusted for step in searched.steps if step.chosen}
     return {
         cause
         for cause, p in confirmed_p.items()
