@@ -40,9 +40,9 @@ _DRAWS = 1999
 _LEAST_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
 _LEAST_IF_IMITABLE, _LEAST_IF_SURE, _LEAST_OF_WHAT_IS_LEFT = 0.025, 0.0125, 0.4
-"""Of the noise floor, and of the error that is left above it for certain: what a cause must remove of sealed pushes
-that a base which is wrong about shapes can look like (the second where scores are sure of it). Where much more is left than it takes away, it is one of many
-ways in which the base is wrong."""
+"""Of the noise floor (the second where scores are sure of a cause), and of the error that is left above it for certain:
+what a cause must remove of sealed pushes that a base which is wrong about shapes can look like. Where much more is left
+than it takes away, it is one of many ways in which the base is wrong."""
 _SMALLEST_GAP = 0.1
 """Of the gap: below it a resampled gap is no measure for anything."""
 
