@@ -2,6 +2,7 @@
 #   make repro [PROFILE=smoke]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make test                    the whole test suite
 #   make check                   format, lint, types
+#   make deps                    write the code dependencies of every stage into dvc.yaml
 #   make bench                   the benchmarks, side by side with the slow references
 #   make studies [WORLDS=0.1]    the blind tests of the gap finder (hours), or a share of them; goes on where it was interrupted
 #   make clean                   remove outputs and caches; environment, DVC's cache and MLflow's history stay
@@ -26,7 +27,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro test coverage check bench studies licences clean env
+.PHONY: repro deps test coverage check bench studies licences clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -48,6 +49,9 @@ check: env
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_layering.py tests/pipelines/test_stages.py
+
+deps: env
+	$(BIN)/python -m pipelines._deps
 
 bench: env
 	$(BIN)/python -m benchmarks

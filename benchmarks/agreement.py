@@ -5,8 +5,8 @@ from typing import Any
 import torch
 
 from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
-from pentimento.stroke_dynamics.autograd import render_strokes
-from pentimento.stroke_dynamics.reference import render_reference
+from pentimento.dynamics.strokes.autograd import render_strokes
+from pentimento.dynamics.strokes.reference import render_reference
 
 NAMES = ("points", "radius", "density", "softness", "colour", "canvas")
 

@@ -11,8 +11,8 @@ from torch import Tensor
 from benchmarks import memory
 from benchmarks.clock import repeated
 from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
-from pentimento.stroke_dynamics.autograd import render_strokes
-from pentimento.stroke_dynamics.reference import render_reference
+from pentimento.dynamics.strokes.autograd import render_strokes
+from pentimento.dynamics.strokes.reference import render_reference
 
 STROKES, SIZES_PX, POINTS, THREADS = (20, 100, 400, 1000, 4000), (256, 512, 1024), (4, 32), (1, 2)
 CASES = [Case(*numbers) for numbers in product(STROKES, POINTS, SIZES_PX, THREADS)]

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import TypeVar
 
 _R = TypeVar("_R")
-PRELOADED = ["torch", "pentimento.stroke_dynamics.simulation", "pentimento.stroke_dynamics.reference"]
+PRELOADED = ["torch", "pentimento.dynamics.strokes.simulation", "pentimento.dynamics.strokes.reference"]
 
 
 def start() -> ProcessPoolExecutor:

@@ -2,7 +2,7 @@
 
 `python -m benchmarks.envelope` sends 1,000,000 commands through a guarded robot, random and adversarial, and judges
 each that reaches the driver by the limits as they are stated, in code of its own (`breaks`). It also counts commands
-that are well inside and were refused all the same. tests/runner/test_safety_million.py runs a part of it.
+that are well inside and were refused all the same. tests/control/test_safety_million.py runs a part of it.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from pentimento.contracts.errors import EnvelopeViolation
+from pentimento.control.safety import GuardedRobot, SafetyEnvelope, envelope_for
 from pentimento.robots.tools import load_tool
-from pentimento.runner.safety import GuardedRobot, SafetyEnvelope, envelope_for
 
 CANVAS_M = (0.3, 0.2)
 TOOLS = ("marker", "round_brush", "flat_brush")

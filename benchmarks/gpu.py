@@ -10,7 +10,7 @@ import torch
 
 from benchmarks.clock import repeated
 from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
-from pentimento.stroke_dynamics.autograd import render_strokes
+from pentimento.dynamics.strokes.autograd import render_strokes
 
 CASES = [Case(strokes, 32, size) for strokes, size in product((400, 4000), (512, 1024))]
 _COPIED_BYTES = 1 << 29

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from benchmarks.clock import in_turns
 from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
-from pentimento.stroke_dynamics.autograd import render_strokes
-from pentimento.stroke_dynamics.simulation import Mechanism, StrokeContext, View, simulate
-from pentimento.stroke_dynamics.traj2stroke import Mark
+from pentimento.dynamics.strokes.autograd import render_strokes
+from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, simulate
+from pentimento.dynamics.strokes.traj2stroke import Mark
 
 _ROUNDS = 60
 

@@ -27,6 +27,10 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import srgb_to_linear
+from pentimento.control.painter import as_linear, paint
+from pentimento.dynamics.strokes.extended import base_model
+from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.descent import half_cosine
 from pentimento.planning.initialise import random_strokes
@@ -39,10 +43,6 @@ from pentimento.planning.strokes import Strokes
 from pentimento.planning.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.painter import as_linear, paint
-from pentimento.stroke_dynamics.extended import base_model
-from pentimento.stroke_dynamics.planned import TorchBrush
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 

@@ -23,7 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.bundle.graphs import GraphBrush, Graphs, SemanticObjective
+from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.images import write_png
+from pentimento.control.painting_state import has_state, load_state
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.descent import descend
 from pentimento.planning.initialise import random_strokes
@@ -34,9 +37,6 @@ from pentimento.planning.scene import Scene, scene_with
 from pentimento.planning.strokes import with_color
 from pentimento.planning.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import Tool
-from pentimento.runner.bundle import Bundle, open_bundle
-from pentimento.runner.graphs import GraphBrush, Graphs, SemanticObjective
-from pentimento.runner.state import has_state, load_state
 
 Array = NDArray[np.float32]
 
@@ -79,11 +79,11 @@ def by_torch(bundle: Bundle, models: Path) -> Parts:
     """The workshop's way, with the models that the bundle was made of."""
     import torch
 
-    from pentimento.objectives.torch_objective import TorchObjective
+    from pentimento.dynamics.strokes.extended import read_stroke_model
+    from pentimento.dynamics.strokes.planned import TorchBrush
     from pentimento.semantics import objective as workshop
     from pentimento.semantics.encoder import Encoder
-    from pentimento.stroke_dynamics.extended import read_stroke_model
-    from pentimento.stroke_dynamics.planned import TorchBrush
+    from pentimento.semantics.style.torch_objective import TorchObjective
 
     torch.use_deterministic_algorithms(True)  # as the pipeline has it, and the graphs, too
     encoder, views = Encoder.load(models / "semantics/weights"), bundle.manifest.encoder.views
@@ -128,7 +128,7 @@ def first_stroke_s(folder: Path) -> float:
     with tempfile.TemporaryDirectory() as desk:
         goal, out = f"{desk}/goal.png", Path(desk) / "painting"
         write_png(Path(goal), load_photograph(PICTURE))
-        words = [sys.executable, "-m", "pentimento.cli", "run", str(folder), "--goal-image", goal]
+        words = [sys.executable, "-m", "pentimento.cli.main", "run", str(folder), "--goal-image", goal]
         words += ["--setting", SETTING, "--strokes", str(STROKES), "--out", str(out)]
         started = time.perf_counter()
         running = subprocess.Popen(words, stderr=subprocess.DEVNULL)  # which would say that it was interrupted

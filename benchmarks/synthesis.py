@@ -27,7 +27,9 @@ from pentimento.contracts.scenes import example_table
 from pentimento.copainting.synthesis.guided_descent import Guidance, descend_guided
 from pentimento.copainting.synthesis.pairs import Painter, Setting, plan_painting
 from pentimento.copainting.workers import Submit, gather, worker_pool
-from pentimento.objectives.torch_objective import TorchObjective
+from pentimento.dynamics.strokes.extended import StrokeModel
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.descent import optimise
 from pentimento.planning.fitted import Pace
 from pentimento.planning.initialise import random_strokes
@@ -36,10 +38,8 @@ from pentimento.planning.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.semantics.objective import SemanticObjective
+from pentimento.semantics.style.torch_objective import TorchObjective
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.stroke_dynamics.extended import StrokeModel
-from pentimento.stroke_dynamics.mechanisms.bristle_lag import BristleLag
-from pentimento.stroke_dynamics.planned import TorchBrush
 from pipelines._config import load_section
 from pipelines.synthesize_copaintings import SynthesizeCopaintings
 from pipelines.train_semantics import TrainSemantics

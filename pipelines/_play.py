@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.copainting.evaluation.answers import Asking, ask
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
 from pentimento.copainting.evaluation.goal_plans import Easel
 from pentimento.copainting.goal.planner import load_goal_planner
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 

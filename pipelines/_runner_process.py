@@ -5,11 +5,11 @@ import sys
 from pathlib import Path
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.runner.commission import Wanted
-from pentimento.runner.control import Control
-from pentimento.runner.progress import Progress
-from pentimento.runner.run import commission_of, run
-from pentimento.runner.run_sculpture import clay_commission_of, run_sculpture
+from pentimento.control.commands import Control
+from pentimento.control.commission import Wanted
+from pentimento.control.progress import Progress
+from pentimento.control.run import commission_of, run
+from pentimento.control.run_sculpture import clay_commission_of, run_sculpture
 
 HEAVY = ("torch", "sklearn", "skimage", "diffusers", "transformers")
 """What a robot's computer has not. SciPy is not among them: where it is installed, Numba looks at it."""

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from pentimento.collection.collect import collect_strokes
+from pentimento.collection.design import CollectionConfig, design_collection
+from pentimento.collection.rehearse import rehearse
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
-from pentimento.gap.fit import first_model
-from pentimento.gap.imitation import Imitation, imitation_of, in_short
-from pentimento.gap.measured import load_measured
+from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.diagnosis.strokes.aliasing import Imitation, imitation_of, in_short
+from pentimento.diagnosis.strokes.fit import first_model
+from pentimento.diagnosis.strokes.measured import load_measured
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.collect import collect_strokes
-from pentimento.runner.design import CollectionConfig, design_collection
-from pentimento.runner.rehearse import rehearse
-from pentimento.runner.safety import GuardedRobot, envelope_for
-from pentimento.stroke_dynamics.mechanisms import VOCABULARY
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import entry_of, load_section

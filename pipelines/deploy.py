@@ -6,12 +6,12 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from pentimento.bundle.reader import MANIFEST, open_bundle
 from pentimento.copainting.goal.planner import load_goal_planner
 from pentimento.deploy.bundle import DeployConfig, Models, write_bundle
-from pentimento.push_dynamics.push_model import read_push_model
-from pentimento.runner.bundle import MANIFEST, open_bundle
+from pentimento.dynamics.pushes.push_model import read_push_model
+from pentimento.dynamics.strokes.extended import read_stroke_model
 from pentimento.semantics.encoder import Encoder
-from pentimento.stroke_dynamics.extended import read_stroke_model
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main
 from pipelines._tracking import input_digest, tracked_run

@@ -13,23 +13,23 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.gap.diagnose import Diagnosis
-from pentimento.gap.measured import covariates_of
-from pentimento.gap.write import write_diagnosis
-from pentimento.stroke_dynamics.carried_paint import carried_paint
-from pentimento.stroke_dynamics.evaluation import score, score_model
-from pentimento.stroke_dynamics.extended import (
+from pentimento.diagnosis.strokes.diagnose import Diagnosis
+from pentimento.diagnosis.strokes.measured import covariates_of
+from pentimento.diagnosis.strokes.write import write_diagnosis
+from pentimento.dynamics.strokes.evaluation import score, score_model
+from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
     StrokeModel,
     model_files,
     pace_of,
     predict_extended,
 )
-from pentimento.stroke_dynamics.joint import JointFit, fit_jointly
-from pentimento.stroke_dynamics.samples import load_samples
-from pentimento.stroke_dynamics.simulation import Mechanism
-from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action
-from pentimento.stroke_dynamics.traj2stroke import read_parameters
+from pentimento.dynamics.strokes.joint import JointFit, fit_jointly
+from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.samples import load_samples
+from pentimento.dynamics.strokes.simulation import Mechanism
+from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action
+from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run

@@ -14,13 +14,13 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.gap.pushes.cross_fitted import CrossFitted, averaged, cross_fit
-from pentimento.gap.pushes.measured import PIXELS_PER_M
-from pentimento.gap.pushes.write import write_push_diagnosis
-from pentimento.push_dynamics.analytic_correction import FILE, correction_as_json
-from pentimento.push_dynamics.evaluation import predict
-from pentimento.push_dynamics.measured import load_pushes
-from pentimento.push_dynamics.push_model import read_push_model, write_push_model
+from pentimento.diagnosis.pushes.cross_fitted import CrossFitted, averaged, cross_fit
+from pentimento.diagnosis.pushes.measured import PIXELS_PER_M
+from pentimento.diagnosis.pushes.write import write_push_diagnosis
+from pentimento.dynamics.pushes.analytic_correction import FILE, correction_as_json
+from pentimento.dynamics.pushes.evaluation import predict
+from pentimento.dynamics.pushes.measured import load_pushes
+from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
 from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.images import write_png
@@ -17,24 +18,23 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, write_plan
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.tables import read_table
-from pentimento.planning.hands.config import HandPlanConfig
-from pentimento.planning.hands.decoder import read_hand
-from pentimento.planning.hands.shapes import BezierShapes, Shapes
+from pentimento.control.painter import as_linear, observe
+from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.dynamics.strokes.extended import read_stroke_model
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.handwriting.drawing import Drawing, draw_in_hand
+from pentimento.handwriting.path_brush import TorchPathBrush
+from pentimento.handwriting.writer_classifier import StrokeClassifier
+from pentimento.planning.latent.config import HandPlanConfig
+from pentimento.planning.latent.decoder import read_hand
+from pentimento.planning.latent.shapes import BezierShapes, Shapes
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.scene import Scene, scene_with
 from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.observe import calibrate_camera
-from pentimento.runner.painter import as_linear, observe
-from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.scores import embed_all
-from pentimento.stroke_dynamics.extended import read_stroke_model
-from pentimento.stroke_hands.demonstrated import Demonstrated, demonstrated, last_session_held_out
-from pentimento.stroke_hands.drawing import Drawing, draw_in_hand
-from pentimento.stroke_hands.path_brush import TorchPathBrush
-from pentimento.stroke_hands.who_drew import StrokeClassifier
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import load_section

@@ -10,10 +10,10 @@ from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import write_shards
-from pentimento.demonstrations.gather import Source, gather, read_source
-from pentimento.demonstrations.made_up_hands import MadeUpConfig, made_up_sessions
-from pentimento.demonstrations.pictures import sheet, sheet_of_mended
-from pentimento.demonstrations.repair import Limits
+from pentimento.handwriting.figures import sheet, sheet_of_mended
+from pentimento.handwriting.gather import Source, gather, read_source
+from pentimento.handwriting.repair import Limits
+from pentimento.handwriting.synthetic_writers import MadeUpConfig, made_up_sessions
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ConfigError
@@ -18,7 +19,12 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.ranges import at_least
-from pentimento.objectives.settings import style_of
+from pentimento.control.execute import Session, execute
+from pentimento.control.painter import Image, Painting, as_linear, foretell, observe, paint
+from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.dynamics.strokes.extended import StrokeModel, base_model, read_stroke_model
+from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.memory import beyond_fit, foreseen
 from pentimento.planning.objective import PrintObjective
@@ -30,13 +36,7 @@ from pentimento.robots.driver import Robot
 from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.act import Session, execute
-from pentimento.runner.observe import calibrate_camera
-from pentimento.runner.painter import Image, Painting, as_linear, foretell, observe, paint
-from pentimento.runner.safety import GuardedRobot, envelope_for
-from pentimento.stroke_dynamics.extended import StrokeModel, base_model, read_stroke_model
-from pentimento.stroke_dynamics.planned import TorchBrush
-from pentimento.stroke_dynamics.traj2stroke import read_parameters
+from pentimento.semantics.style.settings import style_of
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import entry_of, load_section

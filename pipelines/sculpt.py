@@ -17,27 +17,27 @@ from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import write_shards
-from pentimento.planning.sculptor.config import SculptorConfig
-from pentimento.planning.sculptor.goal import GoalFit, GoalSettings, fit_goal
-from pentimento.planning.sculptor.model import PushModel
-from pentimento.planning.sculptor.objective import ClayObjective
-from pentimento.planning.sculptor.plan import PushPlan, plan
-from pentimento.planning.sculptor.rollout import Foresight
-from pentimento.push_dynamics.analytic_correction import corrected
-from pentimento.push_dynamics.planned import planned_members
-from pentimento.push_dynamics.push_model import read_push_model
+from pentimento.control.execute import Session
+from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
+from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.control.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
+from pentimento.dynamics.pushes.analytic_correction import corrected
+from pentimento.dynamics.pushes.planned import planned_members
+from pentimento.dynamics.pushes.push_model import read_push_model
+from pentimento.goals3d.measures import met, read_by
+from pentimento.goals3d.reading import LetterReader
+from pentimento.goals3d.shading import photograph
+from pentimento.goals3d.sources import relief_of
+from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.pushes.goal import GoalFit, GoalSettings, fit_goal
+from pentimento.planning.pushes.model import PushModel
+from pentimento.planning.pushes.objective import ClayObjective
+from pentimento.planning.pushes.plan import PushPlan, plan
+from pentimento.planning.pushes.rollout import Foresight
 from pentimento.report.pictures import time_lapse
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.robots.sculpting import SculptingRobot
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
-from pentimento.runner.act import Session
-from pentimento.runner.push_act import HEIGHT_PER_UNIT_M
-from pentimento.runner.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.runner.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
-from pentimento.sculpting_goals.measures import met, read_by
-from pentimento.sculpting_goals.reading import LetterReader
-from pentimento.sculpting_goals.shading import photograph
-from pentimento.sculpting_goals.sources import relief_of
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run

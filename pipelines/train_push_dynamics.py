@@ -13,13 +13,13 @@ import torch
 from pentimento.contracts.images import write_png
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.push_dynamics.evaluation import predict, scores
-from pentimento.push_dynamics.losses import height_errors
-from pentimento.push_dynamics.measured import PushSamples, load_pushes
-from pentimento.push_dynamics.pictures import comparison
-from pentimento.push_dynamics.posed_samples import in_pose
-from pentimento.push_dynamics.push_model import PushModel, write_push_model
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, split_by_action, train
+from pentimento.dynamics.pushes.evaluation import predict, scores
+from pentimento.dynamics.pushes.losses import height_errors
+from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
+from pentimento.dynamics.pushes.pictures import comparison
+from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.push_model import PushModel, write_push_model
+from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.stroke_dynamics.evaluation import (
+from pentimento.dynamics.strokes.evaluation import (
     StrokeScores,
     mean_iou,
     mean_squared_error,
@@ -15,10 +15,10 @@ from pentimento.stroke_dynamics.evaluation import (
     score,
     score_model,
 )
-from pentimento.stroke_dynamics.polyline import blank, fit_polyline
-from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
-from pentimento.stroke_dynamics.training import TrainingConfig, split_by_action, train
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from pentimento.dynamics.strokes.polyline import blank, fit_polyline
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action, train
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run

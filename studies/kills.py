@@ -32,10 +32,10 @@ from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.tables import write_table
 from pentimento.copainting.goal.planner import build_goal_planner, save_goal_planner, text_encoder_of
 from pentimento.copainting.goal.vae import build_vae
+from pentimento.dynamics.strokes.extended import base_model, model_files
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.stroke_dynamics.extended import base_model, model_files
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pipelines._config import load_section, read_yaml
 from pipelines._io import end_with_parent
 from pipelines._repro import merge

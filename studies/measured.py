@@ -16,7 +16,7 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.gap.write import write_diagnosis
+from pentimento.diagnosis.strokes.write import write_diagnosis
 
 FIGURES_OF = ("brush_2022a", "sharpie_short")
 DOCS = Path("docs")

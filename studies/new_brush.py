@@ -134,7 +134,7 @@ def paint_with(seed: int, pipeline: Path, folder: Path) -> Painted:
     told.write_text(tool_text((folder / f"src/pentimento/robots/tools/{LIKE}.toml").read_text(), size))
     hidden.write_text(world_text(world))
     began = time.perf_counter()
-    new = ["pentimento.cli", "new", "tool", NAME, "--like", LIKE, "--tool-file", str(told), "--world", str(hidden)]
+    new = ["pentimento.cli.main", "new", "tool", NAME, "--like", LIKE, "--tool-file", str(told), "--world", str(hidden)]
     _run(new, folder)
     _run(["dvc", "repro", "-s", *(f"{stage}@{NAME}" for stage in STAGES)], folder)
     seconds = time.perf_counter() - began

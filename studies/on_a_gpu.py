@@ -135,7 +135,7 @@ without a GPU.
 ## The renderer
 
 400 and 4000 strokes of 32 points as in [the benchmarks](benchmarks.md); medians, in brackets the fastest run.
-`tests/stroke_dynamics/test_triton_kernel.py` compares images and gradients with the dense reference and with the
+`tests/dynamics/strokes/test_triton_kernel.py` compares images and gradients with the dense reference and with the
 CPU's kernel wherever a GPU is at hand.
 
 {renderer}

@@ -21,18 +21,18 @@ import numpy as np
 import pyarrow as pa
 import torch
 
+from pentimento.collection.collect_pushes import collect_pushes
+from pentimento.collection.push_design import PushCollectionConfig
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.push_dynamics.conditioned import adapted, together
-from pentimento.push_dynamics.evaluation import predict, score, scores
-from pentimento.push_dynamics.measured import PushSamples, load_pushes
-from pentimento.push_dynamics.posed_samples import in_pose
-from pentimento.push_dynamics.push_model import PushModel, read_push_model, write_push_model
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, split_by_action, train
+from pentimento.dynamics.pushes.conditioned import adapted, together
+from pentimento.dynamics.pushes.evaluation import predict, score, scores
+from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
+from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.push_model import PushModel, read_push_model, write_push_model
+from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
-from pentimento.runner.collect_pushes import collect_pushes
-from pentimento.runner.push_design import PushCollectionConfig
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld, load_clay_world
 from studies.push_models_page import page

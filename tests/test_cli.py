@@ -13,19 +13,20 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pentimento.cli import main
+from pentimento.cli import calibrate as calibrate_command
+from pentimento.cli.main import main
+from pentimento.collection import collect
+from pentimento.collection.design import CollectionConfig, Command
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table
+from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner import calibrate_command, collect
-from pentimento.runner.design import CollectionConfig, Command
-from pentimento.runner.safety import GuardedRobot, envelope_for
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import WORLDS, load_world
 
@@ -124,7 +125,7 @@ def test_a_base_that_is_no_stroke_model_is_refused_at_once(tmp_path: Path, capsy
 
 
 def test_without_the_workshop_diagnose_says_what_to_install(tmp_path: Path) -> None:
-    lean = "import sys; sys.modules['torch'] = None; from pentimento.cli import main; sys.exit(main(sys.argv[1:]))"
+    lean = "import sys; sys.modules['torch'] = None; from pentimento.cli.main import main; sys.exit(main(sys.argv[1:]))"
     arguments = ["diagnose", str(tmp_path), "--out", str(tmp_path / "out")]
     done = subprocess.run([sys.executable, "-c", lean, *arguments], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1 and not (tmp_path / "out").exists()

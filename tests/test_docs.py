@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from pentimento import cli
+from pentimento.cli import main as cli
 from pipelines._config import read_yaml
-from tests.imports import ROOT
+from pipelines._imports import ROOT
 
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")] + sorted((ROOT / "docs").glob("*.md"))
 CODE = ("src", "pipelines", "studies", "benchmarks", "tests")
@@ -213,7 +213,7 @@ def test_the_paths_it_names_are_there(page: Path) -> None:
     assert not gone
 
 
-@pytest.mark.parametrize("path", ["runner/safty.py", "tests/runner/test_{lens,glass}.py", "data/stroke/<tool>/"])
+@pytest.mark.parametrize("path", ["control/safty.py", "tests/calibration/test_{lens,glass}.py", "data/stroke/<tool>/"])
 def test_a_wrong_path_is_noticed(path: str) -> None:
     assert not all(is_there(each) for each in expanded(path) if looks_like_a_path(each))
 

@@ -21,8 +21,8 @@ from pentimento.render.kernel import render, render_backward
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.act import Session, execute
-from pentimento.runner.safety import GuardedRobot, envelope_for
+from pentimento.control.execute import Session, execute
+from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 

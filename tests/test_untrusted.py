@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.sculpting_goals.height_files import height_file_relief
-from pentimento.sculpting_goals.sources import GoalError
-from tests.imports import PIPELINES, ROOT, SOURCES
+from pentimento.goals3d.height_files import height_file_relief
+from pentimento.goals3d.sources import GoalError
+from pipelines._imports import PIPELINES, ROOT, SOURCES
 
 CODE = [*SOURCES, *PIPELINES, *sorted((ROOT / "studies").rglob("*.py"))]
 UNPICKLING = {"pickle", "cPickle", "dill", "joblib", "cloudpickle", "shelve", "marshal"}

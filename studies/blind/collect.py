@@ -12,17 +12,17 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.calibration.observe import calibrate_camera, rectify, window_in_camera
+from pentimento.collection.record import record_stroke
 from pentimento.contracts.covariates import drawn_length_m, fresh_memory, new_sheet
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
+from pentimento.control.execute import Session, execute_stroke
+from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.robots.tools import Tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.act import Session, execute_stroke
-from pentimento.runner.observe import calibrate_camera, rectify, window_in_camera
-from pentimento.runner.record import record_stroke
-from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.studio.world import World
 from studies.blind.design import Command, View
 from studies.blind.easel import Disturbance, Easel

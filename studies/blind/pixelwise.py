@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.foretell import Model, identity
-from pentimento.gap.jacobian import linearise
-from pentimento.gap.measured import Measured
-from pentimento.stroke_dynamics.simulation import Mechanism, NotObservable
+from pentimento.diagnosis.strokes.jacobian import linearise
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.predict import Model, identity
+from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable
 
 Array = NDArray[Any]
 

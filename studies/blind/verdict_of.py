@@ -18,14 +18,14 @@ import pyarrow.parquet as pq
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.gap.diagnose import Diagnosis, diagnose
-from pentimento.gap.elsewhere import gap_closed_on, paints_of
-from pentimento.gap.measured import Measured, load_measured
-from pentimento.gap.next_actions import as_table, proposal_for
-from pentimento.gap.quarantine import sound_rows
-from pentimento.gap.survey import survey
-from pentimento.gap.verdict import verdict
-from pentimento.stroke_dynamics.mechanisms import VOCABULARY
+from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for
+from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.diagnosis.strokes.screening import survey
+from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from studies.blind.pixelwise import named_by_pixels
 
 

@@ -9,14 +9,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.collection.collect_pushes import collect_pushes
+from pentimento.collection.push_design import PushCollectionConfig
 from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.schema import arrow_schema
+from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.robots.sculpting import Push
 from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
-from pentimento.runner.collect_pushes import collect_pushes
-from pentimento.runner.push_act import HEIGHT_PER_UNIT_M
-from pentimento.runner.push_design import PushCollectionConfig
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld
 from studies.blind.decoys import draw_decoys

@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.gap.pushes.fit import fit
-from pentimento.gap.pushes.jacobian import derivatives
-from pentimento.gap.pushes.measured import PIXELS_PER_M, cropped
-from pentimento.gap.pushes.measured import measure as measure_pushes
-from pentimento.push_dynamics.analytic import first_model
-from pentimento.push_dynamics.measured import PushSamples, load_pushes
+from pentimento.diagnosis.pushes.fit import fit
+from pentimento.diagnosis.pushes.jacobian import derivatives
+from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, cropped
+from pentimento.diagnosis.pushes.measured import measure as measure_pushes
+from pentimento.dynamics.pushes.analytic import first_model
+from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
 from studies.blind.strength import Strength, StrengthError
 from studies.blind_pushes.collect import as_table, rows_with_and_without
 from studies.blind_pushes.worlds import Sketch

@@ -16,11 +16,11 @@ import pyarrow as pa
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.gap.judged import PUSHES
-from pentimento.gap.pushes.diagnose import PushDiagnosis, diagnose
-from pentimento.gap.pushes.write import usable
-from pentimento.gap.verdict import verdict
-from pentimento.push_dynamics.mechanisms import VOCABULARY
+from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
+from pentimento.diagnosis.pushes.write import usable
+from pentimento.diagnosis.result import PUSHES
+from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
 
 def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[dict[str, Any], PushDiagnosis]:

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from pentimento.collection.push_design import PushCollectionConfig
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
-from pentimento.runner.push_design import PushCollectionConfig
 from pentimento.studio.clay.world import ClayEffects, ClayWorld, load_clay_world
 
 Stratum = Literal["none", "one", "two", "outside"]

@@ -18,26 +18,26 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pentimento.bundle.onnx_header import read_header
+from pentimento.bundle.reader import open_bundle
 from pentimento.contracts import pushes, strokes
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.images import decode_png, encode_png, read_image
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, read_plan, write_plan
 from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import read_table
-from pentimento.gap.quarantine import sound_rows
-from pentimento.push_dynamics.measured import load_pushes
-from pentimento.recordings.lerobot_in import Told, import_lerobot
-from pentimento.recordings.lerobot_out import export_lerobot
-from pentimento.recordings.photo_pairs import import_photo_pairs
-from pentimento.recordings.place import Placement
+from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.dynamics.pushes.measured import load_pushes
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
+from pentimento.goals3d.height_files import height_file_relief
+from pentimento.goals3d.meshes import mesh_relief
+from pentimento.io.lerobot_in import Told, import_lerobot
+from pentimento.io.lerobot_out import export_lerobot
+from pentimento.io.photo_pairs import import_photo_pairs
+from pentimento.io.place import Placement
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
-from pentimento.runner.bundle import open_bundle
-from pentimento.runner.onnx_header import read_header
-from pentimento.sculpting_goals.height_files import height_file_relief
-from pentimento.sculpting_goals.meshes import mesh_relief
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters, read_parameters
 from pentimento.studio.clay.world import load_clay_world
 from pentimento.studio.world import WORLDS, load_world
 from pipelines._config import load_section

@@ -16,13 +16,13 @@ import numpy as np
 import torch
 
 from pentimento.contracts.images import write_png
-from pentimento.demonstrations.gather import Gathered, gather
-from pentimento.demonstrations.pictures import sheet, sheet_of_mended
-from pentimento.demonstrations.repair import Limits
-from pentimento.stroke_hands.demonstrated import Demonstrated, demonstrated
-from pentimento.stroke_hands.latent_map import drawn_map, flat_map
-from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
-from pentimento.stroke_hands.training import Course, TrajVAEConfig, pretrain
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated
+from pentimento.handwriting.figures import sheet, sheet_of_mended
+from pentimento.handwriting.gather import Gathered, gather
+from pentimento.handwriting.latent_map import drawn_map, flat_map
+from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
+from pentimento.handwriting.repair import Limits
+from pentimento.handwriting.training import Course, TrajVAEConfig, pretrain
 from pipelines._io import write_json
 from studies.hands.by_number import told_by_number
 from studies.hands.held_out import SAMPLERS, SessionResult, held_out_sessions, pretrained_without, told_apart

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.stroke_hands.demonstrated import Demonstrated
-from pentimento.stroke_hands.sampling import sampled_strokes
-from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune
-from pentimento.stroke_hands.trajvae import Strokes, TrajVAE
-from pentimento.stroke_hands.who_drew import difference_auc
+from pentimento.handwriting.demonstrated import Demonstrated
+from pentimento.handwriting.sampling import sampled_strokes
+from pentimento.handwriting.training import TrajVAEConfig, fine_tune
+from pentimento.handwriting.trajvae import Strokes, TrajVAE
+from pentimento.handwriting.writer_classifier import difference_auc
 from studies.hands.held_out import own_and_others, unheard
 
 FloatArray = NDArray[np.float64]

@@ -13,13 +13,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.stroke_hands.demonstrated import Demonstrated
-from pentimento.stroke_hands.hand_files import hand_of
-from pentimento.stroke_hands.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
-from pentimento.stroke_hands.sampling import in_standard_frame, sampled_strokes
-from pentimento.stroke_hands.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.stroke_hands.trajvae import Strokes, TrajVAE
-from pentimento.stroke_hands.who_drew import difference_auc
+from pentimento.handwriting.demonstrated import Demonstrated
+from pentimento.handwriting.hand_files import hand_of
+from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
+from pentimento.handwriting.sampling import in_standard_frame, sampled_strokes
+from pentimento.handwriting.training import TrajVAEConfig, fine_tune, pretrain
+from pentimento.handwriting.trajvae import Strokes, TrajVAE
+from pentimento.handwriting.writer_classifier import difference_auc
 from studies.hands.samplers import copies, gaussian
 
 FloatArray = NDArray[np.float64]

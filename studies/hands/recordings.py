@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pentimento.demonstrations.recording import Recording, recording
+from pentimento.handwriting.recording import Recording, recording
 
 TABLET_M = 0.2
 """A canvas unit of the web tablet is taken to be so long; its size was not recorded."""

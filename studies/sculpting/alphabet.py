@@ -17,17 +17,17 @@ import torch
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import write_png
-from pentimento.planning.sculptor.goal import fit_goal
-from pentimento.planning.sculptor.objective import ClayObjective
+from pentimento.control.execute import Session
+from pentimento.control.execute_push import execute_push
+from pentimento.control.sculptor import sculpt, seen_m
+from pentimento.goals3d.measures import met, read_by
+from pentimento.goals3d.reading import LetterReader
+from pentimento.goals3d.shading import photograph
+from pentimento.goals3d.sources import relief_of
+from pentimento.planning.pushes.goal import fit_goal
+from pentimento.planning.pushes.objective import ClayObjective
 from pentimento.robots.end_effectors import EndEffector
 from pentimento.robots.sculpting import SculptingRobot
-from pentimento.runner.act import Session
-from pentimento.runner.push_act import execute_push
-from pentimento.runner.sculptor import sculpt, seen_m
-from pentimento.sculpting_goals.measures import met, read_by
-from pentimento.sculpting_goals.reading import LetterReader
-from pentimento.sculpting_goals.shading import photograph
-from pentimento.sculpting_goals.sources import relief_of
 from studies.sculpting.clay import Settings, model_of, robot_with, settings
 
 REACH_M = (0.0015, 0.002, 0.0027, 0.0036, 0.005, 0.0095)

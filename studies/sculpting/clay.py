@@ -9,20 +9,20 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.collection.collect_pushes import collect_pushes
+from pentimento.collection.push_design import PushCollectionConfig
 from pentimento.contracts.atomic import atomic_folder
-from pentimento.planning.sculptor.config import SculptorConfig
-from pentimento.push_dynamics.measured import load_pushes
-from pentimento.push_dynamics.planned import TorchClay, planned_members
-from pentimento.push_dynamics.posed_samples import in_pose
-from pentimento.push_dynamics.push_model import read_push_model, write_push_model
-from pentimento.push_dynamics.training import TrainingConfig, crop_for, train
+from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.control.sculptor import Execution
+from pentimento.dynamics.pushes.measured import load_pushes
+from pentimento.dynamics.pushes.planned import TorchClay, planned_members
+from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
+from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, train
+from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.robots.sculpting import SculptingRobot
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
-from pentimento.runner.collect_pushes import collect_pushes
-from pentimento.runner.push_design import PushCollectionConfig
-from pentimento.runner.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.runner.sculptor import Execution
 from pipelines._config import load_section
 from pipelines.collect_pushes import CollectPushes
 from pipelines.sculpt import Sculpt

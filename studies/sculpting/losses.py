@@ -15,12 +15,12 @@ import torch
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import write_png
-from pentimento.planning.sculptor.goal import fit_goal
-from pentimento.planning.sculptor.objective import ClayObjective
-from pentimento.runner.act import Session
-from pentimento.runner.sculptor import sculpt, seen_m
-from pentimento.sculpting_goals.shading import photograph
-from pentimento.sculpting_goals.sources import relief_of
+from pentimento.control.execute import Session
+from pentimento.control.sculptor import sculpt, seen_m
+from pentimento.goals3d.shading import photograph
+from pentimento.goals3d.sources import relief_of
+from pentimento.planning.pushes.goal import fit_goal
+from pentimento.planning.pushes.objective import ClayObjective
 from studies.sculpting.clay import model_of, robot_with, settings
 
 ACTIONS = 50

@@ -17,14 +17,14 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.planning.sculptor.actions import Reach
-from pentimento.planning.sculptor.config import SculptorConfig
-from pentimento.planning.sculptor.goal import fit_goal
-from pentimento.planning.sculptor.objective import ClayObjective
-from pentimento.planning.sculptor.plan import plan
-from pentimento.planning.sculptor.rollout import Foresight
-from pentimento.runner.sculptor import reach_for, seen_m
-from pentimento.sculpting_goals.sources import relief_of
+from pentimento.control.sculptor import reach_for, seen_m
+from pentimento.goals3d.sources import relief_of
+from pentimento.planning.pushes.actions import Reach
+from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.pushes.goal import fit_goal
+from pentimento.planning.pushes.objective import ClayObjective
+from pentimento.planning.pushes.plan import plan
+from pentimento.planning.pushes.rollout import Foresight
 from studies.sculpting.clay import model_of, robot_with, settings
 
 Array = NDArray[np.float32]

@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import write_png
-from pentimento.planning.sculptor.goal import fit_goal
-from pentimento.planning.sculptor.model import PushModel
-from pentimento.planning.sculptor.objective import ClayObjective, Weights
-from pentimento.planning.sculptor.plan import plan
-from pentimento.planning.sculptor.rollout import Foresight
+from pentimento.control.execute_push import execute_push
+from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.control.sculptor import reach_for, seen_m
+from pentimento.goals3d.shading import photograph
+from pentimento.planning.pushes.goal import fit_goal
+from pentimento.planning.pushes.model import PushModel
+from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.pushes.plan import plan
+from pentimento.planning.pushes.rollout import Foresight
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
-from pentimento.runner.push_act import execute_push
-from pentimento.runner.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.runner.sculptor import reach_for, seen_m
-from pentimento.sculpting_goals.shading import photograph
 from studies.sculpting.chamfer import ChamferObjective
 from studies.sculpting.clay import Settings, model_of, settings
 

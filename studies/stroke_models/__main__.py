@@ -20,7 +20,7 @@ import torch
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.gap.quarantine import sound_rows
+from pentimento.diagnosis.strokes.quarantine import sound_rows
 from studies.stroke_models import figures, page
 from studies.stroke_models.compare import Results, compare, read_results
 from studies.stroke_models.measured import BRUSHES, PENS, held_out_of, parts

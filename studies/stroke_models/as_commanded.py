@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import torch
 
-from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.training import Log, TrainingConfig, descend, first_guess, predict
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
+from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, first_guess, predict
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 
 
 def is_pressed(path: torch.Tensor) -> bool:

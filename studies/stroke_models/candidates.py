@@ -14,15 +14,14 @@ import torch
 from torch import Tensor
 
 from pentimento.contracts.errors import ContractError
-from pentimento.gap.diagnose import diagnose
-from pentimento.gap.measured import covariates_of, load_measured
-from pentimento.stroke_dynamics.carried_paint import carried_paint
-from pentimento.stroke_dynamics.evaluation import mean_iou, predict_with
-from pentimento.stroke_dynamics.extended import MeasuredStrokes, StrokeModel, base_model, pace_of, predict_extended
-from pentimento.stroke_dynamics.joint import fit_jointly
-from pentimento.stroke_dynamics.mechanisms import VOCABULARY
-from pentimento.stroke_dynamics.networks.coverage import laid
-from pentimento.stroke_dynamics.networks.fit import (
+from pentimento.diagnosis.strokes.diagnose import diagnose
+from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
+from pentimento.dynamics.strokes.evaluation import mean_iou, predict_with
+from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, pace_of, predict_extended
+from pentimento.dynamics.strokes.joint import fit_jointly
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.dynamics.strokes.networks.coverage import laid
+from pentimento.dynamics.strokes.networks.fit import (
     Setting,
     fit_param2stroke,
     fit_path_image_cnn,
@@ -30,12 +29,13 @@ from pentimento.stroke_dynamics.networks.fit import (
     fit_trajectory_cnn,
     foretold,
 )
-from pentimento.stroke_dynamics.networks.imprint import fit_imprint
-from pentimento.stroke_dynamics.networks.stamp import fit_stamp
-from pentimento.stroke_dynamics.polyline import blank, fit_polyline
-from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
-from pentimento.stroke_dynamics.training import TrainingConfig, train, weighted_l1
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke
+from pentimento.dynamics.strokes.networks.soft_edge import fit_imprint
+from pentimento.dynamics.strokes.networks.stamp import fit_stamp
+from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.polyline import blank, fit_polyline
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.training import TrainingConfig, train, weighted_l1
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
 from studies.stroke_models.as_commanded import is_pressed, train_unscaled
 
 Foretell = Callable[[MeasuredStrokes], Tensor]

@@ -13,9 +13,9 @@ import pyarrow as pa
 import torch
 from torch import Tensor
 
-from pentimento.stroke_dynamics.evaluation import score
-from pentimento.stroke_dynamics.extended import MeasuredStrokes
-from pentimento.stroke_dynamics.samples import StrokeSamples
+from pentimento.dynamics.strokes.evaluation import score
+from pentimento.dynamics.strokes.extended import MeasuredStrokes
+from pentimento.dynamics.strokes.samples import StrokeSamples
 from studies.stroke_models.candidates import NAMES, Foretell, Training, load_strokes
 
 SHOWN = 8

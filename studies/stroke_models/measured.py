@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pentimento.gap.quarantine import sound_rows
+from pentimento.diagnosis.strokes.quarantine import sound_rows
 
 BRUSHES = (
     "brush_2022a", "brush_2022b", "brush_2022c_16x20", "brush_big_11x14", "brush_big_16x20", "brush_small_16x20",

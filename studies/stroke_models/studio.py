@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.collection.design import CollectionConfig, design_collection
 from pentimento.contracts.frames import canvas_to_pixel, window_around
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import Tool, load_tool
-from pentimento.runner.design import CollectionConfig, design_collection
 from pentimento.studio.world import load_world
 from studies.blind.collect import as_table, record_world
 from studies.blind.design import Command, View

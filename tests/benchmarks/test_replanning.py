@@ -6,7 +6,7 @@ from benchmarks.replanning import time_steps
 from pentimento.planning.model import Array
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.scene import scene_with
-from tests.runner.line_brush import SIDE_M, LineBrush, easel
+from tests.bundle.line_brush import SIDE_M, LineBrush, easel
 
 
 class Heard:

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from pentimento.copainting.evaluation.goal_plans import Easel, Medium
 from pentimento.copainting.scenes.ink_tones import InkTones
+from pentimento.dynamics.strokes.extended import base_model
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
-from pentimento.stroke_dynamics.extended import base_model
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 SIDE_PX = 32
 PLANNER = PlannerConfig(

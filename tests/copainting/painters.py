@@ -10,12 +10,12 @@ from pentimento.copainting.scenes.ink_tones import InkTones
 from pentimento.copainting.synthesis.guided_descent import Guidance
 from pentimento.copainting.synthesis.pairs import Setting
 from pentimento.copainting.synthesis.partials import PartialsConfig
+from pentimento.dynamics.strokes.extended import base_model, model_files
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.palette import PaletteChoice
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.stroke_dynamics.extended import base_model, model_files
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 PARTIALS = PartialsConfig(2, (0.25, 0.75), (0.3,), 1, 0.5, 0.001)
 PLANNER = PlannerConfig(

@@ -12,17 +12,17 @@ import torch
 from pentimento.contracts.covariates import CARRIED
 from pentimento.copainting.goal.planner import save_goal_planner
 from pentimento.deploy.bundle import Asking, ClayConfig, DeployConfig, Models, SettingConfig, write_bundle
+from pentimento.dynamics.pushes.param2deform import Param2Deform
+from pentimento.dynamics.pushes.pose import Crop
+from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
+from pentimento.dynamics.strokes.extended import StrokeModel
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.dynamics.strokes.simulation import Mechanism
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.fitted import Pace, Span
-from pentimento.push_dynamics.param2deform import Param2Deform
-from pentimento.push_dynamics.pose import Crop
-from pentimento.push_dynamics.push_model import PushFacts, PushModel
 from pentimento.semantics.encoder import Encoder, new_model
-from pentimento.stroke_dynamics.extended import StrokeModel
-from pentimento.stroke_dynamics.mechanisms import VOCABULARY
-from pentimento.stroke_dynamics.simulation import Mechanism
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
-from tests.runner.tiny_bundle import CANVAS_M, PLANNER
 
 CONFIG = DeployConfig(
     tolerance=1e-4,

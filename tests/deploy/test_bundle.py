@@ -5,17 +5,17 @@ import json
 import numpy as np
 import pytest
 
+from pentimento.bundle.graphs import Graphs
+from pentimento.bundle.push_graphs import GraphClay
+from pentimento.bundle.reader import open_bundle
+from pentimento.control.safety import envelope_for
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
+from pentimento.dynamics.pushes.planned import planned_clay
 from pentimento.planning.model import Marks
 from pentimento.planning.strokes import Strokes
-from pentimento.push_dynamics.planned import planned_clay
 from pentimento.robots.tools import load_tool
-from pentimento.runner.bundle import open_bundle
-from pentimento.runner.graphs import Graphs
-from pentimento.runner.push_graphs import GraphClay
-from pentimento.runner.safety import envelope_for
+from tests.bundle.tiny_bundle import CANVAS_M
 from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle
-from tests.runner.tiny_bundle import CANVAS_M
 
 pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from pentimento.bundle.assignment import MOST_CELLS
+from pentimento.bundle.views import views_of
 from pentimento.deploy.objective_graphs import semantic_value, text_value
-from pentimento.objectives.style import _MOST
-from pentimento.runner.pairing import MOST_CELLS
-from pentimento.runner.views import views_of
 from pentimento.semantics.objective import SemanticObjective, TextObjective
+from pentimento.semantics.style.style import _MOST
 from tests.copainting.goal_planners import small_encoder
 
 SEED = 4

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
+from pentimento.bundle.push_graphs import ClayFacts, GraphClay
 from pentimento.contracts.errors import ContractError
 from pentimento.deploy.graphs import Graph, session
 from pentimento.deploy.push_graphs import clay_graphs
-from pentimento.planning.sculptor.model import PushModel as Seam
-from pentimento.push_dynamics.param2deform import Param2Deform
-from pentimento.push_dynamics.planned import TorchClay, planned_clay
-from pentimento.push_dynamics.pose import Crop
-from pentimento.push_dynamics.push_model import PushFacts, PushModel
-from pentimento.runner.push_graphs import ClayFacts, GraphClay
+from pentimento.dynamics.pushes.param2deform import Param2Deform
+from pentimento.dynamics.pushes.planned import TorchClay, planned_clay
+from pentimento.dynamics.pushes.pose import Crop
+from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
+from pentimento.planning.pushes.model import PushModel as Seam
 
 FACTS = PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 1)
 WINDOW = np.array([0.0, 0.0, 0.1, 0.08])

@@ -5,10 +5,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from pentimento.bundle.onnx_header import read_header
 from pentimento.deploy.graphs import ParityError, compared, generator, relative_difference, session
 from pentimento.deploy.tracing import IR_VERSION, OPSET, export
-from pentimento.runner.onnx_header import read_header
-from pentimento.stroke_dynamics.mechanisms.geometry import at_lengths
+from pentimento.dynamics.strokes.mechanisms.geometry import at_lengths
 
 WEIGHT = torch.linspace(-1, 1, 6).reshape(2, 3)
 UNITS = {"x": "1", "value": "1", "slope": "1"}

@@ -12,7 +12,7 @@ from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pipelines._config import read_yaml
-from tests.imports import ROOT
+from pipelines._imports import ROOT
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
+from pentimento.bundle.reader import BundleError, open_bundle
+from pentimento.contracts.codec import to_plain
 from pentimento.deploy.bundle import DeployConfig, Models
 from pentimento.deploy.graphs import ParityError
-from pentimento.push_dynamics.push_model import write_push_model
-from pentimento.runner.bundle import BundleError, open_bundle
-from pentimento.runner.plain import to_plain
-from pentimento.stroke_dynamics.extended import model_files
+from pentimento.dynamics.pushes.push_model import write_push_model
+from pentimento.dynamics.strokes.extended import model_files
 from pipelines import deploy
 from pipelines._tracking import input_digest
 from pipelines._tracking.families import experiment_of

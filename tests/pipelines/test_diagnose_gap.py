@@ -12,15 +12,15 @@ from ruamel.yaml import YAML
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
-from pentimento.stroke_dynamics.extended import read_stroke_model
-from pentimento.stroke_dynamics.mechanisms import VOCABULARY
-from pentimento.stroke_dynamics.samples import load_samples
-from pentimento.stroke_dynamics.training import TrainingConfig, train
-from pentimento.stroke_dynamics.traj2stroke import read_parameters
+from pentimento.dynamics.strokes.extended import read_stroke_model
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.dynamics.strokes.samples import load_samples
+from pentimento.dynamics.strokes.training import TrainingConfig, train
+from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pipelines._config import read_yaml
+from pipelines._imports import ROOT
 from pipelines._tracking.families import experiment_of
 from pipelines.diagnose_gap import main
-from tests.imports import ROOT
 
 HELD_OUT = list(range(0, 72, 5))
 

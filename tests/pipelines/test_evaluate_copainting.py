@@ -18,10 +18,10 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import write_table
 from pentimento.copainting.goal.planner import save_goal_planner
 from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.dynamics.strokes.extended import base_model, model_files
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.stroke_dynamics.extended import base_model, model_files
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pipelines import evaluate_copainting
 from tests.copainting.goal_planners import small_planner
 

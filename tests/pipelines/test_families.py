@@ -3,9 +3,9 @@
 import pytest
 
 from pipelines._config import read_yaml
+from pipelines._imports import ROOT
 from pipelines._review.judgement import less_is_better
 from pipelines._tracking.families import FAMILIES, HEADLINES, OTHER, experiment_of, experiments, family_of
-from tests.imports import ROOT
 
 STAGES = list(read_yaml(ROOT / "dvc.yaml")["stages"])
 

@@ -14,10 +14,10 @@ import pipelines.train_trajvae as train
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.plan import read_plan
+from pentimento.dynamics.strokes.extended import base_model, model_files
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.stroke_dynamics.extended import base_model, model_files
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pipelines._config import load_section
 from pipelines._io import write_json
 

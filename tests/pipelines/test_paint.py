@@ -7,8 +7,8 @@ import pytest
 
 from pentimento.contracts.errors import ConfigError
 from pipelines._config import load_section
+from pipelines._imports import ROOT
 from pipelines.paint import Paint
-from tests.imports import ROOT
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,11 @@ import pytest
 
 from pentimento.contracts.errors import PentimentoError
 from pipelines import plan_scale
+from pipelines._imports import ROOT
 from pipelines._review.rates import CLUSTER, Rates, needed_for, read_rates, shard_seconds, sizes_of
 from pipelines._review.scale import Plan
 from pipelines._tracking.store import experiment_id, open_store, store_errors
 from pipelines._tracking.timings import TIMINGS, write_timing
-from tests.imports import ROOT
 
 SYNTHESIS, SHARD_S, WALL_S = "synthesize_copaintings@marker", 10.0, 47.0
 BEGAN_S = 1000.0

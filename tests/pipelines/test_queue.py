@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from pipelines._imports import ROOT
 from pipelines._review.history import History
 from pipelines._tracking.store import store_errors
-from tests.imports import ROOT
 
 FILES = {
     "dvc.yaml": "stages: {train: {cmd: python train.py, params: [train], metrics: [metrics.json: {cache: false}]}}\n",

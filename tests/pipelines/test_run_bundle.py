@@ -15,8 +15,8 @@ from pentimento.report.html import Album
 from pentimento.report.performances import performances_section, read_performances
 from pipelines import run_bundle as stage
 from pipelines._tracking.families import experiment_of
-from tests.runner.painting_bundle import write_painting_bundle
-from tests.runner.sculpting_bundle import add_clay
+from tests.control.painting_bundle import write_painting_bundle
+from tests.control.sculpting_bundle import add_clay
 
 ROOT = Path(__file__).parents[2]
 PAINTINGS = {

@@ -14,8 +14,8 @@ from pentimento.contracts.height_maps import decode_height_m
 from pentimento.contracts.images import read_image
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.push_dynamics.pose import Crop
-from pentimento.push_dynamics.push_model import PushFacts, PushModel, write_push_model
+from pentimento.dynamics.pushes.pose import Crop
+from pentimento.dynamics.pushes.push_model import PushFacts, PushModel, write_push_model
 
 GOALS = [{"source": "letter:A", "reach_m": 0.004}, {"source": "shape:dome", "reach_m": 0.004}]
 SECTION = {

@@ -9,29 +9,10 @@ from typing import Any
 import pytest
 
 from pipelines._config import read_yaml
-from tests.imports import ROOT, has_code, import_closure
+from pipelines._deps import CODE, with_code_dependencies
+from pipelines._imports import ROOT
 
 STAGES: dict[str, dict[str, Any]] = read_yaml(ROOT / "dvc.yaml")["stages"]
-CODE = ("src/", "pipelines/")
-DATA = {"studio": "*.toml", "robots": "*.toml", "report": "*.css"}  # read when any code of the package is reached
-
-
-def module(stage: str) -> Path:
-    return ROOT / "pipelines" / f"{stage}.py"
-
-
-def code_dependencies(stage: str) -> list[Path]:
-    return [ROOT / dep for dep in STAGES[stage]["deps"] if dep.startswith(CODE)]
-
-
-def needed_files(stage: str) -> set[Path]:
-    """Return the project files that the stage executes or reads as package data."""
-    files = {file for file in import_closure(module(stage)) if has_code(file)}
-    for name, pattern in DATA.items():
-        folder = ROOT / "src/pentimento" / name
-        if any(file.is_relative_to(folder) for file in files):
-            files |= set(folder.rglob(pattern))
-    return files
 
 
 def test_stage_module_and_params_section_bear_one_name() -> None:
@@ -44,26 +25,9 @@ def test_stage_module_and_params_section_bear_one_name() -> None:
         assert stage["params"] == [name]
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_needed_file_is_a_dependency(stage: str) -> None:
-    dependencies = code_dependencies(stage)
-    missing = {
-        str(file.relative_to(ROOT))
-        for file in needed_files(stage)
-        if not any(file.is_relative_to(dependency) for dependency in dependencies)
-    }
-    assert not missing, f"add these (or their folders) to the deps of {stage} in dvc.yaml: {sorted(missing)}"
-
-
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_code_dependency_is_needed(stage: str) -> None:
-    needed = needed_files(stage)
-    idle = [
-        str(dependency.relative_to(ROOT))
-        for dependency in code_dependencies(stage)
-        if not any(file.is_relative_to(dependency) for file in needed)
-    ]
-    assert not idle, f"{stage} does not import these; remove them from its deps in dvc.yaml: {idle}"
+def test_code_dependencies_are_up_to_date() -> None:
+    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
+    assert text == with_code_dependencies(text), "the code dependencies in dvc.yaml are stale; run `make deps`"
 
 
 @pytest.mark.parametrize("stage", STAGES)

@@ -21,9 +21,9 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.tables import read_table, write_table
 from pentimento.copainting.synthesis import shards
+from pipelines._imports import ROOT
 from pipelines.synthesize_copaintings import main
 from tests.copainting.painters import section, write_encoder, write_stroke_model
-from tests.imports import ROOT
 
 SCRATCH = Path(".pentimento/synthesis")
 

@@ -11,7 +11,7 @@ import pipelines.train_push_dynamics as stage
 from pentimento.contracts.images import read_image
 from pentimento.contracts.pushes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
-from pentimento.push_dynamics.push_model import read_push_model
+from pentimento.dynamics.pushes.push_model import read_push_model
 
 SECTION = {
     "side_px": 40, "behind_m": 0.03, "channels": 4, "members": 1, "epochs": 3, "batch": 8, "learning_rate": 0.004,

@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.dynamics.strokes.extended import base_model
+from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import PaletteChoice
@@ -12,9 +15,6 @@ from pentimento.planning.render_plan import render_plan
 from pentimento.planning.scene import Scene, scene_with
 from pentimento.planning.strokes import Strokes
 from pentimento.robots.tools import load_tool
-from pentimento.stroke_dynamics.extended import base_model
-from pentimento.stroke_dynamics.planned import TorchBrush
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 Array = NDArray[np.float32]
 SIZE_M = (0.12, 0.08)

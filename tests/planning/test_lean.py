@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from tests.imports import ROOT
+from pipelines._imports import ROOT
 
 PLAN = """
 import sys
@@ -19,8 +19,8 @@ from pentimento.planning.render_plan import render_plan
 from pentimento.planning.scene import objective_for, scene_with
 from pentimento.planning.target import load_photograph
 from pentimento.robots.tools import load_tool
-import pentimento.runner.painter
-from tests.runner.line_brush import LineBrush, easel
+import pentimento.control.painter
+from tests.bundle.line_brush import LineBrush, easel
 
 blank, target = np.ones((40, 60, 3), np.float32), np.ones((40, 60, 3), np.float32)
 target[10:30, 15:45] = [0.6, 0.1, 0.1]

@@ -6,6 +6,16 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.covariates import CARRIED, fresh_memory
+from pentimento.control.execute import Session, execute_stroke
+from pentimento.dynamics.strokes.extended import StrokeModel, base_model
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.dynamics.strokes.mechanisms.drying_shift import DryingShift
+from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
+from pentimento.dynamics.strokes.mechanisms.speed_density import SpeedDensity
+from pentimento.dynamics.strokes.mechanisms.wet_mixing import WetMixing
+from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.dynamics.strokes.simulation import Mechanism
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.fitted import Pace, Span
 from pentimento.planning.memory import Start, beyond_fit, commanded, foreseen, inherited
 from pentimento.planning.render_plan import Mishap, render_and_back, render_plan
@@ -13,16 +23,6 @@ from pentimento.planning.scene import Scene, inherit, scene_with
 from pentimento.planning.strokes import Strokes, to_planned, with_color
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.act import Session, execute_stroke
-from pentimento.stroke_dynamics.extended import StrokeModel, base_model
-from pentimento.stroke_dynamics.mechanisms import VOCABULARY
-from pentimento.stroke_dynamics.mechanisms.drying_shift import DryingShift
-from pentimento.stroke_dynamics.mechanisms.ink_depletion import InkDepletion
-from pentimento.stroke_dynamics.mechanisms.speed_density import SpeedDensity
-from pentimento.stroke_dynamics.mechanisms.wet_mixing import WetMixing
-from pentimento.stroke_dynamics.planned import TorchBrush
-from pentimento.stroke_dynamics.simulation import Mechanism
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 

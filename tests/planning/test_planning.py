@@ -8,6 +8,7 @@ import pytest
 
 from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
 from pentimento.contracts.errors import ImageError
+from pentimento.control.safety import envelope_for
 from pentimento.planning.config import PlannerConfig, Slack
 from pentimento.planning.descent import descend, half_cosine, optimise
 from pentimento.planning.objective import PrintObjective
@@ -17,7 +18,6 @@ from pentimento.planning.render_plan import render_plan
 from pentimento.planning.strokes import Strokes, to_planned
 from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
-from pentimento.runner.safety import envelope_for
 from tests.planning.scenes import (
     CONFIG,
     INK,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from pentimento.dynamics.strokes.autograd import render_strokes
+from pentimento.dynamics.strokes.reference import render_reference
 from pentimento.render import kernel, render, render_backward
 from pentimento.render.kernel import RenderInputError
-from pentimento.stroke_dynamics.autograd import render_strokes
-from pentimento.stroke_dynamics.reference import render_reference
 
 SHAPE = (23, 31)
 

@@ -13,10 +13,10 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
+from pentimento.dynamics.strokes.polyline import constant_width
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.report.benchmarks import BenchmarkInputs, Timing
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs, read_painting, read_tool
-from pentimento.stroke_dynamics.polyline import constant_width
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 PICTURES = StrokePictures(shown=3, path_points=16, pixels_per_m=1000.0, margin_m=0.012)
 MODEL = Traj2StrokeParameters((0.98, 1.02), (0.0003, -0.0002), 0.6, 0.0008, 0.2, 0.9)

@@ -1,8 +1,8 @@
 from dataclasses import replace
 
+from pentimento.dynamics.strokes.polyline import constant_width
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.report.parameters import parameter_table, polyline_sentence
-from pentimento.stroke_dynamics.polyline import constant_width
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 MODEL = Traj2StrokeParameters((0.98, 1.02), (0.0003, -0.0002), 0.6, 0.0008, 1.0, 0.9)
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import torch
 
+from pentimento.dynamics.strokes.evaluation import score_model
 from pentimento.report.inputs import ToolInputs
 from pentimento.report.stroke_sheet import choose, foretell, stroke_scores
-from pentimento.stroke_dynamics.evaluation import score_model
 
 
 def test_strokes_run_from_the_best_foretold_through_the_median_to_the_worst(tool: ToolInputs) -> None:

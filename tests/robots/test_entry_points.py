@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from pentimento.contracts.errors import ConfigError
-from tests.imports import ROOT
+from pipelines._imports import ROOT
 from tests.robots.machines import make_rig
 
 GROUP = "pentimento.robots"

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
+from pentimento.control.safety import GuardedRobot, LiftError, envelope_for
 from pentimento.robots.arm import pose_from
 from pentimento.robots.franka import Franka, connect
 from pentimento.robots.hardware import HardwareRobot
@@ -20,7 +21,6 @@ from pentimento.robots.machine import HaltedError, MachineError
 from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
-from pentimento.runner.safety import GuardedRobot, LiftError, envelope_for
 
 RIG = load_rig("franka")
 TIP = np.eye(4)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError
+from pentimento.control.safety import GuardedRobot, LiftError, StoppedError, envelope_for
 from pentimento.robots.grbl import connect
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.machine import HaltedError, MachineError
@@ -17,7 +18,6 @@ from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import Rig
 from pentimento.robots.simulated_grbl import Faults, SimulatedGrbl, svg_of
 from pentimento.robots.tools import load_tool
-from pentimento.runner.safety import GuardedRobot, LiftError, StoppedError, envelope_for
 from tests.robots.machines import make_rig
 
 CANVAS_M = (0.3, 0.2)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError
+from pentimento.control.safety import SafetyEnvelope
 from pentimento.robots.rig import _LIMITS, load_rig, rotation_of
-from pentimento.runner.safety import SafetyEnvelope
 
 PLOTTER = """
 name = "mine"

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError
+from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.machine import MachineError
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
-from pentimento.runner.safety import GuardedRobot, envelope_for
-from tests.imports import ROOT
+from pipelines._imports import ROOT
 from tests.robots.machines import make_rig
 
 PAGE = (ROOT / "docs/writing_a_driver.md").read_text()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
+from pentimento.control.safety import GuardedRobot, LiftError, envelope_for
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.journey import poses_of
 from pentimento.robots.machine import HaltedError, MachineError
@@ -17,7 +18,6 @@ from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import Rig, load_rig, rotation_of
 from pentimento.robots.tools import load_tool
 from pentimento.robots.xarm import XArm, connect
-from pentimento.runner.safety import GuardedRobot, LiftError, envelope_for
 
 RIG = load_rig("xarm")
 START_MM = [350.0, 0.0, 60.0, 180.0, 0.0, -90.0]

@@ -3,10 +3,10 @@
 import pytest
 import torch
 
+from pentimento.dynamics.strokes.photometry import srgb_to_linear
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.objective import SemanticObjective, TextObjective
 from pentimento.semantics.saliency import saliency
-from pentimento.stroke_dynamics.photometry import srgb_to_linear
 
 
 @pytest.fixture

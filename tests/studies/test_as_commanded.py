@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.stroke_dynamics.evaluation import predict_with
-from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
+from pentimento.dynamics.strokes.evaluation import predict_with
+from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from studies.stroke_models.as_commanded import is_pressed, train_unscaled
 from studies.stroke_models.candidates import ANALYTIC, load_strokes
 

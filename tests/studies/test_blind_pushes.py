@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pentimento.collection.push_design import PushCollectionConfig
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.gap.pushes.measured import PIXELS_PER_M
-from pentimento.push_dynamics.measured import load_pushes
-from pentimento.runner.push_design import PushCollectionConfig
+from pentimento.diagnosis.pushes.measured import PIXELS_PER_M
+from pentimento.dynamics.pushes.measured import load_pushes
 from studies.blind.make import write_world
 from studies.blind.one_world import SealError, opened
 from studies.blind_pushes.collect import as_table, decoys, rows_with_and_without

@@ -11,7 +11,7 @@ from pentimento.contracts.errors import ContractError, PentimentoError
 from studies.fuzz.mutate import mutated
 from studies.fuzz.run import Tally, _try
 from studies.fuzz.targets import Target, targets
-from tests.runner.tiny_bundle import write_tiny_bundle
+from tests.bundle.tiny_bundle import write_tiny_bundle
 
 EACH = 12
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.demonstrations.gather import gather
-from pentimento.demonstrations.made_up_hands import MadeUpConfig, made_up_sessions
-from pentimento.demonstrations.repair import Limits
-from pentimento.stroke_hands.demonstrated import demonstrated
-from pentimento.stroke_hands.training import Course, TrajVAEConfig
+from pentimento.handwriting.demonstrated import demonstrated
+from pentimento.handwriting.gather import gather
+from pentimento.handwriting.repair import Limits
+from pentimento.handwriting.synthetic_writers import MadeUpConfig, made_up_sessions
+from pentimento.handwriting.training import Course, TrajVAEConfig
 from studies.hands.by_number import told_by_number
 from studies.hands.held_out import SAMPLERS, held_out_sessions, pretrained_without, told_apart
 from studies.hands.page import page

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pentimento.contracts.pushes import example_table
-from pentimento.push_dynamics.measured import load_pushes
+from pentimento.dynamics.pushes.measured import load_pushes
 from studies.push_models import MATERIALS, World, _some, _within, drawn_world
 from studies.push_models_page import page
 

@@ -12,22 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pentimento.contracts.frames import image_shape
-from pentimento.contracts.frames import pixels_per_m as image_scale
-from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.deploy.card import bundle_card
-from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
-from pentimento.deploy.graphs import Graph
-from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
-from pentimento.deploy.push_graphs import clay_graphs
-from pentimento.deploy.stroke_graphs import brush_graphs
-from pentimento.deploy.tracing import IR_VERSION, OPSET
-from pentimento.planning.config import PlannerConfig
-from pentimento.push_dynamics.planned import planned_clay
-from pentimento.push_dynamics.push_model import PushModel
-from pentimento.robots.tools import load_tool
-from pentimento.runner.bundle import (
+from pentimento.bundle.push_graphs import ClayFacts
+from pentimento.bundle.reader import (
     MANIFEST,
     SCHEMA,
     BrushFacts,
@@ -39,11 +25,25 @@ from pentimento.runner.bundle import (
     StyleFacts,
     WordsFacts,
 )
-from pentimento.runner.plain import to_plain
-from pentimento.runner.push_graphs import ClayFacts
-from pentimento.runner.safety import envelope_for
+from pentimento.contracts.codec import to_plain
+from pentimento.contracts.frames import image_shape
+from pentimento.contracts.frames import pixels_per_m as image_scale
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.control.safety import envelope_for
+from pentimento.copainting.goal.planner import GoalPlanner
+from pentimento.deploy.card import bundle_card
+from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
+from pentimento.deploy.graphs import Graph
+from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
+from pentimento.deploy.push_graphs import clay_graphs
+from pentimento.deploy.stroke_graphs import brush_graphs
+from pentimento.deploy.tracing import IR_VERSION, OPSET
+from pentimento.dynamics.pushes.planned import planned_clay
+from pentimento.dynamics.pushes.push_model import PushModel
+from pentimento.dynamics.strokes.extended import StrokeModel
+from pentimento.planning.config import PlannerConfig
+from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
-from pentimento.stroke_dynamics.extended import StrokeModel
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The goal planner's parts as graphs, with what a sampler must know; ``runner.sampler`` asks them."""
+"""The goal planner's parts as graphs, with what a sampler must know; ``bundle.sampler`` asks them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import torch
 from diffusers import DDIMScheduler
 from torch import Tensor, nn
 
+from pentimento.bundle.reader import GoalFacts, WordsFacts
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.deploy.graphs import Graph, compared, generator
 from pentimento.deploy.tracing import export_module
-from pentimento.runner.bundle import GoalFacts, WordsFacts
 
 _UNITS = {
     "tokens": "token numbers, filled up with ends",

@@ -13,8 +13,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.bundle.reader import Port
 from pentimento.contracts.errors import PentimentoError
-from pentimento.runner.bundle import Port
 
 Examples = Callable[[int], Sequence[Tensor]]
 """The arguments of one call, anew for each number, of open sizes that change with it."""

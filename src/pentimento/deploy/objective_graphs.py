@@ -1,8 +1,8 @@
 """Image objectives as graphs: a picture to the objective's value and its gradient in the picture.
 
-Values are those of ``semantics.objective`` and ``objectives.style``; what those draw at random comes as an argument
-here, so that the runner draws it. Pictures may have any size where they are resized for the encoder, since the matrices
-for that are arguments, too (``runner.views``). The print objective is no graph: its compiled code is the lean core's.
+Values are as in ``semantics.objective`` and ``semantics.style.style``; what those draw at random is an argument here,
+so that the runner draws it. Pictures may have any size where they are resized for the encoder, since the matrices
+for that are arguments, too (``bundle.views``). The print objective is no graph: its compiled code is the lean core's.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
+from pentimento.bundle.assignment import MOST_CELLS
+from pentimento.bundle.reader import StyleFacts
+from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.deploy.decompositions import Resizing
 from pentimento.deploy.graphs import Graph, compared, generator
 from pentimento.deploy.tracing import export
-from pentimento.objectives.features import LocalFeatures, cell_grid
-from pentimento.runner.bundle import StyleFacts
-from pentimento.runner.pairing import MOST_CELLS
-from pentimento.runner.views import random_views, resizing_matrix
+from pentimento.dynamics.strokes.photometry import linear_to_srgb
 from pentimento.semantics.encoder import Encoder
-from pentimento.stroke_dynamics.photometry import linear_to_srgb
+from pentimento.semantics.style.features import LocalFeatures, cell_grid
 
 _EXAMPLE_PX = (45, 37)  # sizes unlike each other and unlike any other size in the graphs
 _COMPARED_PX = ((64, 64), (96, 96), (50, 130), (80, 60), (33, 47))
@@ -30,9 +30,9 @@ _UNITS = {
     "image": "linear light, any values",
     "target": "linear light",
     "caption": "unit vector, as the graph caption gives it",
-    "views": "affine matrices, normalised coordinates; runner.views.random_views",
-    "rows": "runner.views.resizing_matrix",
-    "columns": "runner.views.resizing_matrix",
+    "views": "affine matrices, normalised coordinates; bundle.views.random_views",
+    "rows": "bundle.views.resizing_matrix",
+    "columns": "bundle.views.resizing_matrix",
     "loss": "1, the objective",
     "gradient": "d loss / d image",
     "tokens": "token numbers, filled up with ends",

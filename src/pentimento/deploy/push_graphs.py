@@ -5,11 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from pentimento.bundle.push_graphs import ClayFacts
 from pentimento.deploy.graphs import Graph, compared, generator
 from pentimento.deploy.tracing import export
-from pentimento.push_dynamics.planned import TorchClay
-from pentimento.push_dynamics.push_model import PushFacts
-from pentimento.runner.push_graphs import ClayFacts
+from pentimento.dynamics.pushes.planned import TorchClay
+from pentimento.dynamics.pushes.push_model import PushFacts
 
 _EXAMPLE_ACTIONS = 7  # unlike every other size, so that the exporter takes it for none of them
 _COMPARED_WITH = (1, 2, 12)

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from pentimento.bundle.reader import BrushFacts
 from pentimento.deploy.graphs import Graph, compared, generator
 from pentimento.deploy.tracing import export
+from pentimento.dynamics.strokes.extended import StrokeModel
+from pentimento.dynamics.strokes.planned import planned_marks
+from pentimento.dynamics.strokes.simulation import Mechanism, View
 from pentimento.robots.tools import Tool
-from pentimento.runner.bundle import BrushFacts
-from pentimento.stroke_dynamics.extended import StrokeModel
-from pentimento.stroke_dynamics.planned import planned_marks
-from pentimento.stroke_dynamics.simulation import Mechanism, View
 
 STROKES = {
     "middle_m": "m, canvas frame",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.model import Objective
-from pentimento.render.likeness import seen, squared_error, srgb_of
+from pentimento.render.reconstruction_loss import seen, squared_error, srgb_of
 
 Array = NDArray[np.float32]
 

@@ -17,9 +17,9 @@ from pentimento.contracts.plan import Plan, read_plan
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.stroke_dynamics.evaluation import StrokeScores
-from pentimento.stroke_dynamics.samples import StrokeSamples, load_samples
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters, read_parameters
+from pentimento.dynamics.strokes.evaluation import StrokeScores
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]

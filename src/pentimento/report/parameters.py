@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.report.html import table
 from pentimento.report.wording import percent, signed_mm
-from pentimento.stroke_dynamics.traj2stroke import Traj2StrokeParameters
 
 _MM = 1000.0
 _COMMANDED_MM = 50.0

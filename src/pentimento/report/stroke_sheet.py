@@ -12,10 +12,10 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.training import predict, predicted_ink
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 from pentimento.report.figures import ERROR_COLOURS, OCHRE, drawing, png, shared_top
-from pentimento.stroke_dynamics.samples import StrokeSamples
-from pentimento.stroke_dynamics.training import predict, predicted_ink
-from pentimento.stroke_dynamics.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 
 FloatArray = NDArray[np.float64]
 

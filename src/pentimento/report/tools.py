@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from html import escape
 
+from pentimento.dynamics.strokes.evaluation import StrokeScores
 from pentimento.report.figures import BLUE, Series, line_chart
 from pentimento.report.html import Album, row, table
 from pentimento.report.inputs import ToolInputs
 from pentimento.report.parameters import parameter_table, polyline_sentence
 from pentimento.report.stroke_sheet import choose, draw_sheet
 from pentimento.report.wording import count, decimal, times, tool_name
-from pentimento.stroke_dynamics.evaluation import StrokeScores
 
 _NAMES = {"model": "Traj2Stroke", "polyline": "polyline", "blank": "nothing happens"}
 

@@ -23,7 +23,7 @@ class Robot(Protocol):
 
     All paths are float64[N, 5] in the canvas frame (t_s from 0, x_m, y_m, z_m, yaw_rad), at rest at both
     ends. How the tip travels between strokes is the driver's business. Callers reach a robot through
-    `runner.safety.GuardedRobot`, so that no command passes unchecked.
+    `control.safety.GuardedRobot`, so that no command passes unchecked.
     """
 
     @property

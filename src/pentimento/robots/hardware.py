@@ -36,7 +36,7 @@ _WIPES = 3
 
 
 class HardwareRobot:
-    """A Robot (see driver.py) on real hardware. Callers reach it through `runner.safety.GuardedRobot`.
+    """A Robot (see driver.py) on real hardware. Callers reach it through `control.safety.GuardedRobot`.
 
     Between strokes the tip goes up, across at travel height and down again; every way is checked against the rig's
     reach before the machine hears of it.

@@ -75,7 +75,7 @@ class Rig:
     machine: Mapping[str, Any] = field(default_factory=dict)
     """The driver's own settings, as they stand in the file; the driver reads and checks them."""
     limits: Mapping[str, float] = field(default_factory=dict)
-    """Fields of a `runner.safety.SafetyEnvelope` and what they are at most (or least) here: they only narrow it."""
+    """Fields of a `control.safety.SafetyEnvelope` and what they are at most (or least) here: they only narrow it."""
     surface: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """a, b, c: the real surface lies at z = a + b x + c y of the canvas frame, as a touch calibration found it."""
     digest: str = ""

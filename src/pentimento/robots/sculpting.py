@@ -46,7 +46,7 @@ class SculptingRobot(Protocol):
     """A robot that sculpts one slab.
 
     How the tool travels between pushes is the driver's business. Callers reach a robot through
-    `runner.push_safety.GuardedSculptingRobot`, so that no command passes unchecked.
+    `control.push_safety.GuardedSculptingRobot`, so that no command passes unchecked.
     """
 
     @property

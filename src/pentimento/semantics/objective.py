@@ -1,6 +1,6 @@
 """What a plan's picture should mean: the text objective (thesis 4.1) and the semantic objective (thesis 4.4).
 
-Both take an image [H, W, 3] in linear light to a scalar to lower; planners ask through ``objectives.torch_objective``.
+Both take an image [H, W, 3] in linear light to a scalar to lower; planners use it by ``torch_objective``.
 The picture is seen several times, each time a little moved and from another angle, as CLIPDraw (Frans et al. 2021) and
 CLIPasso (Vinker et al. 2022) do: a picture that pleases the encoder in one exact place only is noise to a person.
 """
@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
+from pentimento.dynamics.strokes.photometry import linear_to_srgb
 from pentimento.semantics.encoder import Encoder
-from pentimento.stroke_dynamics.photometry import linear_to_srgb
 
 
 class TextObjective:

@@ -9,13 +9,13 @@ import torch
 
 from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
+from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.copainting.evaluation.codraw import Codrawing, codraw, stories
 from pentimento.copainting.evaluation.goal_plans import laid_out
 from pentimento.copainting.evaluation.text_guided import plan_text
 from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.runner.safety import GuardedRobot, envelope_for
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.objective import TextObjective
 from pentimento.semantics.tokenizer import learn_tokenizer

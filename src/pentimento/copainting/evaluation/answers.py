@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.ranges import at_least
+from pentimento.control.compose_goal import keep_canvas
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_out, plan_goal, seeded, seen
 from pentimento.copainting.evaluation.text_guided import plan_text
 from pentimento.copainting.goal.planner import GoalPlanner, complete, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
 from pentimento.copainting.workers import Submit, gather
-from pentimento.runner.keep import keep_canvas
 from pentimento.semantics.encoder import Encoder
 
 Pictures = NDArray[np.uint8]

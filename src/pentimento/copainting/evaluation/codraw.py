@@ -9,10 +9,12 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.ranges import at_least
+from pentimento.control.painter import as_linear, observe, paint
 from pentimento.copainting.evaluation.cases import plain_caption
 from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_out, plan_goal, seen
 from pentimento.copainting.scenes.edits import without
@@ -20,8 +22,6 @@ from pentimento.copainting.scenes.phrases import listed, phrase
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.strokes import Strokes
 from pentimento.robots.driver import Robot
-from pentimento.runner.observe import calibrate_camera
-from pentimento.runner.painter import as_linear, observe, paint
 
 Picture = NDArray[np.uint8]
 

@@ -13,7 +13,8 @@ from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import above_zero
 from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
-from pentimento.objectives.settings import style_of
+from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
+from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.planner import plan
 from pentimento.planning.relocate import without_harmful
@@ -21,8 +22,7 @@ from pentimento.planning.render_plan import render_plan
 from pentimento.planning.scene import Scene, scene_with
 from pentimento.planning.strokes import Strokes, no_strokes
 from pentimento.robots.tools import Tool, load_tool
-from pentimento.stroke_dynamics.extended import StrokeModel, read_stroke_model
-from pentimento.stroke_dynamics.planned import TorchBrush
+from pentimento.semantics.style.settings import style_of
 
 Light = NDArray[np.float32]
 Picture = NDArray[np.uint8]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.control.painter import as_linear
 from pentimento.copainting.evaluation.codraw import Turn
 from pentimento.copainting.evaluation.goal_plans import seen
 from pentimento.copainting.evaluation.measures import as_tensor, changed_share, surviving_ink
-from pentimento.runner.painter import as_linear
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.scores import clip_score
 

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.copainting.evaluation.goal_plans import Drawn, Easel, foretold
-from pentimento.objectives.torch_objective import TorchObjective
 from pentimento.planning.descent import descend
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.render_plan import render_plan
 from pentimento.planning.strokes import with_color
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.objective import TextObjective
+from pentimento.semantics.style.torch_objective import TorchObjective
 
 Light = NDArray[np.float32]
 

@@ -26,8 +26,8 @@ from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
 from pentimento.copainting.scenes.phrases import phrase
 from pentimento.copainting.synthesis.guided_descent import Guidance, descend_guided
 from pentimento.copainting.synthesis.partials import Partial, PartialsConfig, partials
-from pentimento.objectives.settings import style_of
-from pentimento.objectives.torch_objective import TorchObjective
+from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
+from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.planner import plan
 from pentimento.planning.render_plan import render_plan
@@ -39,8 +39,8 @@ from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.objective import SemanticObjective
 from pentimento.semantics.saliency import saliency
 from pentimento.semantics.scores import clip_score
-from pentimento.stroke_dynamics.extended import StrokeModel, read_stroke_model
-from pentimento.stroke_dynamics.planned import TorchBrush
+from pentimento.semantics.style.settings import style_of
+from pentimento.semantics.style.torch_objective import TorchObjective
 
 FloatArray = NDArray[np.float64]
 Light = NDArray[np.float32]

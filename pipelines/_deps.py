@@ -1,0 +1,63 @@
+"""`make deps`: write each stage's code dependencies into dvc.yaml, from what its module imports.
+
+    python -m pipelines._deps
+
+A folder stands for its files where the stage needs half of them or more. Data dependencies are kept by hand.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+
+from pipelines._imports import PACKAGE_DATA, ROOT, has_code, needed_files
+
+CODE = ("src/", "pipelines/")
+_STAGE = re.compile(r"  (\w+):$")
+_CODE_LINE = re.compile(rf"      - ({'|'.join(CODE)})")
+
+
+@cache
+def _members(folder: Path) -> frozenset[Path]:
+    code = {file for file in folder.rglob("*.py") if has_code(file)}
+    return frozenset(code | {file for pattern in PACKAGE_DATA.values() for file in folder.rglob(pattern)})
+
+
+def code_dependencies(stage: str) -> list[str]:
+    """Return the stage's code dependencies as paths from the repository's root, sorted, its own module first."""
+    needed = needed_files(stage)
+    chosen = {_folder_or_file(file, needed) for file in needed}
+    paths = sorted(path.relative_to(ROOT).as_posix() for path in chosen)
+    own = f"pipelines/{stage}.py"
+    return [own, *(path for path in paths if path != own)]
+
+
+def _folder_or_file(file: Path, needed: set[Path]) -> Path:
+    """Return the outermost folder around `file` of whose files at least half is needed, or the file."""
+    packages = (ROOT / "src/pentimento", ROOT / "pipelines")
+    above = [folder for folder in file.parents if any(folder.is_relative_to(p) and folder != p for p in packages)]
+    mostly = [folder for folder in above if 2 * len(_members(folder) & needed) >= len(_members(folder))]
+    return mostly[-1] if mostly else file
+
+
+def with_code_dependencies(text: str) -> str:
+    """Return dvc.yaml's text with the code dependencies of every stage written anew."""
+    lines: list[str] = []
+    stage = ""
+    for line in text.splitlines():
+        if match := _STAGE.fullmatch(line):
+            stage = match[1]
+        if _CODE_LINE.match(line):
+            continue
+        lines.append(line)
+        if line == "    deps:":
+            lines += [f"      - {path}" for path in code_dependencies(stage)]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    file = ROOT / "dvc.yaml"
+    file.write_text(with_code_dependencies(file.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,256 @@
+"""The planner's seams and the goal planner's parts, by a bundle's graphs in onnxruntime: no PyTorch.
+
+Every graph runs on the processor, its sums in one order for a given number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.bundle.assignment import MOST_CELLS, best_partners, ways_between
+from pentimento.bundle.reader import Bundle, WordsFacts
+from pentimento.bundle.sampler import Networks, NoiseSchedule
+from pentimento.bundle.tokenizer import Tokenizer, read_tokenizer
+from pentimento.bundle.views import random_views, resizing_matrix
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.model import Marks, Pull
+from pentimento.planning.strokes import Strokes
+from pentimento.planning.target import fit_to_canvas
+
+# Before it is imported, when it would write an identifier of this computer into the user's home.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+import onnxruntime
+
+Array = NDArray[np.float32]
+
+_ERRORS_ONLY: Final = 3  # of onnxruntime's log
+
+onnxruntime.disable_telemetry_events()
+
+
+class Graphs:
+    """A bundle's graphs; each is opened when it is first asked."""
+
+    def __init__(self, bundle: Bundle, threads: int = 1) -> None:
+        """``threads`` work within a graph."""
+        self.bundle = bundle
+        self._threads = threads
+        self._opened: dict[str, Any] = {}
+
+    def __call__(self, name: str, *arguments: NDArray[Any]) -> list[NDArray[Any]]:
+        """What a graph answers, for arguments in the order of the manifest's inputs.
+
+        Raises:
+            BundleError: the bundle has no such graph.
+        """
+        if name not in self._opened:
+            self._opened[name] = _session(self.bundle.graph(name), self._threads)
+        inputs = self.bundle.manifest.graphs[name].inputs
+        given = {
+            port.name: np.ascontiguousarray(argument, dtype=port.type)
+            for port, argument in zip(inputs, arguments, strict=True)
+        }
+        answers: list[NDArray[Any]] = self._opened[name].run(None, given)
+        return answers
+
+
+def _session(content: bytes, threads: int) -> Any:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.use_deterministic_compute = True
+    options.log_severity_level = _ERRORS_ONLY
+    return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+
+
+class GraphBrush:
+    """A stroke model of the bundle as a ``planning.model.Brush``."""
+
+    def __init__(self, graphs: Graphs, name: str) -> None:
+        """``name`` is one of the manifest's brushes, as settings name them."""
+        self._graphs, self._name = graphs, name
+        self._facts = graphs.bundle.manifest.brushes[name]
+        inputs = graphs.bundle.manifest.graphs[f"{name}_marks"].inputs
+        self._columns = [port.name for port in inputs if port.name in self._facts.fitted]
+
+    @property
+    def fitted(self) -> Mapping[str, Span]:
+        """Every column of the strokes contract that marks depend on."""
+        return self._facts.fitted
+
+    @property
+    def pace(self) -> Pace:
+        """Of the robot that it was fitted on."""
+        return self._facts.pace
+
+    @property
+    def path_points(self) -> int:
+        """Of each path."""
+        return self._facts.path_points
+
+    def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
+        """See ``planning.model.Brush``."""
+        given = [array.copy() for array in strokes.arrays()]  # strokes are moved in place before the way back
+        given += [inherited[column] for column in self._columns]
+        made = self._graphs(f"{self._name}_marks", *given)
+
+        def pull(cotangent: Marks) -> Strokes:
+            back = [array for array in cotangent if array is not None]
+            return Strokes(*self._graphs(f"{self._name}_pull", *given, *back))
+
+        pickup = made.pop() if self._facts.picks_up else None
+        points, radius, density, softness, paint = made
+        return Marks(points, radius, density, softness, paint, pickup), pull
+
+    def gain(self, places_m: Array) -> Array | None:
+        """See ``planning.model.Brush``."""
+        if not self._facts.has_gain:
+            return None
+        return self._graphs(f"{self._name}_gain", places_m)[0]
+
+
+class SemanticObjective:
+    """How far the patch features of a picture are from a target's (thesis 4.4): a ``planning.model.Objective``."""
+
+    def __init__(self, graphs: Graphs, target: Array, seed: int) -> None:
+        """Hold the target, [H, W, 3] in linear light; views are drawn anew at each call, seeded."""
+        self._graphs, self._target = graphs, target
+        self._looks = _Looks(graphs, target.shape, seed)
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The value for an image of the target's size, and its gradient."""
+        value, gradient = self._graphs("semantic", image, self._target, *self._looks())
+        return float(value), gradient
+
+
+class TextObjective:
+    """1 - cos of a picture and a caption, averaged over views (thesis 4.1): a ``planning.model.Objective``."""
+
+    def __init__(self, graphs: Graphs, caption: str, shape: tuple[int, ...], seed: int) -> None:
+        """For images of a height and width; views are drawn anew at each call, seeded."""
+        self._graphs, self._caption = graphs, caption_vector(graphs, caption)
+        self._looks = _Looks(graphs, shape, seed)
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The value for an image [H, W, 3] in linear light, and its gradient."""
+        value, gradient = self._graphs("text", image, self._caption, *self._looks())
+        return float(value), gradient
+
+
+class _Looks:
+    """What encoder graphs take beside pictures: new views at each call, and the matrices that resize."""
+
+    def __init__(self, graphs: Graphs, shape: tuple[int, ...], seed: int) -> None:
+        facts = graphs.bundle.manifest.encoder
+        self._views, self._rng = facts.views, np.random.default_rng(seed)
+        self._matrices = [resizing_matrix(side, facts.image_px) for side in shape[:2]]
+
+    def __call__(self) -> list[Array]:
+        return [random_views(self._views, self._rng), *self._matrices]
+
+
+class PictureStyle:
+    """A picture's style by local features (thesis 4.2), a ``planning.scene.Style``."""
+
+    def __init__(self, graphs: Graphs, picture_srgb: NDArray[np.uint8], seed: int) -> None:
+        """``seed`` is of the draws where pictures have too many cells to pair them all."""
+        self._graphs, self._picture, self._seed = graphs, picture_srgb, seed
+
+    def picture(self, shape: tuple[int, int]) -> Array:
+        """The picture's largest centred part of the canvas's proportions, linear light [H, W, 3] at ``shape``."""
+        return np.asarray(fit_to_canvas(self._picture, shape), dtype=np.float32)
+
+    def objective(self, shape: tuple[int, int]) -> StyleObjective:
+        """The style objective for images of this height and width.
+
+        Raises:
+            ConfigError: the bundle has no style of pictures of that size.
+        """
+        return StyleObjective(self._graphs, self.picture(shape), self._seed)
+
+
+class StyleObjective:
+    """Earth Mover's Distance between the sets of local features of an image and of a style picture.
+
+    As ``semantics.style.style`` has it; a ``planning.model.Objective``.
+    """
+
+    def __init__(self, graphs: Graphs, style: Array, seed: int) -> None:
+        """Hold the features of ``style``, [H, W, 3] in linear light.
+
+        Raises:
+            ConfigError: the bundle has no style of pictures of that size.
+        """
+        styles, (height, width) = graphs.bundle.manifest.styles, style.shape[:2]
+        names = [name for name, facts in styles.items() if (facts.height_px, facts.width_px) == (height, width)]
+        if not names:
+            known = ", ".join(f"{facts.height_px} x {facts.width_px}" for facts in styles.values()) or "none"
+            raise ConfigError(
+                f"The bundle knows the style of pictures of {known} px and was asked for {height} x {width} px: plan "
+                "in one of its settings, or deploy another."
+            )
+        self._graphs, self._name = graphs, names[0]
+        self._cells = graphs.bundle.manifest.styles[self._name].cells
+        self._style = graphs(f"{self._name}_features", style)[0]
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The value for an image of the style picture's size, and its gradient.
+
+        Raises:
+            ContractError: the image is not finite.
+        """
+        features = self._graphs(f"{self._name}_features", image)[0]
+        if not np.isfinite(features).all():
+            raise ContractError("The image has pixels that are not finite, and so no local features; look for NaN.")
+        drawn, others = self._drawn(), self._style[self._drawn()]
+        partners = others[best_partners(ways_between(features[drawn], others))]
+        value, gradient = self._graphs(f"{self._name}_pull", image, drawn, partners)
+        return float(value), gradient
+
+    def _drawn(self) -> NDArray[np.int64]:
+        """Which cells are paired: all, or as many as can be at random."""
+        if self._cells <= MOST_CELLS:
+            return np.arange(self._cells)
+        return self._rng.permutation(self._cells)[:MOST_CELLS]
+
+
+def caption_vector(graphs: Graphs, caption: str) -> Array:
+    """The unit vector [D] of a caption; what is longer than the encoder reads is cut."""
+    tokens = tokenizer(graphs.bundle, graphs.bundle.manifest.encoder.words).encode([caption])
+    vector: Array = graphs("caption", tokens)[0][0]
+    return vector
+
+
+def tokenizer(bundle: Bundle, words: WordsFacts) -> Tokenizer:
+    """One of the bundle's tokenizers."""
+    return read_tokenizer(bundle.folder / words.vocabulary, bundle.folder / words.merges, words.tokens)
+
+
+def goal_networks(graphs: Graphs) -> Networks:
+    """The goal planner's parts, as ``bundle.sampler.complete`` asks them."""
+
+    def one(name: str, *arguments: NDArray[Any]) -> Array:
+        answer: Array = graphs(name, *arguments)[0]
+        return answer
+
+    return Networks(
+        read=lambda tokens: one("goal_text", tokens),
+        encode=lambda pictures: one("goal_encode", pictures),
+        foretell=lambda noisy, timestep, text: one("goal_denoise", noisy, np.array([timestep]), text),
+        decode=lambda latents: one("goal_decode", latents),
+        scaling=graphs.bundle.manifest.goal.scaling,
+    )
+
+
+def noise_schedule(bundle: Bundle) -> NoiseSchedule:
+    """The goal planner's."""
+    goal = bundle.manifest.goal
+    alphas = np.array(goal.alphas_cumprod, dtype=np.float32)
+    return NoiseSchedule(alphas, goal.final_alpha, goal.prediction, goal.spacing, goal.offset)

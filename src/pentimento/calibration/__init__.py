@@ -1,0 +1,1 @@
+"""Lens, canvas, colour and touch calibration."""

@@ -1,0 +1,269 @@
+"""Calibrating a rig: the lens, where the canvas is in the picture, what its colours are, and where the surface is.
+
+Each function turns photographs or touches into a `Calibration` (robots/calibration.py) and moves nothing, but for
+`calibrate_touch`; `calibrate` asks the person for what each needs, and writes the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.calibration.colour_chart import ColourMap, find_colours
+from pentimento.calibration.lens import Lens, find_lens, straightened
+from pentimento.calibration.observe import CameraCalibration, calibrate_camera, rectify
+from pentimento.contracts.colour import srgb_to_linear, to_float
+from pentimento.contracts.errors import CalibrationError
+from pentimento.contracts.frames import canvas_to_pixel, image_shape
+from pentimento.contracts.markers import markers_around
+from pentimento.contracts.photo import Photo
+from pentimento.robots.calibration import Calibration, Kind, digest_of, read_calibration, write_calibration
+from pentimento.robots.driver import Robot
+from pentimento.robots.motion import timed_path
+from pentimento.robots.rig import Rig
+from pentimento.robots.tools import Tool
+from pentimento.robots.touch import touch_height, touch_plane
+
+FloatArray = NDArray[np.float64]
+
+CHART_M: Final = (0.12, 0.1)
+"""Width and height of the printed colour chart; it lies in the canvas's lower left corner."""
+BOARD_PHOTOS: Final = 12
+_CHART_PX_PER_M = 1500.0
+
+TOUCH_FROM_M: Final = 0.003
+"""Above where the rig file has the surface: so far off may a ruler be."""
+_TOUCH_STEP_M, _TOUCH_WITHIN_M = 5e-4, 5e-5
+_LINE_M, _LINES_APART_M = 0.006, 0.004
+_TOUCH_PX_PER_M = 2000.0
+_DARKER = 0.012
+"""Of the light of a line's place, so that it counts as a mark: several times what the camera's noise makes of it."""
+
+
+def calibrate_lens(photos: Sequence[Photo], rig: Rig, now_unix_s: float) -> Calibration:
+    """The lens, from photographs of the ChArUco board (calibration/lens.py)."""
+    lens = find_lens(photos)
+    values = {
+        "matrix": lens.matrix.tolist(),
+        "distortion": lens.distortion.tolist(),
+        "frame_size_px": list(lens.frame_size_px),
+    }
+    made_from = digest_of(*(photo.frame for photo in photos))
+    return Calibration("lens", rig.digest, now_unix_s, made_from, lens.residual_px, values)
+
+
+def calibrate_canvas(photo: Photo, lens: Lens | None, rig: Rig, now_unix_s: float) -> Calibration:
+    """Where the canvas is in the picture, from one photograph of the markers round it.
+
+    With a lens, the homography holds for photographs that were straightened by it.
+    """
+    seen = photo if lens is None else straightened(photo, lens)
+    camera = calibrate_camera(seen, markers_around(rig.canvas_size_m))
+    values = {
+        "camera_from_canvas": camera.camera_from_canvas.tolist(),
+        "frame_size_px": list(camera.frame_size_px),
+        "straightened": lens is not None,
+    }
+    return Calibration("canvas", rig.digest, now_unix_s, digest_of(photo.frame), camera.reprojection_px, values)
+
+
+def calibrate_colours(photo: Photo, camera: CameraCalibration, rig: Rig, now_unix_s: float) -> Calibration:
+    """The camera's colours, from one photograph of the chart in the canvas's lower left corner.
+
+    `photo` is straightened where `camera` is of straightened photographs.
+    """
+    chart = rectify(photo, camera, (0.0, 0.0, *CHART_M), _CHART_PX_PER_M)
+    found = find_colours(chart)
+    values = {"matrix": found.matrix.tolist(), "offset": found.offset.tolist()}
+    return Calibration("colour", rig.digest, now_unix_s, digest_of(photo.frame), found.residual, values)
+
+
+def calibrate_touch(
+    robot: Robot, tool: Tool, rig: Rig, marked: Callable[[FloatArray], bool], now_unix_s: float
+) -> Calibration:
+    """Where the surface is, from the heights at which short lines begin to leave a mark, at five places.
+
+    The robot holds the tool; one that dips is dipped into paint 0 at each place. Commands go through the guard.
+    `marked(path)` makes the line and says whether it is there. The result is what the rig's surface should be, in
+    place of the one that it has.
+
+    Raises CalibrationError where the tool touches too early or never; the robot's own errors pass through.
+    """
+    places_m = _touch_places(rig.canvas_size_m)
+    lowest_m = -tool.press_range_m[1]
+    heights_m = np.empty(len(places_m))
+    for index, place_m in enumerate(places_m):
+        lines = 0
+        if tool.dips:
+            robot.dip(0)
+
+        def touches(height_m: float, place_m: FloatArray = place_m) -> bool:
+            nonlocal lines
+            path = _line(place_m, lines, height_m, tool)
+            lines += 1
+            return marked(path)
+
+        highest_m = min(TOUCH_FROM_M, rig.travel_height_m)
+        heights_m[index] = touch_height(touches, highest_m, lowest_m, _TOUCH_STEP_M, _TOUCH_WITHIN_M)
+    plane, residual_m = touch_plane(places_m, heights_m)
+    surface = [old + new for old, new in zip(rig.surface, plane, strict=True)]
+    values = {"surface": surface, "tool": tool.name, "heights_m": heights_m.tolist()}
+    return Calibration("touch", rig.digest, now_unix_s, digest_of(places_m, heights_m), residual_m, values)
+
+
+def marks_on_photos(
+    robot: Robot, photograph: Callable[[], Photo], camera: CameraCalibration, lens: Lens | None
+) -> Callable[[FloatArray], bool]:
+    """For calibrate_touch: makes a line and looks for it between a photograph before and one after.
+
+    The paint has to be darker than the sheet.
+    """
+
+    def seen(window_m: FloatArray) -> FloatArray:
+        photo = photograph()
+        image = rectify(photo if lens is None else straightened(photo, lens), camera, window_m, _TOUCH_PX_PER_M)
+        return srgb_to_linear(to_float(image)).mean(axis=2).astype(np.float64)
+
+    def marked(path: FloatArray) -> bool:
+        reach_m = 0.004
+        low, high = path[:, 1:3].min(axis=0) - reach_m, path[:, 1:3].max(axis=0) + reach_m
+        window_m = np.array([*low, *high])
+        before = seen(window_m)
+        robot.move(path)
+        darker = before - seen(window_m)
+        line, beside = _masks(path, window_m)
+        return bool(darker[line].mean() - np.median(darker[beside]) > _DARKER * before[line].mean())
+
+    return marked
+
+
+def marks_seen_by_a_person(robot: Robot, ask_yes: Callable[[str], bool]) -> Callable[[FloatArray], bool]:
+    """For calibrate_touch without a camera: makes a line and asks whether it is there."""
+
+    def marked(path: FloatArray) -> bool:
+        robot.move(path)
+        x_mm, y_mm = 1000 * path[len(path) // 2, 1:3]
+        return ask_yes(f"Is there a new mark at x = {x_mm:.0f} mm, y = {y_mm:.0f} mm of the canvas?")
+
+    return marked
+
+
+def lens_of(calibration: Calibration) -> Lens:
+    """The lens of a calibration."""
+    matrix, distortion = (np.array(_value(calibration, "lens", key)) for key in ("matrix", "distortion"))
+    width, height = _value(calibration, "lens", "frame_size_px")
+    return Lens(matrix, distortion, (width, height), calibration.residual)
+
+
+def camera_of(calibration: Calibration) -> CameraCalibration:
+    """Where the canvas is in the picture, of a calibration."""
+    width, height = _value(calibration, "canvas", "frame_size_px")
+    homography = np.array(_value(calibration, "canvas", "camera_from_canvas"))
+    return CameraCalibration(homography, calibration.residual, (width, height))
+
+
+def colours_of(calibration: Calibration) -> ColourMap:
+    """The camera's colours, of a calibration."""
+    matrix, offset = (np.array(_value(calibration, "colour", key)) for key in ("matrix", "offset"))
+    return ColourMap(matrix, offset, calibration.residual)
+
+
+def calibrate(
+    kind: Kind,
+    rig: Rig,
+    folder: Path,
+    photograph: Callable[[], Photo] | None,
+    robot: Robot | None,
+    tool: Tool,
+    ask: Callable[[str], None],
+    ask_yes: Callable[[str], bool],
+    now_unix_s: float,
+) -> Calibration:
+    """Make one calibration with a person's help and write it into `folder`.
+
+    Kinds build on each other where the rig has a camera: lens, canvas, then colour and touch.
+
+    Args:
+        photograph: the rig's camera as it is, uncorrected; None where it has none.
+        robot: for the touch alone: guarded, and with its palette laid out where the tool dips.
+        ask, ask_yes: put a request, or a question, to the person.
+    """
+    found = _made(kind, rig, folder, photograph, robot, tool, ask, ask_yes, now_unix_s)
+    write_calibration(folder, found)
+    return found
+
+
+def _made(
+    kind: Kind,
+    rig: Rig,
+    folder: Path,
+    photograph: Callable[[], Photo] | None,
+    robot: Robot | None,
+    tool: Tool,
+    ask: Callable[[str], None],
+    ask_yes: Callable[[str], bool],
+    now_unix_s: float,
+) -> Calibration:
+    if kind == "touch" and robot is None:
+        raise CalibrationError("A touch calibration needs the robot.")
+    if kind == "touch" and robot is not None and photograph is None:
+        return calibrate_touch(robot, tool, rig, marks_seen_by_a_person(robot, ask_yes), now_unix_s)
+    if photograph is None:
+        raise CalibrationError(f"The rig {rig.name} has no camera, and a {kind} calibration needs one.")
+    if kind == "lens":
+        photos = []
+        for number in range(1, BOARD_PHOTOS + 1):
+            ask(f"Hold the ChArUco board into the picture, at a new tilt and place ({number}/{BOARD_PHOTOS}).")
+            photos.append(photograph())
+        return calibrate_lens(photos, rig, now_unix_s)
+    lens = lens_of(read_calibration(folder, "lens"))
+    if kind == "canvas":
+        ask("Take everything off the canvas and its markers.")
+        return calibrate_canvas(photograph(), lens, rig, now_unix_s)
+    camera = camera_of(read_calibration(folder, "canvas"))
+    if kind == "colour":
+        ask("Lay the colour chart upright into the canvas's lower left corner.")
+        return calibrate_colours(straightened(photograph(), lens), camera, rig, now_unix_s)
+    assert robot is not None  # refused above
+    ask("Take everything off the canvas; the robot is going to draw short lines at five places.")
+    return calibrate_touch(robot, tool, rig, marks_on_photos(robot, photograph, camera, lens), now_unix_s)
+
+
+def _value(calibration: Calibration, kind: Kind, key: str) -> Any:
+    if calibration.kind != kind or key not in calibration.values:
+        raise CalibrationError(f"This {calibration.kind} calibration has no {key} of a {kind}; calibrate again.")
+    return calibration.values[key]
+
+
+def _touch_places(canvas_size_m: tuple[float, float]) -> FloatArray:
+    """[5, 2]: near the corners and in the middle."""
+    shares = np.array([[0.15, 0.15], [0.85, 0.15], [0.5, 0.5], [0.15, 0.85], [0.85, 0.85]])
+    return shares * np.array(canvas_size_m)
+
+
+def _line(place_m: FloatArray, number: int, height_m: float, tool: Tool) -> FloatArray:
+    """The number-th of several short lines about a place, at one height: in rows of four, one above the other."""
+    row, column = divmod(number, 4)
+    apart_m = max(_LINES_APART_M, 1.2 * tool.nominal_width_m)
+    corner = place_m + np.array([(column - 1.5) * (_LINE_M + apart_m), (row - 2.0) * apart_m])
+    s = np.linspace(0.0, 1.0, 9)
+    line = np.column_stack((corner[0] + _LINE_M * s, np.full(9, corner[1]), np.full(9, height_m), np.zeros(9)))
+    return timed_path(line, tool.speed_range_m_s[0])
+
+
+def _masks(path: FloatArray, window_m: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where the line's middle is in the window's image, and where nothing of it can be."""
+    shape = image_shape(window_m, _TOUCH_PX_PER_M)
+    ends = np.rint(canvas_to_pixel(path[[0, -1], 1:3], window_m, _TOUCH_PX_PER_M)).astype(int)
+    drawn = []
+    for width_m in (0.001, 0.006):
+        mask = np.zeros(shape, np.uint8)
+        begin, end = ((int(column), int(row)) for column, row in ends)
+        cv2.line(mask, begin, end, (1,), round(width_m * _TOUCH_PX_PER_M))
+        drawn.append(mask.astype(bool))
+    return drawn[0], ~drawn[1]

@@ -1,0 +1,1 @@
+"""Designed strokes and pushes, executed and recorded."""

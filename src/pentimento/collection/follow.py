@@ -1,0 +1,127 @@
+"""Proposed strokes, made and photographed: the rows that a table of strokes goes on with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.calibration.observe import calibrate_camera, rectify
+from pentimento.collection.record import record_stroke
+from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.frames import image_shape, pixels_per_m, snap_window
+from pentimento.contracts.images import decode_png
+from pentimento.contracts.markers import markers_around
+from pentimento.contracts.plan import PlannedStroke
+from pentimento.control.execute import Session, execute_stroke
+from pentimento.robots.driver import Robot
+from pentimento.robots.motion import timed_path
+from pentimento.robots.tools import Tool
+
+FloatArray = NDArray[np.float64]
+
+_SETTLE_S = 1.0
+"""At least so long after a stroke its photograph is taken, as in a collection."""
+
+
+def tool_of(table: pa.Table) -> str:
+    """Name of the tool that made a table's strokes.
+
+    Raises:
+        ContractError: there are several, or the strokes' place on the canvas is unknown, so that no robot can go on.
+    """
+    names = sorted(set(table["tool"].to_pylist()))
+    if not names:
+        raise ContractError("The strokes table has no rows: a robot cannot know which tool to go on with.")
+    if len(names) != 1:
+        raise ContractError(
+            f"The strokes are of the tools {', '.join(names)}; a robot goes on with a table of one tool."
+        )
+    if "frame" in table.schema.names and "stroke" in table["frame"].to_pylist():
+        raise ContractError(
+            "The strokes are recorded in their own frame: where they lay on the canvas is unknown, so that a robot "
+            "cannot go on with them. Record them with `frame` canvas."
+        )
+    return str(names[0])
+
+
+def follow(
+    robot: Robot, tool: Tool, actions: pa.Table, recorded: pa.Table, session: str, tool_age_m: float
+) -> pa.Table:
+    """Make proposed actions (the columns of ``next_actions.parquet``) in their order on a new sheet: a session of rows
+    with the columns of ``recorded``.
+
+    What is waited before an action is waited before the photograph of the stroke before it. Where the recording has no
+    times, strokes are made at the tool's usual speed. What is recorded there and the robot does not measure is null.
+
+    Args:
+        robot: behind its guard.
+        tool: that made the recorded strokes.
+        actions: at least one.
+        recorded: the table so far; action numbers go on from it.
+        session: name of the new one.
+        tool_age_m: length that the robot's tool has drawn before.
+
+    Raises:
+        ContractError: a colour that is not the tool's own, or no markers in sight.
+        PentimentoError: what the robot or its guard refuses.
+    """
+    palette = _palette(tool, actions)
+    robot.change_tool(tool)
+    robot.new_sheet()
+    robot.load_palette(palette)
+    calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
+    scale = _pixels_per_m(recorded)
+    canvas = np.array([0.0, 0.0, *robot.canvas_size_m])
+    shape = image_shape(canvas, scale)
+    here = Session(session, robot.clock_s)
+    memory = fresh_memory(robot.canvas_size_m, tool.nominal_width_m, tool_age_m)
+    first = 1 + max(recorded["action_id"].to_pylist())
+    todo = actions.to_pylist()
+    rows: list[dict[str, Any]] = []
+    for order, action in enumerate(todo):
+        window = snap_window(np.array(action["window_m"]), canvas, shape)
+        before = robot.photo()
+        memory, made = execute_stroke(robot, tool, _planned(action, tool, palette), palette, memory, here)
+        robot.wait(max(todo[order + 1]["wait_s"] if order + 1 < len(todo) else 0.0, _SETTLE_S))
+        after = robot.photo()
+        shown_before, shown_after = (rectify(photo, calibration, window, scale) for photo in (before, after))
+        row = record_stroke(
+            here, order, first + order, tool, made, window, shown_before, shown_after, before, after, calibration
+        )
+        rows.append(row | {"surface_id": session})
+    names = recorded.schema.names
+    return pa.Table.from_pylist(
+        [{name: row.get(name) for name in names} for row in rows], schema=recorded.schema.remove_metadata()
+    )
+
+
+def _planned(action: dict[str, Any], tool: Tool, palette: FloatArray) -> PlannedStroke:
+    path = np.array(action["path"], dtype=np.float64)
+    if not np.isfinite(path[:, 0]).all():
+        path = timed_path(path[:, 1:], tool.speed_m_s)
+    nearest = np.linalg.norm(palette - np.array(action["color_srgb"]), axis=1).argmin()
+    return PlannedStroke(path, palette[nearest], bool(action["reload"]) and tool.dips)
+
+
+def _palette(tool: Tool, actions: pa.Table) -> FloatArray:
+    """[K, 3]: the tool's own ink, or every colour that the actions ask for."""
+    asked = np.unique(np.array(actions["color_srgb"].to_pylist(), dtype=np.float64).round(4), axis=0)
+    if tool.color_srgb is None:
+        return asked
+    own = np.array([tool.color_srgb])
+    if np.abs(asked - own).max() > 0.5 / 255:
+        raise ContractError(
+            f"The strokes to be made are of the colours {asked.tolist()}, and the {tool.name} has ink of "
+            f"{own[0].tolist()}: put a pen of that colour into its tool file."
+        )
+    return own
+
+
+def _pixels_per_m(recorded: pa.Table) -> float:
+    """Of the recording's photographs, so that the new ones are as fine."""
+    row = recorded.slice(0, 1).to_pylist()[0]
+    return pixels_per_m(decode_png(row["before"]["bytes"]).shape, row["window_m"])

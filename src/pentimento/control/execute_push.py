@@ -1,0 +1,124 @@
+"""Pushing: a wanted action becomes a complete push into the surface as it is now, and then a row of the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.height_maps import encode_height_png, level, surface_at_m
+from pentimento.contracts.scan import Scan
+from pentimento.control.execute import Session
+from pentimento.robots.end_effectors import EndEffector
+from pentimento.robots.sculpting import Push, SculptingRobot
+
+FloatArray = NDArray[np.float64]
+
+HEIGHT_PER_UNIT_M = 1e-6
+"""One unit of the recorded height maps: a micrometre, so that 16 bits reach 65 mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutedPush:
+    """What happened in one push."""
+
+    push: Push
+    before: Scan
+    after: Scan
+    t_start_s: float
+    """The robot's clock when it began."""
+    measured_path: FloatArray
+    """[N, 5] as the robot measured it; NaN where it did not."""
+    ambient: dict[str, float]
+    """What the room's sensors showed at its start."""
+
+
+def levelled_m(scan: Scan) -> FloatArray:
+    """Heights above the table [H, W] of a scan; as they are where its plane is not known."""
+    if np.isnan(scan.table_plane).all():
+        return scan.height_m
+    return level(scan.height_m, scan.window_m, scan.table_plane)
+
+
+def aimed_push(
+    end_effector: EndEffector,
+    action: FloatArray,
+    before: Scan,
+    speed_m_s: float,
+    dwell_s: float,
+    retract_speed_m_s: float,
+) -> Push:
+    """The push of an action, float64[5], whose depth counts from the surface as `before` shows it at its start.
+
+    Raises:
+        ContractError: the start lies outside the scan or in a hole of it.
+    """
+    surface_m = surface_at_m(levelled_m(before), before.window_m, float(action[0]), float(action[1]))
+    return Push(end_effector.kind, action, surface_m, speed_m_s, dwell_s, retract_speed_m_s)
+
+
+def execute_push(
+    robot: SculptingRobot,
+    end_effector: EndEffector,
+    action: FloatArray,
+    before: Scan,
+    speed_m_s: float,
+    dwell_s: float,
+    retract_speed_m_s: float,
+) -> ExecutedPush:
+    """Make one push from the surface that `before` shows, and scan what it did.
+
+    Raises:
+        ContractError: the start lies outside the scan or in a hole of it.
+    """
+    push = aimed_push(end_effector, action, before, speed_m_s, dwell_s, retract_speed_m_s)
+    ambient, t_start_s = robot.ambient(), robot.clock_s
+    measured = robot.push(push)
+    return ExecutedPush(push, before, robot.scan(), t_start_s, measured, ambient)
+
+
+def record_push(
+    session: Session,
+    order: int,
+    action_id: int,
+    end_effector: EndEffector,
+    material: str,
+    executed: ExecutedPush,
+) -> dict[str, Any]:
+    """One row of the `pushes` contract, in its Python form, with the room's covariates beside its columns.
+
+    What was not measured is null. What the caller knows (reset_id, tool_id, …) is the caller's to add.
+
+    Raises ContractError if the two scans differ in shape or window.
+    """
+    before, after, push = executed.before, executed.after, executed.push
+    if before.height_m.shape != after.height_m.shape or not np.allclose(before.window_m, after.window_m):
+        raise ContractError(
+            f"The scan before is {before.height_m.shape} over {before.window_m} m and after "
+            f"{after.height_m.shape} over {after.window_m} m; scan both alike."
+        )
+    return {
+        "session": session.name,
+        "order": order,
+        "action_id": action_id,
+        "tool": end_effector.name,
+        "material": material,
+        "kind": push.kind,
+        "action": [float(value) for value in push.action],
+        "window_m": [float(value) for value in before.window_m],
+        "before": {"bytes": encode_height_png(before.height_m, HEIGHT_PER_UNIT_M), "path": None},
+        "after": {"bytes": encode_height_png(after.height_m, HEIGHT_PER_UNIT_M), "path": None},
+        "height_per_unit_m": HEIGHT_PER_UNIT_M,
+        "speed_m_s": push.speed_m_s,
+        "retract_speed_m_s": push.retract_speed_m_s,
+        "dwell_s": push.dwell_s,
+        "t_start_s": executed.t_start_s - session.started_s,
+        "t_before_s": before.t_s - session.started_s,
+        "t_after_s": after.t_s - session.started_s,
+        "table_plane": [float(value) for value in after.table_plane],
+        "scanner_id": before.scanner_id,
+        **executed.ambient,
+    }

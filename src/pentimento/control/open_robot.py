@@ -1,0 +1,148 @@
+"""Opening the robot that a command names: the virtual one, a drawing on file, or hardware by its rig file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from pentimento.calibration.calibrate import camera_of
+from pentimento.calibration.observe import CameraCalibration
+from pentimento.calibration.webcam import Webcam, corrected
+from pentimento.contracts.errors import ConfigError
+from pentimento.control.journaled_robot import LastingRobot
+from pentimento.control.robot_process import RobotApart
+from pentimento.robots.calibration import Calibration, Kind, calibrated, fresh_calibrations
+from pentimento.robots.driver import Robot
+from pentimento.robots.hardware import HardwareRobot
+from pentimento.robots.machine import Machine
+from pentimento.robots.rig import Rig, load_rig
+from pentimento.robots.svg import SvgPlotter
+from pentimento.robots.tools import Tool, load_tool
+from pentimento.robots.virtual import virtual_robot
+
+DRIVERS = "pentimento.robots"
+"""The entry points' group: each names a function from a rig to its machine (docs/writing_a_driver.md)."""
+MAX_AGE_S = 24 * 3600.0
+"""Of a calibration by which hardware may move."""
+
+_JOURNAL, _DRAWING, _GCODE = "journal.jsonl", "drawing.svg", "drawing.gcode"
+_ON_FILE = "gcode"  # the driver that writes what a plotter would be sent; nothing moves
+_REACH_S = 15.0  # of hardware, to any stroke's start, or for one dip
+_COMPILES_S = 120.0  # a studio's first stroke may be the one for which its code is compiled
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A robot, not yet guarded, and what a painting has to know about it."""
+
+    robot: Robot
+    sees: bool
+    """It has a camera."""
+    clock_goes_on: bool
+    """Its clock counts on when its process ends."""
+    reach_s: float
+    """How long it may take to a stroke's start, at most."""
+    moves: bool
+    """It is hardware that moves."""
+    close: Callable[[], None]
+    calibrated: CameraCalibration | None = None
+    """Where the canvas was in the camera's picture when the rig was calibrated."""
+
+
+def rig_named(name: str) -> Rig | None:
+    """The rig of ``--robot``; None for the virtual robot and a drawing on file.
+
+    ``gcode:PORT`` is the bundled plotter at that port, ``gcode`` the same into a file.
+
+    Raises:
+        ConfigError: no such robot.
+    """
+    kind, _, place = name.partition(":")
+    if kind == "virtual" or name == "svg":
+        return None
+    if kind == "gcode":
+        if not place:
+            return load_rig("plotter_on_file")
+        rig = load_rig("plotter")
+        return replace(rig, machine={**rig.machine, "port": place})
+    return load_rig(name)
+
+
+def open_robot(
+    name: str,
+    tool: Tool,
+    canvas_size_m: tuple[float, float],
+    folder: Path,
+    seed: int,
+    execute: bool,
+    calibration: Path,
+    ask: Callable[[str], None],
+) -> Opened:
+    """The robot of ``--robot`` before its canvas.
+
+    Hardware that is not to ``execute`` is rehearsed: the virtual robot takes its place, before a sheet of its size.
+
+    Args:
+        canvas_size_m: of the sheet, where no rig says it.
+        folder: of the painting; journals and drawings lie there.
+        calibration: folder of the rig's calibrations.
+        ask: puts a request to the person and returns when it is done.
+
+    Raises:
+        ConfigError: no such robot, or no such driver.
+        CalibrationError: hardware is to move by a calibration that is missing, old, or of another rig.
+    """
+    kind, _, place = name.partition(":")
+    rig = rig_named(name)
+    if rig is not None and (execute or rig.driver == _ON_FILE):
+        return _hardware(rig, folder, calibration, ask)
+    if name == "svg":
+        drawing = SvgPlotter(folder / _DRAWING, canvas_size_m)
+        lasting = LastingRobot(drawing, folder / _JOURNAL, load_tool)
+        return Opened(lasting, False, True, _REACH_S, False, lasting.close)
+    world = place if kind == "virtual" and place else tool.name
+    there = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
+    lasting = LastingRobot(there, folder / _JOURNAL, lambda _: tool)
+    return Opened(lasting, True, True, _COMPILES_S, False, lasting.close)
+
+
+def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> Opened:
+    moves = rig.driver != _ON_FILE
+    found: Mapping[Kind, Calibration] = {}
+    if moves:
+        found = fresh_calibrations(calibration, rig, time.time(), MAX_AGE_S)
+        rig = calibrated(rig, found["touch"])
+    else:
+        rig = replace(rig, machine={**rig.machine, "file": str(folder / _GCODE)})
+    if moves:
+        robot = RobotApart(connected, (rig, found), ask)
+        seen = camera_of(found["canvas"]) if "canvas" in found else None
+        return Opened(robot, rig.camera is not None, False, _REACH_S, True, robot.close, seen)
+    on_file = HardwareRobot(machine_of(rig), rig, lambda _: None)
+    lasting = LastingRobot(on_file, folder / _JOURNAL, load_tool)
+    return Opened(lasting, False, True, _REACH_S, False, lasting.close)
+
+
+def connected(rig: Rig, found: Mapping[Kind, Calibration], ask: Callable[[str], None]) -> Robot:
+    """The rig's robot with its camera; what ``RobotApart`` makes in its own process."""
+    camera = None if rig.camera is None else corrected(Webcam(rig.camera), found)
+    return HardwareRobot(machine_of(rig), rig, ask, camera)
+
+
+def machine_of(rig: Rig) -> Machine:
+    """The rig's machine, by its driver's entry point.
+
+    Raises:
+        ConfigError: no installed package brings such a driver.
+    """
+    drivers = entry_points(group=DRIVERS)
+    if rig.driver not in drivers.names:
+        raise ConfigError(
+            f"The rig {rig.name} names the driver {rig.driver!r}, and installed are {sorted(drivers.names)}; install "
+            "the package that brings it."
+        )
+    connect: Callable[[Rig], Machine] = drivers[rig.driver].load()
+    return connect(rig)

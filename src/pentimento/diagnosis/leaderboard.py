@@ -1,0 +1,92 @@
+"""Every cause of the vocabulary with what strokes or pushes say of it, as a table of the report."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from pentimento.diagnosis.result import Judged, Surveyed
+from pentimento.diagnosis.score import Evidence
+from pentimento.diagnosis.strokes.aliasing import ALIKE
+from pentimento.diagnosis.strokes.diagnose import Finding
+from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.report.html import bar, table
+from pentimento.report.wording import decimal, percent
+
+_HEAD = ("cause", "verdict", "held-out gain", "95 %", "p", "quantities", "rivals and imitators", "found from")
+
+
+def leaderboard(diagnosis: Judged, survey: Surveyed) -> str:
+    """HTML: established, suspected, then all others by p; last those that these rows cannot show."""
+    rows = [_found(f, "established", survey) for f in diagnosis.established]
+    rows += [_found(f, "suspected", survey) for f in diagnosis.suspected]
+    named = {f.cause for f in (*diagnosis.established, *diagnosis.suspected)} | {UnevenEnds.cause}
+    last = diagnosis.search.steps[-1].evidence if diagnosis.search.steps else {}
+    others = sorted((e.p_adjusted, e.p, cause) for cause, e in last.items() if cause not in named)
+    rows += [_other(cause, last[cause], survey) for _, _, cause in others]
+    rows += [
+        (escape(cause), "cannot be seen", "", "", "", "", escape(reason), "")
+        for cause, reason in diagnosis.search.not_observable.items()
+    ]
+    of = "gap above the noise floor" if diagnosis.floor else "error (the noise floor is unknown)"
+    caption = (
+        f"<b>Gain</b>: of established and suspected causes the share of the {of} on sealed rows that the cause "
+        "removes; of the others the share of the error on held-out rows of the search, at the extended model. "
+        "<b>p</b> is adjusted for all causes tested together. <b>Quantities</b> with standard errors that take each "
+        "action as one witness. In italics: what imitates the cause in these rows. <b>Found from</b>: the smallest "
+        "share of the error that a cause must remove to be found in four of five such collections."
+    )
+    return table(_HEAD, rows, caption, numbers_from=9)
+
+
+def _found(finding: Finding, verdict: str, survey: Surveyed) -> tuple[str, ...]:
+    quantities = "<br>".join(
+        f"{escape(name)} {_number(value)}&nbsp;±&nbsp;{_number(error, 1)}"
+        for name, (value, error) in finding.values.items()
+    )
+    return (
+        f"<b>{escape(finding.cause)}</b>", f"<b>{verdict}</b>", f"{_share(finding.gain)}{bar(finding.gain)}",
+        _between(finding.gain_interval), _number(finding.p_adjusted), quantities,
+        _alike(finding.cause, finding.rivals, survey), _power(finding.cause, survey),
+    )  # fmt: skip
+
+
+def _other(cause: str, evidence: Evidence, survey: Surveyed) -> tuple[str, ...]:
+    return (
+        escape(cause), "", _share(evidence.gain), _between(evidence.gain_interval), _number(evidence.p_adjusted), "",
+        _alike(cause, (), survey), _power(cause, survey),
+    )  # fmt: skip
+
+
+def _alike(cause: str, rivals: tuple[str, ...], survey: Surveyed) -> str:
+    said = [escape(rival) for rival in rivals]
+    if cause in survey.imitation.causes:
+        said += [
+            f"<i>{escape(other)}&nbsp;{survey.imitation.of(cause, other):.2f}</i>"
+            for other in survey.imitation.causes
+            if other != cause and survey.imitation.of(cause, other) > ALIKE
+        ]
+    return ", ".join(said)
+
+
+def _power(cause: str, survey: Surveyed) -> str:
+    smallest = survey.detectable.get(cause, np.inf)
+    return percent(smallest) if smallest < 1 else "nothing"
+
+
+def _share(value: float) -> str:
+    """A percentage with a true minus, and none before nothing."""
+    number, unit = percent(value).split()
+    return f"{number.replace('-', '' if float(number) == 0 else '−')}&nbsp;{unit}"
+
+
+def _between(interval: tuple[float, float]) -> str:
+    low, high = (_share(value) for value in interval)
+    return f"{low.removesuffix('&nbsp;%')}&nbsp;…&nbsp;{high}"
+
+
+def _number(value: float, digits: int = 3) -> str:
+    """With a true minus, which no line breaks at."""
+    plain = decimal(value, digits) if 1e-4 <= abs(value) < 1e4 or value == 0 else f"{value:.{digits - 1}e}"
+    return plain.replace("-", "−")

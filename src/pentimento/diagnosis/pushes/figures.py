@@ -1,0 +1,131 @@
+"""The figures of the report on pushes as PNG bytes; equal data give equal bytes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pentimento.contracts.frames import canvas_to_pixel
+from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
+from pentimento.diagnosis.pushes.jacobian import MM
+from pentimento.diagnosis.pushes.measured import MeasuredPushes
+from pentimento.diagnosis.pushes.next_pushes import PushProposal
+from pentimento.diagnosis.pushes.screening import PushSurvey
+from pentimento.diagnosis.strokes.maps import ResidualMap
+from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
+
+Array = NDArray[Any]
+
+_QUESTIONS = (BLUE, OCHRE, "#4f7f4a", "#7a4f86", "#a33a3a", "#555555")
+_LIGHT = np.array([-0.5, 0.6, 0.62])  # from the upper left
+_STEEPER = 1.5
+_CELL_MM = 0.8
+
+
+def pushes(diagnosis: PushDiagnosis, survey: PushSurvey, shown: int = 5) -> bytes:
+    """Sealed pushes, from the one that the extension helps most to the one that it helps least: shaded surfaces."""
+    sealed = survey.sealed
+    models = {"base": diagnosis.base, "extended": diagnosis.extended}
+    foretold = {
+        name: sealed.scene.before + model.change(sealed.scene) + sealed.habit / np.float32(MM)
+        for name, model in models.items()
+    }
+    wrong = [np.where(sealed.valid, np.abs(sealed.after - image) * 1e3, 0.0) for image in foretold.values()]
+    fall = (np.square(wrong[0]) - np.square(wrong[1])).sum((1, 2))
+    order = np.argsort(-fall, kind="stable")
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, shown).round().astype(int))]
+    top = shared_top([each[b] for b in chosen for each in wrong])
+    titles = ("before", "after", *models, *(f"|error| {name}" for name in models))
+    with drawing():
+        figure = Figure(figsize=(12.0, 1.9 * len(chosen) + 0.5), layout="constrained")
+        cells = figure.subplots(len(chosen), 6, squeeze=False)
+        for row, b in zip(cells, chosen, strict=True):
+            surfaces = (sealed.scene.before[b], sealed.after[b], *(image[b] for image in foretold.values()))
+            for axes, surface in zip(row[:4], surfaces, strict=True):
+                axes.imshow(shaded(surface, sealed.scene.pixel_m), cmap="gray", vmin=0, vmax=1)
+            for axes, error in zip(row[4:], wrong, strict=True):
+                image = axes.imshow(error[b], cmap=ERROR_COLOURS, vmin=0, vmax=top)
+            row[0].plot(*_way_px(sealed, int(b)).T, color=OCHRE, lw=1.4)
+            row[0].plot(*_way_px(sealed, int(b))[0], "o", color=OCHRE, ms=4)
+            for axes in row:
+                axes.set(xticks=[], yticks=[])
+        for axes, title in zip(cells[0], titles, strict=True):
+            axes.set_title(title)
+        figure.colorbar(image, ax=list(cells[:, 5]), label="mm", extend="max", shrink=0.8)
+        return png(figure)
+
+
+def shaded(height_m: Array, pixel_m: float) -> Array:
+    """Heights [H, W] in light from the upper left, 0 to 1."""
+    down, right = np.gradient(height_m.astype(np.float64), pixel_m)
+    normal = np.stack([-right * _STEEPER, down * _STEEPER, np.ones_like(down)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    light: Array = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.0, 1.0)
+    return light
+
+
+def push_map(residual: Array, measured: MeasuredPushes) -> ResidualMap:
+    """Residuals [B, H, W] of all pushes laid over one another in the frame of the push, mm from the start."""
+    reach = 4 * measured.scene.half_width_m
+    x = np.arange(-reach, measured.scene.action[:, 3].max() + reach, _CELL_MM * 1e-3)
+    y = np.arange(reach, -reach, -_CELL_MM * 1e-3)
+    maps = []
+    for b in range(len(measured)):
+        x0, y0, theta = measured.scene.action[b, :3]
+        along, across = np.meshgrid(x, y)
+        points = np.stack(
+            [x0 + np.cos(theta) * along - np.sin(theta) * across, y0 + np.sin(theta) * along + np.cos(theta) * across],
+            axis=-1,
+        )
+        at = canvas_to_pixel(points, measured.samples.window_m[b], measured.samples.pixels_per_m).astype(np.float32)
+        maps.append(
+            cv2.remap(
+                residual[b].astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_CONSTANT, borderValue=(np.nan,),
+            )
+        )  # fmt: skip
+    values = np.stack(maps)
+    known = np.isfinite(values)
+    count = known.sum(0)
+    mean = np.where(count > 0, np.where(known, values, 0).sum(0) / np.maximum(count, 1), np.nan)
+    worst = np.take_along_axis(values, np.abs(np.where(known, values, 0)).argmax(0)[None], 0)[0]
+    extent = (x[0] * 1e3, x[-1] * 1e3, y[-1] * 1e3, y[0] * 1e3)
+    return ResidualMap(mean, worst, extent)
+
+
+def proposal_lines(proposal: PushProposal, measured: MeasuredPushes) -> bytes:
+    """The proposed pushes over the recorded ones, numbered, in the colour of the question they answer."""
+    asked = list(dict.fromkeys(proposal.question))
+    with drawing():
+        figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+        axes = figure.add_subplot()
+        for way in _ways_mm(measured.scene.action):
+            axes.plot(*way.T, color="#deded8", lw=0.9, zorder=1)
+        for number, (way, question) in enumerate(zip(_ways_mm(proposal.action), proposal.question, strict=True), 1):
+            colour = _QUESTIONS[asked.index(question) % len(_QUESTIONS)]
+            axes.annotate(
+                "", way[1], way[0], arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0, "shrinkA": 0},
+                zorder=3,
+            )  # fmt: skip
+            axes.annotate(str(number), way[0], (3, 3), textcoords="offset points", fontsize=9, color=colour, zorder=4)
+        for number, question in enumerate(asked):
+            axes.plot([], [], color=_QUESTIONS[number % len(_QUESTIONS)], lw=2.2, label=" | ".join(question))
+        axes.plot([], [], color=INK, lw=0, label="odd numbers: smooth first")
+        axes.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2, fontsize=9)
+        return png(figure)
+
+
+def _ways_mm(action: Array) -> Array:
+    """Start and end of travel, [B, 2, 2] mm."""
+    ahead = action[:, 3:4] * np.stack([np.cos(action[:, 2]), np.sin(action[:, 2])], axis=1)
+    return np.stack([action[:, :2], action[:, :2] + ahead], axis=1) * 1e3
+
+
+def _way_px(measured: MeasuredPushes, row: int) -> Array:
+    way = _ways_mm(measured.scene.action[row : row + 1])[0] / 1e3
+    return canvas_to_pixel(way, measured.samples.window_m[row], measured.samples.pixels_per_m)

@@ -1,0 +1,62 @@
+"""The noise floor of pushes: what even a perfect model would miss, read off repeated actions (GAP.md, rule 6)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.pushes.jacobian import action_losses, residual
+from pentimento.diagnosis.pushes.measured import MeasuredPushes
+from pentimento.diagnosis.pushes.noise import error_by_noise
+from pentimento.diagnosis.strokes.floor import FEWEST, Floor, floor_of, spreads
+from pentimento.dynamics.pushes.analytic import AnalyticPush
+
+Array = NDArray[Any]
+
+
+def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:
+    """What even a perfect model would miss, weighted as errors are, from repeated actions (GAP.md, rule 6), mm²; None
+    where none is repeated.
+
+    Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
+    """
+    _, spread = _spread_of_repeats(model, measured)
+    return floor_of(spread, np.ones(len(spread)), seed) if len(spread) >= FEWEST else None
+
+
+def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> Floor | None:
+    """The noise floor of the rows ``sealed``: of a repeated action its own spread, which its error holds as well, and
+    of a single one what all repeated actions have at the mean, sealed or not, and what the same noise does more, or
+    less, on its surface than on theirs.
+    """
+    repeated, spread = _spread_of_repeats(model, measured)
+    if len(spread) < FEWEST:
+        return None
+    own = np.array([measured.action[rows[0]] in measured.action[sealed] for rows in repeated])
+    single = np.setdiff1d(measured.action[sealed], [measured.action[rows[0]] for rows in repeated])
+    noise = error_by_noise(model, measured, repeated)
+    usual = np.mean([noise[rows].mean() for rows in repeated])
+    more = [noise[measured.action == action].mean() - usual for action in single]
+    floor = floor_of(spread, own + len(single) / len(spread), seed)
+    return floor.moved(float(np.sum(more)) / int(own.sum() + len(single)))
+
+
+def floor_while_searching(model: AnalyticPush, weighed: MeasuredPushes, searched: Array, seed: int) -> float:
+    """The noise floor, weighted as errors are, and no more than the error of the rows ``searched``; 0 where it is
+    unknown, mm².
+    """
+    noise = noise_floor(model, weighed, seed)
+    return min(noise.mse, float(action_losses(model, weighed.pick(searched)).mean())) if noise else 0.0
+
+
+def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:
+    """Rows of each repeated action whose windows lie alike, and how far these differ in what the model misses, mm² [K],
+    weighted as errors are.
+    """
+    groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
+    window = measured.samples.window_m
+    aligned = [g for g in groups if len(g) > 1 and np.ptp(window[g], axis=0).max() < measured.scene.pixel_m / 2]
+    rest = np.sqrt(measured.weight) * residual(model, measured)
+    return aligned, spreads(rest, measured.valid, aligned)

@@ -1,0 +1,97 @@
+"""Ways in which the whole change of a push can differ, and what they depend on when no cause explains it.
+
+The clay modes of GAP.md (rule 7): depth, footprint width, shift along and across, rim height, smoothing, volume.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.pushes.jacobian import linearise_rows
+from pentimento.diagnosis.pushes.measured import MeasuredPushes
+from pentimento.diagnosis.strokes.modes import Unexplained, structure
+from pentimento.dynamics.pushes.analytic import AnalyticPush
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled
+from pentimento.dynamics.pushes.spread import spread
+
+Array = NDArray[Any]
+
+_SMOOTHED, _SWOLLEN = 0.4, 1.5
+"""Widths over which the surface is smoothed and volume appears, in half-widths of the footprint."""
+
+
+class AllModes(Mechanism):
+    """All of them at once, by an amount of each that is the same for all pushes."""
+
+    cause: ClassVar[str] = "modes"
+    site = "command"
+    driver = "anything"
+    quantities = (
+        Quantity("depth", "1", 0.1),
+        Quantity("width", "1", 0.1),
+        Quantity("along", "m", 0.0005),
+        Quantity("across", "m", 0.0005),
+        Quantity("rims", "1", 0.2),
+        Quantity("smoothing", "1", 0.2),
+        Quantity("volume", "1", 0.1),
+    )
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        depth, width, along, across = self.values[:4]
+        return motion._replace(
+            along_m=motion.along_m + along, across_m=motion.across_m + across, log_depth=motion.log_depth + depth,
+            log_width=motion.log_width + width,
+        )  # fmt: skip
+
+    def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
+        rims, smoothing, volume = self.values[4:].astype(np.float32)
+        half_px = scene.half_width_m / scene.pixel_m
+        change = settled.lift_m + settled.rims_m - settled.indentation_m
+        lift = settled.lift_m + smoothing * (spread(change, _SMOOTHED * half_px) - change)
+        lift = lift - volume * spread(settled.indentation_m, _SWOLLEN * half_px)
+        return settled._replace(rims_m=settled.rims_m * (1 + rims), lift_m=lift)
+
+
+MODES = tuple(quantity.name for quantity in AllModes.quantities)
+
+
+def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, float]:
+    """Each row's residual in each mode, in typical sizes, [B, M]; the modes' own energies [B, M]; and the mean error of
+    the rows, both mm².
+    """
+    curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
+    own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
+    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own, float(error.mean())
+
+
+def unexplained(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
+    """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
+    return structure(MODES, *mode_scores(model, measured), covariates_shown(measured), measured.action, seed)
+
+
+def covariates_shown(measured: MeasuredPushes) -> dict[str, Array]:
+    """Everything that was recorded of every push, or follows from its command and its place, and varies."""
+    recorded = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
+    return recorded | of_the_command(measured.scene)
+
+
+def of_the_command(scene: PushScene) -> dict[str, Array]:
+    """What commands and surfaces say of each push, float64[B] each, as far as it varies."""
+    x, y, heading, length, depth = scene.action.T
+    under = (np.square(scene.across) + np.square(np.minimum(scene.along, 0))) < scene.half_width_m**2
+    under &= scene.along < length[:, None, None] + scene.half_width_m
+    count = np.maximum(under.sum((1, 2)), 1)
+    down, right = np.gradient(scene.before, scene.pixel_m, axis=(1, 2))
+    steep = (np.hypot(down, right) * under).sum((1, 2)) / count
+    known = {
+        "pushed_depth_m": depth, "pushed_length_m": length, "heading_cos": np.cos(heading),
+        "heading_sin": np.sin(heading), "start_x_m": x, "start_y_m": y, "slope_below": steep.astype(np.float64),
+        "height_below_m": (scene.before * under).sum((1, 2)).astype(np.float64) / count,
+    }  # fmt: skip
+    if scene.history_known:
+        known["worked_below_m"] = (scene.worked * under).sum((1, 2)).astype(np.float64) / count
+    return {name: values for name, values in known.items() if np.ptp(values) > 1e-9}

@@ -1,0 +1,188 @@
+"""The pushes that would best tell rival causes apart: a D_s-optimal design.
+
+They come in pairs: one into freshly smoothed material, and one that meets what it left. Pairs are chosen one after
+another from random ones to raise the sum of log det S over the causes in question, then each is exchanged while another
+is better (Fedorov 1972).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts.schema import vector
+from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
+from pentimento.diagnosis.pushes.jacobian import linearise_rows
+from pentimento.diagnosis.pushes.measured import MeasuredPushes
+from pentimento.diagnosis.pushes.screening import PushSurvey, columns_of
+from pentimento.diagnosis.strokes.aliasing import Columns
+from pentimento.diagnosis.strokes.next_actions import Question, alike, best_of_turns, questions, says_most_about
+from pentimento.dynamics.pushes.analytic import AnalyticPush
+from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
+
+Array = NDArray[Any]
+
+PAIRS = 8
+_SEQUENCES = 10
+"""Random ones; each turn takes its pair from one of them."""
+_BESIDE = 0.7
+"""How far beside the way of the first push the second is aimed, in half-widths of the footprint."""
+_TRIES = 60
+_SPEEDS = ("speed_m_s", "dwell_s", "retract_speed_m_s")
+
+
+class PushProposal(NamedTuple):
+    """Pushes in the order in which they are to be made; the first of each pair after smoothing."""
+
+    action: Array
+    """float64[K, 5]"""
+    settings: dict[str, Array]
+    """[K] each: speed of travel, dwell, speed of retracting, as far as they were recorded."""
+    question: tuple[Question, ...]
+    """For each push, what it says most about."""
+    imitation: dict[tuple[str, str], tuple[float, float]]
+    """Of each pair of causes: so far, and as it will be with these pushes."""
+
+
+def proposal_for(diagnosis: PushDiagnosis, seen: PushSurvey, seed: int) -> PushProposal:
+    """The next pushes after a diagnosis; none where nothing is in question."""
+    asked = questions(diagnosis, seen.imitation)
+    if not asked:
+        return PushProposal(np.zeros((0, 5)), {}, (), {})
+    wanted = {cause for question in asked for cause in question}
+    wanted |= {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
+    kept = tuple(mechanism for mechanism in seen.full.mechanisms if mechanism.cause in wanted)
+    return propose(replace(seen.full, mechanisms=kept), seen.measured, asked, seed)
+
+
+def propose(
+    model: AnalyticPush, measured: MeasuredPushes, asked: Sequence[Question], seed: int, pairs: int = PAIRS
+) -> PushProposal:
+    """The ``pairs`` of pushes that say most about the questions, given the pushes made so far.
+
+    Args:
+        model: with a mechanism for every cause that the questions name.
+        measured: the pushes so far; actions and speeds stay within their ranges.
+    """
+    columns = columns_of(model)
+    so_far = linearise_rows(model, measured)[0].sum(0)
+    rng = np.random.default_rng([seed, 14])
+    count = _SEQUENCES * pairs
+    action, settings = _drawn_pairs(measured, count, rng)
+    strange = as_measured(action, settings, model, measured)
+    says = linearise_rows(model, strange)[0].reshape(_SEQUENCES, pairs, 2, *so_far.shape)
+    best = best_of_turns(so_far, says.sum(2), columns, asked)
+    of_turn = np.array([sequence * pairs + turn for turn, sequence in enumerate(best)])
+    rows = (2 * of_turn[:, None] + np.arange(2)).ravel()
+    chosen = says.reshape(-1, *so_far.shape)[rows]
+    total = so_far + chosen.sum(0)
+    about = tuple(says_most_about(total, one, columns, asked) for one in chosen)
+    return PushProposal(
+        action[rows], {name: values[rows] for name, values in settings.items()}, about,
+        _likeness(so_far, total, columns, asked),
+    )  # fmt: skip
+
+
+def as_table(proposal: PushProposal) -> pa.Table:
+    """What a robot needs, to be made in its order: one row for each push.
+
+    ``order``; ``action`` [5] in the canvas frame; ``smooth``: smooth the material first; ``speed_m_s``, ``dwell_s``,
+    ``retract_speed_m_s`` (NaN: as usual); ``separates``: the causes that it says most about, joined by " | ".
+    """
+    count = len(proposal.action)
+    columns: dict[str, pa.Array] = {
+        "order": pa.array(np.arange(count), pa.int32()),
+        "action": pa.array(proposal.action.tolist(), vector(5)),
+        "smooth": pa.array(np.arange(count) % 2 == 0, pa.bool_()),
+    }
+    for name in _SPEEDS:
+        columns[name] = pa.array(proposal.settings.get(name, np.full(count, np.nan)), pa.float32())
+    columns["separates"] = pa.array([" | ".join(question) for question in proposal.question], pa.string())
+    return pa.table(columns)
+
+
+def as_measured(
+    action: Array, settings: dict[str, Array], model: AnalyticPush, measured: MeasuredPushes
+) -> MeasuredPushes:
+    """Pairs of pushes [2 K, 5] as rows that nobody has made yet: the second of a pair finds what the first leaves, as
+    the model foretells it.
+    """
+    like = np.full(len(action), len(measured) - 1)
+    shape, k = measured.after.shape[1:], 1 / measured.scene.pixel_m
+    middle = action[:, :2] + _ahead(action) / 2
+    half = np.array([shape[1], shape[0]]) / k / 2
+    windows = np.concatenate([middle - half, middle + half], axis=1)
+    known = {name: values[like] for name, values in measured.scene.covariates.items()} | settings
+    flat = np.zeros((len(action), *shape), np.float32)
+    half_width = measured.scene.half_width_m
+
+    def scene(pushes: Array, before: Array, worked: Array, rows: Array) -> PushScene:
+        along, across = local_places(windows[rows], shape, pushes, k)
+        columns = {name: values[rows] for name, values in known.items()}
+        level = before - surface_at_start(before, along, across)[:, None, None].astype(np.float32)
+        history = measured.scene.history_known
+        return push_scene(level, along, across, worked, pushes, history, columns, 1 / k, half_width)
+
+    first, second = np.arange(0, len(action), 2), np.arange(1, len(action), 2)
+    # The first push, looked at through the window of the second: it may start outside, where the surface is level.
+    along, across = local_places(windows[second], shape, action[first], k)
+    seen = push_scene(
+        flat[first], along, across, flat[first], action[first], measured.scene.history_known,
+        {name: values[first] for name, values in known.items()}, 1 / k, half_width,
+    )  # fmt: skip
+    left, worked = flat.copy(), flat.copy()
+    left[second] = model.change(seen)
+    worked[second] = swept_m(along, across, action[first, 3], action[first, 4], half_width)
+    everything = scene(action, left, worked, np.arange(len(action)))
+    samples = measured.samples.pick(like)._replace(
+        before=left, after=left, known=np.ones(left.shape, bool), action=action, window_m=windows,
+        action_id=np.arange(len(action)),
+    )  # fmt: skip
+    return MeasuredPushes(
+        samples, everything, everything.before, np.arange(len(action)), np.arange(len(action)), np.ones_like(left),
+        np.zeros_like(left),
+    )  # fmt: skip
+
+
+def _drawn_pairs(measured: MeasuredPushes, count: int, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
+    """Actions [2 K, 5] within the recorded ranges, and speeds [2 K]; every second goes where the one before did."""
+    made = measured.scene.action
+    low, high = made.min(0), made.max(0)
+    low[2], high[2] = -np.pi, np.pi
+    place = np.concatenate([made[:, :2], made[:, :2] + _ahead(made)])
+    inside = place.min(0), place.max(0)
+    action = np.empty((2 * count, 5))
+    for row in range(2 * count):
+        for _ in range(_TRIES):
+            one = rng.uniform(low, high)
+            if row % 2:
+                on_way = action[row - 1, :2] + rng.random() * _ahead(action[row - 1 : row])[0]
+                beside = _BESIDE * measured.scene.half_width_m * rng.standard_normal(2)
+                one[:2] = on_way + beside - _ahead(one[None])[0] / 2
+            ends = np.stack([one[:2], one[:2] + _ahead(one[None])[0]])
+            action[row] = one
+            if (ends >= inside[0]).all() and (ends <= inside[1]).all():
+                break
+    settings = {}
+    for name in _SPEEDS:
+        recorded = measured.scene.covariates.get(name)
+        if recorded is not None and np.isfinite(recorded).all():
+            settings[name] = rng.choice(recorded, 2 * count)
+    return action, settings
+
+
+def _ahead(action: Array) -> Array:
+    """From start to end of travel [B, 2]."""
+    return action[:, 3:4] * np.stack([np.cos(action[:, 2]), np.sin(action[:, 2])], axis=1)
+
+
+def _likeness(
+    so_far: Array, total: Array, columns: Columns, asked: Sequence[Question]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    pairs = [(question[0], question[1]) for question in asked if len(question) == 2]
+    return {pair: (alike(so_far, columns, pair), alike(total, columns, pair)) for pair in pairs}

@@ -1,0 +1,240 @@
+"""Actions that could be made next: strokes drawn at random within the ranges of the strokes made so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts.covariates import Memory, StrokeEvent, advance, carried_paint, covariates, fresh_memory
+from pentimento.diagnosis.strokes.design_ranges import Ranges
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.predict import Model, foretold_linear, ink
+from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
+from pentimento.dynamics.strokes.samples import resample_path
+from pentimento.robots.motion import timed_path
+from pentimento.robots.strokes import stroke_points
+
+Array = NDArray[Any]
+
+_TRIES = 60
+_POINTS = 24
+_PAUSE_S = 3.0
+_CROSSING = 0.4
+_FULL_CONTRAST = 0.15
+"""In linear light: difference from paper that counts as fully painted."""
+
+
+class Action(NamedTuple):
+    """A stroke that a robot can make."""
+
+    path: Array
+    """[N, 5] in the frame of the recording; times NaN where the recording has none."""
+    like: int
+    """The recorded row whose paint it takes."""
+    reload: bool
+    """Dip the tool just before it."""
+    wait_s: float
+    """Wait so long before it."""
+    crosses: bool = False
+    """Whether it is laid over the stroke before it, while that is wet."""
+
+
+def draw(rng: np.random.Generator, ranges: Ranges, measured: Measured, reload: bool) -> Action:
+    """An action at random: place, heading, length, bend, press, speed, paint and wait jointly."""
+    path = _fitting(rng, ranges)
+    if ranges.speed_m_s is not None:
+        path = timed_path(path[:, 1:], float(np.exp(rng.uniform(*np.log(ranges.speed_m_s)))))
+    wait_s = ranges.long_wait_s * float(rng.choice((0.0, 0.0, 0.3, 1.0)))
+    crosses = ranges.crossing and bool(rng.random() < _CROSSING)
+    return Action(path, int(rng.integers(len(measured))), reload, wait_s, crosses)
+
+
+def draw_sequence(rng: np.random.Generator, ranges: Ranges, measured: Measured, count: int) -> list[Action]:
+    """Random actions one after another; dips before the 1st, 2nd, 4th, 8th, ..., so that loads last 1, 2, 4, ... of
+    them and the ink that is left goes with nothing else.
+    """
+    dipped = ranges.most_ink_m is not None
+    return [draw(rng, ranges, measured, dipped and (turn + 1) & turn == 0) for turn in range(count)]
+
+
+class State(NamedTuple):
+    """Where a session stands before its next stroke."""
+
+    memory: Memory
+    clock_s: float
+    made: int
+
+
+def state_after(measured: Measured) -> State:
+    """After the last recorded stroke, on a new blank sheet."""
+    last = {name: float(values[-1]) for name, values in measured.covariates.items()}
+    xy = measured.samples.path[..., 1:3].double().numpy()
+    size = float(max(xy[..., 0].max(), 1e-3)), float(max(xy[..., 1].max(), 1e-3))
+    drawn = float(measured.samples.path[-1, :, 1:3].diff(dim=0).norm(dim=-1).sum())
+    memory = fresh_memory(size)
+
+    def known(name: str) -> float:
+        return last[name] if np.isfinite(last.get(name, np.nan)) else 0.0
+
+    memory = replace(
+        memory,
+        since_reload=int(known("since_reload")) + 1,
+        ink_since_reload_m=known("ink_since_reload_m") + drawn,
+        tool_age_m=known("tool_age_m") + drawn,
+    )
+    return State(memory, known("t_start_s") + _PAUSE_S, int(known("order")) + 1)
+
+
+def columns_at(action: Action, state: State, measured: Measured) -> dict[str, float]:
+    """What would be recorded beside the action: columns with memory advanced, all others as they were last."""
+    row = {name: float(values[-1]) for name, values in measured.covariates.items()}
+    start_s = state.clock_s + action.wait_s
+    event = _event(action, start_s, measured)
+    told = covariates(state.memory, event) | carried_paint(state.memory, event)
+    known = {name: float(value) for name, value in told.items() if not isinstance(value, list)}
+    known |= {"order": float(state.made), "t_start_s": start_s, "t_before_s": start_s}
+    known["t_after_s"] = start_s + _duration_s(action)
+    return row | {name: value for name, value in known.items() if name in row}
+
+
+def after(action: Action, state: State, measured: Measured) -> State:
+    """The session when the action has been made."""
+    start_s = state.clock_s + action.wait_s
+    memory = advance(state.memory, _event(action, start_s, measured))
+    return State(memory, start_s + _duration_s(action) + _PAUSE_S, state.made + 1)
+
+
+def in_turn(
+    actions: Sequence[Action], measured: Measured, ranges: Ranges
+) -> tuple[list[Action], list[dict[str, float]]]:
+    """Actions as they can be made after the recorded ones, and what would be recorded beside each.
+
+    Where the paint would not last, the tool is dipped; what crosses is moved onto the stroke before it.
+    """
+    state = state_after(measured)
+    made: list[Action] = []
+    columns: list[dict[str, float]] = []
+    for action in actions:
+        empty = ranges.most_ink_m is not None and state.memory.ink_since_reload_m > ranges.most_ink_m
+        possible = action._replace(reload=action.reload or empty, crosses=action.crosses and bool(made))
+        if possible.crosses:
+            possible = possible._replace(path=_moved_onto(made[-1].path, action.path, ranges))
+        made.append(possible)
+        columns.append(columns_at(possible, state, measured))
+        state = after(possible, state, measured)
+    return made, columns
+
+
+def as_measured(
+    actions: Sequence[Action], columns: Sequence[dict[str, float]], model: Model, measured: Measured, ranges: Ranges
+) -> Measured:
+    """A sequence of actions as strokes whose photographs nobody has yet (``after`` is ``before``).
+
+    They lie on blank paper; where one crosses, on the stroke before it as the model foretells it.
+    """
+    strokes = _on_paper(actions, columns, measured, ranges)
+    rows = [row for row, action in enumerate(actions) if action.crosses and row]
+    if not rows:
+        return strokes
+    windows = strokes.samples.pick(torch.tensor(rows))
+    below = strokes.pick(np.array(rows) - 1)
+    seen = below.samples._replace(top_left_m=windows.top_left_m, pixels_per_m=windows.pixels_per_m, valid=windows.valid)
+    below = replace(below, samples=seen)
+    wet = foretold_linear(ink(model, below), below)
+    paper = strokes.samples.before_linear.numpy()[rows]
+    before, painted = strokes.samples.before_linear.clone(), strokes.painted.copy()
+    before[rows] = torch.as_tensor(wet, dtype=before.dtype)
+    painted[rows] = np.clip(np.abs(wet - paper).max(-1) / _FULL_CONTRAST, 0.0, 1.0)
+    srgb = linear_to_srgb(before)
+    return replace(
+        strokes, painted=painted, samples=strokes.samples._replace(before_linear=before, before=srgb, after=srgb)
+    )
+
+
+def _on_paper(
+    actions: Sequence[Action], columns: Sequence[dict[str, float]], measured: Measured, ranges: Ranges
+) -> Measured:
+    template = measured.pick(np.array([action.like for action in actions]))
+    samples, side = template.samples, max(ranges.window_px)
+    path = torch.tensor(np.stack([resample_path(action.path, samples.path.shape[1]) for action in actions]))
+    windows = np.stack([window_of(action, measured, ranges) for action in actions])
+    paper = torch.tensor(ranges.paper_srgb, dtype=torch.float32).expand(len(actions), side, side, 3).contiguous()
+    valid = torch.zeros(len(actions), side, side)
+    for row, action in zip(valid, actions, strict=True):
+        width, height = _shape(action, ranges)
+        row[:height, :width] = 1.0
+    samples = samples._replace(
+        path=path.float(),
+        top_left_m=torch.tensor(windows[:, [0, 3]]).float(),
+        before=paper,
+        before_linear=srgb_to_linear(paper),
+        after=paper,
+        ink=valid > 1,
+        valid=valid,
+        action=torch.arange(len(actions)),
+    )
+    return replace(
+        template,
+        samples=samples,
+        covariates={name: np.array([row[name] for row in columns]) for name in measured.covariates},
+        painted=np.zeros(valid.shape, np.float32),
+        habit=np.zeros((*valid.shape, 3), np.float32),
+    )
+
+
+def window_of(action: Action, measured: Measured, ranges: Ranges) -> Array:
+    """What to photograph, [4] x_min, y_min, x_max, y_max: of the recorded size, around the path."""
+    size = np.array(_shape(action, ranges)) / float(measured.samples.pixels_per_m[action.like])
+    xy = action.path[:, 1:3]
+    middle = (xy.min(0) + xy.max(0)) / 2
+    return np.concatenate([middle - size / 2, middle + size / 2])
+
+
+def _shape(action: Action, ranges: Ranges) -> tuple[int, int]:
+    """Width and height of its window in pixels."""
+    width, height = np.ptp(action.path[:, 1:3], axis=0)
+    return ranges.window_px if width >= height else (ranges.window_px[1], ranges.window_px[0])
+
+
+def _fitting(rng: np.random.Generator, ranges: Ranges) -> Array:
+    """A path [N, 5] without times that fits into a window and into the place; the last of many tries if none does."""
+    for _ in range(_TRIES):
+        length = rng.uniform(*ranges.length_m)
+        bend = length * rng.uniform(*ranges.bend)
+        press = rng.uniform(*ranges.press_m, size=3)
+        yaw = rng.uniform(*ranges.yaw_rad)
+        heading, middle = 0.0, np.array([length / 2, 0.0])
+        if ranges.place_m is not None:
+            heading, middle = rng.uniform(-np.pi, np.pi), rng.uniform(*ranges.place_m)
+        points = stroke_points(middle, heading, length, bend, press, yaw, _POINTS)
+        low, high = points[:, :2].min(0), points[:, :2].max(0)
+        fits = bool((np.sort(high - low)[::-1] <= ranges.room_m).all())
+        inside = ranges.place_m is None or bool((low >= ranges.place_m[0]).all() and (high <= ranges.place_m[1]).all())
+        if fits and inside and ranges.bend_m[0] <= bend <= ranges.bend_m[1]:
+            break
+    return np.column_stack([np.full(_POINTS, np.nan), points])
+
+
+def _moved_onto(target: Array, path: Array, ranges: Ranges) -> Array:
+    """A path with its middle on that of another one, as far as it stays within the place."""
+    xy = path[:, 1:3] + target[len(target) // 2, 1:3] - path[len(path) // 2, 1:3]
+    if ranges.place_m is not None:
+        low, high = ranges.place_m
+        xy = xy + np.maximum(low - xy.min(0), 0) + np.minimum(high - xy.max(0), 0)
+    moved: Array = np.column_stack([path[:, :1], xy, path[:, 3:]])
+    return moved
+
+
+def _event(action: Action, start_s: float, measured: Measured) -> StrokeEvent:
+    color = measured.samples.color[action.like].double().numpy()
+    return StrokeEvent(action.path, start_s, action.reload, color)
+
+
+def _duration_s(action: Action) -> float:
+    seconds = float(action.path[-1, 0] - action.path[0, 0])
+    return seconds if np.isfinite(seconds) else 0.0

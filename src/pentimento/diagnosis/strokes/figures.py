@@ -1,0 +1,286 @@
+"""The report's figures as PNG bytes; equal data give equal bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.result import STROKES, Judged, Kind, Surveyed
+from pentimento.diagnosis.strokes.aliasing import ALIKE, Imitation
+from pentimento.diagnosis.strokes.diagnose import Diagnosis
+from pentimento.diagnosis.strokes.maps import ResidualMap
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.next_actions import Proposal
+from pentimento.diagnosis.strokes.predict import foretold
+from pentimento.diagnosis.strokes.screening import Survey
+from pentimento.diagnosis.strokes.user_baseline import Given
+from pentimento.diagnosis.temporal_drift import Wandering
+from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
+
+Array = NDArray[Any]
+
+DIVERGING = "RdBu_r"
+_QUIET = "#8a8a86"
+_GREEN = "#4f7f4a"
+_PAGE_IN = 10.5
+_LEAST_BAR = 0.002  # of the base's error
+_LEAST_TOP = 4.0  # of correlations in standard errors: where chance ends
+_NEIGHBOURS = 7  # of a running mean
+_QUESTIONS = (BLUE, OCHRE, _GREEN, "#7a4f86", "#a33a3a", "#555555")
+
+
+def residual_maps(
+    base: ResidualMap, extended: ResidualMap, x_label: str, y_label: str, square: bool, unit: str = "sRGB"
+) -> bytes:
+    """Mean and worst residual of both models; one symmetric scale for the means, one for the worst."""
+    tall = base.mean.shape[0] / base.mean.shape[1] if square else 0.5
+    with drawing():
+        figure = Figure(figsize=(11.5, 2 * 4.6 * tall + 0.9), layout="constrained")
+        cells = figure.subplots(2, 2, sharex=True, sharey=True)
+        models = ("base", "extended")
+        columns = {"mean": [base.mean, extended.mean], "worst": [base.worst, extended.worst]}
+        for column, (name, images) in enumerate(columns.items()):
+            top = _symmetric(images)
+            for row, (axes, image, model) in enumerate(zip(cells[:, column], images, models, strict=True)):
+                shown = axes.imshow(
+                    image, cmap=DIVERGING, vmin=-top, vmax=top, extent=base.extent, interpolation="nearest",
+                    aspect="equal" if square else "auto",
+                )  # fmt: skip
+                axes.set_title(f"{model}, {name}")
+                axes.set_facecolor("#efefea")
+                axes.tick_params(length=2)
+                if row == 1:
+                    axes.set_xlabel(x_label)
+                if column == 0:
+                    axes.set_ylabel(y_label)
+                if not square:
+                    for end in (0, 1):
+                        axes.axvline(end, color=INK, lw=0.7, ls=":")
+            figure.colorbar(shown, ax=list(cells[:, column]), label=f"measured − foretold, {unit}", shrink=0.8)
+        return png(figure)
+
+
+def mode_heat(survey: Surveyed, structured: set[tuple[str, str]]) -> bytes:
+    """How strongly each mode of the residual goes with each covariate, for base and extended model."""
+    with drawing():
+        figure = Figure(figsize=(max(2.6 + 0.52 * len(survey.covariates), _PAGE_IN), 6.4), layout="constrained")
+        cells = figure.subplots(2, 1, sharex=True)
+        strengths = (survey.base_strength, survey.extended_strength)
+        top = max(float(np.max(strengths, initial=0.0)), _LEAST_TOP)
+        for axes, name, strength in zip(cells, ("base", "extended"), strengths, strict=True):
+            image = axes.imshow(strength, cmap="viridis", vmin=0, vmax=top, aspect="auto")
+            axes.set_yticks(range(len(survey.modes)), survey.modes)
+            axes.set_title(f"{name} model")
+            _numbers(axes, strength, "{:.0f}", 0.6 * top)
+            axes.tick_params(length=0)
+            if name == "extended":
+                for mode, covariate in structured:
+                    if covariate in survey.covariates:
+                        at = survey.covariates.index(covariate), survey.modes.index(mode)
+                        axes.plot(*at, "s", ms=19, mfc="none", mec="#ff5a36", mew=2)
+        cells[1].set_xticks(range(len(survey.covariates)), survey.covariates, rotation=55, ha="right")
+        figure.colorbar(image, ax=list(cells), label="√n |correlation|", shrink=0.7)
+        return png(figure)
+
+
+def dependence(survey: Surveyed) -> bytes:
+    """Modes of the residual against covariates: means of bins with their 95 % bands, base and extended."""
+    shown = survey.dependence
+    columns = min(3, len(shown))
+    rows = -(-len(shown) // columns)
+    with drawing():
+        figure = Figure(figsize=(11.5, 2.7 * rows + 0.4), layout="constrained")
+        cells = figure.subplots(rows, columns, squeeze=False)
+        for axes in cells.flat[len(shown) :]:
+            axes.set_visible(False)
+        for axes, one in zip(cells.flat, shown, strict=False):
+            axes.axhline(0, color=_QUIET, lw=0.8)
+            curves = [("base", one.base, OCHRE), ("extended", one.extended, BLUE)]
+            if np.array_equal(one.base, one.extended):  # nothing was added
+                curves.pop()
+            for name, values, colour in curves:
+                mean, band = values.T
+                axes.plot(one.centre, mean, "-o", color=colour, ms=3.5, lw=1.8, label=name)
+                axes.fill_between(one.centre, mean - band, mean + band, color=to_rgba(colour, 0.18), lw=0)
+            axes.set_xlabel(one.covariate)
+            axes.set_title(one.mode)
+        for axes in cells[:, 0]:
+            axes.set_ylabel("residual, deviations")
+        cells[0, 0].legend(loc="best", fontsize=9)
+        return png(figure)
+
+
+def wandering_curve(wanders: Wandering) -> bytes:
+    """What wanders, action by action in the order of execution, and the mean of neighbours."""
+    amount = wanders.amount
+    window = np.ones(_NEIGHBOURS)
+    mean = np.convolve(amount, window, "same") / np.convolve(np.ones_like(amount), window, "same")
+    with drawing():
+        figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+        axes = figure.add_subplot()
+        axes.axhline(0.0, color="#deded8", lw=1.0, zorder=1)
+        axes.plot(amount, "o", color=_QUIET, ms=3.5, zorder=2)
+        axes.plot(mean, color=OCHRE, lw=2.0, zorder=3)
+        axes.set(xlabel="order of execution", ylabel=wanders.mode, xlim=(-1, len(amount)))
+        return png(figure)
+
+
+def imitation_heat(found: Imitation, named: Sequence[str]) -> bytes:
+    """The imitation matrix; named causes are set in bold."""
+    count = max(len(found.causes), 2)
+    with drawing():
+        figure = Figure(figsize=(max(2.9 + 0.48 * count, _PAGE_IN), 1.9 + 0.44 * count), layout="constrained")
+        axes = figure.add_subplot()
+        lower = np.where(np.tri(len(found.causes), k=-1, dtype=bool), found.cosine, np.nan)
+        image = axes.imshow(lower, cmap="magma_r", vmin=0, vmax=1)
+        axes.set_facecolor("#f7f7f4")
+        _numbers(axes, lower, "{:.2f}", 0.5)
+        axes.set_yticks(range(len(found.causes)), found.causes)
+        axes.set_xticks(range(len(found.causes)), found.causes, rotation=55, ha="right")
+        for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
+            if label.get_text() in named:
+                label.set_fontweight("bold")
+        axes.tick_params(length=0)
+        for i, j in np.argwhere(lower > ALIKE):
+            axes.plot(j, i, "s", ms=20, mfc="none", mec=BLUE, mew=2)
+        figure.colorbar(image, ax=axes, label="|cosine|", shrink=0.7)
+        return png(figure)
+
+
+def leave_one_out(diagnosis: Judged, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
+    """From the base's error on sealed rows by that of the extended model without each of its causes to what this
+    misses with all of them, and to the floor; a given model's error before it.
+
+    What causes do does not add up: where two displace a mark, one alone may do as well, or neither.
+    """
+    base, extended = float(diagnosis.base_losses.mean()), float(diagnosis.extended_losses.mean())
+    floor = diagnosis.floor
+    with drawing():
+        bars: list[tuple[str, float, float, str, bool]] = [("base", 0.0, base, OCHRE, False)]
+        if given_mse is not None:
+            bars.insert(0, ("given\nmodel", 0.0, given_mse, INK, False))
+        for finding in diagnosis.established:
+            low, high = sorted((extended, finding.missed_without))
+            colour = _GREEN if finding.missed_without >= extended else "#a33a3a"
+            bars.append((f"without\n{finding.cause}", low, high, colour, False))
+        bars.append(("extended", 0.0, extended, BLUE, False))
+        left = max(diagnosis.unexplained, key=lambda one: one.generic_gain, default=None)
+        if left is not None and left.generic_gain * extended > _LEAST_BAR * base:
+            generic = f"− generic:\n{left.mode} by\n{left.covariate}"
+            bars.append((generic, extended * (1 - left.generic_gain), extended, _QUIET, True))
+        if floor is not None:
+            bars.append(("noise floor", 0.0, floor.mse, "#bdbdb6", False))
+        figure = Figure(figsize=(max(1.5 * len(bars) + 1.2, 9.5), 3.6), layout="constrained")
+        axes = figure.add_subplot()
+        for x, (_, low, high, colour, expected) in enumerate(bars):
+            axes.bar(
+                x, high - low, bottom=low, width=0.62, color=to_rgba(colour, 0.35 if expected else 1.0),
+                edgecolor=colour, hatch="//" if expected else None,
+            )  # fmt: skip
+            axes.annotate(_small(high - low), (x, high), (0, 3), textcoords="offset points", ha="center")
+        if floor is not None:
+            axes.axhspan(*floor.interval, color="#bdbdb6", alpha=0.4, lw=0)
+        axes.set_xticks(range(len(bars)), [name for name, *_ in bars])
+        axes.set_ylabel(f"mean squared error, {kind.unit}")
+        axes.margins(y=0.12)
+        axes.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
+        return png(figure)
+
+
+def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
+    """Sealed strokes: photographs before and after, both models' foretelling, both errors."""
+    base, extended = (foretold(model, survey.sealed) for model in (diagnosis.base, diagnosis.extended))
+    return _stroke_sheet(survey.sealed, {"base": base, "extended": extended}, shown)
+
+
+def given_strokes(given: Given, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
+    """The same with a given model in the base's place."""
+    beside = {"given model": given.foretold, "extended": foretold(diagnosis.extended, survey.sealed)}
+    return _stroke_sheet(survey.sealed, beside, shown)
+
+
+def _stroke_sheet(sealed: Measured, models: Mapping[str, Array], shown: int) -> bytes:
+    """Strokes from the one where the second model is the most better than the first to where it is the least."""
+    images = list(models.values())
+    after, valid = sealed.samples.after.numpy(), sealed.samples.valid.numpy() > 0
+    wrong = [np.square(image - after).mean(-1) for image in images]
+    fall = ((wrong[0] - wrong[1]) * valid).sum((1, 2))
+    order = np.argsort(-fall, kind="stable")
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, shown).round().astype(int))]
+    top = shared_top([np.sqrt(w[b][valid[b]]) for b in chosen for w in wrong])
+    titles = ("before", "after", *models, *(f"|error| {name}" for name in models))
+    heights = [valid[b].any(1).sum() / valid[b].any(0).sum() for b in chosen]
+    cell = 1.8
+    with drawing():
+        figure = Figure(figsize=(6 * cell + 1.2, cell * sum(heights) + 0.5), layout="constrained")
+        cells = figure.subplots(len(chosen), 6, squeeze=False, gridspec_kw={"height_ratios": heights})
+        for row, b in zip(cells, chosen, strict=True):
+            height, width = int(valid[b].any(1).sum()), int(valid[b].any(0).sum())
+            pictures = (sealed.samples.before.numpy()[b], after[b], images[0][b], images[1][b])
+            for axes, picture in zip(row[:4], pictures, strict=True):
+                axes.imshow(np.clip(picture[:height, :width], 0, 1))
+            for axes, error in zip(row[4:], wrong, strict=True):
+                image = axes.imshow(np.sqrt(error[b, :height, :width]), cmap=ERROR_COLOURS, vmin=0, vmax=top)
+            one = sealed.pick(np.array([b])).samples
+            path = one.view.to_pixels(one.path[..., 1:3])[0].numpy()
+            row[0].plot(*path.T, color=OCHRE, lw=1.2)
+            row[0].plot(*path[0], "o", color=OCHRE, ms=4)
+            row[0].set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+            for axes in row:
+                axes.set_xticks([])
+                axes.set_yticks([])
+                for side in axes.spines.values():
+                    side.set(visible=True, color="#d5d5d0", linewidth=0.6)
+        for axes, title in zip(cells[0], titles, strict=True):
+            axes.set_title(title)
+        figure.colorbar(image, ax=list(cells[:, 5]), label="sRGB", extend="max", shrink=0.8)
+        return png(figure)
+
+
+def proposal_lines(proposal: Proposal, survey: Survey) -> bytes:
+    """The proposed strokes over the recorded ones, numbered, in the colour of the question they answer."""
+    questions = list(dict.fromkeys(proposal.question))
+    recorded = survey.measured.samples.path[..., 1:3].double().numpy() * 1e3
+    with drawing():
+        figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+        axes = figure.add_subplot()
+        for path in recorded:
+            axes.plot(*path.T, color="#deded8", lw=0.9, zorder=1)
+        for number, (action, question) in enumerate(zip(proposal.actions, proposal.question, strict=True), 1):
+            colour = _QUESTIONS[questions.index(question) % len(_QUESTIONS)]
+            xy = action.path[:, 1:3] * 1e3
+            axes.plot(*xy.T, color=colour, lw=2.2, zorder=3, ls="-" if not action.reload else (0, (4, 1)))
+            axes.annotate(
+                "", xy[-1], xy[-4], arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.5, "shrinkA": 0}, zorder=3
+            )
+            axes.annotate(str(number), xy[0], (3, 3), textcoords="offset points", fontsize=9, color=colour, zorder=4)
+        for number, question in enumerate(questions):
+            axes.plot([], [], color=_QUESTIONS[number % len(_QUESTIONS)], lw=2.2, label=" | ".join(question))
+        if any(action.reload for action in proposal.actions):
+            axes.plot([], [], color=_QUIET, lw=2.2, ls=(0, (4, 1)), label="dip first")
+        axes.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize=9)
+        return png(figure)
+
+
+def _numbers(axes: Axes, values: Array, form: str, dark_from: float) -> None:
+    for (i, j), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            viridis = form == "{:.0f}"
+            light = value < dark_from if viridis else value > dark_from
+            axes.text(j, i, form.format(value), ha="center", va="center", fontsize=7.5, color="white" if light else INK)
+
+
+def _symmetric(images: Sequence[Array]) -> float:
+    values = np.abs(np.concatenate([image[np.isfinite(image)].ravel() for image in images]))
+    return max(float(np.quantile(values, 0.995)), 1e-4)
+
+
+def _small(value: float) -> str:
+    return f"{value:.2g}" if value >= 1e-3 else f"{value:.1e}"

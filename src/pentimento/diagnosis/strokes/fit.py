@@ -1,0 +1,198 @@
+"""Least squares: Gauss-Newton with Levenberg's damping on the sum over actions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.steps import damped_step, promised
+from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.jacobian import Statistics, linearise
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.predict import BASE, SLABS, WIDTHS, Model, action_losses
+
+Array = NDArray[Any]
+
+_HOLD = 0.01
+"""Of the error: what a number costs that lies as far from its start as is likely."""
+_LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
+    "density_by_press": 0.5,
+    "edge_by_press": 0.5,
+    "ends_mm": 3.0,
+    "side_mm": 0.5,
+    "outward_mm": 0.3,
+    "ends_widening": 0.5,
+    "mixing": 0.5,
+}
+_LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
+_LIKELY_COLOR = 0.03  # linear light
+_ENOUGH = 5e-4
+"""Relative fall of the error below which a fit has ended."""
+_FIRST_DAMPING = 1e-3  # of a number's own curvature
+_LONGEST = dict.fromkeys(SLABS, 0.3) | {"log_edge_px": 0.3, "ends_widening": 0.3, "mixing": 0.3}
+_LONGEST_WIDTH_MM = 0.7
+_RANGE = (
+    dict.fromkeys(WIDTHS, (0.02, 50.0))
+    | dict.fromkeys(SLABS, (-1.0, 1.5))
+    | {
+        "density_by_press": (-2.0, 2.0),
+        "edge_by_press": (-2.0, 2.0),
+        "log_edge_px": (np.log(0.3), np.log(6)),
+        "ends_mm": (-50.0, 50.0),
+        "side_mm": (-1.0, 1.0),
+        "outward_mm": (-1.0, 1.0),
+        "ends_widening": (-1.0, 1.0),
+        "mixing": (-2.5, 0.7),
+    }
+)
+_MOST_OF_USUAL = 3.0
+_FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.2
+"""Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
+_MOST_WIDENED = 3.0  # times what is typical
+_FLATTEST = 1e-6  # m of press: below it all presses count as one
+
+
+def first_model(measured: Measured) -> Model:
+    """The base before any fit: half-width from the inked area, no dependence on press, a hard edge."""
+    samples = measured.samples
+    area = samples.ink.flatten(1).sum(1).double() / samples.pixels_per_m.double() ** 2
+    length = samples.path[..., 1:3].diff(dim=1).norm(dim=-1).sum(1).double()
+    # A round end adds its disc: area = 2 w L + pi w^2.
+    half = ((length**2 + np.pi * area).sqrt() - length) / np.pi
+    half_mm = max(float(half.median()) * 1e3, 0.1)
+    start = dict.fromkeys(BASE, 0.0) | dict.fromkeys(WIDTHS, half_mm) | {SLABS[0]: 0.9, "log_edge_px": np.log(0.8)}
+    press = (-samples.path[..., 3]).double().numpy()
+    low, high = float(press.min()), float(press.max())
+    if high - low < _FLATTEST:
+        low, high = low - _FLATTEST, high + _FLATTEST
+    return Model((low, high), np.array([start[name] for name in BASE]), np.zeros((measured.paints, 3)), ())
+
+
+def fit(model: Model, measured: Measured, at_start: Statistics | None = None, iterations: int = 40) -> Model:
+    """The model whose foretold photographs are nearest to the measured, by weighted mean squared error.
+
+    What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
+
+    Args:
+        at_start: the model's ``linearise`` on these strokes, where it is known.
+    """
+    statistics = linearise(model, measured) if at_start is None else at_start
+    hold = _hold(model, _loss(statistics))
+    loss = _loss(statistics) + _cost(model.vector, hold)
+    damping = _FIRST_DAMPING
+    low, high = _bounds(model)
+    reach = _longest_steps(model)
+    for _ in range(iterations):
+        near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
+        improved = False
+        for _ in range(6):
+            candidate = model.at(damped_step(model.vector, model.vector, statistics, damping, hold, *near))
+            step = candidate.vector - model.vector
+            promise = promised(step, model.vector, statistics, hold)
+            # What went as far as one step may has not arrived: how little falls here says nothing of the rest.
+            cut_short = (np.abs(step) > 0.999 * reach).any()
+            if (
+                promise < _ENOUGH * loss
+                and not cut_short
+                and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss
+            ):
+                return candidate  # there is no next step that would need derivatives
+            there = linearise(candidate, measured)  # where a step is taken, the next one needs it
+            new = _loss(there) + _cost(candidate.vector, hold)
+            if new < loss:
+                improved = True
+                break
+            damping = max(damping * 10, _FIRST_DAMPING)
+        if not improved:
+            break
+        gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
+        statistics = there
+        if gained < _ENOUGH and not cut_short:
+            break
+    return model
+
+
+def tempered(measured: Measured, model: Model) -> Measured:
+    """The strokes with weights: no action's error about the model counts as more than ``_MOST_OF_USUAL`` times the
+    median (Huber 1964, by action): a single stroke that is wrong by ten times as much as others would say all.
+    """
+    plain = replace(measured, weight=np.ones(len(measured)))
+    losses = action_losses(model, plain)
+    _, action = np.unique(measured.action, return_inverse=True)
+    weight = np.minimum(_MOST_OF_USUAL * np.median(losses) / np.maximum(losses, 1e-30), 1.0)
+    return replace(measured, weight=weight[action])
+
+
+def held(statistics: Statistics, model: Model) -> Statistics:
+    """Statistics of what ``fit`` minimises: strokes, and what holds the base where they leave it open, shared out among
+    actions. Without that, a step that no fit would take may seem to make up for a cause.
+    """
+    hold = _hold(model, _loss(statistics))
+    pull = hold @ model.vector
+    return Statistics(
+        statistics.curvature + hold, statistics.slope - pull, statistics.energy + _cost(model.vector, hold)
+    )
+
+
+def steadied(statistics: Statistics, model: Model, share: float) -> Statistics:
+    """Statistics of changes from where a model is, some of which strokes leave open: those cost a ``share`` of what
+    they cost a fit.
+    """
+    return statistics._replace(curvature=statistics.curvature + share * _hold(model, _loss(statistics)))
+
+
+def _hold(model: Model, loss: float) -> Array:
+    """Curvature [P, P] of what holds the base where strokes leave it open."""
+    size = len(model.vector)
+    rows = [np.eye(size)[BASE.index(name)] / likely for name, likely in _LIKELY.items()]
+    half_mm = float(model.base[: len(WIDTHS)].mean())
+    for k in range(1, len(WIDTHS) - 1):
+        bend = np.zeros(size)
+        bend[k - 1 : k + 2] = 1, -2, 1
+        rows.append(bend / (_LIKELY_BEND * half_mm))
+    rows += [np.eye(size)[p] / _LIKELY_COLOR for p in range(len(BASE), model.nuisances)]
+    held = np.stack(rows)
+    return _HOLD * loss * held.T @ held
+
+
+def _cost(away: Array, hold: Array) -> float:
+    return float(away @ hold @ away)
+
+
+def _bounds(model: Model) -> tuple[Array, Array]:
+    """Where the model's numbers mean something."""
+    low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
+    for i, name in enumerate(BASE):
+        low[i], high[i] = _RANGE[name]
+    colors = slice(len(model.base), model.nuisances)
+    low[colors], high[colors] = -0.2, 0.2
+    half_mm = float(model.base[: len(WIDTHS)].mean())
+    ends = BASE.index("ends_mm")
+    low[ends], high[ends] = -_FARTHEST_ENDS * half_mm, _FARTHEST_ENDS * half_mm
+    if any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        uneven = model.columns_of(UnevenEnds.cause)
+        shift = _MOST_UNEVEN * half_mm * 1e-3 / UnevenEnds.quantities[0].typical
+        high[uneven] = shift, shift, _MOST_WIDENED, _MOST_WIDENED
+        low[uneven] = -high[uneven]
+    return low, high
+
+
+def _longest_steps(model: Model) -> Array:
+    """How far each number may go in one iteration: some act far from linearly."""
+    reach = np.full(len(model.vector), np.inf)
+    for i, name in enumerate(BASE):
+        reach[i] = _LONGEST_WIDTH_MM if name in WIDTHS else _LONGEST.get(name, np.inf)
+    reach[model.nuisances :] = 1.0  # of what is typical
+    return reach
+
+
+def _loss(statistics: Statistics) -> float:
+    return float(statistics.energy.mean())
+
+
+def _loss_of(model: Model, measured: Measured) -> float:
+    """The same without derivatives, in a quarter of the time."""
+    return float(action_losses(model, measured).mean())

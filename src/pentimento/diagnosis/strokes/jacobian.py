@@ -1,0 +1,281 @@
+"""How what a model foretells of measured strokes changes with each of its numbers.
+
+Marks by differences, from there to pixels by the imprint's own derivatives; paint and gain by central differences. All
+numbers of a row share one pass over its pixels.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.diagnosis.batches import in_batches
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.mixture import mixture, slopes_of_mixture
+from pentimento.diagnosis.strokes.predict import (
+    BASE,
+    ROWS_AT_ONCE,
+    SLABS,
+    WIDTHS,
+    Ink,
+    Model,
+    acts_on,
+    at_pixels,
+    foretold_linear,
+    gain_of_camera,
+    ink_of,
+    mark_px,
+    marks_px,
+    paint_at,
+    paint_laid,
+)
+from pentimento.diagnosis.strokes.soft_edge import Imprint, change_of_coverage
+
+Array = NDArray[Any]
+
+_MIXING = BASE.index("mixing")
+_COLOR_STEP = 0.01
+_MARK_STEP = 1e-5
+
+
+def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
+    """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
+    _, steepness = _srgb_and_slope(foretold_linear(laid, measured))
+    return steepness * _slopes(laid, measured)[0]
+
+
+def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
+    """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
+    mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
+    change = np.tensordot(amounts[number], changes, 1)
+
+    def of(some: slice) -> Array:
+        return _change_of_photographs(model, measured.pick(some), amounts, mark[some], change[some])
+
+    return np.concatenate(in_batches(of, len(measured), ROWS_AT_ONCE))
+
+
+def _change_of_photographs(
+    model: Model, measured: Measured, amounts: Array, mark: Array, change_of_mark: Array
+) -> Array:
+    laid = ink_of(mark, model, measured)
+    linear = foretold_linear(laid, measured)
+    inked = np.flatnonzero(laid.imprint.segment >= 0)
+    drawn = np.zeros_like(laid.imprint.coverage)
+    drawn.ravel()[inked] = change_of_coverage(laid.imprint, change_of_mark[None], inked)[:, 0]
+    drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
+    _, steepness = _srgb_and_slope(linear)
+    by_coverage, by_paint = _slopes(laid, measured)
+    change = steepness * by_coverage * drawn[..., None]
+    if not model.mixes_in_light:
+        change += steepness * amounts[_MIXING] * _by_mixing(laid, measured)
+    for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
+        change += steepness * by_paint * (amounts[p] * paint)
+        if gain is not None:
+            change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
+    return np.asarray(change, dtype=np.float32)
+
+
+class Statistics(NamedTuple):
+    """All that tests, held-out gains, bootstraps and designs need of n actions (GAP.md, rule 3).
+
+    Per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
+    """
+
+    curvature: Array  # [n, P, P] J^T J
+    slope: Array  # [n, P] J^T r
+    energy: Array  # [n] r^T r
+
+    def of(self, columns: Array) -> Statistics:
+        """Of some of the numbers alone."""
+        return Statistics(self.curvature[:, columns][:, :, columns], self.slope[:, columns], self.energy)
+
+
+def linearise(model: Model, measured: Measured) -> Statistics:
+    """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""
+    return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
+
+
+def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
+    """The same of each row, by its weight: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
+    mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
+
+    def of(some: slice) -> tuple[Array, Array, Array]:
+        return _row_statistics(model, measured.pick(some), mark[some], number, changes[:, some])
+
+    parts = in_batches(of, len(measured), ROWS_AT_ONCE)
+    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
+    weight = measured.weight
+    return curvature * weight[:, None, None], slope * weight[:, None], energy * weight
+
+
+def _row_statistics(
+    model: Model, measured: Measured, mark: Array, number: Array, changes: Array
+) -> tuple[Array, Array, Array]:
+    """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
+
+    What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
+    coverage; only what changes the paint or the picture needs all three.
+
+    Args:
+        mark: of the model, as ``mark_px``.
+        number, changes: as ``_changes_of_mark``.
+    """
+    laid = ink_of(mark, model, measured)
+    of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
+    of_paint = _changes_of_paint(model, measured, laid.imprint)
+    inked = laid.imprint.segment >= 0  # elsewhere nothing changes but what the camera does
+    first = np.concatenate([[0], np.cumsum(inked.sum((1, 2)))])
+    pixels = np.flatnonzero(inked)
+
+    samples, valid = measured.samples, measured.samples.valid.numpy()
+    linear = foretold_linear(laid, measured, pixels)
+    srgb, steepness = _srgb_and_slope(linear)
+    steepness *= at_pixels(valid, pixels)[:, None]
+    by_coverage, by_paint = (steepness * slope for slope in _slopes(laid, measured, pixels))
+    by_mixing = None if model.mixes_in_light else steepness * _by_mixing(laid, measured, pixels)
+    by_gain = steepness * linear / at_pixels(laid.gain, pixels)[:, None]
+    rest = (samples.after.numpy() - samples.before.numpy() - measured.habit) * valid[..., None]
+    change = (srgb - at_pixels(samples.before.numpy(), pixels)) * at_pixels(valid, pixels)[:, None]
+    missing = at_pixels(rest, pixels) - change
+    rest.reshape(-1, 3)[pixels] = missing
+
+    by_level = at_pixels(laid.imprint.by_level, pixels)
+    maps = np.concatenate([by_level, change_of_coverage(laid.imprint, changes, pixels)], axis=1)
+    curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
+    slope = np.zeros((len(measured), len(model.vector)))
+    of_mark_twice = of_mark[:, None], of_mark
+    for b in range(len(measured)):
+        own = slice(first[b], first[b + 1])
+        drawn, depth = maps[own], by_coverage[own]
+        curvature[b][of_mark_twice] = drawn.T @ (drawn * np.square(depth).sum(1, keepdims=True))
+        slope[b][of_mark] = (depth * missing[own]).sum(1) @ drawn
+        pictures = {
+            p: by_paint[own] * (paint[b, 0, 0] if paint[b].size == 3 else paint[b][inked[b]])
+            + (0 if gain is None else by_gain[own] * gain[b][inked[b]][:, None])
+            for p, paint, gain in of_paint
+            if gain is not None or paint[b].any()
+        }
+        if by_mixing is not None:
+            pictures[_MIXING] = by_mixing[own]
+        if not pictures:
+            continue
+        index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
+        cross = drawn.T @ (whole * depth).sum(-1).T
+        flat = whole.reshape(len(index), -1)
+        # A mechanism may act on the mark and on the paint: its two parts add up.
+        curvature[b][np.ix_(of_mark, index)] += cross
+        curvature[b][np.ix_(index, of_mark)] += cross.T
+        curvature[b][np.ix_(index, index)] += flat @ flat.T
+        slope[b][index] += flat @ missing[own].ravel()
+    if gains := {p: gain for p, _, gain in of_paint if gain is not None}:
+        _add_bare_ground(curvature, slope, rest, gains, laid, measured)
+    energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
+    count = valid.sum((1, 2)) * 3
+    return curvature / count[:, None, None], slope / count[:, None], energy / count
+
+
+def _add_bare_ground(
+    curvature: Array, slope: Array, rest: Array, gains: dict[int, Array], laid: Ink, measured: Measured
+) -> None:
+    """Add the pixels that strokes leave bare, of which a camera's gain changes the picture, to the sums over the
+    others; and take off ``rest`` [B, H, W, 3] what the gain has changed of them.
+
+    Args:
+        gains: by number of the model, its derivative by that, [B, H, W].
+    """
+    index, maps = np.array(list(gains)), np.stack(list(gains.values()))
+    bare = (laid.imprint.segment < 0) & (measured.samples.valid.numpy() > 0)
+    before, before_linear = measured.samples.before.numpy(), measured.samples.before_linear.numpy()
+    for b, here in enumerate(bare):
+        below, gain = before_linear[b][here], laid.gain[b][here][:, None]
+        srgb, steepness = _srgb_and_slope(below * gain)
+        missing = rest[b][here] - (srgb - before[b][here])
+        rest[b][here] = missing
+        by_gain, own = steepness * below, maps[:, b][:, here]
+        curvature[b][np.ix_(index, index)] += (own * np.square(by_gain).sum(1)) @ own.T
+        slope[b][index] += own @ (by_gain * missing).sum(1)
+
+
+def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
+    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5].
+
+    What is at work is moved together, to one side; each mechanism that is not yet, with that and without the others, to
+    both, for no effect is where a form may have a kink.
+    """
+    drawing = [m for m in model.mechanisms if "mark" in acts_on(m)]
+    busy = [m for m in drawing if not m.idle]
+    of_base = np.array([i for i, name in enumerate(BASE) if name not in (*SLABS, "mixing")])
+    number = np.concatenate([of_base, *(model.columns_of(m.cause) for m in busy)])
+    steps = _MARK_STEP * np.eye(len(model.vector))
+    marks = marks_px(model, busy, model.vector + np.insert(steps[number], 0, 0.0, axis=0), measured)
+    parts = [(number, (marks[1:] - marks[0]) / _MARK_STEP)]
+    for mechanism in drawing:
+        if mechanism.idle:
+            number = model.columns_of(mechanism.cause)
+            with_it = [m for m in drawing if m is mechanism or not m.idle]
+            both = model.vector + np.concatenate([steps[number], -steps[number]])
+            up, down = np.split(marks_px(model, with_it, both, measured), 2)
+            parts.append((number, (up - down) / (2 * _MARK_STEP)))
+    numbers, slopes = zip(*parts, strict=True)
+    return np.concatenate(numbers), np.concatenate(slopes)
+
+
+def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
+    """Number, and the derivatives by it of the paint (as ``Ink.paint``) and, if it is the camera's, of the gain."""
+    changes: list[tuple[int, Array, Array | None]] = []
+    for p in range(model.color_offset.size):
+        one_hot = np.eye(3, dtype=np.float32)[p % 3] * (measured.paint == p // 3)[:, None]
+        changes.append((len(model.base) + p, one_hot[:, None, None], None))
+    none: Array = np.zeros((len(measured), 1, 1, 3), np.float32)
+    for mechanism in model.mechanisms:
+        of_paint, of_picture = (name in acts_on(mechanism) for name in ("paint", "picture"))
+        for at in model.columns_of(mechanism.cause) if of_paint or of_picture else ():
+            step = _COLOR_STEP * (np.arange(len(model.vector)) == at)
+            up, down = model.at(model.vector + step), model.at(model.vector - step)
+            paint, gain = none, None
+            if of_paint:
+                paint = (paint_laid(up, measured, made) - paint_laid(down, measured, made)) / (2 * _COLOR_STEP)
+            if of_picture:
+                gain = (gain_of_camera(up, measured) - gain_of_camera(down, measured)) / (2 * _COLOR_STEP)
+            changes.append((int(at), paint, gain))
+    return changes
+
+
+def by_action(values: Array, action: Array) -> Array:
+    """Means over the rows of each action, in the order of the actions' numbers."""
+    _, group, count = np.unique(action, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(count), *values.shape[1:]))
+    np.add.at(sums, group, values)
+    return sums / count.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _slopes(laid: Ink, measured: Measured, pixels: Array | None = None) -> tuple[Array, Array]:
+    """Derivatives of the windows' linear light by coverage and by paint, [..., 3], as ``at_pixels``."""
+    gain = at_pixels(laid.gain, pixels)[..., None]
+    slopes = slopes_of_mixture(*_mixed(laid, measured, pixels), laid.power)
+    by_coverage, by_paint = (slope * gain for slope in slopes)
+    return by_coverage, by_paint
+
+
+def _by_mixing(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
+    """Derivative of the same by ``mixing``: central differences."""
+    mixed = _mixed(laid, measured, pixels)
+    up, down = (mixture(*mixed, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
+    return np.asarray((up - down) / (2 * _COLOR_STEP) * at_pixels(laid.gain, pixels)[..., None])
+
+
+def _mixed(laid: Ink, measured: Measured, pixels: Array | None) -> tuple[Array, Array, Array]:
+    """What is below, the paint, and how much it covers."""
+    below = at_pixels(measured.samples.before_linear.numpy(), pixels)
+    return below, paint_at(laid, pixels), at_pixels(laid.imprint.coverage, pixels)[..., None]
+
+
+def _srgb_and_slope(linear: Array) -> tuple[Array, Array]:
+    """sRGB, and d sRGB / d linear light. The curve is a power of the light, whose slope is the power over the light."""
+    srgb = linear_to_srgb(linear)
+    steep = (srgb + np.float32(0.055)) / (np.float32(2.4) * np.maximum(linear, np.float32(0.0031308)))
+    return srgb, np.where(linear <= 0.0031308, np.float32(12.92), steep)

@@ -1,0 +1,197 @@
+"""Rows of the strokes contract as the gap finder needs them: images of one size, covariates, actions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import torch
+from numpy.typing import NDArray
+
+from pentimento.contracts import images
+from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.photometry import srgb_to_linear
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.simulation import StrokeContext
+
+Array = NDArray[Any]
+
+_POINTS = 24
+_LARGEST_SIDE_PX = 112
+_FEWEST_BLOCKS = 12
+_FEWEST_OF_A_MIX = 8  # blocks
+_NOT_COVARIATES = ("action_id",)
+_FEW_MISSING = 0.1  # of the rows
+_ANEW_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
+_NAN_SAYS_SOMETHING = ("wet_age_s",)  # nothing painted below
+
+
+@dataclass(frozen=True)
+class Measured:
+    """B strokes that can be compared with what a model foretells."""
+
+    samples: StrokeSamples
+    covariates: dict[str, Array]
+    """float64[B] each: every numeric scalar column but identities; NaN where unknown."""
+    paint: Array
+    """int64[B]: which of the distinct paints, by ``mixes``."""
+    paints: int
+    """How many of these the whole table has."""
+    block: Array
+    """int64[B]: which session and load of paint."""
+    turn: Array
+    """int64[B]: rank in the order of execution, session by session."""
+    painted: Array
+    """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
+    weight: Array
+    """float64[B]: of each stroke's squared error in fits and tests; 1 unless ``fit.tempered`` has looked at them."""
+    habit: Array
+    """float32[B, H, W, 3]: what is foretold beside what any model says (``habits``), sRGB."""
+
+    def __len__(self) -> int:
+        return len(self.block)
+
+    @property
+    def action(self) -> Array:
+        """int64[B]: rows of one value repeat one command."""
+        return self.samples.action.numpy()
+
+    @cached_property
+    def context(self) -> StrokeContext:
+        """The strokes as mechanisms see them, [B, 1, ...]."""
+        columns = {name: torch.tensor(v, dtype=torch.float64)[:, None] for name, v in self.covariates.items()}
+        return StrokeContext(self.samples.path[:, None].double(), columns)
+
+    def pick(self, rows: Array | slice) -> Measured:
+        """The strokes with these indices; of a slice, nothing is copied."""
+        index = rows if isinstance(rows, slice) else torch.as_tensor(np.asarray(rows))
+        kept = {name: values[rows] for name, values in self.covariates.items()}
+        return replace(
+            self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
+            block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows], weight=self.weight[rows],
+            habit=self.habit[rows],
+        )  # fmt: skip
+
+
+def load_measured(table: pa.Table) -> Measured:
+    """Rows of the strokes contract, photographs averaged down to about a hundred pixels a side, `before` denoised.
+
+    Raises:
+        ContractError: the table has no rows, or a row (it is named) makes no sample.
+    """
+    samples = load_samples(table, _POINTS, _resolution(table), 1.0)
+    before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
+    samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
+    block = _loads(table)
+    if block.max() + 1 < _FEWEST_BLOCKS:  # a pen that is never dipped: each action by itself
+        _, block = np.unique(samples.action.numpy(), return_inverse=True)
+    painted = _painted(samples.before_linear.numpy())
+    paint = mixes(samples.color.numpy(), _sessions(table), block)
+    order = np.lexsort((np.asarray(table["order"].to_pylist()), np.asarray(table["session"].to_pylist())))
+    columns, paints = covariates_of(table) | carried_paint(table, samples), int(paint.max()) + 1
+    nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
+    return Measured(
+        samples, columns, paint, paints, block, np.argsort(order), painted, np.ones(len(samples.path)), nothing_learnt
+    )
+
+
+def mixes(color_srgb: Array, session: Array, block: Array) -> Array:
+    """Number of each stroke's paint, int[B]: its colour, as it was mixed for its session where every session shows each
+    of its colours in enough blocks for what is fitted to some to hold for all.
+
+    A paint that is a little paler from session to session would else pass for whatever grows over the sessions (a
+    tool's wear).
+
+    Args:
+        color_srgb: [B, 3].
+        session, block: int[B].
+    """
+    color = np.unique(color_srgb.round(3), axis=0, return_inverse=True)[1].reshape(-1)
+    mixed = np.unique(np.stack([session, color]), axis=1, return_inverse=True)[1].reshape(-1)
+    fewest = min(len(np.unique(block[mixed == each])) for each in np.unique(mixed))
+    return np.asarray(mixed if fewest >= _FEWEST_OF_A_MIX else color)
+
+
+def covariates_of(table: pa.Table) -> dict[str, Array]:
+    """Every numeric scalar column but identities, float64[B]; surfaces count as levels in the order of their names.
+
+    A value that is missing here and there is interpolated in the order of execution, within a session, and within a
+    load of the tool where it starts anew with each.
+    """
+    found: dict[str, Array] = {}
+    order = np.asarray(table["order"].to_pylist(), dtype=np.float64)
+    session, load = _sessions(table), _loads(table)
+    for field in table.schema:
+        if field.name in _NOT_COVARIATES or (field.name.endswith("_id") and field.name != "surface_id"):
+            continue
+        if pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
+            column = table[field.name].cast(pa.float64()).to_numpy(zero_copy_only=False)
+            if np.isfinite(column).any():
+                within = load if field.name in _ANEW_WITH_EACH_LOAD else session
+                found[field.name] = _few_filled(field.name, np.array(column, dtype=np.float64), order, within)
+    for name in ("surface", "surface_id"):
+        if name in table.schema.names:
+            levels = np.array([str(v) for v in table[name].to_pylist()])
+            known, level = np.unique(levels, return_inverse=True)
+            if 1 < len(known) <= len(levels) // 8:
+                found.setdefault("surface_level", level.astype(np.float64))
+    return found
+
+
+def _sessions(table: pa.Table) -> Array:
+    """Number of each row's session, int[B]."""
+    return np.asarray(np.unique(table["session"].to_pylist(), return_inverse=True)[1])
+
+
+def _loads(table: pa.Table) -> Array:
+    """Number of each row's session and load of the tool, int[B]; without loads, of its session."""
+    load = table["reload_id"].to_pylist() if "reload_id" in table.schema.names else [None] * table.num_rows
+    names = [f"{session} {reload}" for session, reload in zip(table["session"].to_pylist(), load, strict=True)]
+    return np.asarray(np.unique(names, return_inverse=True)[1])
+
+
+def _few_filled(name: str, values: Array, order: Array, within: Array) -> Array:
+    known = np.isfinite(values)
+    if name in _NAN_SAYS_SOMETHING or known.all() or known.mean() < 1 - _FEW_MISSING:
+        return values
+    for group in np.unique(within[~known]):
+        rows = np.flatnonzero(within == group)
+        rows = rows[np.argsort(order[rows], kind="stable")]
+        sure = rows[known[rows]]
+        if len(sure):
+            values[rows] = np.interp(order[rows], order[sure], values[sure])
+    return values
+
+
+def _resolution(table: pa.Table) -> float:
+    """Pixels a metre at which the first windows have no side longer than ``_LARGEST_SIDE_PX``."""
+    finest = np.inf
+    for row in table.select(["window_m", "before"]).slice(0, 8).to_pylist():
+        shape = images.decode_png(row["before"]["bytes"]).shape
+        window = row["window_m"]
+        scale = shape[1] / max(window[2] - window[0], 1e-9)
+        finest = min(finest, scale / max(np.ceil(max(shape[:2]) / _LARGEST_SIDE_PX), 1.0))
+    return float(finest)
+
+
+def _painted(before_linear: Array) -> Array:
+    """By the difference from each window's paper, [B, H, W]."""
+    paper = np.quantile(before_linear, 0.9, axis=(1, 2), keepdims=True).astype(np.float32)
+    return np.clip(np.abs(before_linear - paper).max(-1) / 0.15, 0.0, 1.0)
+
+
+def _denoised(image: Array) -> Array:
+    """A photograph [H, W, 3] less its pixel noise, edges kept: noise in `before` would pass for an effect of the paint
+    below (GAP.md, rule 5).
+    """
+    grey = image.mean(-1)
+    # Immerkaer's estimate: a mask that no plane and no straight edge excites.
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+    noise = float(np.median(np.abs(cv2.filter2D(grey, -1, mask)))) / 0.6745 / 6
+    if noise < 1e-4:
+        return image
+    return np.asarray(cv2.bilateralFilter(image.astype(np.float32), 5, 4 * noise * 1.7, 1.5), dtype=np.float32)

@@ -1,0 +1,128 @@
+"""Which rows of a strokes table can be used: bad ones are left out and counted (GAP.md, verdict)."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Sized
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.contracts.tables import MAX_BAD_SHARE
+from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share, load_samples
+
+_LISTED = 8
+_MANY_UNMARKED = 0.1
+_VISIBLE_SHARE, _LEAST_MARKED = 0.08, 0.0004
+"""A mark goes so far from paper to paint, in such a part of its window: pale pens mark little more."""
+_LEAST_INSIDE = 0.2
+"""Of a path's points: what must lie in the window that shows the stroke."""
+
+
+class Sound(NamedTuple):
+    """Rows that can be used, and what was left out."""
+
+    table: pa.Table
+    bad: dict[int, str]
+    """Row of the table as given, and why it makes no sample."""
+    copies: tuple[int, ...]
+    """Rows that say again what an earlier row says: they would pass for repeats without any noise."""
+
+    unmarked: int
+    """Rows that are used though nothing of the paint's colour appeared near the path."""
+
+    def sentences(self) -> list[str]:
+        """What was left out, for a person."""
+        said = []
+        if self.bad:
+            said.append(f"{_rows(list(self.bad))} cannot be used and {_are(self.bad)} left out: {_why(self.bad)}.")
+        if self.copies:
+            copies = "is an exact copy of another" if len(self.copies) == 1 else "are exact copies of others"
+            said.append(f"{_rows(list(self.copies))} {copies} and left out; a copy is no repeat of an action.")
+        if self.unmarked > _MANY_UNMARKED * self.table.num_rows:
+            said.append(
+                f"{self.unmarked} of {self.table.num_rows} rows show no mark of their paint near the path; check "
+                "color_srgb, the windows, and whether the tool touched."
+            )
+        return said
+
+
+def sound_rows(table: pa.Table) -> Sound:
+    """The rows of a table that keeps the strokes contract from which samples can be made, each once.
+
+    Raises:
+        ContractError: more than 1 % of the rows (and more than one) are bad; it names them.
+    """
+    bad: dict[int, str] = {}
+    copies: list[int] = []
+    unmarked = 0
+    seen: set[bytes] = set()
+    for number in range(table.num_rows):
+        row = table.slice(number, 1)
+        try:
+            samples = load_samples(row, 8, math.inf, 1.0)
+        except PentimentoError as error:
+            bad[number] = str(error).partition("strokes table: ")[2] or str(error)
+            continue
+        if not float(samples.path[0, :, 1:3].diff(dim=0).norm(dim=-1).sum()) > 0:
+            bad[number] = "its path does not move"
+            continue
+        if _inside(row) < _LEAST_INSIDE:
+            bad[number] = "its path lies outside its window"
+            continue
+        said = _fingerprint(row)
+        if said in seen:
+            copies.append(number)
+            continue
+        seen.add(said)
+        unmarked += not _shows_a_mark(samples)
+    if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
+        raise ContractError(
+            f"{len(bad)} of {table.num_rows} rows of the strokes table cannot be used ({_rows(list(bad))}): "
+            f"{_why(bad)}. Repair the recording; at most 1 % of the rows is left out."
+        )
+    left_out = {*bad, *copies}
+    kept = [number for number in range(table.num_rows) if number not in left_out]
+    return Sound(table if not left_out else table.take(kept), bad, tuple(copies), unmarked)
+
+
+def _shows_a_mark(samples: StrokeSamples) -> bool:
+    """Whether some part of the one window goes towards the paint's colour by more than noise would."""
+    share = inked_share(samples.before, samples.after, samples.color[:, None, None])
+    return float(share.flatten().quantile(1 - _LEAST_MARKED)) > _VISIBLE_SHARE
+
+
+def _inside(row: pa.Table) -> float:
+    """Share of the path's points that lie in the window."""
+    x_min, y_min, x_max, y_max = row["window_m"][0].as_py()
+    x, y = np.array(row["path"][0].as_py())[:, 1:3].T
+    return float(((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)).mean())
+
+
+def _fingerprint(row: pa.Table) -> bytes:
+    one = row.select(["session", "path", "window_m", "before", "after"]).to_pylist()[0]
+    told = hashlib.sha256(repr([one["session"], one["path"], one["window_m"]]).encode())
+    told.update(one["before"]["bytes"])
+    told.update(one["after"]["bytes"])
+    return told.digest()
+
+
+def _rows(numbers: list[int]) -> str:
+    listed = ", ".join(str(number) for number in numbers[:_LISTED])
+    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
+    return f"{'Row' if len(numbers) == 1 else 'Rows'} {listed}{more} (counted from 0)"
+
+
+def _are(rows: Sized) -> str:
+    return "is" if len(rows) == 1 else "are"
+
+
+def _why(bad: dict[int, str]) -> str:
+    return "; ".join(
+        f"{count} × {reason.rstrip('.')}" if count > 1 else reason.rstrip(".")
+        for reason, count in Counter(bad.values()).most_common(3)
+    )

@@ -1,0 +1,199 @@
+"""Forward selection of causes: test all, refit the few that stand out, take the best, relinearise, look back.
+
+It goes on where the search for large causes (``large``) ended, with the tool's habits in what is foretold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from pentimento.diagnosis.choice import (
+    Step,
+    choose,
+    displacement_left,
+    kin_of,
+    paired_p,
+    told_by_one_of,
+    without_unlikely,
+)
+from pentimento.diagnosis.score import Evidence
+from pentimento.diagnosis.strokes.candidates import (
+    FIRST_P,
+    LATER_P,
+    held_out_losses,
+    left_by_form,
+    refits_with,
+    shortlist,
+    stands,
+    weigh,
+    with_that_of_refits,
+    without_idle,
+)  # fmt: skip
+from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.fit import fit
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.path_covariates import covariates_shown
+from pentimento.diagnosis.strokes.predict import Model, action_losses
+from pentimento.dynamics.strokes.simulation import Mechanism
+
+_KIN_P = 0.05
+_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
+"""Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
+like a cause."""
+MOST_CAUSES, _MOST_STEPS = 6, 9
+
+
+@dataclass(frozen=True)
+class Search:
+    """What came of it."""
+
+    base: Model
+    model: Model
+    steps: tuple[Step, ...]
+    observable: dict[str, Mechanism]
+    """Each cause that these strokes can show, as it changes nothing yet."""
+    not_observable: dict[str, str]
+    """Causes that they cannot show, and why."""
+    floor: float
+    """The noise floor, sRGB in [0, 1] squared; 0 if it is unknown."""
+    gained: dict[str, float]
+    """How much error each cause removed when it was found."""
+    large: frozenset[str]
+    """Those that were found first, by ``find_large``."""
+
+    @property
+    def found(self) -> frozenset[str]:
+        """The causes of the model."""
+        return frozenset(m.cause for m in self.model.mechanisms if m.cause in self.observable)
+
+
+def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
+    """Go on with what was begun, by ``find_large`` or by this, with the tool's habits in what is foretold."""
+    model = fit(begun.model, measured)
+    observable = begun.observable
+    steps = [step for step in begun.steps if step.chosen]
+    gained = dict(begun.gained)
+    evidence: dict[str, Evidence] = {}
+    dismissed: set[str] = set()
+    """Causes that would have to act with the wrong sign, or do too little."""
+    while True:
+        number = sum(m.cause in observable for m in model.mechanisms)
+        taken = {m.cause for m in model.mechanisms}
+        candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
+        fresh, at_start = weigh(model, candidates, measured, seed + len(steps))
+        evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
+        limit = LATER_P if number else FIRST_P
+        short = shortlist(fresh, limit, _KIN_P, observable)
+        hidden = [] if short or not number else _hidden_by_ends(model, candidates, observable, measured, seed)
+        short = short or hidden
+        needless = {cause for cause in short if is_kin_of_what_suffices(cause, model, observable, measured, seed)}
+        dismissed |= needless
+        short = [cause for cause in short if cause not in needless]
+        if not short or number == MOST_CAUSES or len(steps) == _MOST_STEPS:
+            steps.append(Step(evidence, None, ()))
+            break
+        refits = refits_with(model, short, observable, measured, at_start)
+        dismissed |= set(short) - set(refits)
+        if hidden:
+            fresh = with_that_of_refits(fresh, refits, limit, model, measured, seed)
+            evidence |= fresh
+        before = action_losses(model, measured)
+        error = float(before.mean())
+        losses = {cause: held_out_losses(refit, measured, seed) for cause, refit in refits.items()}
+        size = {cause: float((before - each).mean()) for cause, each in losses.items()}
+        so_far = replace(begun, gained=gained)
+        small = {c for c in losses if size[c] < enough(observable[c], error, so_far)}
+        dismissed |= small
+        losses = {cause: after for cause, after in losses.items() if cause not in small}
+        # From no effect a large one may look like little; what its refit removes is then the witness.
+        removes_p = {cause: paired_p(before - after, seed) for cause, after in losses.items()}
+        sure = {
+            cause
+            for cause in losses
+            if stands(fresh[cause], limit) and (fresh[cause].least_gain > 0 or removes_p[cause] < LATER_P)
+        }
+        if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
+            dismissed |= {cause for cause in losses if stands(fresh[cause], limit) or cause in hidden}
+            continue
+        losses = without_unlikely(losses, error, refits, measured)
+        step = choose(evidence, losses, error, refits, measured, seed, log)
+        steps.append(step)
+        assert step.chosen is not None
+        gained[step.chosen] = size[step.chosen]
+        model = without_idle(refits[step.chosen], begun.large, measured, seed, log)
+    return replace(begun, model=model, steps=tuple(steps), gained=gained)
+
+
+def settle(found: Search, measured: Measured, seed: int, log: Callable[[str], None]) -> Search:
+    """What was found, with each cause and its rivals compared once more, beside all other causes of the model.
+
+    When a cause was taken, what others do was still in the residual: with it, a rival may have looked as good or better
+    (a latency beside a backlash that is not known yet, a lag). In the end the one that fits best stands there.
+    """
+    model, steps, gained = found.model, [], dict(found.gained)
+    for step in found.steps:
+        chosen, names = step.chosen, {m.cause for m in model.mechanisms}
+        rivals = [rival for rival in step.rivals if rival not in names]
+        if chosen is None or chosen not in names:
+            steps.append(replace(step, rivals=tuple(rivals)))
+            continue
+        kin = kin_of(found.observable[chosen], list(found.observable.values()))
+        rivals += [cause for cause in kin if cause not in [*names, *rivals]]
+        if not rivals:
+            steps.append(replace(step, rivals=()))
+            continue
+        without = fit(model.without(chosen), measured)
+        now = next(m for m in model.mechanisms if m.cause == chosen)
+        refits = {chosen: fit(model.without(chosen).plus(now), measured)}
+        refits |= refits_with(without, rivals, found.observable, measured)
+        losses = {cause: held_out_losses(refit, measured, seed) for cause, refit in refits.items()}
+        error = float(action_losses(without, measured).mean())
+        settled = choose(step.evidence, losses, error, refits, measured, seed, log)
+        assert settled.chosen is not None
+        steps.append(settled)
+        if settled.chosen != chosen:
+            model = refits[settled.chosen]
+            gained[settled.chosen] = gained.pop(chosen)
+    return replace(found, model=model, steps=tuple(steps), gained=gained)
+
+
+def is_kin_of_what_suffices(
+    cause: str, model: Model, observable: Mapping[str, Mechanism], measured: Measured, seed: int
+) -> bool:
+    """Whether the model has a cause of the same driver and is not sure to leave a displacement by what only one of the
+    two goes with: where both act, either one alone leaves it.
+    """
+    taken = {m.cause: m for m in model.mechanisms if m.cause in observable}
+    for kin in kin_of(observable[cause], list(taken.values())):
+        columns = told_by_one_of(observable[cause], taken[kin], measured)
+        if columns and not displacement_left(model, measured, columns, seed)[0]:
+            return True
+    return False
+
+
+def _hidden_by_ends(
+    model: Model, candidates: Sequence[Mechanism], observable: Mapping[str, Mechanism], measured: Measured, seed: int
+) -> list[str]:
+    """Candidates that uneven ends may hide and that what is left asks for: a displacement by what they go with and
+    their kin does not. Ends are fitted to the average stroke, and every small step from no effect must undo them.
+    """
+    if not any(isinstance(m, UnevenEnds) for m in model.mechanisms):
+        return []
+    shown, asked_for = covariates_shown(measured), []
+    for candidate in candidates:
+        if candidate.driver == UnevenEnds.driver:
+            of_kin = {name for kin in kin_of(candidate, list(observable.values())) for name in observable[kin].told_by}
+            own = {name: shown[name] for name in candidate.told_by if name in shown and name not in of_kin}
+            if own and of_kin and displacement_left(model, measured, own, seed)[0]:
+                asked_for.append(candidate.cause)
+    return asked_for
+
+
+def enough(mechanism: Mechanism, error: float, so_far: Search) -> float:
+    """How much error, sRGB, a further cause must remove of the ``error`` that is left: more than what a base that is
+    wrong in many ways has of everything, and than what the forms of other causes may have left.
+    """
+    observable, floor = so_far.observable, so_far.floor
+    left = [gain * left_by_form(observable[cause], mechanism) for cause, gain in so_far.gained.items()]
+    return max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor), *left)

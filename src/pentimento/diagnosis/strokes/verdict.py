@@ -1,0 +1,171 @@
+"""The verdict: what was found, as numbers and as a paragraph that a person can read (schema 1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from pentimento.diagnosis.result import STROKES, Judged, Kind
+from pentimento.diagnosis.strokes.diagnose import Finding
+
+SCHEMA = 1
+NEXT_ACTIONS = "next_actions.parquet"
+_SHOWN = 12
+
+
+def verdict(
+    diagnosis: Judged,
+    rows: int,
+    actions: int,
+    shifted: float | None = None,
+    notes: Sequence[str] = (),
+    given_mse: float | None = None,
+    kind: Kind = STROKES,
+) -> dict[str, Any]:
+    """What ``verdict.json`` holds. Errors are of sealed rows, over the whole window: sRGB in [0, 1] squared, or mm².
+
+    What is not known (a floor without repeats, a gap without a floor) is None.
+
+    Args:
+        diagnosis: what was found.
+        rows: how many could be used.
+        actions: how many different ones they are.
+        shifted: share of the gap closed on an outside table.
+        notes: sentences to go with the verdict's own: what was left out of the table.
+        given_mse: of a model that was named, on the sealed rows; becomes ``mse.given``.
+        kind: what the rows are.
+    """
+    floor, closed = diagnosis.floor, diagnosis.gap_closed
+    extended = float(diagnosis.extended_losses.mean())
+    made: dict[str, Any] = {
+        "schema": SCHEMA,
+        "kind": kind.name,
+        "rows": rows,
+        "actions": actions,
+        "mse": {
+            "base": float(diagnosis.base_losses.mean()),
+            "extended": extended,
+            "floor": floor and floor.mse,
+            "floor_ci": floor and list(floor.interval),
+        },
+        "established": [_entry(finding) for finding in diagnosis.established],
+        "suspected": [_entry(finding) for finding in diagnosis.suspected],
+        "gap_closed": {"test": closed and closed[0], "ci": closed and list(closed[1]), "shifted": shifted},
+        "unexplained": [left._asdict() for left in diagnosis.unexplained[:_SHOWN]],
+        "floor_reached": None if floor is None else floor.interval[0] <= extended <= floor.interval[1],
+        "next_actions": NEXT_ACTIONS,
+        "sentence": " ".join(
+            [
+                sentence(diagnosis, kind),
+                *_of_a_given_model(diagnosis, given_mse),
+                *_on_an_outside_table(shifted),
+                *notes,
+            ]
+        ),
+    }
+    if given_mse is not None:
+        made["mse"]["given"] = given_mse
+    if diagnosis.wanders:
+        mode, p, mse, mse_of_repeats, _ = diagnosis.wanders
+        made["wanders"] = {"mode": mode, "p": p, "mse": mse, "mse_of_repeats": mse_of_repeats}
+    known: dict[str, Any] = _without_nan(made)
+    return known
+
+
+def _entry(finding: Finding) -> dict[str, Any]:
+    return {
+        "cause": finding.cause,
+        "p_adj": finding.p_adjusted,
+        "gain": finding.gain,
+        "gain_ci": list(finding.gain_interval),
+        "parameters": {name: {"value": value, "se": error} for name, (value, error) in finding.values.items()},
+        "rivals": list(finding.rivals),
+    }
+
+
+def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
+    """One paragraph."""
+    base, extended = diagnosis.base_losses.mean(), diagnosis.extended_losses.mean()
+    said = [f"On sealed {kind.name} the base model misses by {base:.3g} (mean squared, {kind.unit})."]
+    if diagnosis.established:
+        named = "; ".join(_named(finding, diagnosis.floor is not None) for finding in diagnosis.established)
+        said.append(f"Established: {named}. With that the error is {extended:.3g}.")
+    else:
+        said.append("No known cause is established.")
+    if doubtful := [finding.cause for finding in diagnosis.suspected if not finding.misnamed]:
+        said.append(f"Suspected, not confirmed on {kind.name} that had no part in the search: {', '.join(doubtful)}.")
+    if misnamed := [finding.cause for finding in diagnosis.suspected if finding.misnamed]:
+        said.append(f"No better than what has no name, and so not named: {', '.join(misnamed)}.")
+    if diagnosis.floor is None:
+        said.append("No action is repeated often enough, so the noise floor is unknown.")
+    else:
+        said.append(f"The noise floor, from repeated actions, is {diagnosis.floor.mse:.3g}.")
+        if diagnosis.gap_closed is not None and diagnosis.established:
+            said.append(f"{diagnosis.gap_closed[0]:.0%} of the gap above it is closed.")
+    if diagnosis.unexplained:
+        said.append(_structured(diagnosis))
+    else:
+        if wanders := diagnosis.wanders:
+            said.append(
+                f"In the order of execution {wanders.mode} wanders, worth {wanders.mse:.3g}, and nothing that was "
+                "recorded goes with it."
+            )
+        if diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
+            said.append("Gap above the floor, cause not observable in what was recorded.")
+    said += _not_observable(diagnosis.search.not_observable)
+    rivals = [(finding.cause, rival) for finding in diagnosis.established for rival in finding.rivals]
+    if rivals:
+        pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
+        said.append(f"To tell {pairs}, make the {kind.name} of {NEXT_ACTIONS}.")
+    return " ".join(said)
+
+
+def _structured(diagnosis: Judged) -> str:
+    """What the first of what is unexplained depends on, and what established causes say of that already."""
+    mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
+    told = [mechanism.cause for mechanism in diagnosis.extended.mechanisms if covariate in mechanism.told_by]
+    known = "established" if diagnosis.suspected else "known"
+    if told:
+        beyond = f"beyond what is established of it ({', '.join(told)}); no other {known} cause explains that"
+        return f"Structured residual: {mode} depends on {covariate}, {beyond}."
+    return f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it."
+
+
+def _named(finding: Finding, floor_known: bool) -> str:
+    numbers = ", ".join(f"{name} {value:.3g} ± {error:.1g}" for name, (value, error) in finding.values.items())
+    rivals = f"; rivals {', '.join(finding.rivals)}" if finding.rivals else ""
+    whole = "gap" if floor_known else "error"
+    return f"{finding.cause} ({numbers}; removes {finding.gain:.0%} of the {whole}{rivals})"
+
+
+def _not_observable(reasons: dict[str, str]) -> list[str]:
+    """A sentence for each reason why causes could not be looked for."""
+    by_reason: dict[str, list[str]] = {}
+    for cause, reason in reasons.items():
+        by_reason.setdefault(reason.rstrip("."), []).append(cause)
+    return [f"Not decided, because {reason}: {', '.join(causes)}." for reason, causes in by_reason.items()]
+
+
+def _of_a_given_model(diagnosis: Judged, mse: float | None) -> list[str]:
+    """How it stands to the finder's base, which differs from it in nothing but how free it is."""
+    if mse is None:
+        return []
+    base = float(diagnosis.base_losses.mean())
+    said = f"The given model misses the same strokes by {mse:.3g}"
+    if base < mse:
+        return [f"{said}: {1 - base / mse:.0%} of that is calibration, which the base takes up without any cause."]
+    return [f"{said}, no more than the base."]
+
+
+def _on_an_outside_table(shifted: float | None) -> list[str]:
+    return [] if shifted is None else [f"On the outside table {shifted:.0%} of the gap is closed."]
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON knows no NaN and no infinity: unknown."""
+    if isinstance(value, dict):
+        return {name: _without_nan(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,1 @@
+"""Models of what strokes and pushes do."""

@@ -1,0 +1,271 @@
+"""Rows of the ``pushes`` contract as arrays: heights in metres on one grid, holes filled, the table's tilt taken off.
+
+Three repairs are made and counted: holes are filled from their measured neighbours (and stay marked, so that they never
+count in a loss or a metric), the reported tilt of the table is taken off both scans, and rows that make no sample, or
+say again what an earlier row said, are left out. More bad rows than the contract bears are an error.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts import frames
+from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
+from pentimento.contracts.tables import MAX_BAD_SHARE
+from pentimento.planning.pushes.holes import fill_holes
+
+_HIGHEST_M = 1.0
+"""No slab on a table is as high, and no push as long: beyond it, numbers are in millimetres."""
+_MOST_HOLES = 0.5
+_NOT_COVARIATES = ("action_id", "height_per_unit_m")
+_LISTED = 8
+
+
+class PushSamples(NamedTuple):
+    """N measured pushes on one pixel size; all images are padded, at right and bottom, to one height and width."""
+
+    before: NDArray[np.float32]
+    """[N, H, W] height above the table in metres, row 0 at the top; holes filled."""
+    after: NDArray[np.float32]
+    """[N, H, W], likewise."""
+    known: NDArray[np.bool_]
+    """[N, H, W]: measured in both scans. Only these pixels count in losses and metrics."""
+    action: NDArray[np.float64]
+    """[N, 5] x_m, y_m, theta_rad, length_m (pinch: closing), depth_m; canvas frame."""
+    window_m: NDArray[np.float64]
+    """[N, 4] of the padded images."""
+    pixels_per_m: float
+    action_id: NDArray[np.int64]
+    """[N]: rows of one value repeat the same command."""
+    surface_m: NDArray[np.float64]
+    """[N]: height at the start, from which the depth counts, as the robot reads it off the scan before."""
+    session: NDArray[np.str_]
+    tool: NDArray[np.str_]
+    material: NDArray[np.str_]
+    kind: NDArray[np.str_]
+    """[N] each."""
+    covariates: dict[str, NDArray[np.float64]]
+    """[N] of each other column of single numbers, NaN where unknown; "order" is among them."""
+
+    def pick(self, index: NDArray[Any] | slice) -> PushSamples:
+        """The samples with these indices, or where a mask [N] is true."""
+        kept = {name: values[index] for name, values in self.covariates.items()}
+        arrays = {
+            name: values[index] for name, values in self._asdict().items() if name not in ("covariates", "pixels_per_m")
+        }
+        return self._replace(**arrays, covariates=kept)
+
+
+class Repairs(NamedTuple):
+    """What was done to a table before it became samples."""
+
+    rows: int
+    """Of the table as given."""
+    bad: dict[int, str]
+    """Row of the table as given, and why it makes no sample."""
+    copies: tuple[int, ...]
+    """Rows that say again what an earlier row says: they would pass for repeats without any noise."""
+    tilted: int
+    """Samples whose scans were freed of a tilt that their row reports."""
+    holes: float
+    """Share of the pixels that were not measured in both scans."""
+
+    def sentences(self) -> list[str]:
+        """What was repaired, for a person."""
+        said = []
+        if self.bad:
+            said.append(f"{_rows(list(self.bad))} cannot be used and left out: {_why(self.bad)}.")
+        if self.copies:
+            said.append(f"{_rows(list(self.copies))} repeat an earlier row exactly and are left out.")
+        if self.tilted:
+            said.append(f"The table's reported tilt was taken off the scans of {self.tilted} rows.")
+        if self.holes:
+            said.append(f"{self.holes:.2%} of the pixels are holes; they were filled and count in no score.")
+        return said
+
+
+class _Row(NamedTuple):
+    before: NDArray[np.float64]
+    after: NDArray[np.float64]
+    action: NDArray[np.float64]
+    window_m: NDArray[np.float64]
+    pixels_per_m: float
+    surface_m: float
+    tilted: bool
+
+
+def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSamples, Repairs]:
+    """Rows of a table that keeps the ``pushes`` contract, as arrays, and what was repaired.
+
+    Args:
+        pixels_per_m: scans finer than this are averaged down, by a whole factor, to about it.
+
+    Raises:
+        ContractError: no row, more than 1 % of the rows (and more than one) make no sample, or they differ in pixel
+            size.
+    """
+    if table.num_rows == 0:
+        raise ContractError("The pushes table has no rows: collect pushes first, or check its quarantine report.")
+    loaded: dict[int, _Row] = {}
+    bad: dict[int, str] = {}
+    copies: list[int] = []
+    seen: set[bytes] = set()
+    for number in range(table.num_rows):
+        row = table.slice(number, 1).to_pylist()[0]
+        try:
+            sample = _load_row(row, pixels_per_m)
+        except PentimentoError as error:
+            bad[number] = str(error)
+            continue
+        said = _fingerprint(row)
+        if said in seen:
+            copies.append(number)
+            continue
+        seen.add(said)
+        loaded[number] = sample
+    if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
+        raise ContractError(
+            f"{len(bad)} of {table.num_rows} rows of the pushes table cannot be used ({_rows(list(bad))}): "
+            f"{_why(bad)}. Repair the recording; at most 1 % of the rows is left out."
+        )
+    samples = _stacked(list(loaded.values()), table.take(list(loaded)))
+    tilted = sum(sample.tilted for sample in loaded.values())
+    return samples, Repairs(table.num_rows, bad, tuple(copies), tilted, float(1 - samples.known.mean()))
+
+
+def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
+    action = np.asarray(row["action"], dtype=np.float64)
+    window = np.asarray(row["window_m"], dtype=np.float64)
+    _check_action(action, row["kind"], window)
+    before, after = (decode_height_m(row[name]["bytes"], row["height_per_unit_m"]) for name in ("before", "after"))
+    tilted = _take_off_plane((before, after), window, row.get("table_plane"))
+    for name, height in (("before", before), ("after", after)):
+        holes = float(np.isnan(height).mean())
+        if holes > _MOST_HOLES:
+            raise ContractError(f"{holes:.0%} of its scan {name} are holes")
+        if not abs(float(np.nanmedian(height))) < _HIGHEST_M:
+            raise ContractError(
+                f"its heights {name} are about {float(np.nanmedian(height)):.3g} m: give height_per_unit_m in metres, "
+                "not millimetres"
+            )
+    # Of the scan before alone, as fine as it was: what the one after does not show was there when the robot read.
+    surface_m = surface_at_m(before, tuple(window), action[0], action[1])
+    scale = frames.pixels_per_m(before.shape, window)
+    factor = max(round(scale / pixels_per_m), 1)
+    height, width = (side // factor * factor for side in before.shape)
+    kept = window + np.array([0.0, (before.shape[0] - height) / scale, (width - before.shape[1]) / scale, 0.0])
+    before, after = _averaged(before, factor), _averaged(after, factor)
+    return _Row(before, after, action, kept, scale / factor, surface_m, tilted)
+
+
+def _check_action(action: NDArray[np.float64], kind: str, window: NDArray[np.float64]) -> None:
+    x, y, theta, length, depth = action
+    if min(length, depth) < 0:
+        raise ContractError("its action has a negative length or depth")
+    if max(length, depth) >= _HIGHEST_M:
+        raise ContractError(f"its action goes {length:.3g} m far and {depth:.3g} m deep: give metres, not millimetres")
+    travel = length if kind == "push" else 0.0
+    ends = np.array([[x, y], [x + travel * math.cos(theta), y + travel * math.sin(theta)]])
+    if (ends < window[:2]).any() or (ends > window[2:]).any():
+        raise ContractError("its action leaves the window that its scans show")
+
+
+def _take_off_plane(heights: tuple[NDArray[np.float64], ...], window: NDArray[np.float64], plane: Any) -> bool:
+    """Take the table's plane (a, b, c) off the heights, in place; whether there was one to take off."""
+    if plane is None or not np.isfinite(np.asarray(plane, dtype=np.float64)).all() or not np.any(plane):
+        return False
+    for height in heights:
+        height[...] = level(height, window, plane)
+    return True
+
+
+def _averaged(height_m: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
+    """Means over blocks of factor × factor pixels; a block of which less than half was measured is a hole."""
+    if factor == 1:
+        return height_m
+    rows, columns = (side // factor for side in height_m.shape)
+    blocks = height_m[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+    known = np.isfinite(blocks)
+    count = known.sum(axis=(1, 3))
+    total = np.where(known, blocks, 0.0).sum(axis=(1, 3))
+    return np.where(count >= factor**2 / 2, total / np.maximum(count, 1), np.nan)
+
+
+def _stacked(rows: list[_Row], table: pa.Table) -> PushSamples:
+    scales = np.array([row.pixels_per_m for row in rows])
+    scale = float(np.median(scales))
+    if np.abs(scales / scale - 1).max() > 0.01:
+        raise ContractError(
+            f"The scans of the pushes table have from {scales.min():.0f} to {scales.max():.0f} pixels a metre: "
+            "resample them to one pixel size, or split the table."
+        )
+    height, width = (max(row.before.shape[axis] for row in rows) for axis in (0, 1))
+    shape = (len(rows), height, width)
+    before, after = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+    known = np.zeros(shape, dtype=np.bool_)
+    window = np.stack([row.window_m for row in rows])
+    for number, row in enumerate(rows):
+        high, wide = row.before.shape
+        known[number, :high, :wide] = np.isfinite(row.before) & np.isfinite(row.after)
+        for into, part in ((before, row.before), (after, row.after)):
+            into[number] = np.pad(
+                fill_holes(part)[0].astype(np.float32), ((0, height - high), (0, width - wide)), mode="edge"
+            )
+        window[number, 1] -= (height - high) / row.pixels_per_m
+        window[number, 2] += (width - wide) / row.pixels_per_m
+    texts = {
+        name: np.asarray(table.column(name).to_pylist(), dtype=np.str_)
+        for name in ("session", "tool", "material", "kind")
+    }
+    return PushSamples(
+        before=before,
+        after=after,
+        known=known,
+        action=np.stack([row.action for row in rows]),
+        window_m=window,
+        pixels_per_m=scale,
+        action_id=np.asarray(table.column("action_id").to_pylist(), dtype=np.int64),
+        surface_m=np.array([row.surface_m for row in rows]),
+        covariates=_covariates(table),
+        **texts,
+    )
+
+
+def _covariates(table: pa.Table) -> dict[str, NDArray[np.float64]]:
+    """Every column of single numbers, NaN where null; a column without any number is none."""
+    found = {}
+    for field in table.schema:
+        number = pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
+        if number and field.name not in _NOT_COVARIATES:
+            values = np.array([math.nan if v is None else v for v in table.column(field.name).to_pylist()], np.float64)
+            if np.isfinite(values).any():
+                found[field.name] = values
+    return found
+
+
+def _fingerprint(row: dict[str, Any]) -> bytes:
+    told = hashlib.sha256(repr([row["session"], row["action"], row["window_m"]]).encode())
+    told.update(row["before"]["bytes"])
+    told.update(row["after"]["bytes"])
+    return told.digest()
+
+
+def _rows(numbers: list[int]) -> str:
+    listed = ", ".join(str(number) for number in numbers[:_LISTED])
+    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
+    return f"{'Row' if len(numbers) == 1 else 'Rows'} {listed}{more} (counted from 0)"
+
+
+def _why(bad: dict[int, str]) -> str:
+    return "; ".join(
+        f"{count} × {reason.rstrip('.')}" if count > 1 else reason.rstrip(".")
+        for reason, count in Counter(bad.values()).most_common(3)
+    )

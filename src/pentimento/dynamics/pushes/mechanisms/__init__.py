@@ -1,0 +1,38 @@
+"""The vocabulary of causes: what a push model alone may get wrong, one module each."""
+
+from collections.abc import Mapping
+
+from pentimento.dynamics.pushes.mechanisms.adhesion_lift import AdhesionLift
+from pentimento.dynamics.pushes.mechanisms.closed_start import ClosedStart
+from pentimento.dynamics.pushes.mechanisms.far_field import FarField
+from pentimento.dynamics.pushes.mechanisms.height_offset import HeightOffset
+from pentimento.dynamics.pushes.mechanisms.lower_rims import LowerRims
+from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism
+from pentimento.dynamics.pushes.mechanisms.sinking import Sinking
+from pentimento.dynamics.pushes.mechanisms.slope_slide import SlopeSlide
+from pentimento.dynamics.pushes.mechanisms.springback import Springback
+from pentimento.dynamics.pushes.mechanisms.stiffness_drift import StiffnessDrift
+from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
+from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
+from pentimento.dynamics.pushes.mechanisms.work_hardening import WorkHardening
+
+__all__ = ["LOOKALIKES", "VOCABULARY", "Mechanism"]
+
+VOCABULARY: tuple[type[Mechanism], ...] = (
+    AdhesionLift,
+    FarField,
+    HeightOffset,
+    SlopeSlide,
+    Springback,
+    StiffnessDrift,
+    ToolBacklash,
+    VolumeLoss,
+    WorkHardening,
+)
+
+LOOKALIKES: Mapping[str, type[Mechanism]] = {
+    "far_field": LowerRims,
+    "height_offset": ClosedStart,
+    "springback": Sinking,
+}
+"""By cause: what is none of them, and could be taken for it."""

@@ -1,0 +1,54 @@
+"""Material is pulled up as the tool retracts, the more the faster and the longer it rested: a peak at the end of its
+travel, out of what is around.
+
+What every push leaves there is the base's (``end_lift``); the cause is what follows the speed of retracting, and the
+dwell: tack grows with the rate of separation and with the time of contact (Zosel 1985).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import (
+    Contact,
+    Mechanism,
+    Quantity,
+    Settled,
+    column,
+    log_times,
+    per_push,
+    recorded,
+    usual_s,
+)
+
+_COLUMN = "retract_speed_m_s"
+_SLOWEST_M_S = 1e-4
+
+
+class AdhesionLift(Mechanism):
+    """See above."""
+
+    cause = "adhesion_lift"
+    site = "surface"
+    driver = "retraction"
+    told_by = (_COLUMN, "dwell_s")
+    imitable = False
+    quantities = (
+        Quantity("lift_by_log_speed_m", "m", 0.0003),
+        Quantity("lift_by_log_dwell_m", "m", 0.0003, signed=False),
+    )
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        speed = column(scene, recorded(scene, _COLUMN))
+        usual = {_COLUMN: float(np.exp(np.log(np.maximum(speed, _SLOWEST_M_S)).mean()))}
+        dwell = usual_s(scene.covariates.get("dwell_s"))
+        return usual if dwell is None else usual | {"dwell_s": dwell}
+
+    def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
+        log = np.log(np.maximum(column(scene, _COLUMN), _SLOWEST_M_S) / self.reference[_COLUMN])
+        lift_m = self.values[0] * np.where(np.isfinite(log), log, 0.0)
+        if "dwell_s" in self.reference:
+            lift_m += self.values[1] * log_times(column(scene, "dwell_s"), self.reference["dwell_s"])
+        return settled._replace(lift_m=settled.lift_m + per_push(lift_m) * contact.peak)

@@ -1,0 +1,28 @@
+"""Small displacement far from the contact: part of the volume that rims would take rises in a wide, flat swell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Quantity, Settled
+from pentimento.dynamics.pushes.spread import spread
+
+_REACHES = (2.2, 5.0)
+"""Widths of the swell's two halves, in half-widths of the footprint: beyond the base's rims, and with a long tail, as
+an elastic body has."""
+
+
+class FarField(Mechanism):
+    """See above."""
+
+    cause = "far_field"
+    site = "surface"
+    driver = "distance"
+    quantities = (Quantity("share", "1", 0.2, signed=False),)
+
+    def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
+        share = np.float32(self.values[0])
+        half_px = scene.half_width_m / scene.pixel_m
+        swell = sum(spread(settled.indentation_m, reach * half_px) for reach in _REACHES) / np.float32(len(_REACHES))
+        return settled._replace(rims_m=settled.rims_m * (1 - share), lift_m=settled.lift_m + share * swell)

@@ -1,0 +1,34 @@
+"""The tool acts at another depth than commanded: by the same distance in every push, and by more towards one side."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, Quantity
+
+
+class HeightOffset(Mechanism):
+    """See above. A gain of the depth, which the base has, is in proportion to it; this is not."""
+
+    cause = "height_offset"
+    site = "command"
+    driver = "place"
+    told_by = ("start_x_m", "start_y_m")
+    by_place = ("lower_to_the_right_m", "lower_to_the_top_m")
+    quantities = (
+        Quantity("lower_m", "m", 0.0005),
+        Quantity("lower_to_the_right_m", "m/half extent", 0.0005),
+        Quantity("lower_to_the_top_m", "m/half extent", 0.0005),
+    )
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        low, high = scene.action[:, :2].min(0), scene.action[:, :2].max(0)
+        half = max(float((high - low).max()) / 2, 1e-6)
+        return {"x_m": float(low[0] + high[0]) / 2, "y_m": float(low[1] + high[1]) / 2, "half_m": half}
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        middle = np.array([self.reference["x_m"], self.reference["y_m"]])
+        place = (scene.action[:, :2] - middle) / self.reference["half_m"]
+        return motion._replace(lower_m=motion.lower_m + self.values[0] + place @ self.values[1:])

@@ -1,0 +1,39 @@
+"""An offset that depends on the sign of motion along each axis of the table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, NotObservable, Quantity
+
+_TURNING = 0.1
+"""Share of the motion that lies along an axis below which its sign is not felt."""
+_ONE_HEADING = 0.05
+
+
+class ToolBacklash(Mechanism):
+    """See above."""
+
+    cause = "tool_backlash"
+    site = "command"
+    driver = "reversal"
+    told_by = ("heading_cos", "heading_sin")
+    imitable = False
+    quantities = (
+        Quantity("x_m", "m", 0.0005),
+        Quantity("y_m", "m", 0.0005),
+    )
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        heading = scene.action[:, 2]
+        if 1 - np.hypot(np.cos(heading).mean(), np.sin(heading).mean()) < _ONE_HEADING:
+            raise NotObservable("all pushes go in one direction")
+        return {}
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        cos, sin = np.cos(scene.action[:, 2]), np.sin(scene.action[:, 2])
+        x = -self.values[0] * np.tanh(cos / _TURNING)
+        y = -self.values[1] * np.tanh(sin / _TURNING)
+        return motion._replace(along_m=motion.along_m + cos * x + sin * y, across_m=motion.across_m + cos * y - sin * x)

@@ -1,0 +1,38 @@
+"""Displaced material does not reappear in the rims: it is compacted, the more or the less the more is displaced.
+
+With V the pressed volume,  rims' = rims * (1 - a - b (V / V_usual - 1)).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import Array, Contact, Mechanism, Quantity, Settled, per_push
+
+
+class VolumeLoss(Mechanism):
+    """See above."""
+
+    cause = "volume_loss"
+    site = "surface"
+    driver = "volume"
+    quantities = (
+        Quantity("lost_share", "1", 0.3, signed=False),
+        Quantity("lost_by_volume", "1/usual volume", 0.2),
+    )
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        return {"volume_m3": float(np.median(_commanded_volume(scene)))}
+
+    def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
+        volume = contact.pressed_m.sum((1, 2)) * scene.pixel_m**2
+        lost = self.values[0] + self.values[1] * (volume / self.reference["volume_m3"] - 1)
+        return settled._replace(rims_m=settled.rims_m * per_push(1 - lost))
+
+
+def _commanded_volume(scene: PushScene) -> Array:
+    """Of a round groove that ramps down over the travel and ends in half a bowl, m³ [B]."""
+    length, depth = scene.action[:, 3], scene.action[:, 4]
+    return np.asarray(np.maximum(depth * scene.half_width_m * (length * 0.67 + scene.half_width_m), 1e-12))

@@ -1,0 +1,50 @@
+"""Material that was pushed before is harder there: later pushes go less deep, and less of what they press stays.
+
+After earlier work w, it resists by b w / (w + 5 mm) more than fresh material, so that an arm that gives way goes less
+deep; and of what is pressed, exp(-a w) stays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import (
+    Array,
+    Contact,
+    Mechanism,
+    Motion,
+    NotObservable,
+    Quantity,
+)
+
+_DEEP_M = 0.005
+_LEAST_SEEN = 0.02
+"""Share of the pushes that must go where others went."""
+
+
+class WorkHardening(Mechanism):
+    """See above."""
+
+    cause = "work_hardening"
+    site = "contact"
+    driver = "history"
+    told_by = ("worked_below_m",)
+    quantities = (
+        Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),
+        Quantity("harder", "1", 0.5, signed=False),
+    )
+
+    @classmethod
+    def reference_of(cls, scene: PushScene) -> dict[str, float]:
+        if not scene.history_known:
+            raise NotObservable("the rows do not say when the material was smoothed (reset_id)")
+        if (scene.worked.max((1, 2)) > _DEEP_M / 10).mean() < _LEAST_SEEN:
+            raise NotObservable("hardly a push goes where an earlier one went since the material was smoothed")
+        return {}
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        return motion._replace(harder=motion.harder + self.values[1])
+
+    def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
+        return kept_m * np.exp(np.float32(-self.values[0] / _DEEP_M) * scene.worked)

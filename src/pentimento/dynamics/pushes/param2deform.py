@@ -1,0 +1,171 @@
+"""param2deform (thesis 7.3.4): from the clay before a push, its length and its depth to the change of height.
+
+All in the constant pose: the push starts at one place and moves in +x. Beside the thesis's inputs the network sees
+where the tool's underside cuts into the surface (``sweep``), which is most of what happens and needs few numbers; and
+it works on blocks of 2 × 2 pixels as channels, which costs a quarter. A context (one for each pair of material and tool
+that it was trained on) has its own tool numbers and its own vector beside the length and the depth.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import interpolate, pixel_shuffle, pixel_unshuffle, silu
+
+from pentimento.dynamics.pushes.losses import gradient
+from pentimento.dynamics.pushes.pose import Crop
+from pentimento.dynamics.pushes.sweep import Underside, clearance_mm
+
+CONTEXT = 8
+"""Numbers that tell one context from another, beside the tool's."""
+_TOOL = 5
+_FIRST_REACH_MM = 8.0
+_FIRST_APART_MM = 25.0
+_SCALE_MM = 5.0
+"""Heights go into the network in such units."""
+_FURTHEST = 4.0
+"""Heights further from the start's than this many units say no more."""
+_START_MM = 3.0
+"""As far around as ``contracts.height_maps.surface_at_m`` takes the median."""
+_COARSE, _MAPS = 8, 4
+"""Side and number of the maps that the shape's numbers become."""
+_SHAPE, _MERGED = 8, 24
+"""Channels of the branch of length and depth, and after merging."""
+
+
+class Param2Deform(nn.Module):
+    """The network. Untrained it foretells no change."""
+
+    x_mm: Tensor
+    y_mm: Tensor
+    place: Tensor
+    fade: Tensor
+    start: Tensor
+    finer: Tensor
+
+    def __init__(self, crop: Crop, channels: int, contexts: int = 1, pinches: bool = False) -> None:
+        """``channels`` are those of the state's branch; the crop's side must be even.
+
+        Of a pinch, whose place is between the fingers, both close towards it along x by half the length each.
+        """
+        super().__init__()
+        if crop.side_px % 2:
+            raise ValueError(f"The crop's side is {crop.side_px} pixels; it must be even.")
+        self.tool = nn.Parameter(torch.zeros(contexts, _TOOL))
+        """[C, 5]: logs of the underside's two reaches over 8 mm, of its power - 1 and of its sinking; share pressed."""
+        self.context = nn.Parameter(torch.zeros(contexts, CONTEXT))
+        self.apart = nn.Parameter(torch.zeros(contexts)) if pinches else None
+        """[C]: log of how far each finger is from the middle at first, over 25 mm; None for pushes."""
+        self.shape = nn.Sequential(
+            nn.Linear(2 + CONTEXT, 32), nn.SiLU(), nn.Linear(32, 32), nn.SiLU(), nn.Linear(32, _MAPS * _COARSE**2)
+        )
+        self.shape_maps = _convolutions(_MAPS, _SHAPE, _SHAPE, _SHAPE)
+        self.state_maps = _convolutions(3 * 4, channels, channels, channels)
+        # state features, state, shape's maps, clearance, dent, place
+        merged = channels + 4 + _SHAPE + 4 + 4 + 2
+        self.merged = _convolutions(merged, _MERGED, _MERGED, _MERGED, _MERGED, 4)
+        for parameter in self.merged[-1].parameters():
+            nn.init.zeros_(parameter)
+        x_mm, y_mm = (1e3 * crop.places_m()).unbind(-1)
+        self.register_buffer("x_mm", x_mm, persistent=False)
+        self.register_buffer("y_mm", y_mm, persistent=False)
+        self.register_buffer("place", _coarse(torch.stack([x_mm, y_mm])[None]) / 25.0, persistent=False)
+        self.register_buffer("fade", _fade(crop.side_px), persistent=False)
+        near = torch.hypot(x_mm, y_mm) <= max(_START_MM, 0.75e3 / crop.pixels_per_m)
+        self.register_buffer("start", near.flatten().nonzero()[:, 0], persistent=False)
+        self.register_buffer("finer", _interpolation(crop.side_px // 2, _COARSE), persistent=False)
+        self.pixel_mm = 1e3 / crop.pixels_per_m
+
+    def forward(self, state_m: Tensor, length_m: Tensor, depth_m: Tensor, context: Tensor) -> Tensor:
+        """Change of height [B, side, side] in metres.
+
+        Args:
+            state_m: [B, side, side] height above anything, of the crop.
+            length_m, depth_m: [B].
+            context: int64 [B].
+        """
+        state = 1e3 * (state_m - self.at_start(state_m)[:, None, None])
+        dent, clearance = self._dent(state, length_m, depth_m, context)
+        height = (state / _SCALE_MM).clamp(-_FURTHEST, _FURTHEST)
+        steep = gradient(state / self.pixel_mm)
+        seen = _blocks(torch.cat([height[:, None], steep], dim=1))
+        heights = seen[:, :4]
+        numbers = torch.stack([1e3 * length_m / 20.0, 1e3 * depth_m / 5.0], dim=1)
+        coarse = self.shape(torch.cat([numbers, self.context[context]], dim=1)).reshape(-1, _MAPS, _COARSE, _COARSE)
+        fine = self.finer @ coarse @ self.finer.T
+        known = [
+            _chain(self.state_maps, seen), heights, _chain(self.shape_maps, fine),
+            _blocks(clearance[:, None] / _SCALE_MM), _blocks(dent[:, None] / _SCALE_MM),
+            self.place.expand(state.shape[0], -1, -1, -1),
+        ]  # fmt: skip
+        found = pixel_shuffle(_chain(self.merged, torch.cat(known, dim=1), last=False), 2)[:, 0]
+        change_mm = self.tool[context, 4][:, None, None] * dent + found
+        return 1e-3 * self.fade * change_mm
+
+    def pressed(self, state_m: Tensor, length_m: Tensor, depth_m: Tensor, context: Tensor) -> Tensor:
+        """What the tool's geometry alone foretells, without the network: [B, side, side] in metres."""
+        state = 1e3 * (state_m - self.at_start(state_m)[:, None, None])
+        dent, _ = self._dent(state, length_m, depth_m, context)
+        return 1e-3 * self.fade * self.tool[context, 4][:, None, None] * dent
+
+    def at_start(self, state_m: Tensor) -> Tensor:
+        """[B]: height at the start of the push, from which its depth counts: the median around it.
+
+        Its gradient is the mean's, to which all pixels there contribute.
+        """
+        near = state_m.flatten(1)[:, self.start]
+        mean = near.mean(1)
+        return mean + (near.detach().sort(dim=1).values[:, near.shape[1] // 2] - mean.detach())
+
+    def _dent(self, state_mm: Tensor, length_m: Tensor, depth_m: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """The tool's way through the surface, in mm: how deep it cuts (≤ 0), and its clearance (bounded)."""
+        numbers = self.tool[context]
+        reach = _FIRST_REACH_MM * numbers[:, :2].clamp(-2.0, 2.0).exp()
+        underside = Underside(
+            reach[:, 0], reach[:, 1], 1 + numbers[:, 2].clamp(-1.5, 2.0).exp(), numbers[:, 3].clamp(-1.0, 1.0).exp()
+        )
+        if self.apart is None:
+            lowest = clearance_mm(self.x_mm, self.y_mm, 1e3 * length_m, 1e3 * depth_m, underside)
+        else:
+            apart = _FIRST_APART_MM * self.apart[context].clamp(-1.0, 1.0).exp()[:, None, None]
+            left = clearance_mm(self.x_mm + apart, self.y_mm, 500.0 * length_m, 1e3 * depth_m, underside)
+            lowest = torch.minimum(left, left.flip(2))
+        clearance = (lowest - state_mm).clamp(-_FURTHEST * _SCALE_MM, 2 * _SCALE_MM)
+        return clearance.clamp(max=0.0), clearance
+
+
+def _convolutions(*channels: int) -> nn.ModuleList:
+    return nn.ModuleList(nn.Conv2d(a, b, 3, padding=1) for a, b in pairwise(channels))
+
+
+def _chain(layers: nn.ModuleList, image: Tensor, last: bool = True) -> Tensor:
+    """Convolutions, each but the last with its activation; ``last``: that too."""
+    for number, layer in enumerate(layers, start=1):
+        image = layer(image)
+        if last or number < len(layers):
+            image = silu(image)
+    return image
+
+
+def _blocks(image: Tensor) -> Tensor:
+    """[B, C, H, W] to [B, 4 C, H/2, W/2], the four pixels of a block beside each other."""
+    return pixel_unshuffle(image, 2)
+
+
+def _coarse(image: Tensor) -> Tensor:
+    return nn.functional.avg_pool2d(image, 2)
+
+
+def _interpolation(fine: int, coarse: int) -> Tensor:
+    """[fine, coarse] by which a line is interpolated; a product, for its gradient can be exported."""
+    lines = torch.eye(coarse)[:, None]
+    return interpolate(lines, size=fine, mode="linear", align_corners=False)[:, 0].T.contiguous()
+
+
+def _fade(side: int) -> Tensor:
+    """[side, side]: 1 within, falling to 0 over the outermost 4 pixels, so that a change ends without a step."""
+    edge = torch.arange(side, dtype=torch.float32)
+    line = (torch.minimum(edge, side - 1 - edge) / 4).clamp(max=1.0)
+    return line[:, None] * line

@@ -1,0 +1,200 @@
+"""Fit param2deform to measured pushes on L_3D + L_viz, in the constant pose (thesis 7.3.4)."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import lightning
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader, TensorDataset
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.dynamics.pushes.losses import height_errors, slope_errors
+from pentimento.dynamics.pushes.measured import PushSamples
+from pentimento.dynamics.pushes.param2deform import Param2Deform
+from pentimento.dynamics.pushes.pose import Crop
+from pentimento.dynamics.pushes.posed_samples import PoseSamples
+from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
+
+Log = Callable[[str, float, int], None]
+
+_TOOL_STEPS, _TOOL_RATE = 120, 0.05
+"""Of the fit of the tool's few numbers that comes before the network's."""
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How param2deform is fitted."""
+
+    side_px: int
+    """Of the constant pose's square, at the scan's pixel size."""
+    behind_m: float
+    """How much of the square lies behind the start of a push; of a pinch it is half the square."""
+    channels: int
+    members: int
+    """Networks of the ensemble."""
+    epochs: int
+    batch: int
+    learning_rate: float
+    visual_weight: float
+    """Weight of L_viz beside L_3D, in mm²; 0 trains on L_3D alone."""
+    held_out: float
+    """Share of the actions kept for the metrics."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "channels", "members", "epochs", "batch")
+        at_least(self, 8, "side_px")
+        at_least(self, 0, "seed", "visual_weight")
+        above_zero(self, "behind_m", "learning_rate", "held_out")
+        if self.held_out >= 1:
+            raise ValueError(f"held_out is {self.held_out}; below 1, some actions are left to train on.")
+
+
+def crop_for(samples: PushSamples, config: TrainingConfig) -> Crop:
+    """The constant pose of a table's pushes; a pinch is in the middle of its square.
+
+    Raises:
+        ContractError: the table holds pushes and pinches.
+    """
+    kinds = sorted(set(samples.kind.tolist()))
+    if len(kinds) != 1:
+        raise ContractError(f"The pushes table holds {' and '.join(kinds)} rows: train a model for each kind.")
+    behind_m = config.behind_m if kinds == ["push"] else config.side_px / samples.pixels_per_m / 2
+    return Crop(config.side_px, samples.pixels_per_m, behind_m)
+
+
+def split_by_action(samples: PushSamples, held_out: float, seed: int) -> tuple[PushSamples, PushSamples]:
+    """(training, held-out) samples; repeats of one action stay together, and are held out in the same share as others.
+
+    Raises:
+        ContractError: no action is left to train on.
+    """
+    actions, times = np.unique(samples.action_id, return_counts=True)
+    rng = np.random.default_rng(seed)
+    mixed = [rng.permutation(actions[some]) for some in (times > 1, times == 1)]
+    apart = np.concatenate([part[: round(held_out * len(part))] for part in mixed])
+    if not len(apart):
+        apart = np.concatenate(mixed)[:1]
+    if len(apart) == len(actions):
+        raise ContractError(
+            f"Of {len(actions)} actions in the pushes, {len(apart)} would be held out and none trained on: "
+            "record more pushes or lower train_push_dynamics.held_out."
+        )
+    is_apart = np.isin(samples.action_id, apart)
+    return samples.pick(~is_apart), samples.pick(is_apart)
+
+
+def loss(difference_m: Tensor, known: Tensor, pixels_per_m: float, visual_weight: float) -> Tensor:
+    """L_3D + ``visual_weight`` · L_viz, mean over [B, H, W] differences, mm²."""
+    total = height_errors(difference_m, known)
+    if visual_weight:
+        total = total + visual_weight * slope_errors(difference_m, known, pixels_per_m)
+    return total.mean()
+
+
+def train(
+    samples: PoseSamples,
+    kind: Literal["push", "pinch"],
+    contexts: Sequence[tuple[str, str]],
+    crop: Crop,
+    config: TrainingConfig,
+    log: Log,
+) -> PushModel:
+    """Fit an ensemble; ``log("loss", value, epoch)`` is called after every epoch, the members' one after the other."""
+    facts = PushFacts(
+        kind, tuple(contexts), crop, config.channels,
+        float(samples.length_m.max()), float(samples.depth_m.max()), config.members,
+    )  # fmt: skip
+    torch.manual_seed(config.seed)
+    model = PushModel(facts)
+    for number, member in enumerate(model.members):
+        assert isinstance(member, Param2Deform)
+        fit_tool(member, samples, crop, config)
+        with _quiet_lightning():
+            loader = DataLoader(
+                TensorDataset(torch.arange(len(samples.state))),
+                batch_size=config.batch,
+                shuffle=True,
+                generator=torch.Generator().manual_seed(config.seed + number),
+            )
+            trainer = lightning.Trainer(
+                max_epochs=config.epochs,
+                accelerator="cpu",
+                logger=False,
+                enable_checkpointing=False,
+                enable_progress_bar=False,
+                enable_model_summary=False,
+            )
+            trainer.fit(_Fit(member, samples, crop, config, config.seed + number, number * config.epochs, log), loader)
+    return model.eval()
+
+
+def fit_tool(network: Param2Deform, samples: PoseSamples, crop: Crop, config: TrainingConfig) -> None:
+    """Fit the tool's few numbers alone, so that the network learns only what geometry does not say."""
+    network.tool.data[:, 4] = 0.5
+    own = [network.tool] if network.apart is None else [network.tool, network.apart]
+    optimizer = torch.optim.Adam(own, lr=_TOOL_RATE)
+    generator = torch.Generator().manual_seed(config.seed)
+    for _ in range(_TOOL_STEPS):
+        some = samples.pick(torch.randperm(len(samples.state), generator=generator)[: 2 * config.batch])
+        optimizer.zero_grad()
+        pressed = network.pressed(some.state, some.length_m, some.depth_m, some.context)
+        torch.autograd.backward(loss(pressed - some.change, some.known, crop.pixels_per_m, 0.0))
+        optimizer.step()
+
+
+class _Fit(lightning.LightningModule):
+    def __init__(
+        self,
+        network: Param2Deform,
+        samples: PoseSamples,
+        crop: Crop,
+        config: TrainingConfig,
+        seed: int,
+        first_step: int,
+        log: Log,
+    ) -> None:
+        super().__init__()
+        self.network, self.samples, self.crop, self.config = network, samples, crop, config
+        self.mirrors = torch.Generator().manual_seed(seed)
+        self.first_step, self.report = first_step, log
+        self.losses: list[float] = []
+
+    def training_step(self, batch: list[Tensor], _: int) -> Tensor:
+        some = self.samples.pick(batch[0])
+        some = some.mirrored(torch.rand(len(some.state), generator=self.mirrors) < 0.5)
+        change = self.network(some.state, some.length_m, some.depth_m, some.context)
+        value = loss(change - some.change, some.known, self.crop.pixels_per_m, self.config.visual_weight)
+        self.losses.append(float(value.detach()))
+        return value
+
+    def on_train_epoch_end(self) -> None:
+        self.report("loss", float(np.mean(self.losses)), self.first_step + self.current_epoch)
+        self.losses.clear()
+
+    def configure_optimizers(self) -> Any:
+        optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate)
+        return [optimizer], [torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, self.config.epochs)]
+
+
+@contextmanager
+def _quiet_lightning() -> Iterator[None]:
+    """Lightning advertises and advises on start-up; none of it concerns a network of this size."""
+    logger = logging.getLogger("lightning.pytorch")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            yield
+    finally:
+        logger.setLevel(level)

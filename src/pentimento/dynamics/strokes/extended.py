@@ -1,0 +1,210 @@
+"""The stroke model that everything plans with: Traj2Stroke, extended by the causes that a diagnosis established.
+
+With no cause it is Traj2Stroke. Its causes are mechanisms of the vocabulary at the values that a joint fit found.
+``path_scale`` and ``path_offset`` are never among them: Traj2Stroke has both as parameters (the thesis's m and b).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from pentimento.contracts.errors import ContractError
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
+from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, simulate
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters, read_parameters
+from pentimento.planning.fitted import Pace, Span
+
+OWN_CAUSES = ("path_scale", "path_offset")
+"""Causes that are parameters of Traj2Stroke."""
+_PAINTED = 0.15
+"""Difference from the paper, linear light, at which a pixel counts as wholly painted."""
+
+
+@dataclass(frozen=True)
+class StrokeModel:
+    """A base and what extends it."""
+
+    parameters: Traj2StrokeParameters
+    mechanisms: tuple[Mechanism, ...]
+    fitted: Mapping[str, Span]
+    """Every column that the mechanisms read."""
+    pace: Pace
+
+    def mark(self) -> Traj2Stroke:
+        """The base, frozen."""
+        return Traj2Stroke(self.parameters).requires_grad_(False)
+
+
+def base_model(parameters: Traj2StrokeParameters) -> StrokeModel:
+    """A model that nothing extends."""
+    return StrokeModel(parameters, (), {}, Pace(0.0, 0.0))
+
+
+class MeasuredStrokes(NamedTuple):
+    """Samples with all that mechanisms may read."""
+
+    samples: StrokeSamples
+    covariates: dict[str, Tensor]
+    """[B] each: columns of the strokes contract; NaN where unknown."""
+
+    def pick(self, index: Tensor) -> MeasuredStrokes:
+        """The strokes with these indices."""
+        return MeasuredStrokes(self.samples.pick(index), {name: v[index] for name, v in self.covariates.items()})
+
+    @property
+    def context(self) -> StrokeContext:
+        """The strokes as mechanisms see them, [B, 1, ...]."""
+        columns = {name: values[:, None] for name, values in self.covariates.items()}
+        return StrokeContext(self.samples.path[:, None], columns)
+
+
+def predict_extended(mark: Traj2Stroke, mechanisms: Sequence[Mechanism], strokes: MeasuredStrokes) -> Tensor:
+    """The photograph after each stroke, sRGB [B, H, W, 3]; differentiable in the mechanisms' values and the base."""
+    samples = strokes.samples
+    canvas, color = samples.before_linear, srgb_to_linear(samples.color)[:, None]
+    if picks_up(mechanisms, color, strokes.context):
+        canvas = torch.cat([canvas, painted(canvas)[..., None]], dim=-1)
+    return linear_to_srgb(simulate(mark, mechanisms, strokes.context, color, canvas, samples.view))
+
+
+def picks_up(mechanisms: Sequence[Mechanism], color: Tensor, context: StrokeContext) -> bool:
+    """Whether a mechanism picks up wet paint, so that the canvas needs its fourth channel, wetness."""
+    with torch.no_grad():
+        return any(mechanism.composite(color, None, context)[1] is not None for mechanism in mechanisms)
+
+
+def painted(before_linear: Tensor) -> Tensor:
+    """How much paint lies on each pixel, 0 to 1, [B, H, W]: by the difference from each window's paper."""
+    paper = before_linear.flatten(1, 2).quantile(0.9, dim=1)[:, None, None]
+    return ((before_linear - paper).abs().amax(-1) / _PAINTED).clamp(0.0, 1.0)
+
+
+def columns_read(mechanisms: Sequence[Mechanism], strokes: MeasuredStrokes) -> list[str]:
+    """Which columns the mechanisms' effects depend on, in alphabetical order."""
+    few = strokes.pick(torch.arange(1))
+    columns = _Read(few.context.covariates)
+    context, color = few.context._replace(covariates=columns), torch.zeros(1, 1, 3)
+    mark = base_model(_ANY).mark()(context.path)
+    with torch.no_grad():
+        for mechanism in mechanisms:
+            mechanism.executed(context.path, context)
+            mechanism.mark(mark, context)
+            mechanism.composite(color, None, context)
+    return sorted(columns.read)
+
+
+def spans(names: Sequence[str], strokes: MeasuredStrokes) -> dict[str, Span]:
+    """The range of each column where it is known."""
+    found = {}
+    for name in names:
+        values = strokes.covariates[name]
+        known = values[torch.isfinite(values)].double()
+        found[name] = Span(float(known.min()), float(known.mean()), float(known.max()))
+    return found
+
+
+def pace_of(covariates: Mapping[str, Tensor]) -> Pace:
+    """Read off when photographs before strokes were taken and strokes began; 0 where that was not recorded."""
+    if not {"t_start_s", "t_before_s", "since_reload"} <= set(covariates):
+        return Pace(0.0, 0.0)
+    between, dipped = covariates["t_start_s"] - covariates["t_before_s"], covariates["since_reload"] == 0
+    reach = _median(between[~dipped])
+    return Pace(reach, max(_median(between[dipped]) - reach, 0.0) if reach else 0.0)
+
+
+def _median(values: Tensor) -> float:
+    known = values[torch.isfinite(values)]
+    return float(known.median()) if len(known) else 0.0
+
+
+def model_files(model: StrokeModel) -> dict[str, Any]:
+    """What a model's folder holds, by file name; ``parameters.json`` is that of Traj2Stroke alone."""
+    mechanisms = [
+        {
+            "cause": mechanism.cause,
+            "values": {
+                quantity.name: {"value": value, "unit": quantity.unit}
+                for quantity, value in zip(mechanism.quantities, mechanism.values.tolist(), strict=True)
+            },
+            "reference": dict(mechanism.reference),
+        }
+        for mechanism in model.mechanisms
+    ]
+    fitted = {name: span._asdict() for name, span in model.fitted.items()}
+    return {
+        "parameters.json": asdict(model.parameters),
+        "mechanisms.json": {"mechanisms": mechanisms, "fitted": fitted, "pace": model.pace._asdict()},
+    }
+
+
+def read_stroke_model(folder: Path) -> StrokeModel:
+    """Read what ``model_files`` gave.
+
+    Raises:
+        ContractError: a file is not there, or does not hold a cause of the vocabulary with its numbers.
+    """
+    parameters, path = read_parameters(folder / "parameters.json"), folder / "mechanisms.json"
+    try:
+        stored = json.loads(path.read_text())
+        mechanisms = tuple(_mechanism(entry) for entry in stored["mechanisms"])
+        fitted = {name: Span(*map(_finite, (s["low"], s["mean"], s["high"]))) for name, s in stored["fitted"].items()}
+        pace = Pace(_finite(stored["pace"]["reach_s"]), _finite(stored["pace"]["dip_s"]))
+    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
+        raise ContractError(
+            f"{path} does not say what extends a stroke model ({error!r}): make it with the stage diagnose_gap."
+        ) from error
+    return StrokeModel(parameters, mechanisms, fitted, pace)
+
+
+def _mechanism(entry: Mapping[str, Any]) -> Mechanism:
+    kinds = {kind.cause: kind for kind in VOCABULARY}
+    if entry["cause"] not in kinds:
+        raise ValueError(f"{entry['cause']!r} is no cause of the vocabulary")
+    kind = kinds[entry["cause"]]
+    values = []
+    for quantity in kind.quantities:
+        stored = entry["values"][quantity.name]
+        if stored["unit"] != quantity.unit:
+            raise ValueError(f"{quantity.name} of {kind.cause} is in {stored['unit']!r}, not in {quantity.unit!r}")
+        values.append(_finite(stored["value"]))
+    return kind(torch.tensor(values), {name: _finite(value) for name, value in entry["reference"].items()})
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is no number to go by")
+    return number
+
+
+class _Read(Mapping[str, Tensor]):
+    """Columns that remember which of them were asked for."""
+
+    def __init__(self, columns: Mapping[str, Tensor]) -> None:
+        self._columns, self.read = columns, set[str]()
+
+    def __getitem__(self, name: str) -> Tensor:
+        self.read.add(name)
+        return self._columns[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+
+_ANY = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 1e-3, 0.3, 0.9)

@@ -1,0 +1,74 @@
+"""Width depends on the heading relative to the tool's yaw: the contact patch is oblong.
+
+With h the heading less the yaw and e the length of (cos, sin), the patch's oblongness, the half-width changes by the
+factor exp(a), a = cos cos 2h + sin sin 2h, where e is small, and what the patch covers ahead and behind, at the
+stroke's ends, by exp(-a). Where it is not, the ends are no longer round but slanted or square, too: the mark is what a
+rod sweeps (``rod``) whose half-extents are exp(e) and exp(-e) times the half-width.
+Forked ends do not grow smoothly out of a round one, so they come in by the share e^2 / (e^2 + e0^2).
+"""
+
+from __future__ import annotations
+
+import torch
+
+from pentimento.dynamics.strokes.mechanisms.geometry import canvas_directions, moved_ends
+from pentimento.dynamics.strokes.mechanisms.rod import FEWEST_POINTS, direction, swept
+from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext
+from pentimento.dynamics.strokes.traj2stroke import Mark
+
+_ONE_HEADING = 0.02
+"""Spread (1 - mean resultant length) of doubled headings below which all strokes run the same way."""
+_LITTLE = 0.1
+"""e0: below it a mark is rather a plain one that is wider or narrower, above it what a rod sweeps."""
+
+
+class OrientationWidth(Mechanism):
+    """See above."""
+
+    cause = "orientation_width"
+    site = "width"
+    driver = "heading"
+    told_by = ("heading_cos", "heading_sin")
+    quantities = (
+        Quantity("cos", "1", 0.2),
+        Quantity("sin", "1", 0.2),
+    )
+
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        # Where all strokes run alike, headings differ along bent ones alone, and stand for how far their ends are.
+        if _spread_of_headings(context) < _ONE_HEADING:
+            raise NotObservable("all strokes run the same way against the tool's yaw")
+        return canvas_directions(context)
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        """See ``Mechanism``. Marks of fewer points than forked ends take keep their round ones."""
+        # Where bristles trail, what counts is the way of the patch, not the command's.
+        along, yaw = direction(mark.points_m), context.path[..., 4]
+        cos, sin = self.values
+        twice = 2 * (torch.atan2(along[..., 1], along[..., 0]) - yaw)
+        wider = cos * torch.cos(twice) + sin * torch.sin(twice)
+        beyond_m = mark.radius_m * (torch.exp(-wider) - torch.exp(wider))
+        points, radius = moved_ends(
+            mark.points_m, mark.radius_m * torch.exp(wider), context.path, beyond_m[..., :1], beyond_m[..., -1:]
+        )
+        widened = mark._replace(points_m=points, radius_m=radius)
+        if mark.radius_m.shape[-1] < FEWEST_POINTS:
+            return widened
+        square = cos.square() + sin.square()
+        # At no effect any rod will do: its share is 0, and only its slope must be finite.
+        cos = torch.where(square > 0, cos, 1.0)
+        oblong = (cos.square() + sin.square()).sqrt()
+        broadside = yaw + torch.atan2(sin, cos) / 2
+        axis = torch.stack([-torch.sin(broadside), torch.cos(broadside)], dim=-1)
+        half_length = 2 * torch.sinh(oblong) * mark.radius_m
+        rod = swept(mark, axis, half_length, torch.exp(-oblong) * mark.radius_m)
+        share = square / (square + _LITTLE**2)
+        return Mark(*(plain + share * (forked - plain) for plain, forked in zip(widened, rod, strict=True)))
+
+
+def _spread_of_headings(context: StrokeContext) -> float:
+    """Of the way from start to end against the yaw, a half turn being none: 0 alike, 1 all over."""
+    chords = (context.path[..., -1, 1:3] - context.path[..., 0, 1:3]).flatten(0, -2)
+    twice = 2 * (torch.atan2(chords[:, 1], chords[:, 0]) - context.path[..., 0, 4].flatten())
+    return 1 - float(torch.stack([torch.cos(twice).mean(), torch.sin(twice).mean()]).norm())

@@ -1,0 +1,85 @@
+"""What paint a tool carries along from the strokes that it has crossed since it was last loaded, by their photographs.
+
+A brush that crosses wet paint takes some of it up and lays it down in all strokes that follow, on blank paper too,
+until it is loaded anew. Nothing in a stroke's own photographs tells of it: it is inherited (``contracts.covariates``
+keeps the same account for strokes that are still planned).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.functional import grid_sample
+
+from pentimento.contracts.covariates import CARRIED, taken_along
+from pentimento.dynamics.strokes.photometry import srgb_to_linear
+from pentimento.dynamics.strokes.samples import StrokeSamples
+
+Array = NDArray[Any]
+
+_PAPER = 0.9
+"""Quantile of a window's pixels that is paper."""
+_LEAST_COVER = 0.3
+"""Of paint over paper: less is an edge, or noise."""
+
+
+def carried_paint(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
+    """Columns ``contracts.covariates.CARRIED`` of strokes, float64[B] each; none where no age of wet paint is recorded.
+
+    Strokes of one load are those of one session and ``reload_id``; where loads are not recorded, each stroke begins
+    with a clean tool. Strokes that were left out of the table are not accounted for.
+    """
+    if "wet_age_s" not in table.schema.names:
+        return {}
+    age_s = np.array([np.nan if v is None else v for v in table["wet_age_s"].to_pylist()])
+    recorded = "reload_id" in table.schema.names
+    loads = table["reload_id"].to_pylist() if recorded else [None] * len(age_s)
+    sessions, order = table["session"].to_pylist(), np.array(table["order"].to_pylist())
+    paints = np.unique(srgb_to_linear(samples.color).double().numpy().round(3), axis=0)
+    share, crossed = _crossed(samples, paints)
+    own = srgb_to_linear(samples.color).double().numpy()
+    told = np.empty((len(order), len(CARRIED)))
+    state, held = np.zeros(4), None
+    for row in np.lexsort((order, np.unique(sessions, return_inverse=True)[1])):
+        load = (sessions[row], loads[row] if loads[row] is not None else f"row {row}")
+        if load != held:
+            state, held = np.zeros(4), load
+        told[row], state = taken_along(state, float(share[row]), crossed[row], float(age_s[row]), own[row])
+    return dict(zip(CARRIED, told.T, strict=True))
+
+
+def _crossed(samples: StrokeSamples, paints: Array) -> tuple[Array, Array]:
+    """Of each commanded path: the share of it that lies over paint [B], and that paint's mean, linear light [B, 3].
+
+    Below a path lies paper with one of the session's paints on it: the paint whose mixtures with the paper come nearest
+    to what is seen there.
+    """
+    below = _along(samples)  # [B, N, 3]
+    paper = samples.before_linear.flatten(1, 2).quantile(_PAPER, dim=1).double().numpy()[:, None]
+    towards = paints - paper[:, :, None]  # [B, 1, K, 3]
+    cover = ((below - paper)[:, :, None] * towards).sum(-1) / np.maximum(np.square(towards).sum(-1), 1e-6)
+    cover = np.clip(cover, 0.0, 1.0)
+    off = np.square((below - paper)[:, :, None] - cover[..., None] * towards).sum(-1)
+    nearest = off.argmin(-1)  # [B, N]
+    covered = np.take_along_axis(cover, nearest[..., None], -1)[..., 0]
+    covered = np.where(covered > _LEAST_COVER, covered, 0.0)
+    weight = covered.sum(1)
+    mean = (covered[..., None] * paints[nearest]).sum(1) / np.maximum(weight, 1e-9)[:, None]
+    return covered.mean(1), mean
+
+
+def _along(samples: StrokeSamples) -> Array:
+    """What lies below the points of each path, linear light [B, N, 3]; beyond the window, its border."""
+    height, width = samples.before_linear.shape[1:3]
+    pixels: Tensor = samples.view.to_pixels(samples.path[..., 1:3])
+    scaled = 2 * (pixels + 0.5) / torch.tensor([width, height], dtype=pixels.dtype) - 1
+    seen = grid_sample(
+        samples.before_linear.permute(0, 3, 1, 2), scaled[:, None].to(samples.before_linear.dtype),
+        padding_mode="border", align_corners=False,
+    )  # fmt: skip
+    return seen[:, :, 0].permute(0, 2, 1).double().numpy()

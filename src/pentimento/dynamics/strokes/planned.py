@@ -1,0 +1,141 @@
+"""A stroke model as the planner asks for it: from planned strokes to marks, and from marks' gradients to strokes'.
+
+``planned_marks`` is the whole way as one function of tensors: the strokes' geometry, the model's base and its
+mechanisms at the sites trajectory, width, density and composite. What a robot carries is this function, exported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from pentimento.dynamics.strokes.extended import StrokeModel
+from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, extended_mark, full_at_most
+from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.model import Array, Marks, Pull
+from pentimento.planning.strokes import Strokes
+from pentimento.robots.motion import ACCELERATION_M_S2
+from pentimento.robots.strokes import press_basis, shape_basis
+from pentimento.robots.tools import Tool
+
+_SHORTEST_M = 1e-9
+_PIXELS_PER_M = 1e4
+"""Of the pictures of one pixel in which a camera's gain is read."""
+
+
+def planned_marks(
+    model: StrokeModel,
+    tool: Tool,
+    path_points: int,
+    middle_m: Tensor,
+    theta_rad: Tensor,
+    length_m: Tensor,
+    bend_m: Tensor,
+    press_m: Tensor,
+    color: Tensor,
+    covariates: Mapping[str, Tensor],
+) -> tuple[Tensor, ...]:
+    """What planned strokes leave; differentiable in the strokes, and free of any choice by their values.
+
+    Args:
+        middle_m, theta_rad, length_m, bend_m, press_m, color: [S, 2], three times [S], [S, 3] and [S, 3], as
+            ``planning.strokes.Strokes`` says.
+        covariates: [S] of each column in ``model.fitted``.
+
+    Returns:
+        The fields of ``planning.model.Marks`` in their order, with N = ``path_points``; without the last, pickup,
+        where no mechanism picks up paint.
+    """
+    path = _geometry(path_points, middle_m, theta_rad, length_m, bend_m, press_m)[None]
+    if model.mechanisms:  # the base knows neither times nor yaw
+        path = _commanded(path, theta_rad, tool)
+    context = StrokeContext(path, {name: values[None] for name, values in covariates.items()})
+    mark = full_at_most(extended_mark(model.mark(), model.mechanisms, context))
+    paint, pickup = color[None], None
+    for mechanism in model.mechanisms:
+        paint, pickup = mechanism.composite(paint, pickup, context)
+    fields = (*mark, paint) if pickup is None else (*mark, paint, pickup)
+    return tuple(values[0] for values in fields)
+
+
+def _geometry(
+    points: int, middle_m: Tensor, theta_rad: Tensor, length_m: Tensor, bend_m: Tensor, press_m: Tensor
+) -> Tensor:
+    """Paths [S, N, 5], times and yaw 0; ``planning.strokes.Strokes.paths`` is the same in numpy."""
+    along_unit, across_unit = (torch.tensor(basis, dtype=middle_m.dtype) for basis in shape_basis(points))
+    press_unit = torch.tensor(press_basis(points), dtype=middle_m.dtype)
+    along, across = length_m[:, None] * along_unit, bend_m[:, None] * across_unit
+    cos, sin = torch.cos(theta_rad)[:, None], torch.sin(theta_rad)[:, None]
+    x = middle_m[:, :1] + cos * along - sin * across
+    y = middle_m[:, 1:] + sin * along + cos * across
+    z = -press_m @ press_unit.T
+    zero = torch.zeros_like(x)
+    return torch.stack([zero, x, y, z, zero], dim=-1)
+
+
+def _commanded(path: Tensor, theta_rad: Tensor, tool: Tool) -> Tensor:
+    """Paths with yaw and times; ``planning.memory.commanded`` is the same in numpy."""
+    step = path[..., 1:3].diff(dim=-2).norm(dim=-1)
+    drawn = torch.cat([torch.zeros_like(step[..., :1]), step.cumsum(-1)], dim=-1)
+    length = drawn[..., -1:].clamp(min=_SHORTEST_M)
+    speed, sharp = tool.speed_m_s, ACCELERATION_M_S2 / math.sqrt(2)
+    cruises = length > speed**2 / sharp
+    duration = torch.where(cruises, length / speed + speed / sharp, 2 * (length / sharp).sqrt())
+    times = duration * drawn / length
+    yaw = theta_rad[:, None] + math.pi / 2 if tool.kind == "flat" else torch.zeros_like(length)
+    return torch.cat([times[..., None], path[..., 1:4], yaw.expand_as(times)[..., None]], dim=-1)
+
+
+class TorchBrush:
+    """A stroke model as a ``planning.model.Brush``, its gradients by autograd."""
+
+    def __init__(self, model: StrokeModel, tool: Tool, path_points: int) -> None:
+        self.model, self.tool, self.path_points = model, tool, path_points
+        self._camera = [m for m in model.mechanisms if type(m).camera is not Mechanism.camera]
+
+    @property
+    def fitted(self) -> Mapping[str, Span]:
+        """Every column that the mechanisms read."""
+        return self.model.fitted
+
+    @property
+    def pace(self) -> Pace:
+        """As recorded."""
+        return self.model.pace
+
+    def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
+        """See ``planning.model.Brush``. The way back may be gone once."""
+        middle, theta, length, bend, press, color = leaves = [
+            torch.tensor(array, requires_grad=True) for array in strokes.arrays()
+        ]
+        columns = {name: torch.tensor(inherited[name]) for name in self.fitted}
+        with torch.enable_grad():
+            fields = planned_marks(
+                self.model, self.tool, self.path_points, middle, theta, length, bend, press, color, columns
+            )
+
+        def pull(cotangent: Marks) -> Strokes:
+            given = [None if array is None else torch.from_numpy(array) for array in cotangent]
+            pairs = [(t, g) for t, g in zip(fields, given, strict=False) if t.requires_grad]
+            outputs, cotangents = zip(*pairs, strict=True)
+            found = torch.autograd.grad(outputs, leaves, cotangents, allow_unused=True, materialize_grads=True)
+            return Strokes(*(gradient.numpy() for gradient in found))
+
+        points, radius, density, softness, paint, *pickup = (f.detach().contiguous().numpy() for f in fields)
+        return Marks(points, radius, density, softness, paint, pickup[0] if pickup else None), pull
+
+    def gain(self, places_m: Array) -> Array | None:
+        """See ``planning.model.Brush``: each place is seen as a picture of one pixel."""
+        if not self._camera:
+            return None
+        places = torch.from_numpy(places_m)
+        half = 0.5 / _PIXELS_PER_M
+        view = View(places + torch.tensor([-half, half]), torch.full((len(places),), _PIXELS_PER_M))
+        image = torch.ones(len(places), 1, 1, 3)
+        with torch.no_grad():
+            for mechanism in self._camera:
+                image = mechanism.camera(image, view)
+        return image[:, 0, 0].contiguous().numpy()

@@ -1,0 +1,168 @@
+"""Rows of the ``strokes`` contract as tensors: paths of equal length, images on one grid, what the stroke changed."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pentimento.contracts import frames, images
+from pentimento.contracts.colour import to_float
+from pentimento.contracts.errors import ContractError, ImageError, PentimentoError
+from pentimento.dynamics.strokes.photometry import srgb_to_linear
+from pentimento.dynamics.strokes.simulation import View
+
+Array = NDArray[Any]
+
+INK_THRESHOLD = 110 / 255
+"""Share of the full contrast between paper and paint above which a pixel counts as inked."""
+_VISIBLE = 0.02  # squared sRGB distance between paint and ground below which a mark cannot be seen
+
+
+class StrokeSamples(NamedTuple):
+    """B measured strokes. Images are padded to one size; ``valid`` is 0 in the padding."""
+
+    path: Tensor  # [B, N, 5] t_s, x_m, y_m, z_m, yaw_rad; equal steps of arc length
+    top_left_m: Tensor  # [B, 2] x_min, y_max of each image's window
+    pixels_per_m: Tensor  # [B]
+    before: Tensor  # [B, H, W, 3] sRGB
+    before_linear: Tensor  # [B, H, W, 3] the same in linear light
+    after: Tensor  # [B, H, W, 3] sRGB, without ink that does not touch the stroke
+    color: Tensor  # [B, 3] sRGB of the paint
+    ink: Tensor  # [B, H, W] bool: pixels that the stroke inked
+    valid: Tensor  # [B, H, W]
+    action: Tensor  # [B] int64: rows of one value repeat the same command
+
+    def pick(self, index: Tensor | slice) -> StrokeSamples:
+        """The samples with these indices."""
+        return StrokeSamples(*(field[index] for field in self))
+
+    @property
+    def view(self) -> View:
+        """Which part of the canvas each image shows."""
+        return View(self.top_left_m, self.pixels_per_m)
+
+
+def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: float) -> StrokeSamples:
+    """Turn rows of the ``strokes`` contract into tensors.
+
+    Paths are resampled to ``points`` points, images finer than ``pixels_per_m`` are averaged down to about that, and
+    windows are trimmed to ``margin_m`` around the commanded path.
+
+    Ink that does not touch the commanded path (neighbours that slipped into the window) is put back to ``before``.
+
+    Raises:
+        ContractError: the table has no rows, or a row (it is named) makes no sample.
+    """
+    rows = table.to_pylist()
+    if not rows:
+        raise ContractError("The strokes table has no rows: collect strokes first, or check its quarantine report.")
+    loaded = []
+    for number, row in enumerate(rows):
+        try:
+            loaded.append(_load_row(row, points, pixels_per_m, margin_m))
+        except PentimentoError as error:
+            raise ContractError(f"Row {number} of the strokes table: {error}") from error
+    height = max(item[1].shape[0] for item in loaded)
+    width = max(item[1].shape[1] for item in loaded)
+
+    def pad(image: Array) -> Array:
+        extra = ((0, height - image.shape[0]), (0, width - image.shape[1])) + ((0, 0),) * (image.ndim - 2)
+        return np.pad(image, extra)
+
+    path, before, after, color, top_left, scale = zip(*loaded, strict=True)
+
+    def tensor(arrays: list[Array]) -> Tensor:
+        return torch.from_numpy(np.stack(arrays).astype(np.float32))
+
+    before_srgb, after_srgb, color_srgb = (
+        tensor([pad(image) for image in before]), tensor([pad(image) for image in after]), tensor(list(color))
+    )  # fmt: skip
+    return StrokeSamples(
+        path=tensor(list(path)),
+        top_left_m=tensor(list(top_left)),
+        pixels_per_m=torch.tensor(scale, dtype=torch.float32),
+        before=before_srgb,
+        before_linear=srgb_to_linear(before_srgb),
+        after=after_srgb,
+        color=color_srgb,
+        ink=inked_share(before_srgb, after_srgb, color_srgb[:, None, None]) > INK_THRESHOLD,
+        valid=tensor([pad(np.ones(image.shape[:2])) for image in before]),
+        action=torch.tensor([row["action_id"] for row in rows]),
+    )
+
+
+def inked_share(before: Tensor, after: Tensor, color: Tensor) -> Tensor:
+    """How much of the way from ``before`` to the paint's ``color`` each pixel went; all sRGB [..., 3].
+
+    0 is untouched, 1 full paint. Where the paint has the colour of what lies below, nothing can be seen and it is 0.
+    """
+    contrast = color - before
+    power = contrast.square().sum(-1)
+    moved = ((after - before) * contrast).sum(-1)
+    return torch.where(power > _VISIBLE, moved / power.clamp(min=_VISIBLE), 0.0)
+
+
+def resample_path(path: Array, points: int) -> Array:
+    """[M, 5] to [points, 5] at equal steps of arc length; a path that does not move is stepped by index."""
+    steps = np.hypot(*np.diff(path[:, 1:3], axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if along[-1] <= 0:
+        along = np.arange(len(path), dtype=float)
+    at = np.linspace(0, along[-1], points)
+    return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+
+
+def _load_row(
+    row: dict[str, object], points: int, pixels_per_m: float, margin_m: float
+) -> tuple[Array, Array, Array, Array, Array, float]:
+    path = np.asarray(row["path"], dtype=float)
+    window = np.asarray(row["window_m"], dtype=float)
+    color = row.get("color_srgb")
+    color = np.zeros(3) if color is None else np.asarray(color, dtype=float)
+    color = color if np.isfinite(color).all() else np.zeros(3)  # NaN, like null, is unknown: taken as black
+    before, after = (_read_image(row[name], row.get("encoding")) for name in ("before", "after"))
+    trimmed = frames.snap_window(frames.window_around(path, margin_m), window, before.shape)
+    before, after = frames.crop(before, window, trimmed), frames.crop(after, window, trimmed)
+    scale = frames.pixels_per_m(before.shape[:2], trimmed)
+    share = inked_share(*(torch.from_numpy(np.asarray(x, dtype=np.float32)) for x in (before, after, color))).numpy()
+    touched = _ink_of_this_stroke(share, frames.canvas_to_pixel(path[:, 1:3], trimmed, scale))
+    after = np.where(touched[..., None], after, before)
+    coarser = max(round(scale / pixels_per_m), 1)
+    before, after = _averaged(before, coarser), _averaged(after, coarser)
+    return resample_path(path, points), before, after, color, trimmed[[0, 3]], float(scale / coarser)
+
+
+def _averaged(image: Array, factor: int) -> Array:
+    """Means over blocks of factor × factor pixels; what does not fill a block at the right and bottom is left out."""
+    height, width = (side // factor * factor for side in image.shape[:2])
+    blocks = image[:height, :width].reshape(height // factor, factor, width // factor, factor, -1)
+    mean: Array = blocks.mean(axis=(1, 3))
+    return mean
+
+
+def _read_image(stored: object, encoding: object) -> Array:
+    image = images.decode_png(stored["bytes"])  # type: ignore[index]
+    if image.dtype != np.uint8:
+        raise ImageError(f"its photograph has {image.dtype} pixels; save it again with 8 bits.")
+    if encoding == "ink":
+        image = images.ink_encoded_to_srgb(image)
+    return to_float(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1))
+
+
+def _ink_of_this_stroke(share: Array, path_px: Array) -> Array:
+    """Which pixels may have been changed by the stroke: all but inked patches that the commanded path does not meet."""
+    inked = (share > INK_THRESHOLD).astype(np.uint8)
+    _, label = cv2.connectedComponents(inked, connectivity=8)
+    on_path = np.zeros_like(inked)
+    # A tool's mark may start a little off its command: a path drawn 8 px wide still meets it.
+    cv2.polylines(on_path, [np.round(path_px).astype(np.int32)], False, 1, thickness=8)
+    met = np.unique(label[(on_path > 0) & (inked > 0)])
+    foreign = (inked > 0) & ~np.isin(label, met)
+    halo = cv2.dilate(foreign.astype(np.uint8), np.ones((5, 5), np.uint8))
+    return (halo == 0) | np.isin(label, met[met > 0])

@@ -1,0 +1,178 @@
+"""What a camera will see of strokes: a stroke model's mark, changed by mechanisms at five sites, laid on the canvas.
+
+    path ─ model ─→ points ─→ radius ─→ density, softness ─→ colour, pickup ─→ composition ─→ image
+                 trajectory   width       density             composite                      camera
+
+A mechanism is one named cause of what the model alone gets wrong. It acts at its site; at all others it is the
+identity. One that changes how deep a tool is pressed acts before the model, which knows what a press does. Everything
+is differentiable in the mechanisms' quantities, the model's parameters, and the paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Literal, NamedTuple
+
+import torch
+from torch import Tensor
+
+from pentimento.contracts.errors import PentimentoError
+from pentimento.dynamics.strokes.autograd import render_strokes
+from pentimento.dynamics.strokes.traj2stroke import Mark
+
+
+class View(NamedTuple):
+    """Which part of the canvas each of B images shows."""
+
+    top_left_m: Tensor  # [B, 2] x_min, y_max
+    pixels_per_m: Tensor  # [B]
+
+    def to_pixels(self, points_m: Tensor) -> Tensor:
+        """Canvas points [B, ..., 2] to pixel coordinates (column, row)."""
+        lead = (-1,) + (1,) * (points_m.ndim - 2)
+        scale = self.pixels_per_m.view(lead)
+        x = (points_m[..., 0] - self.top_left_m[:, 0].view(lead)) * scale - 0.5
+        y = (self.top_left_m[:, 1].view(lead) - points_m[..., 1]) * scale - 0.5
+        return torch.stack([x, y], dim=-1)
+
+
+Site = Literal["trajectory", "width", "density", "composite", "camera"]
+_ORDER: tuple[Site, ...] = ("trajectory", "width", "density", "composite", "camera")
+
+
+class Quantity(NamedTuple):
+    """One number of a mechanism."""
+
+    name: str
+    unit: str
+    typical: float
+    """The size of a believable effect."""
+    signed: bool = True
+    """Whether it may be below 0. A tip cannot run ahead of its command, nor ink grow as it is used."""
+
+
+class NotObservable(PentimentoError):
+    """Strokes cannot show a cause: what it depends on was not recorded, or did not vary."""
+
+
+class StrokeContext(NamedTuple):
+    """What is known of B x S strokes before they are made."""
+
+    path: Tensor
+    """[B, S, N, 5] commanded: t_s, x_m, y_m, z_m, yaw_rad."""
+    covariates: Mapping[str, Tensor]
+    """[B, S] each: columns of the strokes contract."""
+
+
+class Mechanism:
+    """One cause of what a stroke model alone gets wrong. With all of its quantities at zero it changes nothing."""
+
+    cause: ClassVar[str]
+    """Its name in the vocabulary."""
+    site: ClassVar[Site]
+    driver: ClassVar[str]
+    """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
+    quantities: ClassVar[tuple[Quantity, ...]]
+    told_by: ClassVar[tuple[str, ...]] = ()
+    """What is recorded of a stroke, or its path says, that its effect goes with; of motion
+    within a stroke, nothing is.
+    """
+    signature: ClassVar[tuple[str, ...]] = ()
+    """Quantities of which one at least is not zero in what it is named for; empty: any."""
+
+    def __init__(self, values: Tensor, reference: Mapping[str, float]) -> None:
+        """``values`` [P] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted strokes."""
+        self.values, self.reference = values, reference
+
+    @property
+    def idle(self) -> bool:
+        """Whether it changes nothing, so that it need not be asked."""
+        return not bool(self.values.any())
+
+    @property
+    def coherent(self) -> bool:
+        """Whether its quantities go together as they do in what it is named for."""
+        return True
+
+    @classmethod
+    def reference_of(cls, context: StrokeContext) -> dict[str, float]:
+        """The constants that the effect is relative to.
+
+        Raises:
+            NotObservable: these strokes cannot show the effect: what it depends on was not recorded or not varied.
+        """
+        return {}
+
+    def executed(self, path: Tensor, context: StrokeContext) -> Tensor:
+        """The path [B, S, N, 5] that is executed for the command ``path``, where the press is another."""
+        return path
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        """What is drawn, after the effect; for the sites trajectory, width and density."""
+        return mark
+
+    def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
+        """The paint, linear light [B, S, 3], and the share of wet paint picked up, [B, S] or none."""
+        return color, pickup
+
+    def camera(self, image: Tensor, view: View) -> Tensor:
+        """The image, linear light [B, H, W, 3]."""
+        return image
+
+
+def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
+    """The base model's mark after the sites trajectory, width and density."""
+    path = context.path
+    for mechanism in mechanisms:
+        path = mechanism.executed(path, context)
+    mark = base(path)
+    for mechanism in in_order(mechanisms):
+        mark = mechanism.mark(mark, context)
+    return mark
+
+
+def full_at_most(mark: Mark) -> Mark:
+    """The mark where no effect covers more than all of the ground."""
+    return mark._replace(density=mark.density.clamp(max=1.0))
+
+
+def in_order(mechanisms: Sequence[Mechanism]) -> list[Mechanism]:
+    """By site, in the order in which the sites follow one another."""
+    return sorted(mechanisms, key=lambda mechanism: _ORDER.index(mechanism.site))
+
+
+def simulate(
+    base: Callable[[Tensor], Mark],
+    mechanisms: Sequence[Mechanism],
+    context: StrokeContext,
+    color: Tensor,
+    canvas: Tensor,
+    view: View,
+) -> Tensor:
+    """The images after the strokes, linear light.
+
+    Args:
+        base: the stroke model, paths [..., N, 5] to marks.
+        mechanisms: in any order.
+        color: [B, S, 3], linear light.
+        canvas: [B, H, W, 3], linear light; with a fourth channel, wetness, where a mechanism picks up paint.
+
+    Returns:
+        [B, H, W, 3].
+    """
+    mark = full_at_most(extended_mark(base, mechanisms, context))
+    pickup = None
+    for mechanism in mechanisms:
+        color, pickup = mechanism.composite(color, pickup, context)
+    image = render_strokes(
+        view.to_pixels(mark.points_m),
+        mark.radius_m * view.pixels_per_m[:, None, None],
+        mark.density,
+        mark.softness,
+        color,
+        canvas,
+        pickup,
+    )[..., :3]
+    for mechanism in mechanisms:
+        image = mechanism.camera(image, view)
+    return image.clamp(min=0.0) if mechanisms else image  # strong pickup can take more than there is

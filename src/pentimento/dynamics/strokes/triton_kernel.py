@@ -1,0 +1,175 @@
+"""Strokes onto canvases on a GPU, by Triton: the formula and the gradients of ``pentimento.render``.
+
+The canvas is cut into square tiles, and every segment is listed under each tile that its ink can reach (``tiles``,
+which also says what a visit and a touch are). One program a tile walks through its strokes (``triton_programs``).
+For the gradients it keeps, for each visit, the winning segment and the colour below: memory grows with touched
+tiles, never with strokes × canvas.
+
+Gradients are the same at every run: a program writes its sums to a place of its own, one for each touch, and those
+of one segment are added up in a fixed order afterwards. No two programs ever add to one number.
+
+Importing this module imports Triton; do so only where a GPU is met. With TRITON_INTERPRET=1 in the environment at
+that time it runs on CPU tensors, slowly, which is how it is tested without a GPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+import triton
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from pentimento.dynamics.strokes.tiles import TILE, Touches, find_touches, tile_grid
+from pentimento.dynamics.strokes.triton_programs import PATH, SUMS, paint_tile, unpaint_tile
+from pentimento.render.kernel import RenderInputError
+
+_FLOATS = (torch.float32, torch.float64)
+
+
+def render_triton(
+    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
+) -> Tensor:
+    """Lay strokes on canvases, in order; differentiable once in everything. See ``pentimento.render`` for the formula.
+
+    Args:
+        points: [B, S, N, 2], pixel coordinates (column, row); a path of one point is a disc.
+        radius, density, softness: [B, S, N]; radius in px.
+        color: [B, S, 3], linear light.
+        canvas: [B, H, W, 3], linear light; left as it is.
+
+    Returns:
+        [B, H, W, 3], on the device of the inputs.
+
+    Raises:
+        RenderInputError: shapes, types or devices do not fit, a value is not finite (the sentence names the first
+            offender), or the strokes need more memory than the device has.
+    """
+    _check_inputs(points, radius, density, softness, color, canvas)
+    path = torch.cat([points, radius[..., None], density[..., None], softness[..., None]], dim=-1)
+    image: Tensor = _Render.apply(path, color, canvas)  # type: ignore[no-untyped-call]
+    return image
+
+
+class _Render(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, path: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
+        path, color, canvas = path.contiguous(), color.contiguous(), canvas.contiguous()
+        with _shortage_named(path, canvas):
+            touches = find_touches(path, canvas.shape[1], canvas.shape[2])
+            image, winner, below = _launch_forward(path, color, canvas, touches, keep=any(ctx.needs_input_grad))
+        ctx.save_for_backward(path, color, winner, below, *touches)
+        return image
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        path, color, winner, below, *lists = ctx.saved_tensors
+        touches = Touches(*lists)
+        with _shortage_named(path, image_gradient[0]):
+            g_canvas, sums = _launch_backward(path, color, winner, below, touches, image_gradient[0].contiguous())
+            g_path, g_color = _add_up(sums, touches.per_segment, path.shape)
+        return g_path, g_color, g_canvas
+
+
+@contextmanager
+def _shortage_named(path: Tensor, canvas: Tensor) -> Iterator[None]:
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        strokes, points = path.shape[0] * path.shape[1], path.shape[2]
+        raise RenderInputError(
+            f"{strokes} strokes of {points} points on canvases {tuple(canvas.shape)} do not fit into the memory of "
+            f"{path.device}: render fewer paintings at a time, or on the CPU. ({error})"
+        ) from error
+
+
+def _launch_forward(
+    path: Tensor, color: Tensor, canvas: Tensor, touches: Touches, keep: bool
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The images, and for each visit the winning segments [V, pixels] (-1: no ink) and colours below [V, 3, pixels]."""
+    image = torch.empty_like(canvas)
+    n_points, pixels = path.shape[2], TILE * TILE
+    visits = len(touches.visit_stroke) if keep else 0
+    index = torch.int16 if n_points < 2**15 else torch.int32
+    winner = torch.empty(visits, pixels, dtype=index, device=path.device)
+    below = torch.empty(visits, 3, pixels, dtype=path.dtype, device=path.device)
+    with torch.cuda.device_of(path):  # type: ignore[no-untyped-call]
+        paint_tile[(len(touches.tile_start) - 1,)](
+            path, color, canvas, image, *touches[:4], winner, below, n_points, *_sizes(canvas), KEEP=keep, SIDE=TILE
+        )  # fmt: skip
+    return image, winner, below
+
+
+def _launch_backward(
+    path: Tensor, color: Tensor, winner: Tensor, below: Tensor, touches: Touches, g_image: Tensor
+) -> tuple[Tensor, Tensor]:
+    """The canvas's gradient, and 13 sums for each touch, ordered by stroke and segment."""
+    g_canvas = torch.empty_like(g_image)
+    sums = torch.zeros(len(touches.slot), SUMS.value, dtype=path.dtype, device=path.device)
+    with torch.cuda.device_of(path):  # type: ignore[no-untyped-call]
+        unpaint_tile[(len(touches.tile_start) - 1,)](
+            path, color, g_image, g_canvas, *touches[:5], winner, below, sums, path.shape[2], *_sizes(g_image),
+            SIDE=TILE,
+        )  # fmt: skip
+    return g_canvas, sums
+
+
+def _add_up(sums: Tensor, per_segment: Tensor, shape: torch.Size) -> tuple[Tensor, Tensor]:
+    """The gradients of paths of ``shape`` [B, S, N, 5] and of colours, from each touch's sums, segment by segment."""
+    batch, strokes, points, _ = shape
+    g_path, segments = sums.new_zeros(shape), max(points - 1, 1)
+    if len(sums) == 0:
+        return g_path, sums.new_zeros(batch, strokes, 3)
+    total = torch.segment_reduce(sums, "sum", lengths=per_segment, axis=0, unsafe=True)
+    total = total.view(batch, strokes, segments, -1)
+    fields = PATH.value
+    g_path[:, :, :segments] += total[..., :fields]
+    g_path[:, :, points - segments :] += total[..., fields : 2 * fields]
+    return g_path, total[..., 2 * fields :].sum(2)
+
+
+def _sizes(canvas: Tensor) -> tuple[int, int, int, int]:
+    """Height, width, tiles a row, tiles a painting."""
+    height, width = canvas.shape[1:3]
+    rows, columns = tile_grid(height, width)
+    return height, width, columns, rows * columns
+
+
+def _check_inputs(
+    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
+) -> None:
+    if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.numel() == 0:
+        raise RenderInputError(
+            "The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got "
+            f"{tuple(points.shape)} and {tuple(canvas.shape)}."
+        )
+    if not points.is_cuda and isinstance(paint_tile, triton.runtime.JITFunction):
+        raise RenderInputError(f"The Triton renderer needs tensors on a GPU, not on {points.device}: use the CPU's.")
+    batch, strokes, n, _ = points.shape
+    wanted = {
+        "points": (points, points.shape),
+        "radius": (radius, (batch, strokes, n)),
+        "density": (density, (batch, strokes, n)),
+        "softness": (softness, (batch, strokes, n)),
+        "color": (color, (batch, strokes, 3)),
+        "canvas": (canvas, (batch, *canvas.shape[1:3], 3)),
+    }
+    for name, (tensor, shape) in wanted.items():
+        if tensor.shape != shape:
+            raise RenderInputError(f"The renderer's {name} must have shape {tuple(shape)}, not {tuple(tensor.shape)}.")
+        if (tensor.dtype, tensor.device) != (points.dtype, points.device) or tensor.dtype not in _FLOATS:
+            raise RenderInputError(
+                f"The renderer's {name} is {tensor.dtype} on {tensor.device}, but points are {points.dtype} on "
+                f"{points.device}: all inputs must be float32, or all float64, on one device."
+            )
+    finite = torch.stack([torch.isfinite(tensor).all() for tensor, _ in wanted.values()]).tolist()  # one wait, not six
+    for name, is_finite in zip(wanted, finite, strict=True):
+        if not is_finite:
+            tensor = wanted[name][0].detach()
+            index = torch.nonzero(~torch.isfinite(tensor))[0].tolist()
+            value = float(tensor[tuple(index)])
+            raise RenderInputError(f"The renderer's {name}{index} is {value}: every value must be finite.")

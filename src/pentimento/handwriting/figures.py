@@ -1,0 +1,59 @@
+"""Sheets of strokes: what was kept, and what was dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.handwriting.recording import XY
+from pentimento.handwriting.repair import Mended
+
+FloatArray = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_CELL_PX = 96
+_ACROSS = 12
+_INK, _GONE = (40, 40, 40), (200, 60, 40)
+_FINE = 4
+"""Bits of a pixel's fraction that OpenCV draws by."""
+
+
+def sheet(paths: Sequence[FloatArray], size_m: float | None = None) -> Image:
+    """Paths [N, 2] (metres), one a cell, at one scale: sRGB [H, W, 3]. ``size_m``: of a cell; None: by the largest."""
+    largest = max((float(np.ptp(path, axis=0).max()) for path in paths), default=1e-3)
+    scale = 0.8 * _CELL_PX / max(size_m or largest, 1e-9)
+    return _grid([_drawn(path, np.ones(len(path), dtype=bool), scale) for path in paths])
+
+
+def sheet_of_mended(mended: Sequence[Mended], most: int = 48) -> Image:
+    """The first recordings that were not whole, each at its own scale: what was kept, and in red what was dropped."""
+    cells = []
+    for each in mended[:most]:
+        known = np.isfinite(each.source.points[:, XY]).all(axis=1)
+        path, kept = each.source.points[known][:, XY], ~each.removed[known]
+        extent = float(np.ptp(path, axis=0).max()) if len(path) else 0.0
+        cells.append(_drawn(path, kept, 0.8 * _CELL_PX / max(extent, 1e-6)))
+    return _grid(cells)
+
+
+def _drawn(path: FloatArray, kept: NDArray[np.bool_], scale: float) -> Image:
+    cell = np.full((_CELL_PX, _CELL_PX, 3), 255, np.uint8)
+    if len(path) == 0:
+        return cell
+    middle = (path.min(0) + path.max(0)) / 2
+    places = np.rint(((path - middle) * [scale, -scale] + _CELL_PX / 2) * 2**_FINE).astype(np.int32)
+    for a, b, whole in zip(places[:-1], places[1:], kept[:-1] & kept[1:], strict=True):
+        cv2.line(cell, a.tolist(), b.tolist(), _INK if whole else _GONE, 1, cv2.LINE_AA, _FINE)
+    for place in places[~kept]:
+        cv2.circle(cell, place.tolist(), 2 << _FINE, _GONE, -1, cv2.LINE_AA, _FINE)
+    return cell
+
+
+def _grid(cells: list[Image]) -> Image:
+    blank = np.full((_CELL_PX, _CELL_PX, 3), 255, np.uint8)
+    cells = cells + [blank] * (-len(cells) % _ACROSS or (0 if cells else _ACROSS))
+    rows = [np.hstack(cells[n : n + _ACROSS]) for n in range(0, len(cells), _ACROSS)]
+    return np.vstack(rows)

@@ -1,0 +1,107 @@
+"""From recordings to the ``demonstrations`` table: read, mended, brought to the standard frame, counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+
+from pentimento.contracts.demonstrations import CONTRACT
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.schema import arrow_schema
+from pentimento.handwriting.c3d_markers import C3D, read_c3d
+from pentimento.handwriting.optitrack import OptiTrack, read_optitrack
+from pentimento.handwriting.quickdraw import read_quickdraw
+from pentimento.handwriting.recording import PRESSURE, Recording
+from pentimento.handwriting.repair import Limits, Mended, mend_all
+from pentimento.handwriting.standard import standardise
+from pentimento.handwriting.svg_paths import read_svg
+from pentimento.handwriting.tablet import read_tablet
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file that somebody recorded."""
+
+    path: str
+    format: Literal["optitrack", "c3d", "tablet", "quickdraw", "svg"]
+    session: str
+    hand: str
+    unit_m: float | None
+    """Length of the file's unit, where the file does not say it; quickdraw never does."""
+    optitrack: OptiTrack | None
+    """For that format."""
+    c3d: C3D | None = None
+    """For that format."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """The table, and what happened on the way."""
+
+    table: pa.Table
+    counts: dict[str, Any]
+    mended: list[Mended]
+    """The recordings that were not whole."""
+
+
+def read_source(source: Source) -> list[Recording]:
+    """All strokes of one file, as recorded.
+
+    Raises:
+        ContractError: the file does not hold what its format says.
+        ConfigError: what the format needs to know is not given.
+    """
+    path = Path(source.path)
+    match source.format:
+        case "optitrack":
+            if source.optitrack is None:
+                raise ConfigError(f"{path}: the format optitrack needs the entry `optitrack`; give it.")
+            return read_optitrack(path, source.session, source.hand, source.optitrack)
+        case "c3d":
+            if source.c3d is None:
+                raise ConfigError(f"{path}: the format c3d needs the entry `c3d`; give it.")
+            return read_c3d(path, source.session, source.hand, source.c3d)
+        case "tablet":
+            return read_tablet(path, source.session, source.hand, source.unit_m)
+        case "quickdraw":
+            if source.unit_m is None:
+                raise ConfigError(f"{path}: the format quickdraw needs unit_m, the length of a pixel; give it.")
+            return read_quickdraw(path, source.session, source.hand, source.unit_m)
+        case "svg":
+            return read_svg(path, source.session, source.hand, source.unit_m)
+
+
+def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gathered:
+    """Mend all recordings and bring them to the standard frame at ``points`` points each.
+
+    Raises:
+        ContractError: nothing is left.
+    """
+    strokes, faults, mended = mend_all(recordings, limits)
+    if not strokes:
+        raise ContractError(f"None of the {len(recordings)} recorded strokes can be used: {faults}.")
+    number: Counter[str] = Counter()
+    rows = []
+    for stroke in strokes:
+        standard, transform = standardise(stroke.points, points)
+        rows.append({
+            "session": stroke.session, "hand": stroke.hand, "index": number[stroke.session],
+            "points": standard.astype(np.float32).tolist(), "standard_to_source": transform.tolist(),
+        })  # fmt: skip
+        number[stroke.session] += 1
+    counts = {
+        "recorded": len(recordings),
+        "kept": len(strokes),
+        "refused": sum(count for fault, count in faults.items() if fault.startswith("strokes_")),
+        "without_pressure": sum(bool(np.isnan(stroke.points[:, PRESSURE]).any()) for stroke in strokes),
+        "hands": dict(Counter(stroke.hand for stroke in strokes)),
+        "sessions": len(number),
+        "faults": faults,
+    }
+    return Gathered(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), counts, mended)

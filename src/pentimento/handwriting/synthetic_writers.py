@@ -1,0 +1,142 @@
+"""Five hands that are made up, so that the pipeline has demonstrations where nobody recorded any.
+
+Each draws by sigma-lognormal movements. A session has its own size, slant and tempo, a stroke its own number of
+movements and their own scatter; what all strokes of a hand share is their kind.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.handwriting.recording import Recording, recording
+from pentimento.handwriting.sigma_lognormal import Movement, trajectory
+from pentimento.handwriting.standard import turned
+
+FloatArray = NDArray[np.float64]
+Rng = np.random.Generator
+
+_RATE_HZ: Final = 200.0
+_JITTER_M: Final = 2e-5
+"""Of the tracker, standard deviation of each coordinate."""
+_PRESSED_M: Final = 6e-4
+"""Below the paper, at full pressure: a fibre tip gives way."""
+_RAMP_S: Final = 0.04
+"""Touching down and lifting off."""
+_SHEET_M: Final = (0.24, 0.18)
+
+
+@dataclass(frozen=True)
+class MadeUpConfig:
+    """How much the made-up hands draw."""
+
+    sessions: int
+    """Of each hand."""
+    strokes: int
+    """In each session."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 2, "sessions")
+        above_zero(self, "strokes")
+        at_least(self, 0, "seed")
+
+
+def made_up_sessions(config: MadeUpConfig) -> list[Recording]:
+    """All sessions of all hands; each stroke depends on the seed, its hand, session and number only."""
+    return [
+        _stroke(hand, number, session, index, config.seed)
+        for number, hand in enumerate(HANDS)
+        for session in range(config.sessions)
+        for index in range(config.strokes)
+    ]
+
+
+def _stroke(hand: str, number: int, session: int, index: int, seed: int) -> Recording:
+    habit = np.random.default_rng([seed, 11, number, session])
+    size, slant, tempo = math.exp(habit.normal(0, 0.08)), habit.normal(0, 0.12), math.exp(habit.normal(0, 0.1))
+    rng = np.random.default_rng([seed, 12, number, session, index])
+    way = trajectory([_at_tempo(m, tempo) for m in HANDS[hand](rng)], _RATE_HZ)
+    speed = np.linalg.norm(np.gradient(way[:, 1:], axis=0), axis=1)
+    drawn = slice(
+        int(np.argmax(speed > 0.02 * speed.max())), len(speed) - int(np.argmax(speed[::-1] > 0.02 * speed.max()))
+    )
+    t, speed = way[drawn, 0] - way[drawn, 0][0], speed[drawn]
+    pressure = _pressure(t, speed, rng)
+    xy = size * turned(way[drawn, 1:], slant + rng.normal(0, 0.05)) + rng.uniform((0.02, 0.02), _SHEET_M)
+    xy = xy + rng.normal(0, _JITTER_M, xy.shape)
+    return recording(f"{hand}_{session}", hand, xy, t, -_PRESSED_M * pressure, pressure)
+
+
+def _pressure(t: FloatArray, speed: FloatArray, rng: Rng) -> FloatArray:
+    """[K] firmer where the hand is slow, from the touch to the lift."""
+    firm = rng.uniform(0.55, 0.75) + 0.25 * (0.5 - speed / max(float(speed.max()), 1e-12))
+    ramp = np.minimum(np.minimum(t, t[-1] - t) / _RAMP_S, 1.0)
+    return np.clip(firm * (0.3 + 0.7 * ramp), 0.0, 1.0)
+
+
+def _at_tempo(movement: Movement, tempo: float) -> Movement:
+    return movement._replace(begins_s=movement.begins_s / tempo, mu=movement.mu - math.log(tempo))
+
+
+def _loops(rng: Rng) -> list[Movement]:
+    """Two or three loops like a row of `e`: half turns, those below longer than those above."""
+    wide, high, heading = rng.uniform(0.011, 0.014), rng.uniform(0.007, 0.009), rng.normal(-0.3, 0.15)
+    movements = []
+    for half in range(2 * int(rng.integers(2, 4)) + 1):
+        length = (wide if half % 2 == 0 else high) * math.exp(rng.normal(0, 0.06))
+        movements.append(_movement(rng, half, 0.13, length, heading, heading + math.pi))
+        heading += math.pi + rng.normal(0, 0.06)
+    return movements
+
+
+def _zigzags(rng: Rng) -> list[Movement]:
+    """To and fro, three to five times, sharply."""
+    step, sharp = rng.uniform(0.009, 0.013), rng.uniform(1.15, 1.3)
+    movements = []
+    for leg in range(int(rng.integers(3, 6))):
+        heading = (sharp if leg % 2 == 0 else -sharp) + rng.normal(0, 0.07)
+        movements.append(
+            _movement(rng, leg, 0.17, step * math.exp(rng.normal(0, 0.1)), heading, heading + rng.normal(0, 0.1))
+        )
+    return movements
+
+
+def _dots(rng: Rng) -> list[Movement]:
+    """A curl of about 2 mm, turned on the spot."""
+    length, turn = rng.uniform(0.0035, 0.0055), rng.uniform(2.4, 3.2)
+    first = _movement(rng, 0, 0.1, length, 0.0, turn)
+    return [first, _movement(rng, 1, 0.1, length * rng.uniform(0.8, 1.1), turn, 2 * turn)]
+
+
+def _arcs(rng: Rng) -> list[Movement]:
+    """One long bow, to either side."""
+    side, bend = (-1.0 if rng.random() < 0.5 else 1.0), rng.uniform(0.5, 0.9)
+    half = rng.uniform(0.018, 0.028)
+    first = _movement(rng, 0, 0.16, half, side * bend, 0.0)
+    return [first, _movement(rng, 1, 0.16, half * math.exp(rng.normal(0, 0.1)), 0.0, -side * bend)]
+
+
+def _hatching(rng: Rng) -> list[Movement]:
+    """A short straight line that ends in a small hook."""
+    heading = rng.normal(0, 0.03)
+    line = _movement(rng, 0, 0.1, rng.uniform(0.010, 0.015), heading, heading + rng.normal(0, 0.08))
+    return [line, _movement(rng, 1, 0.16, rng.uniform(0.0012, 0.002), heading + 1.8, heading + 3.4)]
+
+
+def _movement(rng: Rng, place: int, apart_s: float, length_m: float, from_rad: float, to_rad: float) -> Movement:
+    """The one at this place of a row, with the scatter of hands in time."""
+    mu, sigma = math.log(0.16) + rng.normal(0, 0.04), 0.22 * math.exp(rng.normal(0, 0.08))
+    return Movement(length_m, place * apart_s, mu, sigma, from_rad, to_rad)
+
+
+HANDS: Final[dict[str, Callable[[Rng], list[Movement]]]] = {
+    "loops": _loops, "zigzags": _zigzags, "dots": _dots, "arcs": _arcs, "hatching": _hatching,
+}  # fmt: skip
+"""By name: the movements of one stroke."""

@@ -1,0 +1,175 @@
+"""`pentimento card`: what a table holds, what it cannot tell, and what should worry who learns from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pentimento.contracts import pushes, strokes
+from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.schema import TableContract
+from pentimento.contracts.tables import CheckedTable, read_table
+from pentimento.diagnosis.pushes.measured import measure
+from pentimento.diagnosis.pushes.search import observable_causes
+from pentimento.diagnosis.strokes.aliasing import imitation_of, sentences
+from pentimento.diagnosis.strokes.fit import first_model
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.predict import identity
+from pentimento.dynamics.pushes.measured import load_pushes
+from pentimento.dynamics.pushes.mechanisms import VOCABULARY as OF_PUSHES
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY as OF_STROKES
+from pentimento.dynamics.strokes.simulation import NotObservable
+from pentimento.io.concerns import confounded_with_time, drift, imbalance, too_little
+from pentimento.io.statistics import (
+    commanded_pushes,
+    commanded_strokes,
+    heading_of_pushes,
+    heading_of_strokes,
+    in_order,
+    shown_pushes,
+    shown_strokes,
+)
+
+Array = NDArray[np.float64]
+
+NAME = "CARD.md"
+
+
+class _Told(NamedTuple):
+    """What is known of a table's kind."""
+
+    commanded: dict[str, Array]
+    shown: dict[str, Array]
+    heading: Array
+    unseen: dict[str, str]
+    """Causes that the table cannot show, and why."""
+    alike: list[str]
+    """Sentences on causes that its design cannot tell apart."""
+
+
+def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
+    """Write the card of a table as Markdown; returns where, and its warnings.
+
+    Args:
+        rows: a Parquet file in the strokes or the pushes contract, or a folder of shards.
+        out: the file; by default ``CARD.md`` in the folder, or ``<name>.card.md`` beside the file.
+
+    Raises:
+        ContractError: the rows cannot be read, or there are none.
+    """
+    contract = pushes.CONTRACT if "action" in _columns(rows) else strokes.CONTRACT
+    checked = read_table(rows, contract)
+    if checked.table.num_rows == 0:
+        raise ContractError(f"{rows} holds no rows to describe.")
+    told = _of_pushes(checked.table) if contract is pushes.CONTRACT else _of_strokes(checked.table)
+    warnings = _warnings(checked, told)
+    place = out or (rows / NAME if rows.is_dir() else rows.with_suffix(".card.md"))
+    atomic_write(place, _markdown(rows.name, contract, checked, told, warnings).encode())
+    return place, warnings
+
+
+def _columns(rows: Path) -> list[str]:
+    """Of the first shard; one that cannot be read is left to its reader, who says why."""
+    files = sorted(rows.glob("*.parquet")) if rows.is_dir() else [rows]
+    try:
+        return list(pq.read_schema(files[0]).names) if files else []
+    except (OSError, pa.ArrowException):
+        return []
+
+
+def _of_strokes(table: pa.Table) -> _Told:
+    measured = load_measured(table)
+    alike = sentences(imitation_of(first_model(measured), measured, OF_STROKES))
+    return _Told(commanded_strokes(table), shown_strokes(table), heading_of_strokes(table), _not_shown(measured), alike)
+
+
+def _not_shown(measured: Measured) -> dict[str, str]:
+    unseen = {}
+    for kind in OF_STROKES:
+        try:
+            identity(kind, measured.context)
+        except NotObservable as reason:
+            unseen[kind.cause] = str(reason)
+    return unseen
+
+
+def _of_pushes(table: pa.Table) -> _Told:
+    samples, _ = load_pushes(table)
+    _, unseen = observable_causes(measure(samples), OF_PUSHES)
+    return _Told(commanded_pushes(table), shown_pushes(table), heading_of_pushes(table), unseen, [])
+
+
+def _warnings(checked: CheckedTable, told: _Told) -> list[str]:
+    table, sessions = checked.table, in_order(checked.table)
+    said = [f"Row {bad.row} breaks the contract and is left out: {bad.reason}." for bad in checked.quarantined]
+    said += too_little(table)
+    said += drift(told.shown, sessions)
+    said += confounded_with_time(told.commanded, sessions)
+    said += imbalance(table, told.heading, told.commanded)
+    return said + [f"Aliasing: {line}" for line in told.alike]
+
+
+def _markdown(name: str, contract: TableContract, checked: CheckedTable, told: _Told, warnings: list[str]) -> str:
+    table = checked.table
+    actions, sessions = set(table["action_id"].to_pylist()), set(table["session"].to_pylist())
+    tools = sorted(set(table["tool"].to_pylist()))
+    lines = [
+        f"# Card of `{name}`",
+        "",
+        f"{table.num_rows} {contract.name} of {', '.join(tools)}: {len(actions)} actions in {len(sessions)} "
+        f"session{'s' if len(sessions) > 1 else ''}; {len(checked.quarantined)} rows quarantined.",
+        "",
+        "## Warnings",
+        "",
+        *([f"- {warning}" for warning in warnings] or ["None."]),
+        "",
+        "## What is commanded, and what is seen",
+        "",
+        "| | 5 % | median | 95 % | unknown |",
+        "|---|---|---|---|---|",
+        *(_quantiles(quantity, values) for quantity, values in (told.commanded | told.shown).items()),
+        "",
+        "## What it cannot show",
+        "",
+        *([f"- `{cause}`: {reason}." for cause, reason in told.unseen.items()] or ["Every cause can be asked for."]),
+        "",
+        "## Columns",
+        "",
+        f"Not recorded: {_listed(c.name for c in contract.columns if not _known(table, c.name))}.",
+        "",
+        f"Covariates beside the contract: {_listed(n for n in table.column_names if contract.column(n) is None)}.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _quantiles(name: str, values: Array) -> str:
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return f"| {name} | | | | {len(values)} |"
+    low, middle, high = np.quantile(known, [0.05, 0.5, 0.95])
+    return f"| {name} | {low:.3g} | {middle:.3g} | {high:.3g} | {len(values) - len(known)} |"
+
+
+def _known(table: pa.Table, name: str) -> bool:
+    """Whether some row knows the column."""
+    if name not in table.column_names:
+        return False
+    return any(_is_known(value) for value in table[name].to_pylist())
+
+
+def _is_known(value: object) -> bool:
+    if isinstance(value, list):
+        return bool(value) and any(_is_known(inner) for inner in value)
+    return value is not None and value == value  # NaN differs from itself
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names) or "none"

@@ -1,0 +1,105 @@
+"""Greedy sampling: actions chosen one by one, each the best of many tried upon what the ones before leave (7.3.5)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.frames import pixel_to_canvas
+from pentimento.planning.pushes.actions import DEPTH, LENGTH, THETA, Reach
+from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.pushes.rollout import Foresight
+
+Array = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+
+_ALONG = 0.5
+"""Share of the guided candidates that travel along what is too high; the others head anywhere."""
+_SPREAD = 0.4
+"""Of a guided candidate's depth about the height there is too much of, as a standard deviation of its logarithm."""
+_PARENTS = 8
+"""So many of the best candidates are varied in each round."""
+
+
+def best_action(
+    states_m: Array, foresight: Foresight, reach: Reach, config: SculptorConfig, rng: np.random.Generator
+) -> tuple[FloatArray, float]:
+    """The action [5] that lowers the value most upon the members' clay [M, H, W], of all tried, and that value.
+
+    It may be worse than no action: compare with ``foresight.value(states_m)``.
+    """
+    actions = candidates(states_m.mean(axis=0), foresight, reach, config, rng)
+    values = foresight.values_after(states_m, actions)
+    for number in range(config.rounds):
+        parents = actions[np.argsort(values, kind="stable")[:_PARENTS]]
+        varied = _varied(parents, config.candidates, 0.5**number, reach, rng)
+        actions = np.concatenate([actions, varied])
+        values = np.concatenate([values, foresight.values_after(states_m, varied)])
+    best = int(np.argmin(values))
+    return actions[best], float(values[best])
+
+
+def candidates(
+    height_m: Array, foresight: Foresight, reach: Reach, config: SculptorConfig, rng: np.random.Generator
+) -> FloatArray:
+    """Actions [K, 5] to try on clay [H, W]: some end where it is too high, as deep as that, the others anywhere.
+
+    A push is deepest at its end, so that is where it takes away most. A pinch raises what is between its fingers and
+    presses what is below them: it is tried wherever the height is wrong.
+    """
+    guided = round(config.guided * config.candidates)
+    anywhere = reach.draw(config.candidates - guided, rng)
+    objective, window_m = foresight.objective, foresight.members[0].window_m
+    scale_px = max(0.25 * reach.width_m * objective.pixels_per_m, 0.6)
+    difference = (height_m - objective.goal_m).astype(np.float64)
+    excess = np.asarray(cv2.GaussianBlur(difference, (0, 0), scale_px), dtype=np.float64)
+    wanted = np.maximum(excess, 0.0) ** 2 if reach.travels else excess**2
+    if guided == 0 or not wanted.any():
+        return anywhere
+    rows, columns = _places(wanted, guided, rng)
+    end_m = pixel_to_canvas(np.stack([columns, rows], axis=1), window_m, objective.pixels_per_m)
+    end_m += rng.uniform(-0.5, 0.5, end_m.shape) / objective.pixels_per_m
+    along = _ridge_heading(excess, scale_px)[rows, columns] + rng.normal(0, 0.15, guided)
+    along += np.pi * rng.integers(0, 2, guided)
+    theta = np.where(rng.random(guided) < _ALONG, along, rng.uniform(-np.pi, np.pi, guided))
+    actions = np.zeros((guided, 5))
+    actions[:, THETA] = theta
+    actions[:, LENGTH] = rng.uniform(*reach.length_m, guided)
+    actions[:, DEPTH] = np.abs(excess[rows, columns]) * np.exp(rng.normal(0.2, _SPREAD, guided))
+    actions[:, :2] = end_m
+    if reach.travels:
+        actions[:, :2] -= actions[:, LENGTH, None] * np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    return np.concatenate([reach.keep_within(actions), anywhere])
+
+
+def _varied(parents: FloatArray, count: int, share: float, reach: Reach, rng: np.random.Generator) -> FloatArray:
+    """Actions [count, 5] about the parents; ``share`` 1 for half a mark's width, π/8, and a quarter of a range."""
+    spread = np.array(
+        [
+            0.5 * reach.width_m,
+            0.5 * reach.width_m,
+            np.pi / 8,
+            (reach.length_m[1] - reach.length_m[0]) / 4,
+            (reach.depth_m[1] - reach.depth_m[0]) / 4,
+        ]
+    )
+    chosen = parents[np.arange(count) % len(parents)]
+    return reach.keep_within(chosen + share * spread * rng.normal(size=(count, 5)))
+
+
+def _places(wanted: FloatArray, count: int, rng: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns drawn in proportion to ``wanted``, evenly spread over its whole."""
+    total = np.cumsum(wanted.ravel())
+    drawn = (np.arange(count) + rng.random(count)) / count * total[-1]
+    flat = np.minimum(np.searchsorted(total, drawn, side="right"), wanted.size - 1)
+    rows, columns = np.unravel_index(flat, wanted.shape)
+    return rows, columns
+
+
+def _ridge_heading(excess: FloatArray, scale_px: float) -> FloatArray:
+    """[H, W] heading along ridges and edges nearby, canvas frame (y up), from the structure tensor."""
+    right, down = cv2.Sobel(excess, cv2.CV_64F, 1, 0), cv2.Sobel(excess, cv2.CV_64F, 0, 1)
+    xx, yy, xy = (cv2.GaussianBlur(p, (0, 0), 2 * scale_px) for p in (right * right, down * down, right * down))
+    steepest = 0.5 * np.arctan2(2 * xy, xx - yy)
+    return -(steepest + np.pi / 2)

@@ -1,0 +1,107 @@
+"""Plans of pushes: chosen one by one, then improved as a whole; no action that helps nothing (thesis 7.3.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.planning.pushes.actions import Reach
+from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.pushes.cross_entropy import cross_entropy
+from pentimento.planning.pushes.descent import descend
+from pentimento.planning.pushes.initialise import best_action
+from pentimento.planning.pushes.rollout import Foresight
+
+Array = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PushPlan:
+    """Actions and what is expected of them."""
+
+    actions: FloatArray
+    """[N, 5], in the order of execution; N of 0 where the models know of none that helps."""
+    foreseen_m: Array
+    """[N + 1, H, W]: the clay before the first and after each action, the mean over the members."""
+    values: FloatArray
+    """[N + 1]: the foresight's value of each of these."""
+
+
+def plan(
+    height_m: Array,
+    foresight: Foresight,
+    reach: Reach,
+    config: SculptorConfig,
+    count: int,
+    item: tuple[int, ...],
+    begun: FloatArray | None = None,
+) -> PushPlan:
+    """Up to ``count`` actions, and no more than the horizon, that bring clay [H, W] nearer to the goal.
+
+    Args:
+        item: what is planned, such as the goal's number and the number of actions made: with the seed, it alone
+            decides what chance brings.
+        begun: [N, 5] of an earlier plan, to go on from; those that no longer help are left out.
+    """
+    rng = np.random.default_rng([config.seed, *item])
+    wanted = min(count, config.horizon)
+    actions = _helping(begun[:wanted], height_m, foresight, config) if begun is not None else np.zeros((0, 5))
+    actions = _extended(actions, height_m, foresight, reach, config, wanted, rng)
+    if len(actions) > 0 and config.iterations > 0:
+        if config.refine == "gradient":
+            actions, _ = descend(actions, height_m, foresight, reach, config)
+        elif config.refine == "cross_entropy":
+            actions, _ = cross_entropy(actions, height_m, foresight, reach, config, rng)
+    return foreseen(actions, height_m, foresight)
+
+
+def foreseen(actions: FloatArray, height_m: Array, foresight: Foresight) -> PushPlan:
+    """What the models expect of actions [N, 5] upon clay [H, W]."""
+    states = foresight.start(height_m)
+    means, values = [states.mean(axis=0)], [foresight.value(states)]
+    for action in actions:
+        states = foresight.act(states, action)
+        means.append(states.mean(axis=0))
+        values.append(foresight.value(states))
+    return PushPlan(actions, np.stack(means), np.array(values))
+
+
+def _extended(
+    actions: FloatArray,
+    height_m: Array,
+    foresight: Foresight,
+    reach: Reach,
+    config: SculptorConfig,
+    wanted: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """The actions, and greedily chosen ones after them while they help."""
+    states = foresight.roll_out(height_m, actions)
+    value = foresight.value(states)
+    while len(actions) < wanted:
+        action, lower = best_action(states, foresight, reach, config, rng)
+        if not _helps(value, lower, config):
+            break
+        actions = np.concatenate([actions, action[None]])
+        states, value = foresight.act(states, action), lower
+    return actions
+
+
+def _helping(actions: FloatArray, height_m: Array, foresight: Foresight, config: SculptorConfig) -> FloatArray:
+    """Those of the actions that lower the value, each upon what the kept ones before it leave."""
+    states = foresight.start(height_m)
+    value, kept = foresight.value(states), []
+    for action in actions:
+        after = foresight.act(states, action)
+        lower = foresight.value(after)
+        if _helps(value, lower, config):
+            states, value = after, lower
+            kept.append(action)
+    return np.stack(kept) if kept else np.zeros((0, 5))
+
+
+def _helps(value: float, lower: float, config: SculptorConfig) -> bool:
+    return lower < value * (1 - config.least_gain)

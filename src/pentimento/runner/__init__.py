@@ -1,1 +1,0 @@
-"""Acting beside a person: the safety envelope, looking at the canvas, painting, recording."""

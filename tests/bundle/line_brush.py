@@ -1,0 +1,108 @@
+"""Test support: a stroke model in plain numpy, and an easel before a small sheet of the studio."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pentimento.control.journaled_robot import LastingRobot
+from pentimento.control.paint_context import Easel
+from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
+from pentimento.planning.model import Array, Marks, Pace, Pull, Span
+from pentimento.planning.palette import PaletteChoice
+from pentimento.planning.strokes import Strokes
+from pentimento.robots.driver import Robot
+from pentimento.robots.strokes import shape_basis
+from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.studio.studio import Studio
+from pentimento.studio.world import load_world
+
+POINTS = 8
+SIDE_M = 0.1
+PIXELS_PER_M = 600.0
+RADIUS_M, DENSITY, SOFTNESS = 0.0011, 0.85, 0.4
+
+
+class LineBrush:
+    """A pen's line of one width; its gradient is the geometry's."""
+
+    fitted: Mapping[str, Span] = {}
+    pace = Pace(1.0, 5.0)
+    path_points = POINTS
+
+    def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
+        full = np.ones((len(strokes), POINTS), np.float32)
+        points = strokes.paths(POINTS)[..., 1:3]
+        along, across = (basis.astype(np.float32) for basis in shape_basis(POINTS))
+        cos, sin = np.cos(strokes.theta_rad)[:, None], np.sin(strokes.theta_rad)[:, None]
+
+        def pull(cotangent: Marks) -> Strokes:
+            gx, gy = cotangent.points_m[..., 0], cotangent.points_m[..., 1]
+            from_middle = points - strokes.middle_m[:, None]
+            return Strokes(
+                middle_m=np.stack([gx.sum(1), gy.sum(1)], axis=1),
+                theta_rad=(gy * from_middle[..., 0] - gx * from_middle[..., 1]).sum(1),
+                length_m=((gx * cos + gy * sin) * along).sum(1),
+                bend_m=((gy * cos - gx * sin) * across).sum(1),
+                press_m=np.zeros_like(strokes.press_m),
+                color=cotangent.color,
+            )
+
+        return Marks(points, RADIUS_M * full, DENSITY * full, SOFTNESS * full, strokes.color, None), pull
+
+    def gain(self, places_m: Array) -> None:
+        return None
+
+
+def easel(iterations: int = 30) -> Easel:
+    """The marker, planned quickly, on a sheet of SIDE_M."""
+    planner = PlannerConfig(
+        initialisation="error_guided",
+        candidates=5,
+        rounds=2,
+        sizes=(0.6, 0.35),
+        iterations_per_round=3,
+        iterations_free=iterations,
+        iterations_palette=0,
+        iterations_replan=4,
+        replan_rate=0.3,
+        relocate_every=0,
+        relocate_share=0.0,
+        least_gain=0.0,
+        palette=PaletteChoice("ink", None, None, None),
+        sweeps=1,
+        path_points=POINTS,
+        pixels_per_m=PIXELS_PER_M,
+        edge_m=0.005,
+        distances_px=(1, 4),
+        objectives=ObjectivesConfig(1.0, None),
+        slack=Slack(0.0, 0.0),
+        learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 0.0, 0.0),
+        seed=1,
+    )
+    return Easel(load_tool("marker"), LineBrush(), (SIDE_M, SIDE_M), planner)
+
+
+def sheet(seed: int = 3) -> VirtualRobot:
+    """A robot with the marker before a blank sheet of SIDE_M."""
+    world = load_world("marker")
+    return VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), seed))
+
+
+def lasting_sheet(folder: Path, robot: Robot | None = None) -> LastingRobot:
+    """The same, outliving its process; ``robot`` in the place of ``sheet``."""
+    return LastingRobot(sheet() if robot is None else robot, folder / "journal.jsonl", load_tool)
+
+
+def cross(canvas: np.ndarray) -> np.ndarray:
+    """A goal: the canvas with a ring and a cross in it, as dark as the pen can."""
+    goal = canvas.copy()
+    rows, columns = np.mgrid[: canvas.shape[0], : canvas.shape[1]] / canvas.shape[0] - 0.5
+    ring = np.abs(np.hypot(rows, columns) - 0.3) < 0.014
+    bars = (np.minimum(np.abs(rows), np.abs(columns)) < 0.012) & (np.hypot(rows, columns) < 0.25)
+    goal[ring | bars] = 40
+    return goal

@@ -1,0 +1,187 @@
+"""A bundle's graphs, asked as the planner asks, answer as the workshop's models do."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from pentimento.bundle.graphs import (
+    GraphBrush,
+    Graphs,
+    PictureStyle,
+    SemanticObjective,
+    StyleObjective,
+    TextObjective,
+    caption_vector,
+    goal_networks,
+    noise_schedule,
+    tokenizer,
+)
+from pentimento.bundle.reader import Bundle, GraphEntry, open_bundle
+from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.deploy.objective_graphs import style_graphs
+from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.planning.model import Marks
+from pentimento.planning.strokes import Strokes
+from pentimento.robots.tools import load_tool
+from pentimento.semantics.style.features import LocalFeatures
+from pentimento.semantics.style.style import StyleObjective as TorchStyle
+from pentimento.semantics.style.torch_objective import TorchObjective
+from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
+from tests.copainting.goal_planners import CAPTIONS
+from tests.deploy.bundles import BRUSH, small_bundle
+
+pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
+Array = NDArray[np.float32]
+
+
+@pytest.fixture(scope="module")
+def graphs() -> Graphs:
+    return Graphs(open_bundle(small_bundle()[0]))
+
+
+@cache
+def styles() -> Graphs:
+    """A bundle of style graphs alone, for pictures of 32 x 32 px."""
+    facts, made = style_graphs("style", (32, 32), 1e-4)
+    entries = {n: GraphEntry(n, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in made.items()}
+    contents = {name: graph.content for name, graph in made.items()}
+    manifest = replace(open_bundle(small_bundle()[0]).manifest, graphs=entries, styles={"style": facts})
+    return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents))
+
+
+def some_strokes(count: int) -> tuple[Strokes, dict[str, Array]]:
+    rng, tool = np.random.default_rng(count), load_tool("marker")
+    length = rng.uniform(*tool.stroke_length_m, count)
+    arrays = (
+        rng.uniform(0, 1, (count, 2)) * CANVAS_M, rng.uniform(-3, 3, count), length,
+        length * rng.uniform(*tool.bend_range, count), rng.uniform(*tool.press_range_m, (count, 3)),
+        rng.uniform(0, 1, (count, 3)),
+    )  # fmt: skip
+    inherited = {"ink_since_reload_m": rng.uniform(0, 0.1, count), "wet_age_s": rng.uniform(1, 300, count)}
+    inherited["wet_age_s"][::2] = np.nan
+    inherited |= {name: rng.uniform(0, 1, count) for name in CARRIED}
+    return Strokes(*(a.astype(np.float32) for a in arrays)), {n: v.astype(np.float32) for n, v in inherited.items()}
+
+
+def picture(seed: int, height: int = 32, width: int = 48) -> Array:
+    return np.random.default_rng(seed).random((height, width, 3), np.float32)
+
+
+@pytest.mark.parametrize("count", [1, 2, 30])
+def test_a_brush_draws_and_pulls_as_pytorch_does(graphs: Graphs, count: int) -> None:
+    ours, theirs = GraphBrush(graphs, BRUSH), TorchBrush(
+        small_bundle()[1].strokes["marker"], load_tool("marker"), PLANNER.path_points
+    )  # fmt: skip
+    assert (ours.fitted, ours.pace, ours.path_points) == (theirs.fitted, theirs.pace, theirs.path_points)
+    strokes, inherited = some_strokes(count)
+    (marks, pull), (expected, pull_expected) = (brush.marks(strokes, inherited) for brush in (ours, theirs))
+    for found, wanted in zip(marks, expected, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-7)
+    rng = np.random.default_rng(0)
+    cotangent = Marks(*(rng.standard_normal(field.shape).astype(np.float32) for field in marks))
+    back, back_expected = pull(cotangent), pull_expected(cotangent)
+    for found, wanted in zip(back.arrays(), back_expected.arrays(), strict=True):
+        assert np.linalg.norm(found - wanted) <= 1e-4 * np.linalg.norm(wanted)
+    places = rng.random((5, 2), np.float32) * np.float32(0.05)
+    np.testing.assert_allclose(ours.gain(places), theirs.gain(places), rtol=1e-5)
+
+
+def test_a_brush_pulls_from_where_it_drew_although_strokes_move_meanwhile(graphs: Graphs) -> None:
+    strokes, inherited = some_strokes(3)
+    marks, pull = GraphBrush(graphs, BRUSH).marks(strokes, inherited)
+    cotangent = Marks(*(np.ones_like(field) for field in marks))
+    before = pull(cotangent)
+    strokes.theta_rad += 1.0
+    for found, wanted in zip(pull(cotangent).arrays(), before.arrays(), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_objectives_go_down_along_their_gradient_by_as_much_as_it_says(graphs: Graphs) -> None:
+    for make in (
+        lambda: SemanticObjective(graphs, picture(2, 32, 32), 5),
+        lambda: TextObjective(graphs, CAPTIONS[0], (32, 32), 5),
+        lambda: StyleObjective(styles(), picture(3, 32, 32), 5),
+    ):
+        image = 0.25 + 0.5 * picture(1, 32, 32)
+        value, gradient = make()(image)
+        size = 0.02 * value / np.square(gradient).sum()  # lowers it by about 2 %
+        after = make()(image - np.float32(size) * gradient)[0]  # the same seed: the same views
+        assert after == pytest.approx(0.98 * value, rel=0.008)
+
+
+def test_the_semantic_objective_of_the_target_is_zero_at_any_size_of_picture(graphs: Graphs) -> None:
+    for shape in ((32, 48), (17, 90)):
+        target = picture(4, *shape)
+        objective = SemanticObjective(graphs, target, 0)
+        assert objective(target)[0] == pytest.approx(0, abs=1e-9)
+        assert objective(1 - target)[0] > 1e-6
+        assert objective(1 - target)[1].shape == target.shape
+
+
+def test_views_repeat_with_the_seed_and_differ_from_call_to_call(graphs: Graphs) -> None:
+    one, other = (TextObjective(graphs, CAPTIONS[1], (32, 48), 7) for _ in range(2))
+    image = picture(5)
+    first = one(image)[0]
+    assert other(image)[0] == first != one(image)[0]
+
+
+def test_a_caption_is_read_as_in_the_workshop(graphs: Graphs) -> None:
+    encoder = small_bundle()[1].encoder
+    for caption in (*CAPTIONS, "", "a word " * 40):
+        expected = encoder.embed_texts([caption])[0].detach().numpy()
+        np.testing.assert_allclose(caption_vector(graphs, caption), expected, atol=1e-5)
+
+
+def test_style_is_the_workshops_to_the_pairing() -> None:
+    style, image = picture(6, 32, 32), picture(7, 32, 32)
+    expected, slope = TorchObjective(TorchStyle(torch.from_numpy(style), LocalFeatures(), 0))(image)
+    value, gradient = StyleObjective(styles(), style, 0)(image)
+    assert value == pytest.approx(expected, rel=1e-5)
+    assert np.linalg.norm(gradient - slope) <= 1e-4 * np.linalg.norm(slope)
+    assert StyleObjective(styles(), style, 0)(style)[0] == pytest.approx(0, abs=1e-4)
+
+
+def test_a_picture_gives_a_style_at_the_sizes_that_were_deployed() -> None:
+    bytes_srgb = np.random.default_rng(8).integers(0, 256, (40, 90, 3)).astype(np.uint8)
+    style = PictureStyle(styles(), bytes_srgb, 0)
+    assert style.picture((32, 32)).shape == (32, 32, 3)
+    assert style.objective((32, 32))(picture(9, 32, 32))[0] > 0
+    with pytest.raises(ConfigError, match="of 32 x 32 px and was asked for 20 x 20 px"):
+        style.objective((20, 20))
+    with pytest.raises(ContractError, match="not finite"):
+        style.objective((32, 32))(np.full((32, 32, 3), np.nan, np.float32))
+
+
+def test_the_goal_planners_parts_answer_as_pytorch_does(graphs: Graphs) -> None:
+    planner, networks = small_bundle()[1].goal, goal_networks(graphs)
+    schedule, rng = noise_schedule(graphs.bundle), np.random.default_rng(0)
+    words = tokenizer(graphs.bundle, graphs.bundle.manifest.goal.words).encode(["a red disc", "a blue square"])
+    pictures = rng.uniform(-1, 1, (2, 3, 16, 16)).astype(np.float32)
+    with torch.no_grad():
+        states = planner.text_encoder(torch.from_numpy(words))[0]
+        latents = planner.vae.encode(torch.from_numpy(pictures)).latent_dist.mode()
+        noisy = torch.cat([latents, latents], 1)
+        told = planner.unet(noisy, 400, encoder_hidden_states=states).sample
+        decoded = planner.vae.decode(latents).sample
+    np.testing.assert_allclose(networks.read(words), states, atol=1e-5)
+    np.testing.assert_allclose(networks.encode(pictures), latents, atol=1e-4)
+    np.testing.assert_allclose(networks.foretell(noisy.numpy(), 400, states.numpy()), told, atol=1e-4)
+    np.testing.assert_allclose(networks.decode(latents.numpy()), decoded, atol=1e-4)
+    assert schedule.alphas_cumprod[-1] == 0 and schedule.prediction == "sample"
+
+
+def test_it_needs_no_pytorch() -> None:
+    script = (
+        "import sys; from pathlib import Path; from pentimento.bundle.graphs import Graphs, caption_vector;"
+        "from pentimento.bundle.reader import open_bundle;"
+        f"caption_vector(Graphs(open_bundle(Path({str(small_bundle()[0])!r}))), 'a red disc');"
+        "sys.exit('torch' in sys.modules or 'onnx' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0

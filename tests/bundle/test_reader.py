@@ -1,0 +1,349 @@
+"""A bundle is opened when it is what its manifest says, and refused whole when anything is not."""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from onnx import numpy_helper
+
+from pentimento.bundle.reader import LARGEST_FILE_BYTES, MANIFEST, BundleError, Manifest, open_bundle
+from pentimento.contracts.codec import from_plain, to_plain
+from pentimento.control.safety import envelope_for
+from pentimento.robots.tools import load_tool
+from pipelines._imports import ROOT, imported_names
+from tests.bundle.tiny_bundle import CANVAS_M, GRAPHS, change, graph, relist, write_tiny_bundle
+
+SEMANTIC = "graphs/semantic.onnx"
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    return write_tiny_bundle(tmp_path / "bundle")
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_bundle(tmp_path_factory.mktemp("kept") / "bundle")
+
+
+def put(folder: Path, model: onnx.ModelProto) -> None:
+    """In place of a graph, listed as if it belonged there."""
+    (folder / SEMANTIC).write_bytes(model.SerializeToString())
+    relist(folder)
+
+
+def test_a_whole_bundle_opens_and_holds_what_it_checked(bundle: Path) -> None:
+    opened = open_bundle(bundle)
+    assert opened.digest == hashlib.sha256((bundle / MANIFEST).read_bytes()).hexdigest()
+    assert opened.tools == {"pen": load_tool("marker")}
+    assert opened.setting("pen").envelope == envelope_for(load_tool("marker"), CANVAS_M)
+    checked = opened.graph("semantic")
+    (bundle / SEMANTIC).write_bytes(b"exchanged after the check")
+    assert opened.graph("semantic") == checked == graph().SerializeToString()
+
+
+def test_the_manifest_comes_back_from_its_file(bundle: Path) -> None:
+    manifest = open_bundle(bundle).manifest
+    assert from_plain(Manifest, json.loads(json.dumps(to_plain(manifest))), "manifest") == manifest
+
+
+def test_asking_for_what_is_not_there_names_what_is(bundle: Path) -> None:
+    opened = open_bundle(bundle)
+    with pytest.raises(BundleError, match=r"no graph 'push'.*semantic"):
+        opened.graph("push")
+    with pytest.raises(BundleError, match=r"no setting 'oil'.*pen"):
+        opened.setting("oil")
+
+
+def test_another_bundle_than_the_known_one_is_refused(bundle: Path) -> None:
+    digest = open_bundle(bundle).digest
+    assert open_bundle(bundle, digest).digest == digest
+    change(bundle, models={"stroke_marker": "2"})
+    open_bundle(bundle)
+    with pytest.raises(BundleError, match="another bundle"):
+        open_bundle(bundle, digest)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_changed_byte_of_any_file_is_refused(kept: Path, data: st.DataObject) -> None:
+    names = sorted(json.loads((kept / MANIFEST).read_text())["files"])
+    file = kept / data.draw(st.sampled_from(names))
+    whole = file.read_bytes()
+    at, flip = data.draw(st.integers(0, len(whole) - 1)), data.draw(st.integers(1, 255))
+    file.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
+    try:
+        with pytest.raises(BundleError, match="SHA-256 or size is another"):
+            open_bundle(kept)
+    finally:
+        file.write_bytes(whole)
+    open_bundle(kept)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 40), st.booleans())
+def test_a_file_of_another_length_is_refused(kept: Path, count: int, longer: bool) -> None:
+    file = kept / SEMANTIC
+    whole = file.read_bytes()
+    file.write_bytes(whole + bytes(count) if longer else whole[:-count])
+    try:
+        with pytest.raises(BundleError, match=r"bytes where|SHA-256 or size"):
+            open_bundle(kept)
+    finally:
+        file.write_bytes(whole)
+
+
+def _extra(folder: Path) -> None:
+    (folder / "graphs" / "more.onnx").write_bytes(graph().SerializeToString())
+
+
+def _extra_hidden(folder: Path) -> None:
+    (folder / ".note").write_text("")
+
+
+def _missing(folder: Path) -> None:
+    (folder / "words" / "merges.txt").unlink()
+
+
+def _link(folder: Path) -> None:
+    (folder / SEMANTIC).replace(folder.parent / "elsewhere.onnx")
+    (folder / SEMANTIC).symlink_to(folder.parent / "elsewhere.onnx")
+
+
+def _linked_folder(folder: Path) -> None:
+    shutil.move(folder / "graphs", folder.parent / "graphs")
+    (folder / "graphs").symlink_to(folder.parent / "graphs")
+
+
+def _linked_manifest(folder: Path) -> None:
+    (folder / MANIFEST).replace(folder.parent / MANIFEST)
+    (folder / MANIFEST).symlink_to(folder.parent / MANIFEST)
+
+
+def _hard_link(folder: Path) -> None:
+    os.link(folder / SEMANTIC, folder.parent / "elsewhere.onnx")
+
+
+def _pipe(folder: Path) -> None:
+    os.mkfifo(folder / "graphs" / "pipe.onnx")
+
+
+def _pipe_in_place(folder: Path) -> None:
+    (folder / SEMANTIC).unlink()
+    os.mkfifo(folder / SEMANTIC)
+
+
+def _no_manifest(folder: Path) -> None:
+    (folder / MANIFEST).unlink()
+
+
+@pytest.mark.parametrize(
+    ("tamper", "message"),
+    [
+        (_extra, "'graphs/more.onnx', which its manifest does not list"),
+        (_extra_hidden, "'.note', which its manifest does not list"),
+        (_missing, "'words/merges.txt' is missing"),
+        (_link, "'graphs/semantic.onnx' is a link"),
+        (_linked_folder, "'graphs' is a link"),
+        (_linked_manifest, "'manifest.json' cannot be opened"),
+        (_hard_link, "known by 2 names"),
+        (_pipe, "neither a file nor a folder"),
+        (_pipe_in_place, "neither a file nor a folder"),
+        (_no_manifest, "'manifest.json' cannot be opened"),
+    ],
+)
+def test_what_lies_in_the_folder_is_what_the_manifest_lists(
+    bundle: Path, tamper: Callable[[Path], None], message: str
+) -> None:
+    tamper(bundle)
+    with pytest.raises(BundleError, match=message):
+        open_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../secret.txt", "/etc/hostname", "graphs/../../secret.txt", "graphs\\semantic.onnx", "", ".", "./graphs/a.onnx",
+     "graphs//a.onnx", "graphs/", "Graphs/A.onnx", "a\n", "manifest.json"],
+)  # fmt: skip
+def test_names_that_lead_elsewhere_are_refused(bundle: Path, name: str) -> None:
+    (bundle.parent / "secret.txt").write_text("secret")
+    files = json.loads((bundle / MANIFEST).read_text())["files"]
+    change(bundle, files=files | {name: {"bytes": 6, "sha256": hashlib.sha256(b"secret").hexdigest()}})
+    with pytest.raises(BundleError, match="lie within the bundle"):
+        open_bundle(bundle)
+
+
+def test_a_graph_with_tensors_in_other_files_is_refused_even_where_they_are_listed(bundle: Path) -> None:
+    model = graph()
+    tensor = model.graph.initializer[0]
+    (bundle / "graphs" / "weights.bin").write_bytes(tensor.raw_data)
+    tensor.ClearField("raw_data")
+    tensor.data_location = onnx.TensorProto.EXTERNAL
+    tensor.external_data.add(key="location", value="weights.bin")
+    put(bundle, model)
+    with pytest.raises(BundleError, match="keeps tensors in other files"):
+        open_bundle(bundle)
+
+
+def _too_large(model: onnx.ModelProto) -> None:
+    tensor = model.graph.initializer[0]
+    tensor.ClearField("raw_data")
+    tensor.float_data.append(0.0)
+    tensor.dims[0] = 2**40
+
+
+def _hollow(model: onnx.ModelProto) -> None:
+    model.graph.initializer[0].dims[0] = 2**40
+
+
+def _newer(model: onnx.ModelProto) -> None:
+    model.opset_import[0].version = 22
+
+
+def _older(model: onnx.ModelProto) -> None:
+    model.opset_import[0].version = 18
+
+
+def _other_format(model: onnx.ModelProto) -> None:
+    model.ir_version = 11
+
+
+def _plug_in(model: onnx.ModelProto) -> None:
+    model.opset_import.add(domain="com.microsoft", version=1)
+
+
+def _other_input(model: onnx.ModelProto) -> None:
+    model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 3
+
+
+def _other_output(model: onnx.ModelProto) -> None:
+    model.graph.output[0].name = "z"
+
+
+@pytest.mark.parametrize(
+    ("tamper", "message"),
+    [
+        (_too_large, "a tensor of 8796093022208 bytes"),
+        (_hollow, "needs 8796093022208 bytes and has 8"),
+        (_newer, "operator sets {'': 22}"),
+        (_older, "operator sets {'': 18}"),
+        (_other_format, "IR version 11"),
+        (_plug_in, "com.microsoft"),
+        (_other_input, "has the inputs"),
+        (_other_output, "has the outputs"),
+    ],
+)
+def test_a_graph_of_another_make_is_refused(
+    bundle: Path, tamper: Callable[[onnx.ModelProto], None], message: str
+) -> None:
+    model = graph()
+    tamper(model)
+    put(bundle, model)
+    with pytest.raises(BundleError, match=message):
+        open_bundle(bundle)
+
+
+def test_a_version_that_the_manifest_announces_must_be_known_here(bundle: Path) -> None:
+    for name in GRAPHS:
+        (bundle / f"graphs/{name}.onnx").write_bytes(graph(opset=25).SerializeToString())
+    relist(bundle)
+    change(bundle, opset=25)
+    with pytest.raises(BundleError, match=r"operator sets {'': 25}"):
+        open_bundle(bundle)
+
+
+def test_files_larger_than_any_graph_may_be_are_not_even_read(bundle: Path) -> None:
+    files = json.loads((bundle / MANIFEST).read_text())["files"]
+    files[SEMANTIC]["bytes"] = LARGEST_FILE_BYTES + 1
+    change(bundle, files=files)
+    with pytest.raises(BundleError, match="are the most"):
+        open_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    "limit", ["max_press_depth_m", "max_speed_m_s", "max_acceleration_m_s2", "x_max_m", "max_duration_s"]
+)
+def test_an_envelope_that_is_not_the_tools_is_refused(bundle: Path, limit: str) -> None:
+    settings_ = json.loads((bundle / MANIFEST).read_text())["settings"]
+    settings_["pen"]["envelope"][limit] *= 1.01
+    change(bundle, settings=settings_)
+    with pytest.raises(BundleError, match="safety envelope of pen is not that of its tool"):
+        open_bundle(bundle)
+
+
+def test_another_tool_needs_another_envelope(bundle: Path) -> None:
+    text = (bundle / "tools/marker.toml").read_text()
+    (bundle / "tools/marker.toml").write_text(text.replace('"1 mm"', '"9 mm"'))
+    relist(bundle)
+    with pytest.raises(BundleError, match="is not that of its tool"):
+        open_bundle(bundle)
+
+
+def test_an_envelope_wider_than_the_robots_own_is_refused(bundle: Path) -> None:
+    own = envelope_for(load_tool("marker"), CANVAS_M)
+    assert open_bundle(bundle, local={"pen": own}).setting("pen").envelope == own
+    assert open_bundle(bundle, local={"pen": replace(own, max_speed_m_s=1.0)})
+    with pytest.raises(BundleError, match="wider than this robot's own in max_speed_m_s, max_duration_s"):
+        open_bundle(bundle, local={"pen": replace(own, max_speed_m_s=0.01, max_duration_s=5.0)})
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ({"schema": 2}, "schema 2 and this version reads 1"),
+        ({"schema": "1"}, "schema '1'"),
+        ({"more": 1}, r"unknown are \['more'\]"),
+        ({"brushes": {}}, "speaks of 'pen'"),
+        ({"models": {}}, "speaks of 'stroke_marker'"),
+        ({"opset": 20.0}, "of type int"),
+    ],
+)
+def test_a_manifest_of_another_make_is_refused(bundle: Path, entries: dict[str, Any], message: str) -> None:
+    change(bundle, **entries)
+    with pytest.raises(BundleError, match=message):
+        open_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{", '{"schema": 1, "schema": 1}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+)
+def test_what_is_no_manifest_is_refused(bundle: Path, text: str) -> None:
+    (bundle / MANIFEST).write_bytes(text.encode("latin-1"))
+    with pytest.raises(BundleError, match="is refused"):
+        open_bundle(bundle)
+
+
+def test_a_graph_that_differed_too_much_is_refused(bundle: Path) -> None:
+    graphs = json.loads((bundle / MANIFEST).read_text())["graphs"]
+    graphs["semantic"]["parity"] = {"y": 2e-4}
+    change(bundle, graphs=graphs)
+    with pytest.raises(BundleError, match="differs from what it came from"):
+        open_bundle(bundle)
+
+
+def test_no_bundle_at_all_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BundleError, match="cannot be opened"):
+        open_bundle(tmp_path / "nothing")
+
+
+def test_the_check_knows_no_runtime_that_could_open_a_graph() -> None:
+    for module in ("bundle/reader", "bundle/onnx_header", "contracts/codec"):
+        names = imported_names(ROOT / f"src/pentimento/{module}.py")
+        assert not {name for name in names if name.startswith("onnx")}
+
+
+def test_a_tensor_that_is_large_but_whole_is_measured(bundle: Path) -> None:
+    model = graph()
+    model.graph.initializer.append(numpy_helper.from_array(np.zeros((1000, 1000), np.float32), "large"))
+    put(bundle, model)
+    assert len(open_bundle(bundle).graph("semantic")) > 4_000_000

@@ -1,0 +1,142 @@
+"""The numpy sampler makes what diffusers' Instruct-Pix2Pix pipeline makes with DDIM."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from diffusers import AutoencoderKL, DDIMScheduler
+from transformers import CLIPConfig, CLIPModel
+
+from pentimento.bundle.sampler import Networks, NoiseSchedule, complete
+from pentimento.bundle.torch_noise import normal, seed_for
+from pentimento.contracts.errors import ContractError
+from pentimento.copainting.goal.planner import (
+    GoalPlanner,
+    GoalPlannerShape,
+    Prediction,
+    build_goal_planner,
+    text_encoder_of,
+)
+from pentimento.copainting.goal.planner import (
+    complete as complete_in_workshop,
+)
+from pentimento.semantics.tokenizer import learn_tokenizer
+
+LENGTH, SIDE = 12, 32
+CAPTIONS = ["a cat", "a tree beside a house"]
+
+
+def _planner(prediction: Prediction) -> GoalPlanner:
+    torch.manual_seed(0)
+    tokenizer = learn_tokenizer(CAPTIONS, 20, LENGTH)
+    text = {
+        "vocab_size": len(tokenizer), "hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1,
+        "num_attention_heads": 2, "max_position_embeddings": LENGTH, "eos_token_id": tokenizer.eos_token_id,
+    }  # fmt: skip
+    seen = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1, "num_attention_heads": 2,
+            "image_size": SIDE, "patch_size": 16}  # fmt: skip
+    vae = AutoencoderKL(
+        down_block_types=("DownEncoderBlock2D",) * 2, up_block_types=("UpDecoderBlock2D",) * 2,
+        block_out_channels=(8, 16), layers_per_block=1, latent_channels=4, norm_num_groups=4, sample_size=SIDE,
+        scaling_factor=0.7,
+    )  # fmt: skip
+    encoder = text_encoder_of(CLIPModel(CLIPConfig(text_config=text, vision_config=seen)))
+    shape = GoalPlannerShape((16, 32), 1, 2, prediction)
+    planner = build_goal_planner(shape, vae.eval(), encoder.eval(), tokenizer, 0)
+    planner.unet.eval()
+    return planner
+
+
+def _networks(planner: GoalPlanner) -> Networks:
+    def plain(function: Any) -> Any:
+        def call(*arrays: Any) -> Any:
+            with torch.no_grad():
+                return function(*(torch.from_numpy(a) if isinstance(a, np.ndarray) else a for a in arrays)).numpy()
+
+        return call
+
+    return Networks(
+        read=plain(lambda tokens: planner.text_encoder(tokens)[0]),
+        encode=plain(lambda picture: planner.vae.encode(picture).latent_dist.mode()),
+        foretell=plain(lambda latents, t, text: planner.unet(latents, t, encoder_hidden_states=text)[0]),
+        decode=plain(lambda latents: planner.vae.decode(latents)[0]),
+        scaling=planner.vae.config.scaling_factor,
+    )
+
+
+def _schedule(planner: GoalPlanner) -> NoiseSchedule:
+    scheduler = planner.scheduler
+    return NoiseSchedule(
+        scheduler.alphas_cumprod.numpy(), float(scheduler.final_alpha_cumprod), scheduler.config.prediction_type,
+        scheduler.config.timestep_spacing, scheduler.config.steps_offset,
+    )  # fmt: skip
+
+
+def _tokens(planner: GoalPlanner, captions: list[str]) -> np.ndarray:
+    asked = planner.tokenizer(captions, padding="max_length", max_length=LENGTH, truncation=True)
+    return np.array(asked["input_ids"])
+
+
+def _canvases() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (len(CAPTIONS), SIDE, SIDE, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
+@pytest.mark.parametrize(("text_guidance", "steps"), [(4.0, 7), (1.0, 10)])
+def test_goals_are_those_of_the_pipeline(prediction: Prediction, text_guidance: float, steps: int) -> None:
+    planner, seed = _planner(prediction), 5
+    theirs = complete_in_workshop(planner, _canvases(), CAPTIONS, steps, 1.5, text_guidance, seed)
+    latent = SIDE // planner.vae_scale_factor
+    noise = np.concatenate([normal((1, 4, latent, latent), seed_for(seed, i)) for i in range(len(CAPTIONS))])
+    ours = complete(
+        _networks(planner), _schedule(planner), _canvases(), _tokens(planner, CAPTIONS), _tokens(planner, [""]),
+        noise, steps, 1.5, text_guidance,
+    )  # fmt: skip
+    difference = np.abs(ours.astype(int) - theirs.astype(int))
+    assert difference.max() <= 1  # of 255: a value on the edge between two may fall to either side
+    assert np.linalg.norm(difference) <= 1e-3 * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
+def test_latents_are_those_of_the_pipeline_to_rounding(prediction: Prediction) -> None:
+    planner = _planner(prediction)
+    latent = SIDE // planner.vae_scale_factor
+    noise = normal((2, 4, latent, latent), 9)
+    theirs = planner(
+        prompt=CAPTIONS, image=torch.from_numpy(_canvases()).permute(0, 3, 1, 2).float() / 255, num_inference_steps=8,
+        guidance_scale=3.0, image_guidance_scale=1.5, latents=torch.from_numpy(noise), output_type="latent",
+    ).images.numpy()  # fmt: skip
+    found: list[np.ndarray] = []
+    networks = _networks(planner)
+
+    def decode(latents: np.ndarray) -> np.ndarray:
+        found.append(latents * networks.scaling)
+        return networks.decode(latents)
+
+    complete(
+        Networks(networks.read, networks.encode, networks.foretell, decode, networks.scaling), _schedule(planner),
+        _canvases(), _tokens(planner, CAPTIONS), _tokens(planner, [""]), noise, 8, 1.5, 3.0,
+    )  # fmt: skip
+    assert np.linalg.norm(found[0] - theirs) <= 1e-4 * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("steps", [1, 3, 7, 20, 50])
+def test_timesteps_are_those_of_the_scheduler(steps: int) -> None:
+    for spacing, offset in (("trailing", 0), ("leading", 1)):
+        theirs = DDIMScheduler(timestep_spacing=spacing, steps_offset=offset)
+        theirs.set_timesteps(steps)
+        ours = NoiseSchedule(theirs.alphas_cumprod.numpy(), 1.0, "epsilon", spacing, offset)  # type: ignore[arg-type]
+        assert ours.timesteps(steps).tolist() == theirs.timesteps.tolist()
+
+
+def test_schedules_that_cannot_be_sampled_are_refused() -> None:
+    falling = np.linspace(1, 0, 10, dtype=np.float32)
+    with pytest.raises(ContractError, match="pure noise"):
+        NoiseSchedule(falling, 1.0, "epsilon", "trailing")
+    with pytest.raises(ContractError, match="linspace"):
+        NoiseSchedule(falling, 1.0, "sample", "linspace")  # type: ignore[arg-type]
+    with pytest.raises(ContractError, match="from 1 to 10"):
+        NoiseSchedule(falling, 1.0, "sample", "trailing").timesteps(11)

@@ -1,0 +1,202 @@
+"""Faults while painting: the tool goes up in time, the state stays, resuming finishes (docs/running.md)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.photo import Photo
+from pentimento.control import session
+from pentimento.control.faults import PaintingFault
+from pentimento.control.painting_state import State, load_state
+from pentimento.control.safety import StoppedError
+from pentimento.control.session import carry_on
+from tests.bundle.line_brush import sheet
+from tests.control.faulty import FaultyRobot, Frozen, black, shifted, slid, with_a_hand
+from tests.control.paintings import STROKES, begun, error_of, finished, sitting
+
+AT = 5
+"""The stroke at which the fault comes."""
+WITHIN_S = 0.5
+"""Of the fault, the tool is up; the watchdog's own deadline comes on top."""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> FaultyRobot:
+    """Before a painting that is planned and not begun."""
+    robot = FaultyRobot(sheet())
+    begun(robot, tmp_path)
+    return robot
+
+
+def _fails(
+    robot: FaultyRobot, folder: Path, error: type[BaseException], kind: str | None = None, **more: Any
+) -> tuple[BaseException, State]:
+    with pytest.raises(error) as raised:
+        carry_on(sitting(robot, folder, **more))
+    if kind is not None:
+        assert isinstance(raised.value, PaintingFault) and raised.value.kind == kind
+    state = load_state(folder)
+    assert state.phase == "stopped" and state.sentence == str(raised.value)
+    assert robot.lifts and time.monotonic() - robot.lifts[-1] < 10  # the last command was a lift
+    return raised.value, state
+
+
+def _mended(robot: FaultyRobot, folder: Path) -> State:
+    robot.on_move = lambda _number, path: path
+    robot.on_photo = lambda photo: photo
+    done = finished(robot, folder)
+    assert AT <= done.made <= STROKES and error_of(done, folder) < 0.65
+    return done
+
+
+def test_link_lost(robot: FaultyRobot, tmp_path: Path) -> None:
+    lost_s = 0.0
+
+    def lose(number: int, path: np.ndarray) -> np.ndarray:
+        nonlocal lost_s
+        if number == AT:
+            lost_s = time.monotonic()
+            raise OSError("the cable is out.")
+        return path
+
+    robot.on_move = lose
+    _, state = _fails(robot, tmp_path, OSError)
+    assert state.made == AT - 1 and state.begun
+    assert any(0 <= lifted - lost_s < WITHIN_S for lifted in robot.lifts)
+    _mended(robot, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("look", "kind", "told"),
+    [
+        (black, "camera", "shows nothing"),
+        (Frozen(), "camera", "same picture"),
+        (shifted, "moved", "has moved"),
+        (with_a_hand, "hand", "hand"),
+        (slid, "slid", "slid"),
+    ],
+)
+def test_pictures_that_cannot_be_trusted(
+    robot: FaultyRobot, tmp_path: Path, look: Callable[[Photo], Photo], kind: str, told: str
+) -> None:
+    def fails(number: int, path: np.ndarray) -> np.ndarray:
+        if number == AT:
+            robot.on_photo = look
+        return path
+
+    robot.on_move = fails
+    error, state = _fails(robot, tmp_path, PaintingFault, kind)
+    assert told in str(error)
+    # A picture that stays is known by the next one; after all others nothing moved any more.
+    after = 1 if isinstance(look, Frozen) else 0
+    assert state.made == AT - 1 + after and robot.moves == AT + after
+    assert (
+        _mended(robot, tmp_path).made == robot.moves
+    )  # the stroke before the fault was seen to be made, and not made again
+
+
+def test_a_hand_that_goes_away_is_waited_for(robot: FaultyRobot, tmp_path: Path) -> None:
+    seen = 0
+
+    def hand(photo: Photo) -> Photo:
+        nonlocal seen
+        seen += 1
+        return with_a_hand(photo) if 6 <= seen < 12 else photo
+
+    robot.on_photo = hand
+    assert finished(robot, tmp_path).made == robot.moves
+    assert seen > 12 + robot.moves - 6
+
+
+def test_markers_that_are_covered_for_a_while_are_waited_for(robot: FaultyRobot, tmp_path: Path) -> None:
+    seen = 0
+
+    def covered(photo: Photo) -> Photo:
+        nonlocal seen
+        seen += 1
+        if 6 <= seen < 10:
+            photo.frame[:, : photo.frame.shape[1] // 3] = 90
+            photo.frame[: photo.frame.shape[0] // 3] = 90
+        return photo
+
+    robot.on_photo = covered
+    assert finished(robot, tmp_path).made == robot.moves
+
+
+def test_paint_run_out(robot: FaultyRobot, tmp_path: Path) -> None:
+    def dry(number: int, path: np.ndarray) -> np.ndarray:
+        return path + np.array([0, 0, 0, 0.004, 0]) if number >= AT else path
+
+    robot.on_move = dry
+    error, state = _fails(robot, tmp_path, PaintingFault, "no mark")
+    assert "no mark" in str(error) and state.made == AT - 1  # the three that left none are made again
+    assert robot.moves == AT + 2
+    _mended(robot, tmp_path)
+
+
+def test_late_heartbeat(robot: FaultyRobot, tmp_path: Path) -> None:
+    stuck, stuck_s = threading.Event(), 0.0
+    reach_s = 1.0
+
+    def hang(number: int, path: np.ndarray) -> np.ndarray:
+        nonlocal stuck_s
+        if number == AT:
+            stuck_s = time.monotonic()
+            stuck.wait(20)  # until somebody lifts
+        return path
+
+    def lift() -> None:
+        robot.lifts.append(time.monotonic())
+        if stuck_s:
+            stuck.set()
+
+    robot.on_move, robot.lift = hang, lift  # type: ignore[method-assign]
+    error, state = _fails(robot, tmp_path, StoppedError, reach_s=reach_s)
+    assert f"stroke {AT} took longer" in str(error) and state.begun
+    late = min(lifted - stuck_s for lifted in robot.lifts if lifted > stuck_s)
+    longest_stroke_s = 1.5  # 50 mm at 60 mm/s, and its ends
+    assert reach_s < late < reach_s + 1.5 * longest_stroke_s + WITHIN_S
+    robot.lift = lambda: None  # type: ignore[method-assign]
+    robot.on_move = lambda _number, path: path
+    assert finished(robot, tmp_path).made >= AT
+
+
+def test_disk_full(robot: FaultyRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real, full = session.save_state, False
+
+    def save(folder: Path, state: State) -> None:
+        nonlocal full
+        full = full or (state.made == AT - 1 and not state.begun)
+        if full:
+            raise OSError(28, "No space left on device")
+        real(folder, state)
+
+    monkeypatch.setattr(session, "save_state", save)
+    with pytest.raises(OSError, match="No space") as raised:
+        carry_on(sitting(robot, tmp_path))
+    assert "could not be written down" in raised.value.__notes__[0]
+    assert robot.moves == AT - 1 and robot.lifts
+    monkeypatch.setattr(session, "save_state", real)
+    state = load_state(tmp_path)
+    assert state.made == AT - 2 and state.begun  # the last that the disk took: the stroke was on its way
+    assert _mended(robot, tmp_path).made == robot.moves
+
+
+def test_interrupted_by_a_person_at_the_keyboard(robot: FaultyRobot, tmp_path: Path) -> None:
+    def interrupt(number: int, path: np.ndarray) -> np.ndarray:
+        if number == AT:
+            raise KeyboardInterrupt
+        return path
+
+    robot.on_move = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        carry_on(sitting(robot, tmp_path))
+    assert load_state(tmp_path).phase == "stopped" and robot.lifts
+    _mended(robot, tmp_path)

@@ -1,0 +1,109 @@
+"""Opening the robot that a command names, and the folders of paintings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import CalibrationError, ConfigError, ContractError
+from pentimento.control.commission import Commission, Wanted, alone_in, read_commission, write_commission
+from pentimento.control.open_robot import Opened, open_robot, rig_named
+from pentimento.robots.driver import MissingAbilityError
+from pentimento.robots.motion import timed_path
+from pentimento.robots.tools import load_tool
+
+CANVAS_M = (0.1, 0.08)
+LINE = timed_path(np.array([[0.02, 0.02, -0.0005, 0], [0.05, 0.03, -0.0005, 0], [0.08, 0.02, -0.0005, 0]]), 0.06)
+
+
+def _open(name: str, folder: Path, execute: bool = False) -> Opened:
+    def nobody(request: str) -> None:
+        raise AssertionError(f"Nobody should be asked: {request}")
+
+    return open_robot(name, load_tool("marker"), CANVAS_M, folder, 1, execute, folder / "calibration", nobody)
+
+
+@pytest.mark.parametrize("name", ["virtual", "virtual:marker"])
+def test_the_virtual_robot_sees_and_lasts(name: str, tmp_path: Path) -> None:
+    opened = _open(name, tmp_path)
+    assert opened.sees and opened.clock_goes_on and not opened.moves
+    assert opened.robot.canvas_size_m == CANVAS_M
+    opened.robot.move(LINE)
+    clock_s = opened.robot.clock_s
+    opened.close()
+    again = _open(name, tmp_path)
+    assert again.robot.clock_s == clock_s
+    again.close()
+
+
+def test_a_drawing_on_file_sees_nothing_and_is_whole_after_a_resumption(tmp_path: Path) -> None:
+    for y_m in (0.0, 0.02):
+        opened = _open("svg", tmp_path)
+        assert not opened.sees
+        opened.robot.change_tool(load_tool("marker"))
+        opened.robot.move(LINE + np.array([0, 0, y_m, 0, 0]))
+        with pytest.raises(MissingAbilityError):
+            opened.robot.photo()
+        opened.close()
+    assert (tmp_path / "drawing.svg").read_text().count("<path") == 2
+
+
+def test_gcode_goes_into_a_file_and_asks_nobody(tmp_path: Path) -> None:
+    opened = _open("gcode", tmp_path)
+    assert not opened.sees and not opened.moves
+    opened.robot.change_tool(load_tool("marker"))
+    opened.robot.move(LINE)
+    opened.close()
+    assert "G1 X" in (tmp_path / "drawing.gcode").read_text()
+
+
+def test_hardware_is_rehearsed_on_a_sheet_of_its_size_unless_it_is_to_move(tmp_path: Path) -> None:
+    opened = _open("gcode:/dev/null", tmp_path)
+    rig = rig_named("gcode:/dev/null")
+    assert rig is not None and opened.robot.canvas_size_m == rig.canvas_size_m
+    assert opened.sees and not opened.moves
+    opened.close()
+
+
+def test_hardware_does_not_move_without_a_calibration(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="calibrate"):
+        _open("gcode:/dev/null", tmp_path, execute=True)
+
+
+@pytest.mark.parametrize("name", ["nowhere", "nowhere.toml"])
+def test_robots_that_nobody_knows_are_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="rig"):
+        _open(name, tmp_path)
+
+
+COMMISSION = Commission("/b", "d", "marker", "virtual", False, Wanted("words", "a – b"), 12, 3, 7)
+
+
+def test_a_commission_is_read_as_it_was_written(tmp_path: Path) -> None:
+    write_commission(tmp_path, COMMISSION)
+    assert read_commission(tmp_path) == COMMISSION
+
+
+def test_a_folder_holds_one_painting(tmp_path: Path) -> None:
+    write_commission(tmp_path, COMMISSION)
+    with pytest.raises(ContractError, match="--resume"):
+        write_commission(tmp_path, COMMISSION)
+
+
+def test_a_folder_has_one_painter_at_a_time(tmp_path: Path) -> None:
+    write_commission(tmp_path, COMMISSION)
+    with alone_in(tmp_path), pytest.raises(ContractError, match="Another process"), alone_in(tmp_path):
+        pass
+    with alone_in(tmp_path):
+        pass  # the first has ended
+
+
+def test_folders_without_a_commission_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ContractError, match="no painting"):
+        read_commission(tmp_path)
+    (tmp_path / "commission.json").write_text('{"bundle": "x"}')
+    with pytest.raises(ContractError, match="missing"):
+        read_commission(tmp_path)
+    (tmp_path / "commission.json").write_text("{")
+    with pytest.raises(ContractError, match="damaged"):
+        read_commission(tmp_path)

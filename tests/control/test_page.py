@@ -1,0 +1,108 @@
+"""The page for the person at the easel: what it shows, what it hears, and whom it refuses."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.images import decode_png, write_png
+from pentimento.control.commands import Control
+from pentimento.control.page import Page
+from tests.bundle.line_brush import sheet
+from tests.control.paintings import begun
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[Page, Control]]:
+    control = Control()
+    state = begun(sheet(), tmp_path)
+    page = Page(tmp_path, control)
+    page.tell(state)
+    yield page, control
+    page.close()
+
+
+def _ask(
+    page: Page,
+    path: str,
+    method: str = "GET",
+    body: str | None = None,
+    host: str | None = None,
+    token: str | None = None,
+) -> tuple[int, bytes, dict[str, str]]:
+    _, _, place, own, _ = page.address.split("/")
+    connection = http.client.HTTPConnection(place, timeout=5)
+    headers = {} if host is None else {"Host": host}
+    connection.request(method, f"/{own if token is None else token}/{path}", body=body, headers=headers)
+    answer = connection.getresponse()
+    content = answer.read(), dict(answer.getheaders())
+    connection.close()
+    return answer.status, *content
+
+
+def test_it_is_served_on_this_computer_alone(served: tuple[Page, Control]) -> None:
+    assert served[0].address.startswith("http://127.0.0.1:")
+
+
+def test_it_shows_the_state_and_the_pictures(served: tuple[Page, Control]) -> None:
+    page, _ = served
+    status, text, headers = _ask(page, "")
+    assert status == 200 and b"<title>Pentimento</title>" in text
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    state = json.loads(_ask(page, "state.json")[1])
+    assert state["made"] == 0 and state["of"] > 0 and state["phase"] == "painting"
+    for name in ("canvas.png", "goal.png", "next.png?1", "preview.png"):
+        status, content, _ = _ask(page, name)
+        assert status == 200 and decode_png(content).ndim == 3
+    assert _ask(page, "page.js")[0] == _ask(page, "page.css")[0] == 200
+
+
+def test_words_are_heard_and_others_refused(served: tuple[Page, Control]) -> None:
+    page, control = served
+    assert _ask(page, "say", "POST", "your turn")[0] == 204
+    assert control.heard() == "your turn"
+    for path, body in (("say", "explode"), ("say", ""), ("elsewhere", "stop"), ("say", "stop" * 1000)):
+        assert _ask(page, path, "POST", body)[0] == 400
+    assert control.heard() is None
+    assert _ask(page, "say")[0] == 404  # to look is not to say
+    assert control.heard() is None
+
+
+@pytest.mark.parametrize("token", ["", "x", "..", "%2e%2e"])
+def test_who_does_not_know_the_token_sees_and_says_nothing(served: tuple[Page, Control], token: str) -> None:
+    page, control = served
+    assert _ask(page, "state.json", token=token)[0] == 404
+    assert _ask(page, "say", "POST", "stop", token=token)[0] == 404
+    assert control.heard() is None
+
+
+def test_a_name_that_was_bent_to_this_computer_is_refused(served: tuple[Page, Control]) -> None:
+    page, control = served
+    assert _ask(page, "say", "POST", "stop", host="example.org")[0] == 404
+    assert control.heard() is None
+
+
+@pytest.mark.parametrize("path", ["state.npz", "../state.npz", "record/part-00000.parquet", "page.html", "%2e%2e/x"])
+def test_nothing_else_of_the_folder_is_served(served: tuple[Page, Control], path: str) -> None:
+    assert _ask(served[0], path)[0] == 404
+
+
+def test_a_picture_that_is_not_there_yet(tmp_path: Path) -> None:
+    page = Page(tmp_path, Control())
+    assert _ask(page, "goal.png")[0] == 404 and _ask(page, "canvas.png")[0] == 404
+    assert json.loads(_ask(page, "state.json")[1]) == {}
+    write_png(tmp_path / "goal.png", np.zeros((2, 2, 3), np.uint8))
+    assert _ask(page, "goal.png")[0] == 200
+    page.close()
+
+
+def test_the_page_loads_nothing_from_elsewhere() -> None:
+    for file in (resources.files("pentimento.control") / "web").iterdir():
+        assert not re.search(r"(https?:)?//[a-z]", file.read_text(encoding="utf-8"))

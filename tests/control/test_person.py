@@ -1,0 +1,123 @@
+"""What passes between the person and the painting: words, requests, and progress at a terminal."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from pentimento.control.commands import Control
+from pentimento.control.keyboard import Keyboard, ended_by_signal
+from pentimento.control.progress import Progress
+
+
+class Terminal(io.StringIO):
+    """What is written and read at a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+class Lines(Terminal):
+    """A keyboard at which a test types."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._read, self._write = os.pipe()
+        self._file = os.fdopen(self._read)
+        self._ended = threading.Event()
+
+    def __iter__(self) -> Lines:
+        return self
+
+    def __next__(self) -> str:
+        line = self._file.readline()
+        if not line:
+            self._file.close()
+            self._ended.set()
+            raise StopIteration
+        return line
+
+    def type(self, text: str) -> None:
+        os.write(self._write, text.encode())
+
+    def end(self) -> None:
+        os.close(self._write)
+        assert self._ended.wait(5)
+
+
+def _waits_for(met: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 5
+    while not met():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.005)
+
+
+def test_the_last_word_counts_but_stop_stays() -> None:
+    control = Control()
+    assert control.heard() is None
+    control.say("pause")
+    control.say("your turn")
+    assert control.heard() == "your turn" and control.heard() is None
+    control.say("stop")
+    control.say("go on")
+    assert control.heard() == "stop"
+
+
+def test_waiting_ends_with_a_word_of_another_thread() -> None:
+    control = Control()
+    threading.Timer(0.05, control.say, ("go on",)).start()
+    assert control.wait() == "go on"
+
+
+def test_keys_are_words_and_an_enter_answers_a_request() -> None:
+    control, shown, lines = Control(), Terminal(), Lines()
+    keyboard = Keyboard(control, Progress(shown), lines)
+    lines.type("nonsense\nT\n")
+    assert control.wait() == "your turn"
+    confirmed = threading.Thread(target=keyboard.ask, args=("Fill the paints",))
+    confirmed.start()
+    _waits_for(lambda: "Fill the paints [Enter]" in shown.getvalue())
+    lines.type("\n")
+    confirmed.join(5)
+    assert not confirmed.is_alive() and control.heard() is None  # the Enter was the answer, no word
+    lines.type("\n")
+    assert control.wait() == "go on"
+    lines.end()
+
+
+def test_without_a_terminal_nobody_is_asked() -> None:
+    keyboard = Keyboard(Control(), Progress(io.StringIO()), io.StringIO("\n"))
+    with pytest.raises(EOFError, match="Nobody"):
+        keyboard.ask("Fill the paints")
+
+
+def test_an_end_from_outside_is_an_interruption() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), ended_by_signal():
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(1)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_progress_is_one_line_at_a_terminal_and_nothing_elsewhere() -> None:
+    now = [0.0]
+    shown = Terminal()
+    progress = Progress(shown, lambda: now[0])
+    progress.step("stroke", 5, 20, "painting")
+    now[0] = 75.0
+    progress.step("stroke", 10, 20, "painting")
+    last = shown.getvalue().rsplit("\r", 1)[1]
+    assert "stroke 10 of 20" in last and last.count("█") == last.count("·") == 10 and "1 min 15 s" in last
+    progress.say("Done.")
+    assert shown.getvalue().endswith("\nDone.\n")
+    silent = io.StringIO()
+    quiet = Progress(silent)
+    quiet.step("stroke", 1, 2)
+    quiet.say("Done.")
+    assert silent.getvalue() == ""

@@ -1,0 +1,131 @@
+"""A robot in a process of its own: the same commands and errors, and a lift when its commander is gone or silent."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import PentimentoError
+from pentimento.control.robot_process import SILENT_S, RobotApart, RobotGone
+from pentimento.robots.tools import load_tool
+from pipelines._imports import ROOT
+from tests.control.slow_robot import STROKE, broken, make
+
+WITHIN_S = 1.0
+"""Of its commander's end, the tool is up."""
+
+
+def _last(log: Path) -> tuple[str, float]:
+    what, when = log.read_text().splitlines()[-1].split()
+    return what, float(when)
+
+
+def _waits_for(log: Path, what: str, within_s: float) -> float:
+    deadline_s = time.monotonic() + within_s
+    while time.monotonic() < deadline_s:
+        if log.exists() and _last(log)[0] == what:
+            return _last(log)[1]
+        time.sleep(0.01)
+    raise AssertionError(f"{what} did not come within {within_s} s.")
+
+
+@pytest.fixture
+def apart(tmp_path: Path) -> Iterator[tuple[RobotApart, Path, list[str]]]:
+    asked: list[str] = []
+    robot = RobotApart(make, (tmp_path / "log",), asked.append)
+    yield robot, tmp_path / "log", asked
+    robot.close()
+
+
+def test_commands_answers_requests_and_errors_pass(apart: tuple[RobotApart, Path, list[str]]) -> None:
+    robot, log, asked = apart
+    assert robot.canvas_size_m == (0.1, 0.1) and robot.clock_s > 0
+    robot.change_tool(load_tool("marker"))
+    assert asked == ["Fit the marker."]
+    short = STROKE * [0.001, 1, 1, 1, 1]
+    assert np.array_equal(robot.move(short), short) and _last(log)[0] == "up"
+    assert robot.photo().frame.shape == (4, 4, 3) and robot.scan().shape == (2, 2)
+    with pytest.raises(ValueError, match="no wells"):
+        robot.load_palette(np.zeros((1, 3)))
+
+
+def test_a_lift_passes_a_stroke_on_its_way(apart: tuple[RobotApart, Path, list[str]]) -> None:
+    robot, log, _ = apart
+    failed: list[Exception] = []
+
+    def draw() -> None:
+        try:
+            robot.move(STROKE)
+        except RuntimeError as error:
+            failed.append(error)
+
+    drawing = threading.Thread(target=draw)
+    drawing.start()
+    _waits_for(log, "down", 5)
+    started_s = time.monotonic()
+    robot.lift()
+    drawing.join(5)
+    assert time.monotonic() - started_s < WITHIN_S and _last(log)[0] == "up" and str(failed[0]) == "halted."
+
+
+def test_a_commander_that_is_killed_leaves_the_tool_up(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.control.slow_robot", str(log)],
+        cwd=ROOT, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT / "src")},
+    )  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "drawing\n"
+    _waits_for(log, "down", 10)
+    killed_s = time.monotonic()
+    process.send_signal(signal.SIGKILL)
+    assert _waits_for(log, "up", 10) - killed_s < WITHIN_S
+    process.wait()
+    process.stdout.close()
+
+
+def test_a_commander_that_hangs_leaves_the_tool_up(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.control.slow_robot", str(log)],
+        cwd=ROOT, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT / "src")},
+    )  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "drawing\n"
+    _waits_for(log, "down", 10)
+    stopped_s = time.monotonic()
+    process.send_signal(signal.SIGSTOP)
+    assert _waits_for(log, "up", 10) - stopped_s < SILENT_S + WITHIN_S
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_a_robot_that_is_gone_is_told(tmp_path: Path) -> None:
+    robot = RobotApart(make, (tmp_path / "log",), lambda _: None)
+    robot._process.kill()
+    with pytest.raises(RobotGone, match="tool is up"):
+        robot.wait(60)
+    robot.close()
+
+
+def test_what_cannot_be_opened_says_why(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no robot"):
+        RobotApart(broken, (tmp_path / "log",), lambda _: None)
+
+
+def test_a_request_that_is_not_confirmed_fails_the_command(tmp_path: Path) -> None:
+    def away(_request: str) -> None:
+        raise EOFError
+
+    robot = RobotApart(make, (tmp_path / "log",), away)
+    with pytest.raises(PentimentoError, match="Fit the marker"):
+        robot.change_tool(load_tool("marker"))
+    robot.close()

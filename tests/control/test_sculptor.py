@@ -1,0 +1,134 @@
+"""Sculpting a goal: the guard, the record, replanning, and stopping where acting does not help."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from pentimento.contracts.errors import EnvelopeViolation
+from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.scan import Scan
+from pentimento.contracts.tables import read_table, write_table
+from pentimento.control.execute import Session
+from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.control.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
+from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.robots.end_effectors import EndEffector, load_end_effector
+from pentimento.robots.sculpting import Push
+from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
+from tests.planning.pushes.settings import CONFIG
+
+BALL = load_end_effector("ball")
+PUSHES = np.array([[0.03, 0.03, 0.5, 0.025, 0.006], [0.07, 0.06, 2.5, 0.02, 0.005]])
+
+
+@dataclass
+class PaperRobot:
+    """A robot whose clay is the tests' model; ``strength`` is how far its pushes go, of what the model says."""
+
+    strength: float = 1.0
+    clock_s: float = 0.0
+    area_m: tuple[float, float] = (0.1, 0.1)
+
+    def __post_init__(self) -> None:
+        self.height_m = flat()
+
+    def change_tool(self, end_effector: EndEffector) -> None: ...
+
+    def push(self, push: Push) -> np.ndarray:
+        self.clock_s += 5.0
+        self.height_m = PressedClay(strength=self.strength).after(self.height_m, push.action[None])[0]
+        return np.full((2, 5), np.nan)
+
+    def scan(self) -> Scan:
+        heights = self.height_m.astype(np.float64)
+        heights[5, 7] = np.nan
+        return Scan(heights, WINDOW_M, np.zeros(3), "paper", self.clock_s)
+
+    def smooth(self) -> None: ...
+
+    def ambient(self) -> dict[str, float]:
+        return {}
+
+    def wait(self, seconds: float) -> None: ...
+
+
+def reachable_goal() -> np.ndarray:
+    height = flat()
+    for push in PUSHES:
+        height = PressedClay().after(height, push[None])[0]
+    return height
+
+
+def sculpted(robot: PaperRobot, config: SculptorConfig = CONFIG, count: int = 4, **changes: object) -> Sculpture:
+    execution = replace(Execution(batch=2, patience=4, dwell_s=0.5, retract_speed_m_s=0.05), **changes)  # type: ignore[arg-type]
+    guarded = GuardedSculptingRobot(robot, push_envelope_for(BALL, robot.area_m))
+    return sculpt(
+        guarded, BALL, "paper", reachable_goal(), [PressedClay()], config, execution, count,
+        Session("test", 0.0), 3, lambda *_: None,
+    )  # fmt: skip
+
+
+def test_the_clay_comes_nearer_to_the_goal_as_foreseen() -> None:
+    made = sculpted(PaperRobot())
+    assert made.helped and made.values[-1] < 0.3 * made.values[0]
+    # The robot does what the model says; only the filled hole differs.
+    np.testing.assert_allclose(made.heights_m[1:], made.foreseen_m, atol=2e-4)
+
+
+def test_its_rows_keep_the_contract(tmp_path: Path) -> None:
+    made = sculpted(PaperRobot())
+    write_table(tmp_path / "pushes", pa.Table.from_pylist(made.rows), CONTRACT, "Sculpted.")
+    read = read_table(tmp_path / "pushes", CONTRACT)
+    assert read.table.num_rows == len(made.actions) and not read.quarantined
+    assert [row["order"] for row in made.rows] == [3000 + i for i in range(len(made.actions))]
+    np.testing.assert_allclose(np.array([row["action"] for row in made.rows]), made.actions)
+    assert made.holes == len(made.actions) + 1
+
+
+def test_at_the_goal_nothing_is_done() -> None:
+    robot = PaperRobot()
+    robot.height_m = reachable_goal()
+    made = sculpted(robot)
+    assert len(made.actions) == 0 and made.stopped == "the models know of no action that helps"
+    assert made.values[-1] == made.values[0] and not made.helped
+
+
+def test_a_model_that_is_far_off_is_noticed() -> None:
+    """Each push goes four times as deep as the model says, so that every one makes it worse."""
+    made = sculpted(PaperRobot(strength=4.0), count=40, patience=2)
+    assert len(made.actions) <= 6
+    assert made.stopped == "acting no longer helped"
+
+
+def test_the_same_item_makes_the_same_sculpture() -> None:
+    np.testing.assert_array_equal(sculpted(PaperRobot()).actions, sculpted(PaperRobot()).actions)
+
+
+def test_every_push_passes_the_guard() -> None:
+    robot = PaperRobot()
+    narrow = replace(push_envelope_for(BALL, robot.area_m), x_max_m=0.02, y_max_m=0.02)
+    with pytest.raises(EnvelopeViolation, match="off the slab"):
+        sculpt(
+            GuardedSculptingRobot(robot, narrow), BALL, "paper", reachable_goal(), [PressedClay()], CONFIG,
+            Execution(2, 4, 0.5, 0.05), 4, Session("test", 0.0), 0, lambda *_: None,
+        )  # fmt: skip
+    np.testing.assert_array_equal(robot.height_m, flat())
+
+
+def test_reach_is_what_the_end_effector_bears() -> None:
+    reach = reach_for(BALL, (0.2, 0.1), 0.01)
+    assert reach.window_m == pytest.approx((0.01, 0.01, 0.19, 0.09))
+    assert (reach.length_m, reach.depth_m, reach.travels) == (BALL.travel_m, BALL.depth_m, True)
+    assert not reach_for(load_end_effector("gripper"), (0.2, 0.2), 0.01).travels
+
+
+def test_a_scan_is_levelled_and_filled() -> None:
+    x = np.tile((np.arange(20) + 0.5) * 0.01, (20, 1))
+    tilted = 0.04 + 0.1 * x + 0.002
+    tilted[4, 4] = np.nan
+    height, holes = seen_m(Scan(tilted, np.array([0, 0, 0.2, 0.2]), np.array([0.1, 0.0, 0.002]), "s", 0.0))
+    np.testing.assert_allclose(height, 0.04, atol=1e-6)
+    assert holes == 1

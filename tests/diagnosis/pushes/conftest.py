@@ -1,0 +1,32 @@
+"""A diagnosis of a session whose truth is the base with lost volume, for all who look at one."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import pytest
+
+from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
+from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
+from pentimento.dynamics.pushes.measured import PushSamples
+from pentimento.dynamics.pushes.mechanisms.far_field import FarField
+from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
+from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
+from tests.dynamics.pushes.played_pushes import blank, mechanism, played
+
+ACTIONS, LOST = 28, 0.5
+
+
+class Played(NamedTuple):
+    samples: PushSamples
+    measured: MeasuredPushes
+    diagnosis: PushDiagnosis
+
+
+@pytest.fixture(scope="session")
+def lossy() -> Played:
+    given = blank(ACTIONS)
+    samples = played([mechanism(VolumeLoss, given, lost_share=LOST)], ACTIONS)
+    measured = measure(samples)
+    few = (VolumeLoss, FarField, ToolBacklash)
+    return Played(samples, measured, diagnose(measured, few, 0, lambda line: None))

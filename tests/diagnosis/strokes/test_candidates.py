@@ -1,0 +1,158 @@
+"""What is worth a refit, and what a refit may be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.score import Evidence
+from pentimento.diagnosis.strokes import candidates
+from pentimento.diagnosis.strokes.candidates import (
+    can_leave_what_looks_like,
+    is_far,
+    is_physical,
+    left_by_form,
+    shortlist,
+    weigh,
+    with_that_of_refits,
+    without_idle,
+)
+from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.fit import first_model, fit
+from pentimento.diagnosis.strokes.jacobian import Statistics
+from pentimento.diagnosis.strokes.measured import load_measured
+from pentimento.diagnosis.strokes.predict import WIDTHS, Model, foretold, identity
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
+from pentimento.dynamics.strokes.mechanisms.latency import Latency
+from pentimento.dynamics.strokes.mechanisms.lens_distortion import LensDistortion
+from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
+from pentimento.dynamics.strokes.mechanisms.path_scale import PathScale
+from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
+from pentimento.dynamics.strokes.mechanisms.vignetting import Vignetting
+from tests.diagnosis.strokes.test_large_effects import strokes_of
+from tests.diagnosis.strokes.test_learned_residual import photographed
+
+
+def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
+    measured = load_measured(example_table(12))
+    base = fit(first_model(measured), measured)
+    half_m = 1e-3 * float(base.base[: len(WIDTHS)].mean())
+
+    def shifted(by_m: float) -> Model:
+        return base.plus(PathOffset(torch.tensor([by_m, 0.0], dtype=torch.float64), {}))
+
+    assert is_far(shifted(2 * half_m), measured) and not is_far(shifted(0.5 * half_m), measured)
+
+
+def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:
+    """A lag of millimetres is far from linear: its test is sure, what it would gain to second order is not."""
+    lag = Evidence(0.001, 0.003, 0.02, (-0.001, 0.04), -0.0001)
+    assert worth_a_refit({"bristle_lag": lag, "path_scale": lag._replace(p_adjusted=0.5)}, 0.01) == ["bristle_lag"]
+    assert worth_a_refit({"bristle_lag": lag._replace(gain=-0.001)}, 0.01) == []
+
+
+def worth_a_refit(evidence: dict[str, Evidence], limit: float) -> list[str]:
+    observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
+    return shortlist(evidence, limit, 0.05, observable)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("taken_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
+def test_a_wrong_scale_alone_is_no_lens(taken_up: float, lens: bool, sign: float) -> None:
+    values = sign * torch.tensor([1.0, taken_up], dtype=torch.float64)
+    assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens
+
+
+def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
+    """Paint is another colour than was told, by more than a fit likes to believe: each stroke is a little off alike."""
+    measured = load_measured(example_table(40))
+    told = fit(first_model(measured), measured)
+    after = foretold(replace(told, color_offset=told.color_offset + 0.1), measured)
+    noisy = after + 0.02 * np.random.default_rng(0).standard_normal(after.shape)
+    strokes = photographed(measured, noisy)
+    model = fit(first_model(strokes), strokes)
+    lag = identity(BristleLag, strokes.context)
+    assert weigh(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
+
+
+def test_a_step_that_no_fit_would_take_hides_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a lens darkens, paint ten times as far from what was told as is likely would do nearly as well."""
+    measured = load_measured(example_table(60))
+    measured = replace(measured, samples=measured.samples._replace(action=torch.arange(60)), block=np.arange(60))
+    model, darker = first_model(measured), identity(Vignetting, measured.context)
+    columns = len(model.vector) + len(darker.quantities)
+    rng = np.random.default_rng(0)
+    by_number = np.zeros((60, 40, columns))
+    by_number[..., len(model.base)] = 1.0  # red
+    by_number[..., len(model.vector)] = 1.0 + 0.1 * rng.standard_normal((60, 1))
+    missing = 0.3 * by_number[..., len(model.vector)] + rng.standard_normal((60, 40))
+    statistics = Statistics(
+        np.einsum("anp,anq->apq", by_number, by_number) / 40,
+        np.einsum("anp,an->ap", by_number, missing) / 40,
+        np.square(missing).mean(1),
+    )
+    monkeypatch.setattr(candidates, "linearise", lambda model, measured: statistics)
+    stiff = weigh(model, [darker], measured, 0)[0][Vignetting.cause]
+    monkeypatch.setattr(candidates, "steadied", lambda statistics, model, share: statistics)
+    free = weigh(model, [darker], measured, 0)[0][Vignetting.cause]
+    assert stiff.p < 0.001 and stiff.gain > 0 and free.p > 0.05
+
+
+def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
+    strokes = load_measured(example_table(40))
+    model = fit(first_model(strokes), strokes)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (BristleLag, PathScale)}
+    _, at_start = weigh(model, list(observable.values()), strokes, 0)
+    from_tests = {cause: fit(model.plus(kind), strokes, at_start[cause]) for cause, kind in observable.items()}
+    for cause, kind in observable.items():
+        np.testing.assert_allclose(from_tests[cause].vector, fit(model.plus(kind), strokes).vector, atol=1e-5)
+
+
+@pytest.mark.parametrize(("p", "stay"), [(0.001, {"uneven_ends", "path_scale"}), (0.03, {"path_scale"}), (0.2, set())])
+def test_ends_must_be_surer_than_a_cause_to_stay_beside_a_new_one(
+    p: float, stay: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured = load_measured(example_table(12))
+    model = first_model(measured).plus(*(identity(k, measured.context) for k in (UnevenEnds, PathScale, BristleLag)))
+    monkeypatch.setattr(candidates, "paired_p", lambda differences, seed: p)
+    left = without_idle(model, frozenset(), measured, 0, lambda line: None)
+    assert {m.cause for m in left.mechanisms} == stay | {"bristle_lag"}
+
+
+@pytest.mark.parametrize("offset_m", [0.001, 0.0])
+def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset_m: float) -> None:
+    strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
+    silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
+    refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
+    evidence = with_that_of_refits(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
+    assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
+    said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
+    assert with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
+
+
+def test_what_acts_with_the_wrong_sign_beside_a_new_cause_goes_however_much_it_does() -> None:
+    strokes, plain = strokes_of(BristleLag, -0.002)
+    model = fit(plain.plus(*(identity(kind, strokes.context) for kind in (BristleLag, PathOffset))), strokes)
+    assert float(model.mechanisms[0].values) < 0
+    kept = frozenset({BristleLag.cause})
+    assert [m.cause for m in without_idle(model, kept, strokes, 0, lambda _: None).mechanisms] == [PathOffset.cause]
+
+
+def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_all() -> None:
+    kinds = (BristleLag, PathScale, LensDistortion, PathOffset, SpeedWidth)
+    lag, scale, lens, offset, width = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
+    assert can_leave_what_looks_like(lag, scale) and can_leave_what_looks_like(lens, offset)
+    assert not can_leave_what_looks_like(offset, lag)
+    assert not can_leave_what_looks_like(lag, width) and not can_leave_what_looks_like(width, lag)
+
+
+def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_goes_with_nothing_of_its_own() -> None:
+    kinds = (Latency, BristleLag, LensDistortion, PathOffset, SpeedWidth, InkDepletion)
+    late, lag, lens, offset, width, ink = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
+    assert set(late.told_by) & set(lens.told_by) and not set(ink.told_by) & set(width.told_by)
+    assert left_by_form(late, lag) > left_by_form(late, lens) > left_by_form(width, ink) > 0
+    assert left_by_form(late, offset) == left_by_form(late, lens)  # on average, a form may leave the same for all
+    assert left_by_form(late, width) == 0  # one displaces the mark, the other does not

@@ -1,0 +1,86 @@
+"""What a fit ends at, and what its base can take back of a cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.diagnosis.score import projected
+from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.fit import fit, held, steadied, tempered
+from pentimento.diagnosis.strokes.jacobian import Statistics, linearise
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.predict import Model, action_losses, identity
+from pentimento.diagnosis.trees import like_causes
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed
+from tests.diagnosis.strokes.test_large_effects import strokes_of
+
+
+@pytest.fixture(scope="module")
+def softened() -> tuple[Measured, Model]:
+    """Strokes whose edge is softer the faster they are, and the model that was fitted to them with that cause."""
+    strokes, plain = strokes_of(SpeedBleed, 0.3, 0.0)
+    return strokes, fit(plain.plus(identity(SpeedBleed, strokes.context)), strokes)
+
+
+def asked(statistics: Statistics, model: Model) -> float:
+    """How much error would come back, to second order, were the cause taken away and the rest fitted anew."""
+    columns = model.columns_of(SpeedBleed.cause)
+    rest = np.setdiff1d(np.arange(len(model.vector)), columns)
+    values = model.vector[columns]
+    return float(values @ projected(statistics, rest, columns)[1].mean(0) @ values)
+
+
+def test_the_base_takes_back_of_a_cause_no_more_than_a_fit_without_it_does(softened: tuple[Measured, Model]) -> None:
+    """With strokes alone, steps that no fit would take would seem to undo more of it."""
+    strokes, model = softened
+    without = fit(model.without(SpeedBleed.cause), strokes)
+    comes_back = float((action_losses(without, strokes) - action_losses(model, strokes)).mean())
+    statistics = linearise(model, strokes)
+    assert asked(held(statistics, model), model) == pytest.approx(comes_back, rel=0.3)
+    assert asked(statistics, model) < 0.9 * asked(held(statistics, model), model)
+
+
+def test_at_its_end_a_fit_is_pulled_nowhere(softened: tuple[Measured, Model]) -> None:
+    strokes, model = softened
+    slope = held(linearise(model, strokes), model).slope
+    assert np.abs(slope.sum(0)).max() < 0.02 * np.abs(slope).sum(0).max()
+
+
+def test_one_stroke_that_is_wrong_by_far_does_not_say_all(softened: tuple[Measured, Model]) -> None:
+    """A photograph with its two sides exchanged: its action counts as three usual ones, and all others as they did."""
+    strokes, model = softened
+    after = strokes.samples.after.clone()
+    after[0] = after[0].flip(1)
+    spoilt = replace(strokes, samples=strokes.samples._replace(after=after))
+    losses = action_losses(model, spoilt)
+    tame = tempered(spoilt, model)
+    usual = np.median(losses)
+    assert losses.max() > 10 * usual
+    np.testing.assert_allclose(action_losses(model, tame), np.minimum(losses, 3 * usual), rtol=1e-6)
+    np.testing.assert_allclose(linearise(model, tame).energy, np.minimum(losses, 3 * usual), rtol=1e-4)
+    softening, with_all, with_less = (
+        float(fitted.mechanisms[-1].values[0]) for fitted in (model, fit(model, spoilt), fit(model, tame))
+    )
+    assert abs(with_less - softening) < 0.5 * abs(with_all - softening)
+
+
+def test_a_fit_goes_on_while_its_steps_are_cut_short() -> None:
+    """Ends that widen by as much as they may are several of the longest steps away, each of which gains little."""
+    strokes, plain = strokes_of(BristleLag, 0.009)
+    uneven = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
+    before, after = (float(action_losses(each, strokes).mean()) for each in (plain, uneven))
+    assert after < 0.9 * before
+
+
+def test_what_strokes_leave_open_is_not_anything(softened: tuple[Measured, Model]) -> None:
+    """No stroke presses as lightly as the first half-width is for, but for a breath on one."""
+    strokes, model = softened
+    statistics = linearise(model, strokes)
+    curvature, slope = statistics.curvature.copy(), statistics.slope.copy()
+    curvature[:, 0], curvature[:, :, 0], slope[:, 0] = 0.0, 0.0, 0.0
+    curvature[0, 0, 0], slope[0, 0] = 1e-12, 1e-11  # ten millimetres, if nothing holds them
+    opened = Statistics(curvature, slope, statistics.energy)
+    assert like_causes(opened, model.nuisances)[0] > 5.0
+    assert abs(like_causes(steadied(opened, model, 0.001), model.nuisances)[0]) < 0.5

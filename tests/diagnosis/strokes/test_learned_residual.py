@@ -1,0 +1,222 @@
+"""What a tool does alike in every stroke is learnt; what a cause does, and what scatters, is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.strokes.fit import first_model, fit
+from pentimento.diagnosis.strokes.jacobian import linearise
+from pentimento.diagnosis.strokes.learned_residual import in_the_mirror, learn_habits, one_sided
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.predict import (
+    BASE,
+    WIDTHS,
+    Model,
+    foretold,
+    identity,
+    ink,
+    mean_squared_error,
+    residual,
+)
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
+from pentimento.dynamics.strokes.mechanisms.speed_density import SpeedDensity
+from pentimento.dynamics.strokes.mechanisms.tool_wear import ToolWear
+from pentimento.dynamics.strokes.simulation import Mechanism
+
+KNOWN, FRESH = np.arange(40), np.arange(40, 56)
+
+
+def photographed(measured: Measured, photographs: np.ndarray) -> Measured:
+    after = torch.from_numpy(photographs.astype(np.float32))
+    return replace(measured, samples=measured.samples._replace(after=after))
+
+
+@pytest.fixture(scope="module")
+def strokes() -> tuple[Measured, Model, list[Mechanism]]:
+    """Strokes that their model foretells but for the camera's noise, and causes to look for."""
+    measured = load_measured(example_table(56))
+    model = fit(first_model(measured), measured)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(measured.samples.after.shape)
+    causes: list[Mechanism] = [identity(kind, measured.context) for kind in (BristleLag, PathOffset)]
+    return photographed(measured, foretold(model, measured) + noise), model, causes
+
+
+@pytest.fixture(scope="module")
+def streaked(strokes: tuple[Measured, Model, list[Mechanism]]) -> tuple[Measured, Model]:
+    """The same with a pale streak to the left of every stroke's middle, and a model that does what it can."""
+    measured, model, _ = strokes
+    left = ink(model, measured).imprint.place[..., :1]
+    pale = 0.2 * np.exp(-(((left - 0.4) / 0.25) ** 2)) * (ink(model, measured).imprint.coverage[..., None] > 0.5)
+    pale_strokes = photographed(measured, measured.samples.after.numpy() + pale)
+    return pale_strokes, fit(model, pale_strokes.pick(KNOWN))
+
+
+def error(model: Model, measured: Measured, rows: np.ndarray) -> float:
+    return float(mean_squared_error(residual(model, measured), measured)[rows].mean())
+
+
+def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    plain, clean, causes = strokes
+    measured, model = streaked
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    noise = error(clean, plain, FRESH)
+    assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
+
+
+def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[Measured, Model]) -> None:
+    """What scatters with each stroke's place is not in the way: the habit is nearly the same as without it."""
+    measured, model = streaked
+    placed, causes = model.plus(identity(PathOffset, measured.context)), [identity(BristleLag, measured.context)]
+    apart = np.zeros((len(measured), *foretold(model, measured).shape[1:]))
+    for row, shift in enumerate(np.random.default_rng(3).normal(0, 0.3, (len(measured), 2))):
+        moved = placed.at(np.concatenate([model.vector, shift]))
+        apart[row] = (
+            foretold(moved, measured.pick(np.array([row]))) - foretold(model, measured.pick(np.array([row])))
+        )[0]
+    scattered = photographed(measured, measured.samples.after.numpy() + apart)
+    calm, found = (learn_habits(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()
+
+
+def test_no_score_of_the_base_changes_though_the_misfit_falls(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    causes = strokes[2]
+    measured, model = streaked
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    before, after = (linearise(model, m.pick(KNOWN)) for m in (measured, learnt))
+    unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
+    free = unit > 0
+    assert [name for name, one in zip(BASE, free, strict=False) if not one] == ["mixing"]  # this paint mixes in light
+    changed = (before.slope.sum(0) - after.slope.sum(0))[free]
+    np.testing.assert_allclose(changed / unit[free], 0.0, atol=1e-3)
+    assert after.energy.sum() < 0.9 * before.energy.sum()
+
+
+def test_a_cause_that_acts_alike_in_every_stroke_is_no_habit(
+    strokes: tuple[Measured, Model, list[Mechanism]],
+) -> None:
+    """A lag shows in all strokes at the same places about their paths; trees could learn it, and must leave it."""
+    measured, model, causes = strokes
+    full = model.plus(*causes)
+    lag = full.columns_of(BristleLag.cause)[0]
+    lagging = full.vector.copy()
+    lagging[lag] = 0.3
+    late = photographed(measured, measured.samples.after.numpy() + foretold(full.at(lagging), measured))
+    late = photographed(late, late.samples.after.numpy() - foretold(full, measured))
+    model = fit(model, late.pick(KNOWN))
+    _, learnt = learn_habits(late, model, KNOWN, causes, 0)
+    before, after = (linearise(model.plus(*causes), m.pick(KNOWN)).slope.sum(0)[lag] for m in (late, learnt))
+    assert after == pytest.approx(before, rel=0.1)
+
+
+def test_a_habit_that_looks_like_a_cause_by_chance_does_not_speak_for_it(streaked: tuple[Measured, Model]) -> None:
+    """Speeds and times are drawn; how clearly a streak shows has by chance something in common with them."""
+    measured, model = streaked
+    causes = [identity(kind, measured.context) for kind in (SpeedDensity, ToolWear)]
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    full = model.plus(*causes)
+    before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
+    scores = np.stack([before.slope.sum(0), after.slope.sum(0)])[:, full.nuisances :]
+    first, left = np.square(scores / np.sqrt(np.einsum("npp->p", before.curvature)[full.nuisances :])).sum(1)
+    assert left < 0.5 * first
+
+
+def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
+    measured, model, causes = strokes
+    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    for rows in (KNOWN, FRESH):
+        assert error(model, learnt, rows) == pytest.approx(error(model, measured, rows), rel=0.01)
+
+
+def test_a_shift_that_follows_a_covariate_stays(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
+    """Of each stroke's shift as much must be left as was there: nothing that the trees see tells how large it is."""
+    measured, model, causes = strokes
+    amount = np.random.default_rng(2).choice([-1.0, 1.0], len(measured)).astype(np.float32)
+    moved = model.plus(causes[1]).at(np.append(model.vector, [0.5, 0.0]))
+    change = foretold(moved, measured) - foretold(model, measured)
+    shifted = photographed(measured, measured.samples.after.numpy() + amount[:, None, None, None] * change)
+    _, learnt = learn_habits(shifted, model, KNOWN, causes, 0)
+    kept = (residual(model, learnt) * change).sum((1, 2, 3)) / np.square(change).sum((1, 2, 3))
+    assert float((kept * amount).mean()) == pytest.approx(1.0, abs=0.1)
+
+
+def test_strokes_that_come_later_get_the_habits_that_the_others_have(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    measured, model = streaked
+    habits, learnt = learn_habits(measured, model, KNOWN, strokes[2], 0)
+    np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
+
+
+def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    plain, clean, causes = strokes
+    measured, model = streaked
+    habits, learnt = learn_habits(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    more, known = habits.learnt_from_all(learnt, KNOWN)
+    np.testing.assert_array_equal(known.habit[KNOWN], learnt.habit[KNOWN])
+    np.testing.assert_allclose(more.of(measured.pick(FRESH)).habit, known.habit[FRESH], atol=1e-5)
+    noise = error(clean, plain, FRESH)
+    assert error(model, known, FRESH) - noise < 0.9 * (error(model, learnt, FRESH) - noise)
+
+
+def test_a_paint_that_was_never_seen_changes_no_habit(
+    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
+) -> None:
+    """A table from elsewhere may bring paints that the diagnosed one had not."""
+    measured, model = streaked
+    habits, _ = learn_habits(measured, model, KNOWN, strokes[2], 0)
+    more = replace(habits.model, color_offset=np.concatenate([habits.model.color_offset, np.zeros((2, 3))]))
+    few = measured.pick(FRESH)
+    known, painted_anew = habits.of(few), habits.seen_from(more).of(replace(few, paints=few.paints + 2))
+    assert np.abs(known.habit).max() > 0.01
+    np.testing.assert_allclose(painted_anew.habit, known.habit, atol=1e-6)
+
+
+def test_the_mirror_of_the_mirror_is_what_was_there() -> None:
+    """Left changes sides, and with it the sine of how the tool lies to its way; nothing else does."""
+    features = np.random.default_rng(4).normal(size=(50, 9))
+    other = in_the_mirror(features)
+    changed = [k for k in range(9) if not (other[:, k] == features[:, k]).all()]
+    assert changed == [0, 8]
+    np.testing.assert_array_equal(in_the_mirror(other), features)
+    plain = in_the_mirror(features[:, :7])
+    np.testing.assert_array_equal(plain, other[:, :7])
+
+
+def test_both_sides_are_one_side() -> None:
+    features = np.random.default_rng(5).normal(size=(50, 9))
+    assert (one_sided(features)[:, 0] >= 0).all()
+    np.testing.assert_array_equal(one_sided(features), one_sided(in_the_mirror(features)))
+
+
+@pytest.mark.parametrize(("sides", "mirrored"), [((0.4, -0.4), True), ((0.4,), False)])
+def test_a_tool_that_draws_its_left_as_its_right_is_seen_so(
+    strokes: tuple[Measured, Model, list[Mechanism]], sides: tuple[float, ...], mirrored: bool
+) -> None:
+    measured, model, causes = strokes
+    laid = ink(model, measured).imprint
+    pale = sum(np.exp(-(((laid.place[..., :1] - side) / 0.15) ** 2)) for side in sides)
+    streaked = photographed(measured, measured.samples.after.numpy() + 0.2 * pale * (laid.coverage[..., None] > 0.5))
+    habits, _ = learn_habits(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, causes, 0)
+    assert habits.mirrored == mirrored
+
+
+def test_a_streak_is_learnt_from_strokes_that_are_not_equally_wide(streaked: tuple[Measured, Model]) -> None:
+    """Nor is what scatters with each stroke's width in the way."""
+    measured, model = streaked
+    wider = model.at(model.vector + 0.1 * np.isin(np.arange(len(model.vector)), [BASE.index(name) for name in WIDTHS]))
+    amount = np.random.default_rng(6).normal(0, 1, (len(measured), 1, 1, 1))
+    apart = amount * (foretold(wider, measured) - foretold(model, measured))
+    scattered = photographed(measured, measured.samples.after.numpy() + apart)
+    causes: list[Mechanism] = [identity(BristleLag, measured.context)]
+    calm, found = (learn_habits(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()

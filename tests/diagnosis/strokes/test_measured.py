@@ -1,0 +1,60 @@
+"""What is known of strokes beside their photographs."""
+
+import numpy as np
+import pyarrow as pa
+
+from pentimento.diagnosis.strokes.measured import covariates_of, mixes
+
+ROWS = 40
+
+
+def recorded(**columns: np.ndarray) -> pa.Table:
+    """Strokes of two sessions, executed in another order than they are listed, with a dip every five."""
+    order = np.random.default_rng(0).permutation(ROWS)
+    known = {
+        "session": [f"session_{k // 20}" for k in order],
+        "order": order.astype(np.int32),
+        "reload_id": (order // 5).astype(np.int32),
+    }
+    given = {name: pa.array(values[order], from_pandas=False) for name, values in columns.items()}
+    return pa.table(known | given)
+
+
+def test_a_few_missing_values_are_interpolated_in_the_order_of_execution() -> None:
+    age = 2.0 + 0.1 * np.arange(ROWS)
+    gappy = age.copy()
+    gappy[[7, 23, 24]] = np.nan
+    table = recorded(tool_age_m=gappy)
+    np.testing.assert_allclose(covariates_of(table)["tool_age_m"], age[table["order"].to_numpy()])
+
+
+def test_what_starts_anew_with_each_load_is_interpolated_within_it() -> None:
+    ink = 0.04 * (np.arange(ROWS) % 5)
+    gappy = ink.copy()
+    gappy[[11, 28]] = np.nan
+    table = recorded(ink_since_reload_m=gappy)
+    np.testing.assert_allclose(covariates_of(table)["ink_since_reload_m"], ink[table["order"].to_numpy()])
+
+
+def test_what_is_mostly_unknown_or_says_something_by_being_unknown_stays() -> None:
+    seldom = np.where(np.arange(ROWS) % 3 == 0, np.nan, 1.0 + np.arange(ROWS))
+    blank = np.where(np.arange(ROWS) == 9, np.nan, 5.0 + np.arange(ROWS))
+    found = covariates_of(recorded(humidity=seldom, wet_age_s=blank))
+    assert np.isnan(found["humidity"]).sum() == np.isnan(seldom).sum()
+    assert np.isnan(found["wet_age_s"]).sum() == 1
+
+
+def test_a_colour_is_another_paint_in_each_session_that_shows_enough_of_it() -> None:
+    session, block = np.repeat([0, 1], 40), np.arange(80) // 4
+    color = np.where(np.arange(80)[:, None] % 2 == 0, [0.1, 0.2, 0.3], [0.8, 0.2, 0.1])
+    found = mixes(color, session, block)
+    assert len(np.unique(found)) == 4
+    for each in np.unique(found):
+        assert len(np.unique(session[found == each])) == 1
+        assert len(np.unique(color[found == each], axis=0)) == 1
+
+
+def test_a_session_of_few_loads_has_no_mix_of_its_own() -> None:
+    session, block = np.repeat([0, 1], [70, 10]), np.arange(80) // 4
+    color = np.tile([0.1, 0.2, 0.3], (80, 1))
+    np.testing.assert_array_equal(mixes(color, session, block), 0)

@@ -1,0 +1,91 @@
+"""What depends on a covariate is found in its mode, and what merely goes along with that is not named beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.strokes.fit import first_model, fit
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, permuted_actions, structure, unexplained
+from pentimento.diagnosis.strokes.modulator import Modulation
+from pentimento.diagnosis.strokes.path_covariates import covariates_shown
+from pentimento.diagnosis.strokes.predict import Model, foretold_linear, ink
+
+AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
+"""In typical sizes, at one standard deviation of the temperature."""
+
+
+@pytest.fixture(scope="module")
+def strokes() -> tuple[Measured, Model]:
+    measured = load_measured(example_table(72))
+    return measured, fit(first_model(measured), measured)
+
+
+def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:
+    """Photographs of strokes that depend on the temperature in one mode, with noise; a clock runs along with it."""
+    rng = np.random.default_rng(5)
+    warmth = rng.standard_normal(len(measured))
+    columns = {"temperature_c": 20 + 3 * warmth, "clock_s": 60 * warmth + rng.normal(0, 15, len(measured))}
+    plain = replace(measured, covariates=columns)
+    amounts = {f"modulation_{m}": np.zeros(len(measured)) for m in MODES}
+    if mode is not None:
+        amounts[f"modulation_{mode}"] = AMOUNT[mode] * warmth * AllModes.quantities[MODES.index(mode)].typical
+    drawn = model.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
+    told = replace(plain, covariates=columns | amounts)
+    after = linear_to_srgb(foretold_linear(ink(drawn, told), told))
+    after = np.clip(after + rng.normal(0, 0.01, after.shape), 0, 1).astype(np.float32)
+    return replace(plain, samples=plain.samples._replace(after=torch.from_numpy(after)))
+
+
+@pytest.mark.parametrize("mode", sorted(AMOUNT))
+def test_a_mode_is_named_with_its_covariate_and_not_with_what_goes_along(
+    mode: str, strokes: tuple[Measured, Model]
+) -> None:
+    measured, model = strokes
+    strokes_then = warmed(mode, measured, model)
+    left, strength, names = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
+    assert [(one.mode, one.covariate) for one in left[:1]] == [(mode, "temperature_c")]
+    assert "clock_s" not in {one.covariate for one in left}
+    assert strength.shape == (len(MODES), len(names))
+    assert left[0].generic_gain > 0.01
+
+
+def test_where_nothing_depends_on_anything_nothing_is_named(strokes: tuple[Measured, Model]) -> None:
+    measured, model = strokes
+    strokes_then = warmed(None, measured, model)
+    left, _, _ = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
+    assert left == []
+
+
+def test_a_mode_that_is_hardly_seen_in_most_rows_is_read_off_the_others() -> None:
+    rng = np.random.default_rng(3)
+    speed, rows = rng.standard_normal(160), np.arange(160)
+    energy = np.where(rng.random(160) < 0.3, 1.0, 0.004)[:, None]  # what noise of 1 leaves of it is 1 / root of that
+    scores = 1.2 * speed[:, None] + rng.standard_normal((160, 1)) / np.sqrt(energy)
+    columns = {"speed": speed, "else": rng.standard_normal(160)}
+    found, strength, _ = structure(("width",), scores, energy, 1.0, columns, rows, 0)
+    assert [one.covariate for one in found] == ["speed"]
+    alike, same, _ = structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
+    assert not alike and same[0, 0] < strength[0, 0]
+
+
+def test_with_equal_energies_strength_is_correlation() -> None:
+    rng = np.random.default_rng(4)
+    speed = rng.standard_normal(90)
+    scores = 0.2 * speed[:, None] + rng.standard_normal((90, 1))
+    _, strength, _ = structure(("width",), scores, np.ones((90, 1)), 1.0, {"speed": speed}, np.arange(90), 0)
+    assert strength[0, 0] == pytest.approx(np.sqrt(90) * abs(np.corrcoef(speed, scores[:, 0])[0, 1]), rel=1e-6)
+
+
+def test_permutations_keep_the_rows_of_an_action_together() -> None:
+    action = np.array([4, 7, 7, 1, 9, 9, 2, 3, 3])
+    orders = permuted_actions(action, 500, np.random.default_rng(0))
+    assert (np.sort(orders, axis=1) == np.arange(len(action))).all()
+    for number in (7, 9, 3):
+        first, second = action[orders[:, action == number]].T
+        assert (first == second).all()
+    assert len(np.unique(orders, axis=0)) == 36  # 3! ways for the pairs, 3! for those alone

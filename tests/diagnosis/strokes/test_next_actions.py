@@ -1,0 +1,165 @@
+"""The proposed strokes tell apart what imitates, better than random ones, and can be made."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.strokes.aliasing import Imitation, columns_of
+from pentimento.diagnosis.strokes.candidate_actions import Action, draw_sequence, in_turn, state_after
+from pentimento.diagnosis.strokes.design_ranges import ranges_of
+from pentimento.diagnosis.strokes.diagnose import Finding
+from pentimento.diagnosis.strokes.fit import first_model
+from pentimento.diagnosis.strokes.jacobian import linearise_rows
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.next_actions import Proposal, alike, as_table, curvatures, propose, questions, worth
+from pentimento.diagnosis.strokes.predict import Model, identity
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from tests.diagnosis.strokes.conftest import Written
+
+PAIR = ("backlash", "path_offset")
+"""Strokes of one heading cannot tell them apart, and the example's are."""
+
+
+@pytest.fixture(scope="module")
+def strokes() -> Measured:
+    return load_measured(example_table(40))
+
+
+@pytest.fixture(scope="module")
+def model(strokes: Measured) -> Model:
+    kinds = {kind.cause: kind for kind in VOCABULARY}
+    return first_model(strokes).plus(*(identity(kinds[cause], strokes.context) for cause in PAIR))
+
+
+@pytest.fixture(scope="module")
+def proposal(model: Model, strokes: Measured) -> Proposal:
+    return propose(model, strokes, [PAIR], 0, count=8)
+
+
+def test_imitation_falls_well_below_and_further_than_by_chance(
+    model: Model, strokes: Measured, proposal: Proposal
+) -> None:
+    before, after = proposal.imitation[PAIR]
+    so_far, ranges = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes)
+    by_chance = [
+        alike(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns_of(model), PAIR)
+        for actions in (draw_sequence(np.random.default_rng(seed), ranges, strokes, 8) for seed in range(7))
+    ]
+    assert before > 0.95 and after < 0.5
+    assert after < 0.7 * float(np.median(by_chance))
+
+
+def test_it_is_worth_more_than_any_of_many_random_designs(model: Model, strokes: Measured, proposal: Proposal) -> None:
+    so_far, ranges, columns = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes), columns_of(model)
+
+    def value(actions: Sequence[Action]) -> float:
+        return worth(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])
+
+    best = max(value(draw_sequence(np.random.default_rng(seed), ranges, strokes, 8)) for seed in range(12))
+    assert value(proposal.actions) > best > worth(so_far, columns, [PAIR])
+
+
+def bulge(path: np.ndarray) -> float:
+    """How far a path [N, 5] strays from its chord."""
+    chord = path[-1, 1:3] - path[0, 1:3]
+    away = path[:, 1:3] - path[0, 1:3]
+    return float(np.abs(away[:, 0] * chord[1] - away[:, 1] * chord[0]).max() / np.hypot(*chord))
+
+
+def test_actions_stay_within_what_was_recorded(strokes: Measured, proposal: Proposal) -> None:
+    ranges = ranges_of(strokes)
+    assert ranges.place_m is not None
+    xy = strokes.samples.path[..., 1:3].flatten(0, 1).numpy()
+    recorded = max(bulge(path) for path in strokes.samples.path.double().numpy())
+    for action in proposal.actions:
+        assert (action.path[:, 1:3] >= xy.min(0) - 1e-6).all() and (action.path[:, 1:3] <= xy.max(0) + 1e-6).all()
+        assert bulge(action.path) <= recorded + 1e-6
+        assert -action.path[:, 3].min() <= -strokes.samples.path[..., 3].min() + 1e-9
+        assert (np.diff(action.path[:, 0]) > 0).all()
+
+
+def test_ink_runs_from_dip_to_dip_and_never_out(strokes: Measured, proposal: Proposal) -> None:
+    ranges = ranges_of(strokes)
+    assert ranges.most_ink_m is not None and proposal.actions[0].reload
+    actions, columns = in_turn(proposal.actions, strokes, ranges)
+    since = 0.0
+    for action, told in zip(actions, columns, strict=True):
+        since = 0.0 if action.reload else since
+        assert told["ink_since_reload_m"] == pytest.approx(since, abs=1e-6)
+        assert since <= ranges.most_ink_m
+        since += np.hypot(*np.diff(action.path[:, 1:3], axis=0).T).sum()
+    ages = [told["tool_age_m"] for told in columns]
+    assert ages[0] >= state_after(strokes).memory.tool_age_m and (np.diff(ages) > 0).all()
+
+
+def test_the_same_seed_proposes_the_same(model: Model, strokes: Measured, proposal: Proposal) -> None:
+    again = propose(model, strokes, [PAIR], 0, count=8)
+    assert as_table(again, strokes).equals(as_table(proposal, strokes))
+
+
+def test_without_places_strokes_keep_their_frame(model: Model, strokes: Measured) -> None:
+    """In the stroke's frame all start at the origin, and there is no heading to choose."""
+    path = strokes.samples.path.clone()
+    path[..., 1:3] -= path[:, :1, 1:3]
+    top_left = strokes.samples.top_left_m - strokes.samples.path[:, 0, 1:3]
+    local = replace(strokes, samples=strokes.samples._replace(path=path, top_left_m=top_left))
+    ranges = ranges_of(local)
+    assert ranges.place_m is None
+    for action in draw_sequence(np.random.default_rng(0), ranges, local, 5):
+        np.testing.assert_allclose(action.path[0, 1:3], 0, atol=1e-9)
+        assert action.path[-1, 2] == pytest.approx(0, abs=1e-9)
+
+
+def test_a_pen_that_only_touches_is_proposed_to_touch(strokes: Measured) -> None:
+    path = strokes.samples.path.clone()
+    path[..., 3] = 0.0
+    touching = replace(strokes, samples=strokes.samples._replace(path=path))
+    actions = draw_sequence(np.random.default_rng(0), ranges_of(touching), touching, 5)
+    assert all((action.path[:, 3] == 0).all() for action in actions)
+
+
+def test_rivals_come_first_then_imitators_then_what_is_known_least(written: Written) -> None:
+    found = Finding("bristle_lag", 0.001, 0.001, 0.4, (0.2, 0.6), {"distance_m": (0.004, 0.001)}, ("latency",))
+    causes = ("bristle_lag", "latency", "path_scale")
+    alone, twins = np.eye(3), np.eye(3)
+    twins[0, 2] = twins[2, 0] = 0.97
+    rivals = replace(written.diagnosis, established=(found,), suspected=())
+    assert questions(rivals, Imitation(causes, alone)) == [("bristle_lag", "latency")]
+    assert questions(rivals, Imitation(causes, twins)) == [("bristle_lag", "latency"), ("bristle_lag", "path_scale")]
+    settled = replace(rivals, established=(replace(found, rivals=()),))
+    assert questions(settled, Imitation(causes, alone)) == [("bristle_lag",)]
+
+
+def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
+    kinds = {kind.cause: kind for kind in VOCABULARY}
+    model = first_model(strokes).plus(identity(kinds["ink_depletion"], strokes.context))
+    made = propose(model, strokes, [("ink_depletion",)], 0, count=4)
+    so_far = linearise_rows(model, strokes)[0].sum(0)
+    more = so_far + curvatures([made.actions], model, strokes, ranges_of(strokes))[1][0].sum(0)
+    index = columns_of(model).causes["ink_depletion"]
+    variances = [np.diag(np.linalg.pinv(total, hermitian=True))[index] for total in (so_far, more)]
+    assert (variances[1] < variances[0]).all()
+    assert set(made.question) == {("ink_depletion",)} and made.imitation == {}
+
+
+def test_paint_that_carries_is_asked_by_crossing_it(strokes: Measured) -> None:
+    """On blank paper nothing can be said of it; where strokes are known to cross, the proposal crosses."""
+    age = np.where(np.arange(len(strokes)) % 3 == 0, 20.0, np.nan)
+    clean = {name: np.zeros(len(strokes)) for name in CARRIED}
+    wet = replace(strokes, covariates=strokes.covariates | {"wet_age_s": age} | clean)
+    kinds = {kind.cause: kind for kind in VOCABULARY}
+    model = first_model(wet).plus(identity(kinds["wet_mixing"], wet.context))
+    made = propose(model, wet, [("wet_mixing",)], 0, count=6)
+    index = columns_of(model).causes["wet_mixing"]
+    says = curvatures([made.actions], model, wet, ranges_of(wet))[1][0][:, index[0], index[0]]
+    crosses = np.array([action.crosses for action in made.actions])
+    assert crosses.sum() >= 2
+    assert says[crosses].min() > 100 * says[~crosses].max()
+    for before, action in zip(made.actions[:-1], made.actions[1:], strict=True):
+        if action.crosses:
+            gaps = np.hypot(*(action.path[:, None, 1:3] - before.path[None, :, 1:3]).transpose(2, 0, 1))
+            assert gaps.min() < 0.004

@@ -1,0 +1,89 @@
+"""A further cause must be worth something beside others, and in the end the one that fits best stands."""
+
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.choice import Step
+from pentimento.diagnosis.strokes.candidates import displaces, weigh
+from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.fit import first_model, fit
+from pentimento.diagnosis.strokes.measured import load_measured
+from pentimento.diagnosis.strokes.predict import identity
+from pentimento.diagnosis.strokes.search import Search, _hidden_by_ends, enough, is_kin_of_what_suffices, settle
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.latency import Latency
+from pentimento.dynamics.strokes.mechanisms.lens_distortion import LensDistortion
+from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
+from pentimento.dynamics.strokes.mechanisms.path_scale import PathScale
+from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
+from pentimento.dynamics.strokes.simulation import Mechanism
+from tests.diagnosis.strokes.test_large_effects import strokes_of
+
+
+def test_a_further_cause_must_be_worth_something_beside_others_whose_form_may_leave_it() -> None:
+    kinds = (Latency, BristleLag, LensDistortion, SpeedWidth, PathOffset)
+    observable: dict[str, Mechanism] = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds}
+    lag, lens, width = (observable[cause] for cause in ("bristle_lag", "lens_distortion", "speed_width"))
+    assert [m.cause for m in observable.values() if not displaces(m)] == ["speed_width"]
+
+    def asked(mechanism: Mechanism, **gained: float) -> float:
+        measured = load_measured(example_table(16))
+        model = first_model(measured)
+        return enough(mechanism, 1e-3, Search(model, model, (), observable, {}, 1e-3, gained, frozenset()))
+
+    least = asked(lens)
+    assert least == pytest.approx(1e-5)  # a hundredth of the floor
+    assert asked(lens, latency=1.0, speed_width=0.1) > 1e-2
+    assert asked(lag, latency=1.0) > asked(lens, latency=1.0)  # one driver
+    assert asked(width, latency=1.0) == least
+    assert asked(lens, path_offset=1.0) == least  # the same for all: it has no form
+
+
+@pytest.mark.parametrize(("taken", "rival"), [(PathScale, PathOffset), (PathOffset, PathScale)])
+def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_rival(
+    taken: type[Mechanism], rival: type[Mechanism]
+) -> None:
+    strokes, plain = strokes_of(PathOffset, 0.0008, -0.0005)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (taken, rival)}
+    evidence = weigh(plain, list(observable.values()), strokes, 0)[0]
+    model = fit(plain.plus(observable[taken.cause]), strokes)
+    step, last = Step(evidence, taken.cause, (rival.cause,)), Step(evidence, None, ())
+    begun = Search(plain, model, (step, last), observable, {}, 0.0, {taken.cause: 1e-4}, frozenset())
+    settled = settle(begun, strokes, 0, lambda _: None)
+    assert [(s.chosen, s.rivals) for s in settled.steps] == [("path_offset", ()), (None, ())]
+    assert settled.found == {"path_offset"} and list(settled.gained) == ["path_offset"]
+
+
+@pytest.mark.parametrize(("taken", "needless"), [(Latency, True), (BristleLag, False)])
+def test_beside_a_delay_that_leaves_nothing_by_speed_no_lag_is_needed(taken: type[Mechanism], needless: bool) -> None:
+    strokes, plain = strokes_of(Latency, 0.05)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
+    model = fit(plain.plus(observable[taken.cause]), strokes)
+    (other,) = observable.keys() - {taken.cause}
+    assert is_kin_of_what_suffices(other, model, observable, strokes, 0) == needless
+    assert not is_kin_of_what_suffices(other, plain, observable, strokes, 0)
+
+
+def test_in_the_end_a_lag_gives_way_to_a_delay_that_leaves_nothing_by_speed() -> None:
+    """Though it was never its rival."""
+    strokes, plain = strokes_of(Latency, 0.05)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
+    evidence = weigh(plain, list(observable.values()), strokes, 0)[0]
+    model = fit(plain.plus(observable["bristle_lag"]), strokes)
+    begun = Search(
+        plain, model, (Step(evidence, "bristle_lag", ()),), observable, {}, 0.0, {"bristle_lag": 1e-4}, frozenset()
+    )
+    assert settle(begun, strokes, 0, lambda _: None).found == {"latency"}
+
+
+@pytest.mark.parametrize(("hidden", "seconds", "asked_for"), [(Latency, 0.05, ["latency"]), (BristleLag, 0.005, [])])
+def test_a_delay_that_uneven_ends_hide_is_asked_for_by_what_they_leave(
+    hidden: type[Mechanism], seconds: float, asked_for: list[str]
+) -> None:
+    strokes, plain = strokes_of(hidden, seconds)
+    observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag, PathOffset)}
+    with_ends = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
+    candidates = list(observable.values())
+    assert _hidden_by_ends(with_ends, candidates, observable, strokes, 0) == asked_for
+    assert _hidden_by_ends(plain, candidates, observable, strokes, 0) == []

@@ -1,0 +1,68 @@
+"""A given stroke model's error on sealed strokes, beside the finder's own base."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.page import build_page
+from pentimento.diagnosis.strokes import figures
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.user_baseline import Given, given_on
+from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.dynamics.strokes.evaluation import predict_with, score_model
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+from tests.diagnosis.strokes.conftest import Written
+
+PARAMETERS = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 0.001, 0.3, 0.9)
+
+
+@pytest.fixture(scope="module")
+def strokes() -> Measured:
+    return load_measured(example_table(8))
+
+
+def test_a_model_that_foretells_all_misses_nothing_and_a_tone_by_its_square(strokes: Measured) -> None:
+    told = predict_with(PARAMETERS, strokes.samples)
+    true = replace(strokes, samples=strokes.samples._replace(after=told))
+    assert given_on(PARAMETERS, true).mse == 0
+    paler = replace(strokes, samples=strokes.samples._replace(after=told + 0.1))
+    np.testing.assert_allclose(given_on(PARAMETERS, paler).losses, 0.01, rtol=1e-4)
+
+
+def test_repeats_of_an_action_count_as_one(strokes: Measured) -> None:
+    thrice = strokes.pick(np.array([0, 1, 1, 1]))
+    singly = given_on(PARAMETERS, strokes.pick(np.array([0, 1]))).losses
+    np.testing.assert_allclose(given_on(PARAMETERS, thrice).losses, singly, rtol=1e-5)
+
+
+def test_it_is_the_error_that_training_reports_where_windows_are_alike(strokes: Measured) -> None:
+    one = strokes.pick(np.array([2]))
+    assert given_on(PARAMETERS, one).mse == pytest.approx(score_model(PARAMETERS, one.samples).mse, rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def given(written: Written) -> Given:
+    return given_on(PARAMETERS, written.survey.sealed)
+
+
+def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Written, given: Given) -> None:
+    plain, beside = (verdict(written.diagnosis, 56, 42, given_mse=mse) for mse in (None, given.mse))
+    assert beside["mse"].pop("given") == given.mse > beside["mse"]["base"]
+    added = beside["sentence"].replace(plain["sentence"], "").strip()
+    assert added.startswith("The given model misses the same strokes by") and "calibration" in added
+    assert beside | {"sentence": ""} == plain | {"sentence": ""}
+    better = verdict(written.diagnosis, 56, 42, given_mse=plain["mse"]["base"] / 2)
+    assert "no more than the base" in better["sentence"]
+
+
+def test_the_page_shows_what_it_foretells(written: Written, given: Given) -> None:
+    told = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
+    pages = [build_page(written.diagnosis, written.survey, written.proposal, told, one) for one in (None, given)]
+    assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}
+    assert pages[1]["figures/leave_one_out.png"] != pages[0]["figures/leave_one_out.png"]
+    assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]
+    blank = given._replace(foretold=np.ones_like(given.foretold))
+    drawn = figures.given_strokes(blank, written.diagnosis, written.survey)
+    assert drawn != pages[1]["figures/given_strokes.png"]

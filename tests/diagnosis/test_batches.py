@@ -1,0 +1,16 @@
+"""Rows a few at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pentimento.diagnosis.batches import in_batches
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("count", [1, 4, 8, 9])
+def test_each_row_is_looked_at_once_and_in_its_order(count: int, threads: int) -> None:
+    seen = in_batches(lambda some: np.arange(count)[some], count, 4, threads)
+    assert max(map(len, seen)) <= 4
+    assert np.concatenate(seen).tolist() == list(range(count))

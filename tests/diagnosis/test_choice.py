@@ -1,0 +1,138 @@
+"""Of causes that explain the same the simplest is taken, unless one does what the other cannot."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.choice import (
+    Step,
+    by_what_is_left,
+    simplest_of_the_best,
+    unconfirmed,
+    without_echoes,
+    without_unlikely,
+)
+from pentimento.diagnosis.strokes.fit import first_model, fit
+from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.predict import Model, action_losses, foretold, identity
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.latency import Latency
+from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed
+from pentimento.dynamics.strokes.mechanisms.speed_density import SpeedDensity
+from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
+from pentimento.dynamics.strokes.mechanisms.tool_wear import ToolWear
+from pentimento.dynamics.strokes.simulation import Mechanism
+from tests.diagnosis.strokes.test_learned_residual import photographed
+
+
+@pytest.mark.parametrize(
+    ("by_the_simple", "chosen", "rivals"),
+    [
+        (0.97, "speed_width", ("speed_bleed",)),  # surely less than the other removes, but nearly as much
+        (0.80, "speed_bleed", ()),
+    ],
+)
+def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
+    by_the_simple: float, chosen: str, rivals: tuple[str, ...]
+) -> None:
+    """`speed_bleed` can do what `speed_width` does, and soften the edge."""
+    quantities = {kind.cause: len(kind.quantities) for kind in (SpeedWidth, SpeedBleed)}
+    removed = np.random.default_rng(0).uniform(0.9, 1.1, 60)
+    losses = {"speed_bleed": 3.0 - removed, "speed_width": 3.0 - by_the_simple * removed}
+    step = simplest_of_the_best({}, losses, 3.0, quantities, 0, lambda line: None)
+    assert (step.chosen, step.rivals) == (chosen, rivals)
+
+
+@pytest.mark.parametrize(
+    ("paler", "softer", "left"),
+    [
+        (-0.3, 0.2, {"speed_density"}),  # paler at speed, and softer: there is less paint
+        (-0.3, -0.2, {"speed_bleed"}),  # paler and sharper: it bleeds less
+        (-0.3, -0.002, {"speed_density"}),  # as sharp as before, for all that can be known
+        (0.0, 0.2, {"speed_bleed", "speed_density"}),
+        (-0.02, 0.3, {"speed_bleed", "speed_density"}),  # surely paler, and by nothing to speak of
+    ],
+)
+def test_of_two_causes_with_one_form_what_one_has_beyond_the_other_decides(
+    paler: float, softer: float, left: set[str]
+) -> None:
+    refits, made = refitted(SpeedDensity, [paler, softer, 0.05], (SpeedBleed, SpeedDensity))
+    losses = {cause: action_losses(refit, made) for cause, refit in refits.items()}
+    error = float(action_losses(fit(refits["speed_bleed"].without("speed_bleed"), made), made).mean())
+    assert set(without_unlikely(losses, error, refits, made)) == left
+
+
+@pytest.mark.parametrize(
+    ("softer", "rivals"),
+    [
+        (0.0, ()),  # a bleed whose edge stays as it is: the mark is wider, and that is all
+        (1.6, ("speed_bleed",)),
+    ],
+)
+def test_a_cause_that_does_what_another_does_and_no_more_is_no_rival(softer: float, rivals: tuple[str, ...]) -> None:
+    refits, made = refitted(SpeedBleed, [softer, 0.2], (SpeedWidth, SpeedBleed))
+    step = Step({}, "speed_width", ("speed_bleed",))
+    assert without_echoes(step, refits, made).rivals == rivals
+
+
+def test_causes_of_other_forms_stay_rivals() -> None:
+    refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, ToolWear))
+    step = Step({}, "speed_width", ("tool_wear",))
+    assert without_echoes(step, refits, made).rivals == ("tool_wear",)
+
+
+TRAILING: tuple[type[Mechanism], ...] = (BristleLag, Latency)
+
+
+@pytest.mark.parametrize("worse_by", [1e-7, 1e-5])  # of errors of 1e-4: within what they scatter by, and surely beyond
+@pytest.mark.parametrize(("hidden", "other", "value"), [(Latency, "bristle_lag", 0.05), (BristleLag, "latency", 0.003)])
+def test_of_two_causes_by_which_a_mark_trails_what_goes_with_speed_decides_and_not_the_error(
+    hidden: type[Mechanism], other: str, value: float, worse_by: float
+) -> None:
+    refits, made = refitted(hidden, [value], TRAILING)
+    scatter = 1e-6 * np.random.default_rng(4).standard_normal(60)
+    losses = {hidden.cause: 1e-4 + worse_by + scatter, other: np.full(60, 1e-4)}
+    step = Step({}, other, (hidden.cause,) if worse_by < 1e-6 else ())
+    settled = by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None)
+    assert (settled.chosen, settled.rivals) == (hidden.cause, ())
+    kept = by_what_is_left(replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, made, 0, print)
+    assert (kept.chosen, kept.rivals) == (hidden.cause, ())
+
+
+def test_a_cause_that_removes_little_takes_nobodys_place_whatever_it_leaves() -> None:
+    refits, made = refitted(Latency, [0.05], TRAILING)
+    losses = {"latency": np.full(60, 2.5e-4), "bristle_lag": np.full(60, 1e-4)}
+    step = Step({}, "bristle_lag", ())
+    assert by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+
+
+def test_causes_that_go_with_the_same_are_left_to_their_errors() -> None:
+    refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, SpeedBleed))
+    losses = {"speed_width": np.full(60, 1e-4), "speed_bleed": np.full(60, 1e-4)}
+    step = Step({}, "speed_bleed", ("speed_width",))
+    assert by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+
+
+def refitted(
+    hidden: type[Mechanism], values: list[float], kinds: Sequence[type[Mechanism]]
+) -> tuple[dict[str, Model], Measured]:
+    """Each of the kinds fitted to sixty strokes that the hidden cause made, and those strokes."""
+    measured = load_measured(example_table(60))
+    base = first_model(measured)
+    truth = hidden(torch.tensor(values, dtype=torch.float64), identity(hidden, measured.context).reference)
+    after = foretold(base.plus(truth), measured)
+    made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
+    return {kind.cause: fit(base.plus(identity(kind, made.context)), made) for kind in kinds}, made
+
+
+def test_for_a_further_cause_rows_that_were_not_searched_must_speak_clearly() -> None:
+    p = {"volume_loss": 0.3, "height_offset": 0.3, "springback": 0.001}
+    assert unconfirmed(["volume_loss", "height_offset", "springback"], p, 0.1) == ["height_offset"]
+    assert unconfirmed(["springback", "volume_loss"], p, 0.1) == ["volume_loss"]
+    assert unconfirmed(["springback", "volume_loss"], p, 0.35) == []
+    assert unconfirmed(["volume_loss"], {"volume_loss": 0.5}, 0.1) == ["volume_loss"]
+    assert unconfirmed([], {}, 0.1) == []

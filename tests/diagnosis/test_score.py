@@ -1,0 +1,198 @@
+"""Score tests and held-out gains on linear worlds whose truth is known, and beside a published implementation."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+from wildboottest.wildboottest import WildboottestCL
+
+from pentimento.diagnosis.score import (
+    explained,
+    held_out_gains,
+    information,
+    interval_of_mean,
+    project,
+    scatter,
+    score_tests,
+    weighed,
+)
+from pentimento.diagnosis.strokes.jacobian import Statistics
+
+BOTH = (information, scatter)
+
+ACTIONS, PIXELS, NUISANCES, CANDIDATES = 60, 40, 3, 4
+
+
+def regression(seed: int, effect: float = 0.0, shared: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """A linear model, columns [n, pixels, P] and y [n, pixels]: candidate 0 matters by ``effect``; pixels of an action
+    share an error.
+
+    Each candidate's column is one number for an action times a fixed profile, like a covariate's effect on width.
+    """
+    rng = np.random.default_rng(seed)
+    profile = rng.normal(size=PIXELS)
+    nuisance = rng.normal(size=(ACTIONS, PIXELS, NUISANCES))
+    covariates = rng.normal(size=(ACTIONS, 1, CANDIDATES))
+    candidate = covariates * profile[None, :, None]
+    error = rng.normal(size=(ACTIONS, PIXELS)) + shared * rng.normal(size=(ACTIONS, 1)) * profile
+    return np.concatenate([nuisance, candidate], axis=2), effect * candidate[..., 0] + error
+
+
+def world(seed: int, effect: float = 0.0, shared: float = 1.0) -> Statistics:
+    """Of such a regression, at the fitted nuisances."""
+    return at_fitted_nuisances(*regression(seed, effect, shared))
+
+
+def at_fitted_nuisances(columns: np.ndarray, y: np.ndarray) -> Statistics:
+    nuisance = columns[..., :NUISANCES]
+    y = y - nuisance @ np.linalg.lstsq(nuisance.reshape(-1, NUISANCES), y.ravel(), rcond=None)[0]
+    return Statistics(
+        np.einsum("nxp,nxq->npq", columns, columns), np.einsum("nxp,nx->np", columns, y), np.square(y).sum(1)
+    )
+
+
+HELD = np.arange(NUISANCES)
+INDEX = {f"c{i}": np.array([NUISANCES + i]) for i in range(CANDIDATES)}
+
+
+def test_projection_leaves_nothing_to_the_nuisances() -> None:
+    statistics = world(0)
+    scores = project(statistics, HELD, np.array([3, 4]))
+    refit = np.linalg.solve(statistics.curvature.sum(0)[:3, :3], statistics.curvature.sum(0)[:3, 3:5])
+    np.testing.assert_allclose(scores, statistics.slope[:, 3:5] - statistics.slope[:, :3] @ refit, atol=1e-4)
+
+
+def test_without_an_effect_p_is_uniform_even_though_pixels_share_errors() -> None:
+    single = [score_tests(world(seed), HELD, INDEX, 199, seed)["c1"][0] for seed in range(150)]
+    assert kstest(single, "uniform").pvalue > 0.01
+    any_name = [
+        min(p for _, p in score_tests(world(seed), HELD, INDEX, 199, seed).values()) <= 0.05 for seed in range(150)
+    ]
+    assert np.mean(any_name) < 0.12
+
+
+def test_evidence_is_each_candidates_own_whatever_numbers_it_has() -> None:
+    """The first candidate matters; it is found as the second of one number, and as a part of the first of two."""
+    statistics, blocks = world(4, effect=0.8), np.arange(ACTIONS) // 3
+    single = weighed(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
+    assert single["c0"].p_adjusted < 0.02 and single["c0"].least_gain > 0
+    assert all(single[name].gain < 0.1 * single["c0"].gain for name in ("c1", "rest"))
+    paired = weighed(statistics, NUISANCES, {"both": 2, "others": 2}, blocks, 0)
+    assert paired["both"].p_adjusted < 0.02 < paired["others"].p_adjusted
+    assert paired["both"].gain == pytest.approx(single["c0"].gain, rel=0.1)
+
+
+def test_pixelwise_likelihood_would_find_effects_everywhere() -> None:
+    """The trap that the action as a unit avoids: the same worlds, each pixel taken for an independent witness."""
+    found = 0
+    for seed in range(40):
+        statistics = world(seed)
+        curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
+        ratio = slope[4] ** 2 / curvature[4, 4] / (statistics.energy.sum() / (ACTIONS * PIXELS))
+        found += ratio > 6.63
+    assert found > 20
+
+
+def test_an_effect_is_found_and_only_it() -> None:
+    found = [score_tests(world(seed, effect=0.8), HELD, INDEX, 499, seed) for seed in range(20)]
+    assert np.mean([tests["c0"][1] < 0.02 for tests in found]) > 0.9
+    assert np.mean([min(tests[f"c{i}"][1] for i in (1, 2, 3)) < 0.02 for tests in found]) < 0.2
+
+
+def test_a_cause_that_few_actions_show_is_found_beside_many() -> None:
+    """Paint is crossed in few strokes: divided by its own spread, over several numbers, such a score says nothing."""
+    found: dict[int, list[bool]] = {1: [], 2: []}
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 7])
+        columns, y = regression(seed)
+        seldom = (
+            rng.normal(size=(ACTIONS, 1, 4))
+            * rng.normal(size=(1, PIXELS, 4))
+            * (np.arange(ACTIONS) < 14)[:, None, None]
+        )
+        y = y + 1.5 * seldom[..., 0]
+        statistics = at_fitted_nuisances(np.concatenate([columns, seldom], axis=2), y)
+        last = NUISANCES + CANDIDATES
+        for scales in ((information,), BOTH):
+            tests = score_tests(statistics, HELD, INDEX | {"seldom": np.arange(last, last + 4)}, 999, seed, scales)
+            found[len(scales)].append(tests["seldom"][1] < 0.02)
+    assert np.mean(found[1]) > 0.8 and np.mean(found[2]) > 0.7
+
+
+def beside_what_scatters(seed: int, effect: float) -> tuple[Statistics, dict[str, np.ndarray]]:
+    """A candidate of two numbers: of one, each action has a chance of its own; the other is quiet, and matters."""
+    rng = np.random.default_rng([seed, 8])
+    columns, y = regression(seed, shared=3.0)
+    quiet = rng.normal(size=(ACTIONS, 1)) * rng.normal(size=PIXELS)
+    columns, y = np.concatenate([columns, quiet[..., None]], axis=2), y + effect * quiet
+    return at_fitted_nuisances(columns, y), {"both": np.array([NUISANCES, NUISANCES + CANDIDATES])}
+
+
+def test_a_quiet_number_is_heard_beside_one_that_scatters_where_scores_are_measured_by_their_scatter_too() -> None:
+    by_error, by_scatter = [], []
+    for seed in range(20):
+        statistics, candidate = beside_what_scatters(seed, 0.4)
+        by_error.append(score_tests(statistics, HELD, candidate, 499, seed)["both"][0])
+        by_scatter.append(score_tests(statistics, HELD, candidate, 499, seed, BOTH)["both"][0])
+    assert np.mean(np.array(by_scatter) < 0.02) > 0.8 > 0.4 > np.mean(np.array(by_error) < 0.02)
+
+
+def test_without_an_effect_p_is_uniform_when_scores_are_measured_in_both_ways() -> None:
+    worlds = (beside_what_scatters(seed, 0.0) for seed in range(150))
+    p = [score_tests(world, HELD, candidate, 199, 0, BOTH)["both"][0] for world, candidate in worlds]
+    assert kstest(p, "uniform").pvalue > 0.01
+
+
+def published(seed: int, effect: float) -> WildboottestCL:
+    """The wild cluster bootstrap of wildboottest (null imposed, Rademacher) for candidate 0 without the others."""
+    columns, y = regression(seed, effect)
+    x = columns[..., : NUISANCES + 1].reshape(-1, NUISANCES + 1)
+    action, only = np.repeat(np.arange(ACTIONS), PIXELS), np.eye(NUISANCES + 1)[NUISANCES]
+    boot = WildboottestCL(X=x, Y=y.ravel(), cluster=action, R=only, B=4999, seed=seed, parallel=False)
+    boot.get_scores(bootstrap_type="11", impose_null=True)
+    boot.get_weights(weights_type="rademacher")
+    boot.get_numer()
+    return boot
+
+
+@pytest.mark.parametrize("effect", [0.0, 0.3])
+def test_scores_are_those_of_a_published_wild_cluster_bootstrap(effect: float) -> None:
+    """Action by action they are its restricted scores over the candidate's information, for any signs."""
+    for seed in range(4):
+        boot, statistics = published(seed, effect), world(seed, effect)
+        scores = project(statistics, HELD, INDEX["c0"])
+        information = 1 / np.linalg.inv(boot.tXX)[NUISANCES, NUISANCES]
+        np.testing.assert_allclose(scores[:, 0], information * boot.Cg, rtol=1e-4, atol=1e-6 * np.abs(boot.Cg).max())
+        ours = explained(boot.v.T @ scores, np.array([[information]]))
+        np.testing.assert_allclose(ours, information * np.square(boot.numer), rtol=1e-3, atol=1e-9)
+
+
+def test_p_is_that_of_a_published_wild_cluster_bootstrap() -> None:
+    """It divides each draw by its own standard error, we all draws by one: for 60 actions nearly the same."""
+    ours, theirs = [], []
+    for seed, effect in enumerate(np.tile([0.0, 0.0, 0.15, 0.3], 3)):
+        boot = published(seed, effect)
+        boot.get_denom()
+        boot.get_tboot()
+        boot.get_vcov()
+        boot.get_tstat()
+        boot.get_pvalue()
+        theirs.append(float(boot.pvalue))
+        ours.append(score_tests(world(seed, effect), HELD, {"c0": INDEX["c0"]}, 4999, seed)["c0"][0])
+    np.testing.assert_allclose(ours, theirs, atol=0.03)
+    assert min(theirs) < 0.01 and max(theirs) > 0.5
+
+
+def test_the_adjusted_p_is_never_below_the_single_one() -> None:
+    for p, adjusted in score_tests(world(3, effect=0.3), HELD, INDEX, 499, 0).values():
+        assert adjusted >= p
+
+
+def test_held_out_gain_is_what_the_effect_costs() -> None:
+    effect = 1.0
+    statistics = world(5, effect=effect)
+    gains = held_out_gains(statistics, HELD, INDEX["c0"], np.arange(ACTIONS), 0)
+    true = effect**2 * statistics.curvature[:, 3, 3].mean()
+    assert gains.mean() == pytest.approx(true, rel=0.5)
+    assert interval_of_mean(gains, 499, 0)[0] > 0
+    idle = held_out_gains(world(5), HELD, INDEX["c1"], np.arange(ACTIONS), 0)
+    assert abs(idle.mean()) < 0.15 * true

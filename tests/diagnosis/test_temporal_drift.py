@@ -1,0 +1,97 @@
+"""A state that nobody recorded is told from noise by neighbours in time, and what repeats hold of it is no noise."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.temporal_drift import Wandering, wandering
+
+Array = NDArray[np.float64]
+
+ROWS, REPEATED, TIMES = 168, 24, 3
+ENERGY, ERROR = 0.02, 0.05
+NOISE = 0.5
+TURN = np.arange(ROWS)
+
+
+def actions(rng: np.random.Generator, back_to_back: bool = False) -> NDArray[np.int64]:
+    """Single actions and repeated ones in random order, or each one's repeats directly after one another."""
+    single = np.arange(ROWS - REPEATED * TIMES)
+    repeated = np.arange(REPEATED) + len(single)
+    if back_to_back:
+        return np.concatenate([np.repeat(repeated, TIMES), single])
+    return rng.permutation(np.concatenate([single, np.repeat(repeated, TIMES)]))
+
+
+def state(period: float) -> Array:
+    return np.sqrt(2) * np.sin(2 * np.pi * np.arange(ROWS) / period)
+
+
+def found_in(scores: Array, action: NDArray[np.int64], seed: int = 0) -> Wandering | None:
+    return wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), ERROR, action, TURN, seed)
+
+
+@pytest.mark.parametrize("period", [15.0, 40.0])
+def test_a_state_is_found_in_its_mode_with_what_it_is_worth(period: float) -> None:
+    rng = np.random.default_rng(1)
+    scores = NOISE * rng.standard_normal((ROWS, 2))
+    scores[:, 1] += state(period)
+    found = found_in(scores, actions(rng))
+    assert found is not None and found.mode == "width" and found.p < 0.001
+    # Neighbours are a step apart: they share cos(2 pi / period) of it.
+    assert found.mse == pytest.approx(ENERGY * np.cos(2 * np.pi / period), rel=0.15)
+    assert found.mse_of_repeats == pytest.approx(found.mse, rel=0.25)
+    assert np.corrcoef(found.amount, state(period))[0, 1] > 0.8
+
+
+def test_whatever_the_rows_order_in_the_table() -> None:
+    rng = np.random.default_rng(2)
+    scores, action = NOISE * rng.standard_normal((ROWS, 2)), actions(rng)
+    scores[:, 1] += state(20)
+    shuffled = rng.permutation(ROWS)
+    energy = np.full(scores.shape, ENERGY)
+    found = wandering(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
+    told = found_in(scores, action)
+    assert found is not None and told is not None and found.mse == pytest.approx(told.mse, rel=1e-9)
+    assert found.amount == pytest.approx(told.amount)
+
+
+def test_repeats_that_follow_one_another_hold_nothing_of_it() -> None:
+    rng = np.random.default_rng(3)
+    scores = NOISE * rng.standard_normal((ROWS, 2))
+    scores[:, 1] += state(60)
+    found = found_in(scores, actions(rng, back_to_back=True))
+    assert found is not None and found.mse > 0.8 * ENERGY
+    assert found.mse_of_repeats < 0.15 * found.mse
+
+
+def test_what_an_action_has_to_itself_does_not_wander() -> None:
+    """Repeats that follow one another miss alike where the model is wrong about their action."""
+    rng = np.random.default_rng(4)
+    action = actions(rng, back_to_back=True)
+    own = rng.standard_normal((ROWS, 2))[action]
+    assert found_in(own + NOISE * rng.standard_normal((ROWS, 2)), action) is None
+
+
+def test_noise_does_not_wander() -> None:
+    found = []
+    for seed in range(40):
+        rng = np.random.default_rng([5, seed])
+        found.append(found_in(rng.standard_normal((ROWS, 2)), actions(rng), seed))
+    assert sum(one is not None for one in found) <= 2
+
+
+def test_what_is_worth_next_to_nothing_is_no_state() -> None:
+    rng = np.random.default_rng(7)
+    scores = NOISE * rng.standard_normal((ROWS, 2))
+    scores[:, 1] += state(20)
+    assert (
+        wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), 100 * ERROR, actions(rng), TURN, 0) is None
+    )
+
+
+def test_where_nothing_is_missed_nothing_wanders() -> None:
+    rng = np.random.default_rng(8)
+    nothing = np.zeros((ROWS, 2))
+    assert wandering(("blur", "width"), nothing, np.full(nothing.shape, ENERGY), 0.0, actions(rng), TURN, 0) is None
+    assert wandering(("width",), np.ones((1, 1)), np.ones((1, 1)), 1.0, np.zeros(1, int), np.zeros(1, int), 0) is None

@@ -1,0 +1,113 @@
+"""Causes that a network cannot see, added to what it says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ContractError
+from pentimento.dynamics.pushes.analytic import first_model, identity
+from pentimento.dynamics.pushes.analytic_correction import (
+    FILE,
+    CorrectedClay,
+    Correction,
+    corrected,
+    correction_as_json,
+    read_correction,
+    split_hidden,
+)
+from pentimento.dynamics.pushes.analytic_scene import scene_of
+from pentimento.dynamics.pushes.mechanisms.far_field import FarField
+from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
+from pentimento.planning.pushes.model import Array, FloatArray, Pull
+from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, SIDE_M, blank
+
+WINDOW_M = np.array([0.0, 0.0, SIDE_M, SIDE_M])
+
+
+class Sinking:
+    """A push model that lowers everything by a tenth of the depth."""
+
+    window_m = WINDOW_M
+    end_effector = "ball"
+
+    def after(self, height_m: Array, actions: FloatArray) -> Array:
+        return np.stack([height_m - np.float32(0.1 * action[4]) for action in actions])
+
+    def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
+        def pull(cotangent: Array) -> tuple[Array, FloatArray]:
+            return cotangent, np.array([0.0, 0.0, 0.0, 0.0, -0.1 * cotangent.sum()])
+
+        return self.after(height_m, action[None])[0], pull
+
+
+@pytest.fixture(scope="module")
+def late() -> Correction:
+    """Play of 1 mm along x, and a swell that a network sees for itself."""
+    scene = scene_of(blank(12, 1), HALF_WIDTH_M)
+    base = first_model(scene)
+    play = ToolBacklash(np.array([0.001, 0.0]), {})
+    swell = FarField(np.array([0.2]), {})
+    return Correction(base.plus(swell, play), base.plus(swell), HALF_WIDTH_M, {"dwell_s": 1.0})
+
+
+def test_what_a_network_sees_is_not_added_again(late: Correction) -> None:
+    height = np.full((PIXELS, PIXELS), 0.04, np.float32)
+    actions = np.array([[0.07, 0.05, np.pi / 2, 0.02, 0.006], [0.05, 0.07, 0.0, 0.02, 0.006]])
+    north, east = late.planned(height, WINDOW_M, actions)
+    assert np.abs(north).max() < 1e-6  # along y there is no play
+    assert np.abs(east).max() > 1e-4
+
+
+def test_a_corrected_model_adds_it_and_its_gradient(late: Correction) -> None:
+    clay = CorrectedClay(Sinking(), late)
+    rng = np.random.default_rng(0)
+    height = np.full((PIXELS, PIXELS), 0.04, np.float32)
+    action = np.array([0.05, 0.07, 0.3, 0.02, 0.006])
+    after, pull = clay.step(height, action)
+    assert np.allclose(after, clay.after(height, action[None])[0], atol=1e-6)
+    cotangent = rng.standard_normal(height.shape).astype(np.float32)
+    _, found = pull(cotangent)
+    for number, step in enumerate((3e-4, 3e-4, 5e-3, 3e-4, 2e-4)):
+        moved = action + np.outer((1, -1), step * (np.arange(5) == number))
+        up, down = (float((clay.after(height, one[None])[0].astype(np.float64) * cotangent).sum()) for one in moved)
+        assert found[number] == pytest.approx((up - down) / (2 * step), rel=0.25, abs=0.3)
+
+
+def test_no_actions_are_no_error(late: Correction) -> None:
+    class Nothing(Sinking):
+        def after(self, height_m: Array, actions: FloatArray) -> Array:
+            return np.zeros((len(actions), *height_m.shape), np.float32)
+
+    height = np.zeros((PIXELS, PIXELS), np.float32)
+    assert CorrectedClay(Nothing(), late).after(height, np.zeros((0, 5))).shape == (0, PIXELS, PIXELS)
+
+
+def test_it_stands_in_a_file_beside_the_network_or_not_at_all(late: Correction, tmp_path: Path) -> None:
+    clay = Sinking()
+    assert corrected(clay, tmp_path) is clay
+    (tmp_path / FILE).write_text(json.dumps(correction_as_json(late)))
+    again = read_correction(tmp_path / FILE)
+    height = np.full((PIXELS, PIXELS), 0.04, np.float32)
+    actions = np.array([[0.05, 0.07, 0.4, 0.02, 0.006]])
+    assert np.array_equal(again.planned(height, WINDOW_M, actions), late.planned(height, WINDOW_M, actions))
+    assert isinstance(corrected(clay, tmp_path), CorrectedClay)
+
+
+def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("{}")
+    with pytest.raises(ContractError, match="not the correction"):
+        corrected(Sinking(), tmp_path)
+
+
+def test_only_hidden_causes_are_split_off() -> None:
+    scene = scene_of(blank(12, 1), HALF_WIDTH_M)
+    base = first_model(scene)
+    swell, play = (identity(kind, scene) for kind in (FarField, ToolBacklash))
+    assert split_hidden(base.plus(swell), lambda model: model) is None
+    both = split_hidden(base.plus(swell, play), lambda model: model)
+    assert both is not None
+    assert [len(model.mechanisms) for model in both] == [2, 1]

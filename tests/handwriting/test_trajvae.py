@@ -1,0 +1,100 @@
+"""TrajVAE learns strokes, adapts to a hand, and its file decodes as it does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import torch
+
+from pentimento.contracts.errors import ContractError
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.handwriting.hand_files import generic_hand, hand_of
+from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
+from pentimento.handwriting.sampling import sampled_strokes
+from pentimento.handwriting.training import fine_tune, pretrain
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, sizes_m
+from tests.handwriting.conftest import CONFIG, lengths_mm
+
+Parts = tuple[Demonstrated, Demonstrated]
+
+
+def unheard(*_: object) -> None: ...
+
+
+def test_it_beats_the_mean_stroke_on_sessions_it_has_not_seen(model: TrajVAE, parts: Parts, curve: list[float]) -> None:
+    learned, held_out = parts
+    assert curve[-1] < 0.3 * curve[0]
+    few, rest = learned.of("arcs").strokes.pick(torch.arange(10)), held_out.of("arcs").strokes
+    assert reconstruction_mm(model, rest) < 0.5 * mean_stroke_mm(few, rest)
+    assert nearest_mm(few, rest) < mean_stroke_mm(few, rest)
+    assert nearest_mm(rest, rest) == 0
+
+
+def test_fine_tuning_on_a_few_strokes_comes_nearer_to_a_hand_that_was_not_learned(parts: Parts) -> None:
+    learned, held_out = parts
+    others = learned.pick(np.array([hand != "zigzags" for hand in learned.hand]))
+    model = pretrain(others.strokes, CONFIG, unheard)
+    new = held_out.of("zigzags").strokes
+    few, rest = new.pick(torch.arange(10)), new.pick(torch.arange(10, 16))
+    own = fine_tune(model, few, others.strokes, CONFIG, unheard)
+    assert reconstruction_mm(own, rest) < 0.8 * reconstruction_mm(model, rest)
+    alone = fine_tune(model, few, few, CONFIG, unheard)  # nothing is rehearsed
+    apart = held_out.of("loops").strokes
+    assert reconstruction_mm(own, apart) < reconstruction_mm(alone, apart)
+    assert reconstruction_mm(model, rest) == pytest.approx(
+        reconstruction_mm(pretrain(others.strokes, CONFIG, unheard), rest)
+    )
+
+
+def test_the_file_decodes_as_the_model(model: TrajVAE, parts: Parts) -> None:
+    strokes = parts[1].of("loops").strokes
+    hand = hand_of(model, strokes, "loops")
+    latent = hand.some(5, np.random.default_rng(0))
+    with torch.no_grad():
+        xy, _ = model.decode(torch.from_numpy(latent))
+    np.testing.assert_allclose(hand.decode(latent)[0], xy.numpy(), atol=1e-6)
+    assert hand.points == CONFIG.points
+
+
+def test_samples_of_a_hand_are_of_its_size_and_nobody_s_are_not(model: TrajVAE, parts: Parts) -> None:
+    for hand in ("dots", "arcs"):
+        own = parts[0].of(hand).strokes
+        decoder = hand_of(model, own, hand)
+        drawn = decoder.decode(decoder.some(100, np.random.default_rng(1)))[0]
+        assert np.median(lengths_mm(drawn)) == pytest.approx(np.median(lengths_mm(own.xy_m.numpy())), rel=0.25)
+    nobody = generic_hand(model)
+    assert nobody.some(3000, np.random.default_rng(2)).std() == pytest.approx(1, abs=0.02)
+
+
+def test_unknown_heights_ask_nothing_of_the_decoder(model: TrajVAE, parts: Parts) -> None:
+    strokes = parts[0].strokes
+    unknown = strokes._replace(height_known=torch.zeros_like(strokes.height_known))
+    other = unknown._replace(height_m=unknown.height_m + 1.0)
+    one, two = (model.loss(s, 1e-3, torch.Generator().manual_seed(0)).detach() for s in (unknown, other))
+    assert float(one) == float(two)
+
+
+def test_errors_count_relative_to_size(model: TrajVAE) -> None:
+    line = torch.stack([torch.linspace(0, 0.03, 16), torch.zeros(16)], dim=-1)[None]
+    strokes = Strokes(line, torch.zeros(1, 16), torch.zeros(1))
+    assert float(sizes_m(3 * strokes.xy_m)) == pytest.approx(3 * float(sizes_m(strokes.xy_m)))
+
+
+def test_one_session_cannot_be_held_out(table: pa.Table) -> None:
+    once = demonstrated(table, 16)
+    alone = replace(once, session=tuple(once.hand))
+    with pytest.raises(ContractError, match="one session"):
+        last_session_held_out(alone)
+    with pytest.raises(ContractError, match="no rows"):
+        demonstrated(table.slice(0, 0), 16)
+
+
+def test_samples_scatter_as_the_few_strokes_do(model: TrajVAE, parts: Parts) -> None:
+    few = parts[0].of("arcs").strokes
+    drawn = sampled_strokes(model, few, 40, np.random.default_rng(3))
+    np.testing.assert_allclose(drawn[:, 0], 0, atol=1e-12)
+    np.testing.assert_allclose(drawn[:, -1, 1], 0, atol=1e-9)
+    step = np.linalg.norm(np.diff(drawn, axis=1), axis=-1)
+    assert (step.std(1) < 0.2 * step.mean(1)).all()
+    assert np.median(lengths_mm(drawn)) == pytest.approx(np.median(lengths_mm(few.xy_m.numpy())), rel=0.3)

@@ -1,0 +1,64 @@
+"""When more strokes stop helping, the curve says so; where they would help, it does not."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pentimento.cli.main import main
+from pentimento.contracts.strokes import example_table
+from pentimento.io.learning_curve import Gain, LearningCurve, _counts, _gain
+
+
+def curve(*gains: Gain) -> LearningCurve:
+    strokes = tuple(10 * 2**at for at in range(len(gains) + 1))
+    return LearningCurve(strokes, strokes, (0.01,) * len(strokes), 0.02, gains, 20)
+
+
+SMALL, LARGE, UNSURE = Gain(0.01, -0.01, 0.03), Gain(0.2, 0.1, 0.3), Gain(0.04, -0.05, 0.12)
+
+
+@pytest.mark.parametrize(
+    ("gains", "enough", "says"),
+    [
+        ((LARGE, SMALL), 20, "20 strokes are enough"),
+        ((LARGE, SMALL, SMALL), 20, "20 strokes are enough"),
+        ((SMALL, LARGE), None, "More strokes make a better model"),
+        ((SMALL, UNSURE), None, "Undecided"),
+        ((SMALL, LARGE, SMALL), 40, "40 strokes are enough"),
+    ],
+)
+def test_enough_is_where_no_doubling_gains_any_more(gains: tuple[Gain, ...], enough: int | None, says: str) -> None:
+    assert curve(*gains).enough == enough and says in curve(*gains).sentence
+
+
+def test_a_gain_is_paired_over_actions() -> None:
+    before = np.random.default_rng(0).lognormal(0, 1, 50)
+    gain = _gain(before, 0.9 * before, 0)
+    assert gain == pytest.approx((0.1, 0.1, 0.1))  # every action gains as much, however they differ
+    none = _gain(before, np.random.default_rng(1).permutation(before), 0)
+    assert none.value == pytest.approx(0) and none.low < -0.1 and none.high > 0.1
+
+
+def test_shares_double_and_none_is_too_small() -> None:
+    assert _counts(66) == [8, 16, 33, 66] and _counts(40) == [10, 20, 40] and _counts(9) == [9]
+
+
+@pytest.mark.parametrize("rows", [24])
+def test_the_command_prints_the_curve_beside_the_blank_canvas(
+    rows: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pq.write_table(example_table(rows * 4 // 3), tmp_path / "rows.parquet")
+    assert main(["enough", str(tmp_path / "rows.parquet")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    errors = [float(line.split()[2]) for line in said[1:-2]]
+    blank = float(said[-2].split()[1])
+    assert len(errors) == 2 and max(errors) < 0.3 * blank
+    assert "95 %" in said[-1]
+
+
+def test_too_few_actions_for_a_curve_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pq.write_table(example_table(16), tmp_path / "rows.parquet")
+    assert main(["enough", str(tmp_path / "rows.parquet")]) == 1
+    assert "record more strokes" in capsys.readouterr().err

@@ -1,0 +1,169 @@
+"""Paths and photographs from elsewhere become rows that keep the contract; what cannot be used is counted."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.cli.main import main
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.images import decode_png, write_png
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table
+from pentimento.io.photo_pairs import import_photo_pairs
+from pentimento.io.place import Placement
+from tests.io.photographed import SHEET_MM, line_mm, photograph, record, sheet, written
+
+WINDOW = "0 mm, 0 mm, 120 mm, 8 cm"
+PLACE = Placement.parsed(WINDOW, None, False)
+
+
+def ink_centre_m(row: dict) -> np.ndarray:
+    """Where the photographs changed, x and y in the canvas frame."""
+    before, after = (decode_png(row[name]["bytes"]).astype(float) for name in ("before", "after"))
+    rows, columns = np.nonzero(np.abs(after - before).sum(-1) > 100)
+    x_min, _, x_max, y_max = row["window_m"]
+    k = before.shape[1] / (x_max - x_min)
+    return np.array([x_min + (columns.mean() + 0.5) / k, y_max - (rows.mean() + 0.5) / k])
+
+
+def test_units_become_si_and_the_ink_lies_under_the_path(tmp_path: Path) -> None:
+    imported = import_photo_pairs(record(tmp_path, 6), tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 6 and not imported.refused
+    rows = read_table(tmp_path / "out", CONTRACT).table.to_pylist()
+    for number, row in enumerate(rows):
+        path = np.array(row["path"])
+        np.testing.assert_allclose(path[:, 1:3], line_mm(number) / 1000, atol=1e-6)
+        np.testing.assert_allclose(path[:, 3], -0.001 * (1 + 0.1 * (number % 4)), rtol=1e-5)
+        np.testing.assert_allclose(path[:, 4], math.pi / 6, rtol=1e-6)
+        np.testing.assert_allclose(ink_centre_m(row), path[:, 1:3].mean(0), atol=4e-4)
+        assert row["tool"] == "quill" and row["session"] == "paths" and row["order"] == row["action_id"] == number
+        np.testing.assert_allclose(row["color_srgb"], [20 / 255, 20 / 255, 30 / 255], rtol=1e-6)
+        assert row["window_m"][2] - row["window_m"][0] < 0.05  # what lies around the path, not the whole sheet
+
+
+def test_y_that_grows_downwards_is_turned_and_a_scale_says_the_same_as_a_window(tmp_path: Path) -> None:
+    upright = record(tmp_path, 4)
+    lines = upright.read_text().splitlines()
+    turned = [lines[0]]
+    for line in lines[1:]:
+        fields = line.split(",")
+        fields[3], fields[5] = f"{SHEET_MM[1] - float(fields[3]):.3f}", f"-{fields[5]}"
+        turned.append(",".join(fields))
+    tables = []
+    for name, rows, place in (
+        ("up", lines, PLACE),
+        ("down", turned, Placement.parsed(WINDOW, None, True)),
+        ("scale", turned, Placement.parsed(None, "5 px/mm", True)),
+    ):
+        import_photo_pairs(written(tmp_path, rows), tmp_path / "photos", place, "quill", tmp_path / name)
+        tables.append(read_table(tmp_path / name, CONTRACT).table.to_pylist())
+    for other in tables[1:]:
+        for row, same in zip(tables[0], other, strict=True):
+            np.testing.assert_allclose(row["path"], same["path"], atol=2e-6)
+            np.testing.assert_allclose(row["window_m"], same["window_m"], atol=1e-6)
+            assert row["before"] == same["before"] and row["after"] == same["after"]
+
+
+def test_a_window_that_begins_elsewhere_moves_y_down_to_its_lower_edge(tmp_path: Path) -> None:
+    place = Placement.parsed("10 mm, 5 mm, 130 mm, 85 mm", None, True)
+    assert place.window_m((400, 600)) == pytest.approx((0.01, 0.0, 0.13, 0.08))
+    top = place.to_canvas(np.array([[0.0, 0.02, 0.005, 0.0, 0.3]]), (400, 600))
+    np.testing.assert_allclose(top, [[0.0, 0.02, 0.08, 0.0, -0.3]])
+
+
+def test_what_is_known_of_a_stroke_goes_along_and_other_numbers_are_covariates(tmp_path: Path) -> None:
+    photograph(tmp_path / "photos", "a", line_mm(0, 2))
+    (x0, y0), (x1, y1) = line_mm(0, 2)
+    header = "stroke,x_mm,y_mm,z_mm,session,action_id,since_reload,t_start_s,humidity"
+    rows = [header, f"a,{x0},{y0},-1,monday,7,2,12.5,0.4", f"a,{x1},{y1},-1,monday,7,2,12.5,0.4"]
+    import_photo_pairs(written(tmp_path, rows), tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    (row,) = read_table(tmp_path / "out", CONTRACT).table.to_pylist()
+    assert (row["session"], row["action_id"], row["since_reload"], row["t_start_s"]) == ("monday", 7, 2, 12.5)
+    assert row["humidity"] == pytest.approx(0.4) and all(math.isnan(point[0]) for point in row["path"])
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        (["a,0,30,20,-1,", "a,1,40,20,-1,"], "no photograph before"),
+        (["s0,0,30,20,-1,"], "fewer than 2 points"),
+        (["s0,0,30,20,-1,", "s0,1,nan,20,-1,"], "NaN or infinite"),
+        (["s0,0,30,20,-1,", "s0,1,abc,20,-1,"], "not all numbers"),
+        (["s0,1,30,20,-1,", "s0,0,40,20,-1,"], "times run backwards"),
+        (["s0,0,30,20,-1,", "s0,,40,20,-1,"], "times at some points only"),
+        (["s0,0,30,20,-1,", "s0,1,400,20,-1,"], "leaves the photograph"),
+        (["s0,0,30,20,-1,x", "s0,1,40,20,-1,y"], "session changes"),
+        (["s0,0,30,20,-1,", "s0,1,40,20"], "another number of fields"),
+        (["../s0,0,30,20,-1,", "../s0,1,40,20,-1,"], "cannot be that of a file"),
+        (["torn,0,30,20,-1,", "torn,1,40,20,-1,"], "photograph is unreadable"),
+        (["small,0,30,20,-1,", "small,1,40,20,-1,"], "differ in size"),
+    ],
+)
+def test_a_stroke_that_cannot_be_used_is_counted_and_the_others_are_taken(
+    points: list[str], reason: str, tmp_path: Path
+) -> None:
+    for name, line in (("good", line_mm(1, 2)), ("s0", line_mm(0)), ("torn", line_mm(0)), ("small", line_mm(0))):
+        photograph(tmp_path / "photos", name, line)
+    torn = (tmp_path / "photos/torn_after.png").read_bytes()
+    (tmp_path / "photos/torn_after.png").write_bytes(torn[: len(torn) // 2])
+    write_png(tmp_path / "photos/small_after.png", sheet()[:-5])
+    good = [f"good,{at},{x},{y},-1," for at, (x, y) in enumerate(line_mm(1, 2))]
+    paths = written(tmp_path, ["stroke,t_s,x_mm,y_mm,z_mm,session", *points, *good])
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 1
+    ((said, names),) = imported.refused.items()
+    assert reason in said and len(names) == 1
+    assert reason in (tmp_path / "out/README.md").read_text()
+    with pytest.raises(ContractError, match="None of the 1 strokes"):
+        import_photo_pairs(
+            written(tmp_path, ["stroke,t_s,x_mm,y_mm,z_mm,session", *points]),
+            tmp_path / "photos", PLACE, "quill", tmp_path / "none",
+        )  # fmt: skip
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        ("", "is empty"),
+        ("stroke,t_s,x,y,z", "no column x, y, z"),
+        ("stroke,x_mm,y_mm,z_kg", "unusable unit"),
+        ("stroke,x_mm,y_mm,z_mm,press_mm", "z and press"),
+        ("stroke,x_mm,x_m,y_mm,z_mm", "x twice"),
+        ("x_mm,y_mm,z_mm", "no column stroke"),
+        ("stroke,x_mm,y_mm,z_mm", "no points"),
+        ("stroke,stroke,x_mm,y_mm,z_mm", "two columns of one name"),
+    ],
+)
+def test_a_table_that_is_none_is_refused_with_a_sentence(header: str, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "paths.csv"
+    path.write_text(f"{header}\n" if header else "")
+    with pytest.raises(ContractError, match=says):
+        import_photo_pairs(path, tmp_path, PLACE, "quill", tmp_path / "out")
+
+
+@pytest.mark.parametrize("window", ["", "0 mm, 0 mm, 1 mm", "0, 0, 1, 1", "0 mm, 0 mm, 0 mm, 1 mm", "a, b, c, d"])
+def test_a_window_that_is_none_is_refused(window: str) -> None:
+    with pytest.raises(ConfigError, match=r"left, lower, right, upper"):
+        Placement.parsed(window, None, False)
+
+
+@pytest.mark.parametrize("scale", ["5", "0 px/mm", "5 mm"])
+def test_a_scale_that_is_none_is_refused(scale: str) -> None:
+    with pytest.raises(ConfigError, match="px"):
+        Placement.parsed(None, scale, False)
+
+
+def test_the_command_says_how_many_came_in_and_why_others_did_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = record(tmp_path, 3)
+    (tmp_path / "photos/s1_after.png").unlink()
+    given = ["--photos", str(tmp_path / "photos"), "--window", WINDOW, "--tool", "quill", "--out", str(tmp_path / "o")]
+    assert main(["import", str(paths), *given]) == 0
+    said = capsys.readouterr().out
+    assert "2 strokes are in" in said and "Refused: 1 × there is no photograph after it (s1)." in said
+    assert main(["import", str(tmp_path / "nowhere.csv"), *given]) == 1
+    assert "nowhere.csv" in capsys.readouterr().err

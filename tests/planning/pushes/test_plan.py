@@ -1,0 +1,136 @@
+"""Plans: they help, they stop where nothing helps, and chance is in the seed alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.planning.pushes.actions import ends
+from pentimento.planning.pushes.cross_entropy import cross_entropy
+from pentimento.planning.pushes.descent import descend
+from pentimento.planning.pushes.initialise import best_action, candidates
+from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.pushes.plan import PushPlan, foreseen, plan
+from pentimento.planning.pushes.rollout import Foresight
+from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
+from tests.planning.pushes.settings import CONFIG, REACH
+
+MADE = np.array([[0.03, 0.03, 0.5, 0.025, 0.006], [0.07, 0.06, 2.5, 0.02, 0.005]])
+
+
+def towards(goal: np.ndarray, strength: float = 1.0) -> Foresight:
+    return Foresight([PressedClay(strength=strength)], ClayObjective(goal, WINDOW_M, Weights(1.0, 1.0)), caution=0.0)
+
+
+REACHABLE = towards(towards(flat()).roll_out(flat(), MADE)[0])
+"""A goal that two pushes make exactly."""
+
+
+def planned(config: object = CONFIG, item: tuple[int, ...] = (0,)) -> PushPlan:
+    return plan(flat(), REACHABLE, REACH, config, 4, item)  # type: ignore[arg-type]
+
+
+def test_a_goal_that_pushes_can_make_is_made() -> None:
+    values = planned().values
+    assert values[-1] < 0.25 * values[0]
+    assert (np.diff(values) < 0).mean() > 0.5
+
+
+def test_where_the_goal_is_reached_nothing_is_done() -> None:
+    assert len(plan(flat(), towards(flat()), REACH, CONFIG, 4, (0,)).actions) == 0
+
+
+def test_where_material_would_have_to_rise_nothing_is_done() -> None:
+    goal = flat()
+    goal[20:28, 20:28] += 0.002  # pushes that raise anything lower more elsewhere
+    assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, least_gain=0.02), 4, (0,)).actions) == 0
+
+
+def test_the_same_seed_and_item_make_the_same_plan_and_others_another() -> None:
+    np.testing.assert_array_equal(planned().actions, planned().actions)
+    assert not np.array_equal(planned().actions, planned(item=(1,)).actions)
+    assert not np.array_equal(planned().actions, planned(replace(CONFIG, seed=1)).actions)
+
+
+def test_a_plan_says_what_it_expects() -> None:
+    made = planned()
+    again = foreseen(made.actions, flat(), REACHABLE)
+    np.testing.assert_array_equal(made.foreseen_m, again.foreseen_m)
+    assert made.foreseen_m.shape == (len(made.actions) + 1, *flat().shape)
+    np.testing.assert_array_equal(made.foreseen_m[0], flat())
+
+
+def test_a_begun_plan_is_gone_on_with_and_useless_actions_are_left_out() -> None:
+    useless = np.array([[0.08, 0.02, 0.0, 0.01, 0.008]])  # where the goal is flat
+    config = replace(CONFIG, horizon=2, iterations=0)
+    kept = plan(flat(), REACHABLE, REACH, config, 2, (0,), np.concatenate([useless, MADE]))
+    np.testing.assert_array_equal(kept.actions[0], MADE[0])
+    assert len(kept.actions) == 2
+
+
+def test_descent_repairs_a_push_that_is_off() -> None:
+    off = MADE + np.array([0.003, -0.002, 0.2, -0.004, -0.002])
+    before = REACHABLE.value(REACHABLE.roll_out(flat(), off))
+    moved, value = descend(off, flat(), REACHABLE, REACH, replace(CONFIG, iterations=25))
+    assert value < 0.2 * before
+    assert value == pytest.approx(REACHABLE.value(REACHABLE.roll_out(flat(), moved)))
+
+
+def test_cross_entropy_repairs_it_without_gradients() -> None:
+    off = MADE + np.array([0.003, -0.002, 0.2, -0.004, -0.002])
+    before = REACHABLE.value(REACHABLE.roll_out(flat(), off))
+    config = replace(CONFIG, iterations=12, samples=30)
+    moved, value = cross_entropy(off, flat(), REACHABLE, REACH, config, np.random.default_rng(0))
+    assert value < 0.6 * before
+    assert value == pytest.approx(REACHABLE.value(REACHABLE.roll_out(flat(), moved)))
+
+
+@pytest.mark.parametrize("refine", ["gradient", "cross_entropy"])
+def test_refining_never_makes_a_plan_worse(refine: str) -> None:
+    rough = planned(replace(CONFIG, refine="none"))
+    fine = planned(replace(CONFIG, refine=refine, iterations=2))
+    assert fine.values[-1] <= rough.values[-1] + 1e-12
+
+
+def test_guided_candidates_end_where_there_is_too_much() -> None:
+    goal = flat()
+    goal[8:16, 8:40] -= 0.003  # a bar near the top: rows 8 to 16, so y from .067 to .083
+    guided = candidates(
+        flat(), towards(goal), REACH, replace(CONFIG, guided=1.0, candidates=200), np.random.default_rng(0)
+    )
+    end_m = ends(guided)
+    assert np.mean((end_m[:, 1] > 0.063) & (end_m[:, 1] < 0.088)) > 0.9
+    along = np.abs(np.cos(guided[:, 2])) > 0.9
+    assert along.mean() > 0.5  # half of them, and of the others some
+
+
+def test_the_best_action_is_no_worse_than_any_candidate_of_the_first_round() -> None:
+    states = REACHABLE.start(flat())
+    first = candidates(flat(), REACHABLE, REACH, CONFIG, np.random.default_rng(5))
+    _, value = best_action(states, REACHABLE, REACH, CONFIG, np.random.default_rng(5))
+    assert value <= REACHABLE.values_after(states, first).min()
+
+
+def test_caution_prefers_what_the_members_agree_on() -> None:
+    goal = flat()
+    goal[10:20, 10:20] -= 0.003
+    goal[30:40, 30:40] -= 0.0031
+    members = [PressedClay(), PressedClay()]
+    objective = ClayObjective(goal, WINDOW_M, Weights(1.0, 0.0))
+
+    class Unsure(PressedClay):
+        """As its sister where y is above the middle, and half as strong where it is below."""
+
+        def after(self, height_m, actions):  # type: ignore[no-untyped-def]
+            weaker = actions * np.where(actions[:, 1:2] < 0.05, [1, 1, 1, 1, 0.3], 1.0)
+            return super().after(height_m, weaker)
+
+    members[1] = Unsure()
+    shares = []
+    for caution in (0.0, 8.0):
+        foresight = Foresight(members, objective, caution)
+        action, _ = best_action(foresight.start(flat()), foresight, REACH, CONFIG, np.random.default_rng(0))
+        after = foresight.act(foresight.start(flat()), action)
+        shares.append(float(np.var(after, axis=0).mean()))
+    assert shares[1] < shares[0] or shares[0] == 0.0
+    assert shares[1] < 1e-12
