@@ -26,19 +26,19 @@ _MB = 1e6
 
 def measure_ours(case: Case) -> dict[str, Any]:
     """One row of the table, measured in this process."""
-    return _measure(case, render_strokes, _BUDGET_S, least=7)
+    return _measure(case, render_strokes, _BUDGET_S, minimum=7)
 
 
 def measure_reference(case: Case) -> dict[str, Any]:
     """The same of the dense reference."""
-    return _measure(case, _reference, _REFERENCE_BUDGET_S, least=2)
+    return _measure(case, _reference, _REFERENCE_BUDGET_S, minimum=2)
 
 
 def _reference(*inputs: Tensor) -> Tensor:
     return render_reference(*(tensor[0] for tensor in inputs))[None]
 
 
-def _measure(case: Case, renderer: Callable[..., Tensor], budget_s: float, least: int) -> dict[str, Any]:
+def _measure(case: Case, renderer: Callable[..., Tensor], budget_s: float, minimum: int) -> dict[str, Any]:
     torch.set_num_threads(case.threads)
     inputs = strokes_and_canvas(case)
     leaves = [tensor.clone().requires_grad_() for tensor in inputs]
@@ -55,9 +55,9 @@ def _measure(case: Case, renderer: Callable[..., Tensor], budget_s: float, least
     before = memory.forget_peak()
     forward_backward()
     peak_mb = None if before is None else (memory.peak() - before) / _MB
-    backward = repeated(forward_backward, budget_s, least)
+    backward = repeated(forward_backward, budget_s, minimum)
     return asdict(case) | {
-        "forward": repeated(forward, budget_s, least)._asdict(),
+        "forward": repeated(forward, budget_s, minimum)._asdict(),
         "forward_backward": backward._asdict(),
         "peak_mb": peak_mb,
     }

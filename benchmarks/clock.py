@@ -16,11 +16,11 @@ class Times(NamedTuple):
     runs: int
 
 
-def repeated(call: Call, budget_s: float, least: int = 5, most: int = 60) -> Times:
-    """Run a call ``least`` times, and up to ``most`` while the budget lasts."""
+def repeated(call: Call, budget_s: float, minimum: int = 5, most: int = 60) -> Times:
+    """Run a call ``minimum`` times, and up to ``most`` while the budget lasts."""
     times: list[float] = []
     started = time.perf_counter()
-    while len(times) < least or (len(times) < most and time.perf_counter() - started < budget_s):
+    while len(times) < minimum or (len(times) < most and time.perf_counter() - started < budget_s):
         times.append(_once(call))
     return Times(statistics.median(times), min(times), len(times))
 

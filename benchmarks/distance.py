@@ -50,7 +50,7 @@ def measure_distance(case: Case) -> dict[str, Any]:
     kernel, both, forward, from_memory = (times.minimum_s for times in in_turns(calls, _ROUNDS))
     per_both = both / (passes * CACHED_BLOCKS * BLOCK)
     per_forward = forward / (passes * CACHED_BLOCKS * BLOCK)
-    least = (pairs - inked) * per_forward + inked * per_both
+    minimum = (pairs - inked) * per_forward + inked * per_both
     return {
         "strokes": case.strokes,
         "points": case.points,
@@ -65,7 +65,7 @@ def measure_distance(case: Case) -> dict[str, Any]:
         "limit_forward_ns_per_pair": 1e9 * per_forward,
         "limit_from_memory_ns_per_pair": 1e9 * from_memory / (len(streamed) * BLOCK),
         "times_limit": kernel / pairs / per_both,
-        "times_least_work": kernel / least,
+        "times_least_work": kernel / minimum,
         "packed_instructions": packed_instructions(forward_backward_pairs),
         "bytes_per_pair": FIELDS * np.dtype(np.float32).itemsize,
     }

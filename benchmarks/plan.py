@@ -27,7 +27,7 @@ def measure_plan(way: Way) -> dict[str, Any]:
     _plan(way, STROKES // 10, ITERATIONS // 20)
     started = time.perf_counter()
     iterations, loss = _plan(way, STROKES, ITERATIONS)
-    return {"way": way, "s": time.perf_counter() - started, "iterations": iterations, "least_loss": loss}
+    return {"way": way, "s": time.perf_counter() - started, "iterations": iterations, "min_loss": loss}
 
 
 def _plan(way: Way, strokes: int, iterations: int) -> tuple[int, float]:

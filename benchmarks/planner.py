@@ -5,8 +5,8 @@ The baseline is the thesis's way: as many strokes, uniform over all their parame
 It gets the best of several multiples of our first learning rates, chosen for each picture afterwards, and a cosine
 schedule: of multiples 1, 2 and 4 on three pictures, the best with it ended lower than the best without.
 
-Where plans are executed, ours is told what execution may take from a stroke (``Slack``). A third plan tells which part
-of the difference that makes: the baseline's with its best learning rate, told the same at every iteration.
+Where plans are executed, ours plans for ``ExecutionNoise``. A third plan tells which part of the difference that makes:
+the baseline's with its best learning rate, told the same at every iteration.
 
 Seconds are CPU seconds of one thread: wall time where nothing else runs.
 """
@@ -31,13 +31,13 @@ from pentimento.control.painter import as_linear, paint
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
+from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
 from pentimento.planning.descent import half_cosine
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.paints import choose_paints, in_order
 from pentimento.planning.palette import PaletteChoice
 from pentimento.planning.planner import free_plan, plan
-from pentimento.planning.render_plan import mishaps, render_and_back, render_plan
+from pentimento.planning.render_plan import faults, render_and_back, render_plan
 from pentimento.planning.scene import Scene, objective_for, scene_with
 from pentimento.planning.strokes import Strokes
 from pentimento.planning.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
@@ -71,7 +71,7 @@ OURS = PlannerConfig(
     replan_rate=0.0,
     relocate_every=10,
     relocate_share=0.3,
-    least_gain=0.0,
+    min_gain=0.0,
     palette=PaletteChoice("plan", 12, None, None),
     sweeps=4,
     path_points=16,
@@ -79,14 +79,14 @@ OURS = PlannerConfig(
     edge_m=6e-3,
     distances_px=(1, 4),
     objectives=ObjectivesConfig(1.0, None),
-    slack=Slack(0.0, 0.0),
+    execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(2.4e-3, 0.12, 2.4e-3, 1.2e-3, 8e-4, 0.06),
     seed=1,
 )
 SCHEDULES = {"short": (40, 4), "middle": (120, 5), "long": (390, 10)}
 """Iterations with free colours, and between two relocations. The last takes about as long as the baseline and is what
 is compared at equal time, cut off there; to the baseline's loss goes the first that gets there."""
-SLACK = Slack(0.3, 0.0)
+EXECUTION_NOISE = ExecutionNoise(0.3, 0.0)
 """Where plans are executed."""
 
 
@@ -136,7 +136,7 @@ def plain_adam(
     free_color: bool,
     clock: _Clock,
     last_rate: float = 0.0,
-    slack: Slack = OURS.slack,
+    execution_noise: ExecutionNoise = OURS.execution_noise,
 ) -> None:
     """Move the strokes in place for ``ITERATIONS``, along a cosine from the rates to ``last_rate`` times them."""
     rates = asdict(PLAIN_RATES)
@@ -148,8 +148,8 @@ def plain_adam(
     schedule = torch.optim.lr_scheduler.LambdaLR(adam, lambda i: half_cosine(i, ITERATIONS, 1.0, last_rate))
     objective, rng = objective_for(scene, OURS), np.random.default_rng(OURS.seed)
     for iteration in range(ITERATIONS + 1):
-        mishap = mishaps(len(strokes), slack, rng) if slack.any() else None
-        image, back = render_and_back(strokes, canvas, scene, mishap)
+        fault = faults(len(strokes), execution_noise, rng) if execution_noise.any() else None
+        image, back = render_and_back(strokes, canvas, scene, fault)
         loss, of_image = objective(image)
         clock("objective", loss, iteration)
         if iteration < ITERATIONS:
@@ -189,7 +189,7 @@ def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
     scene, canvas = scene_of(picture)
     theirs, adam, multiple = best_adam(canvas, scene, seed)
     row: dict[str, Any] = {"picture": Path(picture).stem, "seed": seed, "strokes": STROKES}
-    row["adam"] = {"multiple": multiple, "seconds": adam.seconds[-1], "loss": adam.loss[-1], "least": min(adam.loss)}
+    row["adam"] = {"multiple": multiple, "seconds": adam.seconds[-1], "loss": adam.loss[-1], "minimum": min(adam.loss)}
     constant = constant_adam(canvas, scene, seed)
     row["constant"] = {"seconds": constant.seconds[-1], "loss": constant.loss[-1]}
     for name, (iterations, every) in SCHEDULES.items():
@@ -228,16 +228,19 @@ def _in_paints(
     objective = objective_for(scene, OURS)
     plans = {}
     start = time.process_time()
-    plans["adam"] = (*_light_to_dark(theirs, canvas, scene, multiple, seed, OURS.slack), time.process_time() - start)
+    plans["adam"] = (
+        *_light_to_dark(theirs, canvas, scene, multiple, seed, OURS.execution_noise),
+        time.process_time() - start,
+    )
     if execute:
         told = _anywhere(scene, seed)
-        plain_adam(told, canvas, scene, multiple, True, _Clock(0), slack=SLACK)
+        plain_adam(told, canvas, scene, multiple, True, _Clock(0), execution_noise=EXECUTION_NOISE)
         start = time.process_time()
         plans["adam_told"] = (
-            *_light_to_dark(told, canvas, scene, multiple, seed, SLACK), time.process_time() - start
+            *_light_to_dark(told, canvas, scene, multiple, seed, EXECUTION_NOISE), time.process_time() - start
         )  # fmt: skip
     start = time.process_time()
-    config = replace(OURS, iterations_free=120, slack=SLACK, seed=seed)
+    config = replace(OURS, iterations_free=120, execution_noise=EXECUTION_NOISE, seed=seed)
     plans["ours"] = (*plan(canvas, scene, STROKES, config, _unheard), time.process_time() - start)
     result: dict[str, Any] = {}
     for name, (strokes, colors, seconds) in plans.items():
@@ -253,12 +256,12 @@ def _in_paints(
 
 
 def _light_to_dark(
-    strokes: Strokes, canvas: Light, scene: Scene, multiple: float, seed: int, slack: Slack
+    strokes: Strokes, canvas: Light, scene: Scene, multiple: float, seed: int, execution_noise: ExecutionNoise
 ) -> tuple[Strokes, FloatArray]:
     """A baseline's plan in 12 paints, and these, sRGB [K, 3]."""
     paints = choose_paints(strokes, OURS.palette, seed)
     strokes, paints = in_order(paints.dipped(strokes), paints, scene, replace(OURS, sweeps=1))
-    plain_adam(strokes, canvas, scene, multiple, False, _Clock(0), slack=slack)
+    plain_adam(strokes, canvas, scene, multiple, False, _Clock(0), execution_noise=execution_noise)
     return strokes, paints.srgb()
 
 

@@ -32,7 +32,7 @@ from pentimento.planning.descent import descend
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.model import Brush, Objective
 from pentimento.planning.objective import PrintObjective, Term, WeightedObjective
-from pentimento.planning.render_plan import mishaps
+from pentimento.planning.render_plan import faults
 from pentimento.planning.scene import Scene, scene_with
 from pentimento.planning.strokes import with_color
 from pentimento.planning.target import fit_to_canvas, load_photograph
@@ -118,7 +118,7 @@ def time_steps(scene: Scene, planner: PlannerConfig, objective: Objective, count
     strokes.keep_within(tool, scene.canvas_size_m, planner.edge_m)
     paper, rate, free_color = np.ones_like(scene.target), planner.replan_rate, tool.color_srgb is None
     task, every = (strokes, paper, scene, planner, objective), _WARM + steps
-    way = descend(*task, every, free_color, rate, rate, None, lambda _: mishaps(count, planner.slack, rng))
+    way = descend(*task, every, free_color, rate, rate, None, lambda _: faults(count, planner.execution_noise, rng))
     marks = [(value, time.perf_counter(), time.process_time()) for value in way]
     return (1e3 * np.diff(marks[_WARM - 1 :], axis=0)[:, 1:]).tolist(), marks[0][0]
 
@@ -168,7 +168,7 @@ def _in_turns(bundle: Bundle, workshop: subprocess.Popen[str], cases: list[Case]
         figures = [*zip(median, best, strict=True), *zip(their_median, their_best, strict=True)]
         figures.append((median[0] / their_median[0], best[0] / their_best[0]))
         kind, met = "semantic" if case.semantic else "print", "yes" if best[0] <= min(bar, their_best[0]) else "NO"
-        cells = [f"{middle:7.2f} ({least:6.2f})" for middle, least in figures]
+        cells = [f"{middle:7.2f} ({minimum:6.2f})" for middle, minimum in figures]
         print(f"{case.brush:15} {kind:9} × {case.threads}  ", *cells, f"{bar:3.0f} {met}", flush=True)
 
 

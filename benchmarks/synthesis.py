@@ -31,7 +31,7 @@ from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.descent import optimise
-from pentimento.planning.fitted import Pace
+from pentimento.planning.fitted import LoopTiming
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.scene import scene_with
 from pentimento.planning.target import fit_to_canvas, load_photograph
@@ -178,7 +178,7 @@ def _guidance(setting: Setting) -> Guidance:
 
 
 def _model() -> StrokeModel:
-    return StrokeModel(MODEL, (BristleLag(torch.tensor([LAG_M]), {}),), {}, Pace(3.0, 9.0))
+    return StrokeModel(MODEL, (BristleLag(torch.tensor([LAG_M]), {}),), {}, LoopTiming(3.0, 9.0))
 
 
 def _encoder() -> Encoder:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.copainting.evaluation.answers import Asking, ask
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
-from pentimento.copainting.evaluation.goal_plans import Easel
+from pentimento.copainting.evaluation.goal_plans import PaintContext
 from pentimento.copainting.goal.planner import load_goal_planner
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
@@ -20,7 +20,7 @@ Picture = NDArray[np.uint8]
 
 
 def play(
-    folder: Path, story: Story, easel: Easel, world: str, asking: Asking, codrawing: Codrawing, seed: int
+    folder: Path, story: Story, paint_context: PaintContext, world: str, asking: Asking, codrawing: Codrawing, seed: int
 ) -> list[Turn]:
     """One story on a new sheet in a world of the studio, the robot's goals by the goal planner in a folder."""
     planner = load_goal_planner(folder)
@@ -28,13 +28,13 @@ def play(
     def goal_for(photo: Picture, prompt: str) -> Picture:
         return np.asarray(ask(planner, photo[None], [prompt], asking)[0])
 
-    return codraw(_robot(easel, world, seed), easel, story, goal_for, codrawing, seed)
+    return codraw(_robot(paint_context, world, seed), paint_context, story, goal_for, codrawing, seed)
 
 
-def _robot(easel: Easel, world: str, seed: int) -> Robot:
+def _robot(paint_context: PaintContext, world: str, seed: int) -> Robot:
     """A robot before a blank sheet of the medium's size."""
     known = load_world(world)
-    side = easel.medium.side_m
+    side = paint_context.medium.side_m
     studio = Studio(replace(known, paper=replace(known.paper, size_m=(side, side))), seed)
     robot = VirtualRobot(studio)
-    return GuardedRobot(robot, envelope_for(easel.tool, robot.canvas_size_m))
+    return GuardedRobot(robot, envelope_for(paint_context.tool, robot.canvas_size_m))

@@ -17,7 +17,7 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
 from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.diagnosis.strokes.aliasing import Imitation, imitation_of, in_short
+from pentimento.diagnosis.strokes.aliasing import Aliasing, aliasing_of, in_short
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
@@ -73,18 +73,18 @@ def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> 
     """The strokes, and the largest imitation among causes that their design allows (GAP.md, rule 8)."""
     tool = load_tool(tool_name)
     robot = VirtualRobot(Studio(load_world(world), config.seed))
-    found = _imitation(tool, robot.canvas_size_m, config)
+    found = _aliasing(tool, robot.canvas_size_m, config)
     print(f"What this design cannot tell apart: {in_short(found)}.", file=sys.stderr)
     rows = collect_strokes(GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config, run.log)
     return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0]))), found.largest
 
 
-def _imitation(tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig) -> Imitation:
+def _aliasing(tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig) -> Aliasing:
     """Of the commands alone: nothing has been drawn or photographed yet."""
     palette = np.array(config.palette_srgb if tool.color_srgb is None else [tool.color_srgb])
     commands = design_collection(tool, canvas_size_m, palette, config)
     strokes = load_measured(rehearse(commands, tool, canvas_size_m, config))
-    return imitation_of(first_model(strokes), strokes, VOCABULARY)
+    return aliasing_of(first_model(strokes), strokes, VOCABULARY)
 
 
 if __name__ == "__main__":

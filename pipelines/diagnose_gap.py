@@ -21,11 +21,11 @@ from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
     StrokeModel,
     model_files,
-    pace_of,
     predict_extended,
+    timing_of,
 )
 from pentimento.dynamics.strokes.joint import JointFit, fit_jointly
-from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.samples import load_samples
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action
@@ -61,17 +61,17 @@ def main(arguments: argparse.Namespace) -> None:
         table, fit = read_table(arguments.strokes, CONTRACT).table, config.joint_fit
         base = read_parameters(arguments.base / "parameters.json")
         samples = load_samples(table, fit.path_points, fit.pixels_per_m, fit.margin_m)
-        known = covariates_of(table) | carried_paint(table, samples)
+        known = covariates_of(table) | paint_pickup(table, samples)
         columns = {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()}
         strokes = MeasuredStrokes(samples, columns)
         training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
         found = write_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
         causes = _established(found)
-        joint = fit_jointly(base, causes, training, validation, pace_of(columns), fit, run.log)
+        joint = fit_jointly(base, causes, training, validation, timing_of(columns), fit, run.log)
         metrics = _verdict_metrics(gap / "verdict.json") | {
             "held_out": {
                 "base": asdict(score_model(base, held_out.samples)),
-                "extended": asdict(score(_foretold(joint.model, held_out), held_out.samples)),
+                "extended": asdict(score(_predicted(joint.model, held_out), held_out.samples)),
             },
             "joint_fit": {
                 "kept": joint.kept,
@@ -99,8 +99,8 @@ def _parts(
     validates = torch.isin(action, validating.action)
     unseen = torch.isin(action, held_out)
     parts = (~unseen & ~validates, validates, unseen)
-    training, validation, sealed = (strokes.pick(torch.nonzero(part).flatten()) for part in parts)
-    return training, validation, sealed
+    training, validation, test_split = (strokes.pick(torch.nonzero(part).flatten()) for part in parts)
+    return training, validation, test_split
 
 
 def _established(found: Diagnosis) -> list[Mechanism]:
@@ -109,7 +109,7 @@ def _established(found: Diagnosis) -> list[Mechanism]:
     return [mechanism for mechanism in found.extended.mechanisms if mechanism.cause in names]
 
 
-def _foretold(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
+def _predicted(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
     with torch.no_grad():
         return predict_extended(model.mark(), model.mechanisms, strokes)
 

@@ -144,7 +144,7 @@ def _write(folder: Path, drawing: Drawing, scene: Scene) -> None:
     header = PlanHeader(scene.tool.name, np.array([scene.tool.color_srgb]), scene.canvas_size_m, envelope)
     write_plan(folder / "plan.jsonl", Plan(header, tuple(drawing.planned)))
     write_png(folder / "drawing.png", drawing.photo)
-    write_png(folder / "plan.png", drawing.foretold)
+    write_png(folder / "plan.png", drawing.predicted)
 
 
 def _errors(made: dict[str, Drawing], scene: Scene, blank: Image, config: DrawInHands) -> dict[str, float]:

@@ -31,7 +31,7 @@ from pentimento.copainting.evaluation.answers import (
 )
 from pentimento.copainting.evaluation.cases import Case, choose_cases, paper_cases
 from pentimento.copainting.evaluation.codraw import Codrawing, stories
-from pentimento.copainting.evaluation.goal_plans import Medium, load_easel
+from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
 from pentimento.copainting.evaluation.ordinary import ordinary_scores
 from pentimento.copainting.evaluation.painted_gap import painted_gap
 from pentimento.copainting.evaluation.played_turns import film_strip, turn_scores
@@ -133,11 +133,11 @@ def main(arguments: argparse.Namespace) -> None:
         held_out = scenes_of(table, "test")
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
         cases = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
-        easel = load_easel(setting.medium, strokes_models[setting.medium.tool])
+        paint_context = load_paint_context(setting.medium, strokes_models[setting.medium.tool])
         planners = Planners(arguments.base, arguments.fine_tuned)
         task = Task(
-            easel, easel, blank_sheet(pairs, cases[0].image.shape), planners, arguments.semantics, config.strokes,
-            config.asking, config.text_only, config.seed,
+            paint_context, paint_context, blank_sheet(pairs, cases[0].image.shape), planners, arguments.semantics,
+            config.strokes, config.asking, config.text_only, config.seed,
         )  # fmt: skip
         judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), _kinds(held_out))
 
@@ -146,7 +146,16 @@ def main(arguments: argparse.Namespace) -> None:
         told = stories(held_out, config.codrawing.stories)
         played = {
             name: [
-                submit(play, folder, story, easel, setting.world, config.asking, config.codrawing, config.seed + number)
+                submit(
+                    play,
+                    folder,
+                    story,
+                    paint_context,
+                    setting.world,
+                    config.asking,
+                    config.codrawing,
+                    config.seed + number,
+                )
                 for number, story in enumerate(told)
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
@@ -156,7 +165,7 @@ def main(arguments: argparse.Namespace) -> None:
         on_paper = paper_cases(held_out, config.on_paper)
         paper = answer_on_paper(on_paper, task, submit)
         few = cases[: config.other_medium]
-        other_task = replace(task, begun_with=load_easel(other, strokes_models[other.tool]))
+        other_task = replace(task, begun_with=load_paint_context(other, strokes_models[other.tool]))
         foreign = answer_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
         turns = {name: gather(futures) for name, futures in played.items()}
 

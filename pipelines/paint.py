@@ -20,7 +20,7 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.ranges import at_least
 from pentimento.control.execute import Session, execute
-from pentimento.control.painter import Image, Painting, as_linear, foretell, observe, paint
+from pentimento.control.painter import Image, Painting, as_linear, observe, paint, predict
 from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel, base_model, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
@@ -141,8 +141,8 @@ def main(arguments: argparse.Namespace) -> None:
 
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
-        write_png(out / "plan.png", paintings["without"].foretold)
-        simpler = {name: np.clip(foretell(strokes, blank, scenes[name]), 0.0, 1.0) for name in ("base", "polyline")}
+        write_png(out / "plan.png", paintings["without"].predicted)
+        simpler = {name: np.clip(predict(strokes, blank, scenes[name]), 0.0, 1.0) for name in ("base", "polyline")}
         write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
         (out / "frames").mkdir()
         for number, photo in enumerate(paintings["with"].photos):
@@ -219,14 +219,14 @@ def _metrics(
 
     real = to_float(final["without"])
     sim2real = {
-        "model": mse(to_float(paintings["without"].foretold), real),
+        "model": mse(to_float(paintings["without"].predicted), real),
         "base": mse(simpler["base"], real),
         "polyline": mse(simpler["polyline"], real),
         "blank": mse(to_float(blank), real),
     }
     errors = {
         "blank": error(blank),
-        "plan": error(paintings["without"].foretold),
+        "plan": error(paintings["without"].predicted),
         "without_replanning": error(final["without"]),
         "with_replanning": error(final["with"]),
     }
@@ -263,7 +263,7 @@ def _execution_errors(
         painting = paint(
             new_robot(), scenes["base"], strokes, palette, config.batch, False, setting.planner, _unheard
         )  # fmt: skip
-        difference = to_float(painting.foretold) - to_float(painting.photos[-1])
+        difference = to_float(painting.predicted) - to_float(painting.photos[-1])
         error["base"] = float(np.square(difference).mean())
     else:
         error["base"] = error["extended"]

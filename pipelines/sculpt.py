@@ -130,15 +130,15 @@ def main(arguments: argparse.Namespace) -> None:
             folder.mkdir()
             height, _ = seen_m(robot.scan())
             fit = _goal(wanted, height, setting, config, robot)
-            foretold = _foretold(height, fit, members, end_effector, robot, config, number)
+            predicted = _predicted(height, fit, members, end_effector, robot, config, number)
             made = sculpt(
                 robot, end_effector, arguments.material, fit.height_m, members, config.planner, config.execution,
                 config.actions, session, number, partial(_log_as, run, name),
             )  # fmt: skip
-            _pictures(folder, window_m, fit, foretold, made)
+            _pictures(folder, window_m, fit, predicted, made)
             rows += made.rows
             frames += [photograph(each, window_m, 2) for each in made.heights_m[:: config.execution.batch]]
-            metrics = _metrics(wanted, fit, foretold, made, config, reader, setting, window_m)
+            metrics = _metrics(wanted, fit, predicted, made, config, reader, setting, window_m)
             write_json(folder / "metrics.json", metrics)
             goals[name] = metrics
             run.log_picture(out / f"{name}.png")
@@ -163,7 +163,7 @@ def _goal(wanted: Wanted, height: Array, setting: Setting, config: Sculpt, robot
     return fit_goal(relief, height, replace(setting.fit, reach_m=wanted.reach_m))
 
 
-def _foretold(
+def _predicted(
     height: Array,
     fit: GoalFit,
     members: tuple[PushModel, ...],
@@ -183,7 +183,7 @@ def _foretold(
 def _metrics(
     wanted: Wanted,
     fit: GoalFit,
-    foretold: PushPlan,
+    predicted: PushPlan,
     made: Sculpture,
     config: Sculpt,
     reader: LetterReader,
@@ -204,7 +204,7 @@ def _metrics(
             "error_3d_mm2": objective.error_3d_mm2(made.heights_m),
             "visual_error": objective.visual_error(made.heights_m),
         },
-        **met(objective, made.heights_m, foretold.foreseen_m[-1]),
+        **met(objective, made.heights_m, predicted.foreseen_m[-1]),
     }
     letter = wanted.source.removeprefix("letter:")
     if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
@@ -213,16 +213,16 @@ def _metrics(
     return metrics
 
 
-def _pictures(folder: Path, window_m: NDArray[np.float64], fit: GoalFit, foretold: PushPlan, made: Sculpture) -> None:
+def _pictures(folder: Path, window_m: NDArray[np.float64], fit: GoalFit, predicted: PushPlan, made: Sculpture) -> None:
     """Photographs and height maps of the clay before, the goal, the plan and the clay after; all four beside it."""
-    heights = (made.heights_m[0], fit.height_m, foretold.foreseen_m[-1], made.heights_m[-1])
+    heights = (made.heights_m[0], fit.height_m, predicted.foreseen_m[-1], made.heights_m[-1])
     shown = dict(zip(("before", "goal", "plan", "result"), heights, strict=True))
     for name, height in shown.items():
         write_png(folder / f"{name}.png", photograph(height, window_m))
         (folder / f"{name}_height.png").write_bytes(encode_height_png(height, HEIGHT_PER_UNIT_M))
     row = np.hstack([photograph(height, window_m) for height in shown.values()])
     write_png(folder.parent / f"{folder.name}.png", row)
-    write_json(folder / "plan.json", {"actions": foretold.actions, "values": foretold.values})
+    write_json(folder / "plan.json", {"actions": predicted.actions, "values": predicted.values})
 
 
 def _table(rows: list[dict[str, Any]]) -> pa.Table:

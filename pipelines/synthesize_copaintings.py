@@ -113,10 +113,10 @@ def main(arguments: argparse.Namespace) -> None:
         ]
         files = paint_shards(jobs, scratch, config.workers, config.scheduler, _begin_work, run.log)
         encoder = Encoder.load(arguments.semantics)
-        least = threshold_of(config.threshold, encoder, files)
+        minimum = threshold_of(config.threshold, encoder, files)
         of_halves = files[len(files) - -(-len(half_rows) // step) :]
-        files += write_beside(of_halves, half_rows, table, setting, least, config.beside, scratch)
-        metrics = keep_pairs(files, least, out) | {"scenes": len(rows) + len(half_rows)}
+        files += write_beside(of_halves, half_rows, table, setting, minimum, config.beside, scratch)
+        metrics = keep_pairs(files, minimum, out) | {"scenes": len(rows) + len(half_rows)}
         card = dataset_card(arguments.setting, setting, config.threshold, metrics, scenes, encoder.digest)
         (out / "README.md").write_text(card)
         write_png(out / "preview.png", preview(rows[:_SHOWN], files))
@@ -161,13 +161,13 @@ def write_beside(
     halves: Sequence[Mapping[str, Any]],
     table: pa.Table,
     setting: Setting,
-    least: float,
+    minimum: float,
     number: int,
     scratch: Path,
 ) -> list[Path]:
     """A shard, if any, of pairs that ask for one thing beside another, of those painted halves that score enough."""
     painted = [row for file in files for row in read_table(file, copaintings.CONTRACT).table.to_pylist()]
-    good = [row for row in painted if row["clip_score"] >= least]
+    good = [row for row in painted if row["clip_score"] >= minimum]
     trained = table.filter(pc.equal(table["split"], "train"))
     kinds = trained["objects"].to_pylist() if "objects" in table.column_names else []
     together = pairs_shown(of or () for of in kinds)

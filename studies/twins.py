@@ -59,7 +59,7 @@ class Pair:
     q: float
     base: float
     extended: float
-    twin: float
+    counterfactual: float
 
     @property
     def closed(self) -> float:
@@ -69,18 +69,20 @@ class Pair:
     @property
     def of_the_effect(self) -> float | None:
         """Share of what the effect adds; None where it adds nothing."""
-        return (self.base - self.extended) / (self.base - self.twin) if self.twin < self.base else None
+        return (
+            (self.base - self.extended) / (self.base - self.counterfactual) if self.counterfactual < self.base else None
+        )
 
 
-def pair_of(truth: strokes.Truth | pushes.Truth, world: Judged, twin: Judged) -> Pair | None:
+def pair_of(truth: strokes.Truth | pushes.Truth, world: Judged, counterfactual: Judged) -> Pair | None:
     """None where the cause is not named exactly, or the floor is not known."""
     if tuple(finding.cause for finding in world.established) != truth.causes or world.floor is None:
         return None
-    base, extended, of_twin = (
+    base, extended, of_counterfactual = (
         float(losses.mean() / world.floor.mse)
-        for losses in (world.base_losses, world.extended_losses, twin.base_losses)
+        for losses in (world.base_losses, world.extended_losses, counterfactual.base_losses)
     )
-    return Pair(truth.causes[0], truth.tool, truth.misshaped, truth.strengths[0].q, base, extended, of_twin)
+    return Pair(truth.causes[0], truth.tool, truth.misshaped, truth.strengths[0].q, base, extended, of_counterfactual)
 
 
 def stroke_pair(seed: int) -> Pair | None:
@@ -98,9 +100,12 @@ def stroke_pair(seed: int) -> Pair | None:
         sketch.world, sketch.seed, sketch.tool, sketch.palette_srgb, strokes.commands_of(sketch, view), view
     )
     own = set(recording.rows[0])
-    twin = as_table(recording, {name: table[name].to_numpy() for name in table.column_names if name not in own})
+    counterfactual = as_table(
+        recording, {name: table[name].to_numpy() for name in table.column_names if name not in own}
+    )
     return pair_of(
-        truth, *(diagnose(load_measured(each), list(VOCABULARY), 0, lambda line: None) for each in (table, twin))
+        truth,
+        *(diagnose(load_measured(each), list(VOCABULARY), 0, lambda line: None) for each in (table, counterfactual)),
     )
 
 
@@ -112,8 +117,8 @@ def push_pair(seed: int) -> Pair | None:
     table, truth = pushes.make_world(sketch)
     hidden = sketch.with_strengths({sketch.causes[0]: truth.strengths[0].strength})
     _, quiet = rows_with_and_without(sketch, hidden, sketch.seed, sketch.config)
-    twin = as_push_table(quiet, decoys(len(quiet), sketch.seed))
-    return pair_of(truth, *(verdict_on(each, 0)[1] for each in (table, twin)))
+    counterfactual = as_push_table(quiet, decoys(len(quiet), sketch.seed))
+    return pair_of(truth, *(verdict_on(each, 0)[1] for each in (table, counterfactual)))
 
 
 def page(of_strokes: Sequence[Pair], of_pushes: Sequence[Pair], commit: str) -> str:
@@ -132,7 +137,7 @@ def _table(pairs: Sequence[Pair]) -> str:
     ]
     rows += [
         f"| {pair.cause} | {pair.tool} | {'yes' if pair.misshaped else 'no'} | {pair.q:.2f} | {pair.base:.2f} "
-        f"| {pair.extended:.2f} | {pair.twin:.2f} | {pair.closed:.2f} | {_two(pair.of_the_effect)} |"
+        f"| {pair.extended:.2f} | {pair.counterfactual:.2f} | {pair.closed:.2f} | {_two(pair.of_the_effect)} |"
         for pair in pairs
     ]
     return "\n".join(rows)

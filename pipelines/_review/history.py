@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mlflow.entities import Run as StoredRun
 
 _PAGE = 1000
-_LEAST_LETTERS = 4  # of an abbreviated id
+_MIN_LETTERS = 4  # of an abbreviated id
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class History:
         known += [(each, each.ids, each.name) for each in self.executions]
         exact = [each for each, ids, name in known if reference in (*ids, name)]
         near = [each for each, ids, _ in known if any(id_.startswith(reference) for id_ in ids)]
-        found = exact or (near if len(reference) >= _LEAST_LETTERS else [])
+        found = exact or (near if len(reference) >= _MIN_LETTERS else [])
         if len(found) == 1:
             return found[0]
         if not found:

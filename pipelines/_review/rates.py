@@ -15,7 +15,7 @@ from pipelines._tracking.timings import TIMINGS
 
 CLUSTER = Path("data/studies/cluster.json")
 STAGE = "synthesize_copaintings"
-_LEAST_SHARDS = 4  # after the first of each worker, for a spread
+_MIN_SHARDS = 4  # after the first of each worker, for a spread
 
 
 class Timing(NamedTuple):
@@ -106,7 +106,7 @@ def read_rates(folder: Path, setting: str) -> Rates:
     )  # fmt: skip
     workers = min(int(params["workers"]), max(len(times_s), 1))
     shards_s = shard_seconds(times_s, workers)
-    if len(shards_s) < _LEAST_SHARDS:
+    if len(shards_s) < _MIN_SHARDS:
         raise PentimentoError(
             f"Run {timing.run[:8]} painted {len(times_s)} shards with {workers} workers, too few to tell a rate; raise "
             f"{STAGE}.scenes, or lower scenes_per_shard."

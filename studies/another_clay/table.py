@@ -56,7 +56,7 @@ station and lays what is in its way around itself; faults follow laws of their o
 by each axis, hardening by the strain that the tool feels). The finder gets the table alone. *Hidden* has nothing where
 what is hidden has no name in the vocabulary: there *told of* should have what it goes with.
 
-What a base that is wrong about shapes can look like, and how much such a cause must remove (`_least_error`, `signature`
+What a base that is wrong about shapes can look like, and how much such a cause must remove (`_min_error`, `signature`
 of `springback`), came of a first draft of this simulator with other numbers drawn. That a groove's start may close up
 came of three of these very worlds (*soft*, *a ball*, *stays as it was cut*), that fits heed signs of *sticks*. The
 other worlds changed nothing in the finder.
@@ -64,7 +64,7 @@ other worlds changed nothing in the finder.
 | world | hidden | named | rivals | gap closed | told of | s |
 |---|---|---|---|---|---|---|
 """
-_MOST_TOLD = 3
+_MAX_TOLD = 3
 
 
 def main() -> None:
@@ -90,7 +90,7 @@ def page(said: dict[World, dict[str, Any]]) -> str:
 
 def _line(world: World, result: dict[str, Any]) -> str:
     right = "" if world.truth == named(result) else " **(not exact)**"
-    told = [f"{entry['mode']} by {entry['covariate']}" for entry in result["verdict"]["unexplained"][:_MOST_TOLD]]
+    told = [f"{entry['mode']} by {entry['covariate']}" for entry in result["verdict"]["unexplained"][:_MAX_TOLD]]
     return (
         f"| {world.name} | {listed(world.truth)} | {listed(named(result))}{right} | {', '.join(rivals(result)) or '–'} "
         f"| {share_closed(result)} | {', '.join(told) or '–'} | {result['seconds']:.0f} |"

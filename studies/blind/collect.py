@@ -25,7 +25,7 @@ from pentimento.robots.tools import Tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.world import World
 from studies.blind.design import Command, View
-from studies.blind.easel import Disturbance, Easel
+from studies.blind.paint_context import Disturbance, PaintContext
 
 SKIPPED_S = 12.0  # time that a stroke takes which is skipped
 
@@ -58,29 +58,29 @@ def record_world(
     Args:
         disturbances: one for each command, or none at all.
         sheets: only these are painted; the tool ages and time passes as if the others had been, too.
-        realisation: of everything that differs between repeats (see `Easel`).
+        realisation: of everything that differs between repeats (see `PaintContext`).
     """
-    easel = Easel(world, seed, realisation)
-    robot = GuardedRobot(VirtualRobot(easel), envelope_for(tool, easel.canvas_size_m))
+    paint_context = PaintContext(world, seed, realisation)
+    robot = GuardedRobot(VirtualRobot(paint_context), envelope_for(tool, paint_context.canvas_size_m))
     robot.change_tool(tool)
     robot.load_palette(palette_srgb)
-    calibration = calibrate_camera(robot.photo(), markers_around(easel.canvas_size_m))
+    calibration = calibrate_camera(robot.photo(), markers_around(paint_context.canvas_size_m))
     session = Session("session_0", robot.clock_s)
-    memory = fresh_memory(easel.canvas_size_m, tool.nominal_width_m)
+    memory = fresh_memory(paint_context.canvas_size_m, tool.nominal_width_m)
     recording = Recording([], [], [])
     sheet = commands[0].sheet
     for order, command in enumerate(commands):
         if sheets is not None and command.sheet not in sheets:
-            easel.skip(drawn_length_m(command.path), SKIPPED_S + command.wait_s)
+            paint_context.skip(drawn_length_m(command.path), SKIPPED_S + command.wait_s)
             continue
         if command.sheet != sheet:
             sheet = command.sheet
             robot.new_sheet()
             memory = new_sheet(memory)
         if disturbances:
-            easel.disturb(disturbances[order])
-        window_m = _window_m(command, view, easel.canvas_size_m)
-        easel.read_out(window_in_camera(calibration, window_m))
+            paint_context.disturb(disturbances[order])
+        window_m = _window_m(command, view, paint_context.canvas_size_m)
+        paint_context.read_out(window_in_camera(calibration, window_m))
         photo_before = robot.photo()
         planned = PlannedStroke(command.path, np.array(command.color_srgb), command.dip)
         memory, executed = execute_stroke(robot, tool, planned, palette_srgb, memory, session)

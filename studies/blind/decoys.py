@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Form = Literal["independent", "wandering", "walk", "trend"]
+Form = Literal["independent", "temporal_drift", "walk", "trend"]
 
 COLUMNS: dict[str, tuple[float, float]] = {
     "temperature_c": (22.0, 1.4),
@@ -18,7 +18,7 @@ COLUMNS: dict[str, tuple[float, float]] = {
     "room_lux": (410.0, 45.0),
 }
 """Name: (mean, standard deviation)."""
-FORMS: tuple[Form, ...] = ("independent", "wandering", "walk", "trend")
+FORMS: tuple[Form, ...] = ("independent", "temporal_drift", "walk", "trend")
 PERSISTENCE = 0.6  # of a wandering column from one stroke to the next
 
 
@@ -40,7 +40,7 @@ def _standard(rng: np.random.Generator, form: Form, rows: int) -> NDArray[np.flo
     match form:
         case "independent":
             values = steps
-        case "wandering":
+        case "temporal_drift":
             values = steps.copy()
             for k in range(1, rows):
                 values[k] += PERSISTENCE * values[k - 1]

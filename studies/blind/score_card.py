@@ -190,17 +190,17 @@ def _gap_closed(lines: Sequence[Line]) -> list[Row]:
     """
     strong = [line for line in lines if exact(line) and min(line["truth"]["wanted_q"]) >= STRONG_Q]
     made = []
-    for what, key, bar, least in _QUANTILES:
+    for what, key, bar, minimum in _QUANTILES:
         closed = [line["verdict"]["gap_closed"][key] for line in strong]
         known = [float(value) for value in closed if value is not None]
         if not known:
             continue
-        note = f"{what} {np.quantile(known, 1 - least):.2f}"
+        note = f"{what} {np.quantile(known, 1 - minimum):.2f}"
         if len(known) < len(closed):
             note += f"; unknown for {len(closed) - len(known)}"
         reached = sum(value >= bar for value in known)
         said = f"named, q ≥ .2: gap closed ≥ {bar} ({what})"
-        made.append(Row(said, reached, len(known), Bar("at least", least), 0.0, note=note))
+        made.append(Row(said, reached, len(known), Bar("at least", minimum), 0.0, note=note))
     return made
 
 

@@ -30,7 +30,7 @@ from pentimento.contracts.images import decode_png
 from pentimento.studio.world import World
 from studies.blind.collect import Recording, record_world
 from studies.blind.design import Command, View
-from studies.blind.easel import Disturbance, Mode
+from studies.blind.paint_context import Disturbance, Mode
 from studies.blind.worlds import Outside, Sketch
 
 STRONGEST = 12.0

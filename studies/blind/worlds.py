@@ -10,7 +10,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.robots.tools import Tool as ToolFile
 from pentimento.robots.tools import load_tool
 from pentimento.studio.world import Effects, World, load_world
-from studies.blind.easel import Mode
+from studies.blind.paint_context import Mode
 
 Stratum = Literal["none", "one", "two", "outside", "raster"]
 ToolName = Literal["marker", "round_brush", "flat_brush"]

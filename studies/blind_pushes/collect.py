@@ -56,9 +56,9 @@ class _Twofold(VirtualSculptingRobot):
         """Of each push: the height that was scanned after it in the other world."""
 
     def push(self, push: Push) -> NDArray[np.float64]:
-        twin = VirtualSculptingRobot(self._studio.in_world(self._other))
-        twin.push(push)
-        self.quiet_m.append(twin.scan().height_m)
+        counterfactual = VirtualSculptingRobot(self._studio.in_world(self._other))
+        counterfactual.push(push)
+        self.quiet_m.append(counterfactual.scan().height_m)
         return super().push(push)
 
 

@@ -36,12 +36,12 @@ def judged(series: Series, index: int, commit: str, folder: Path) -> dict[str, A
     except (StrengthError, ContractError) as reason:  # the latter: its scanner left a hole where a push should go
         return line | {"redrawn": str(reason)}
     line["make_s"] = round(time.process_time() - started, 2)
-    shown, sealed = folder / "shown", folder / "sealed"
-    for part in (shown, sealed):
+    shown, test_split = folder / "shown", folder / "test_split"
+    for part in (shown, test_split):
         part.mkdir(parents=True)
-    write_world(sealed, table, truth)
-    (sealed / "table.parquet").rename(shown / "table.parquet")
-    line["seal"] = (sealed / "truth.sha256").read_text().strip()
+    write_world(test_split, table, truth)
+    (test_split / "table.parquet").rename(shown / "table.parquet")
+    line["seal"] = (test_split / "truth.sha256").read_text().strip()
     try:
         line |= verdict_by_table(shown / "table.parquet", module=VERDICT_OF)
         if series.second is not None:
@@ -59,7 +59,7 @@ def judged(series: Series, index: int, commit: str, folder: Path) -> dict[str, A
             line["second"] = verdict_by_table(again, *options, module=VERDICT_OF)["verdict"]
     except NoVerdict as reason:
         line["failed"] = str(reason)
-    return line | {"truth": opened(sealed / "truth.json", line["seal"])}
+    return line | {"truth": opened(test_split / "truth.json", line["seal"])}
 
 
 def with_shuffled(table: pa.Table, cause: str, seed: int) -> pa.Table:

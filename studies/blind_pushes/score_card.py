@@ -35,7 +35,7 @@ def rows(lines: Sequence[Line]) -> list[Row]:
             "over all: false names among names", sum(name not in hidden(line) for name, line in names), len(names),
             _most(0.03), constant=_false_of_constant([*one, *two, *none, *outside]),
         ),
-        Row("outside the vocabulary: right covariate", _count(outside, covariate_found), len(outside), _least(0.92)),
+        Row("outside the vocabulary: right covariate", _count(outside, covariate_found), len(outside), _minimum(0.92)),
         Row("outside the vocabulary: right covariate and mode", _count(outside, mode_found), len(outside)),
         Row(
             "outside the vocabulary: given a known name", _count(outside, any_name), len(outside), _most(0.04),
@@ -48,11 +48,11 @@ def rows(lines: Sequence[Line]) -> list[Row]:
     return [row for row in made if row.of]
 
 
-def _exact(what: str, lines: Sequence[Line], least: float) -> Row:
+def _exact(what: str, lines: Sequence[Line], minimum: float) -> Row:
     """Beside it: always naming what is hidden most often in these worlds."""
     often = Counter(map(hidden, lines)).most_common(1)
     constant = often[0][1] / len(lines) if often else None
-    return Row(what, _count(lines, exact), len(lines), _least(least), constant=constant)
+    return Row(what, _count(lines, exact), len(lines), _minimum(minimum), constant=constant)
 
 
 def _false_of_constant(lines: Sequence[Line]) -> float | None:
@@ -88,7 +88,7 @@ def _gap_closed(lines: Sequence[Line]) -> list[Row]:
         return []
     note = f"median {np.median(known):.2f}, 10th percentile {np.quantile(known, 0.1):.2f}"
     what = "named, q ≥ .2: gap closed ≥ .92 (median)"
-    return [Row(what, sum(value >= 0.92 for value in known), len(known), _least(0.5), note=note)]
+    return [Row(what, sum(value >= 0.92 for value in known), len(known), _minimum(0.5), note=note)]
 
 
 def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Sequence[Line]) -> list[Row]:
@@ -127,7 +127,7 @@ def _count(lines: Sequence[Line], judge: Callable[[Line], bool]) -> int:
     return sum(judge(line) for line in lines)
 
 
-def _least(share: float) -> Bar:
+def _minimum(share: float) -> Bar:
     return Bar("at least", share)
 
 

@@ -12,7 +12,7 @@ _STRANGE: Final = (
     b"\xff\xfe", b"[" * 3000, b"{" * 500, b"&a [*a, *a]", b"!!python/object/apply:os.system [id]", b"../../etc/passwd",
     b"\n\n", b"\t", b",,,,", b"'", b'"', b"1 furlong", b"\xf0\x9f\x96\x8c",
 )  # fmt: skip
-_MOST_FLIPS: Final = 16
+_MAX_FLIPS: Final = 16
 _LONGEST: Final = 64
 
 
@@ -32,7 +32,7 @@ def _cut(data: bytes, rng: np.random.Generator) -> bytes:
 
 def _flipped(data: bytes, rng: np.random.Generator) -> bytes:
     worse = bytearray(data)
-    for _ in range(int(rng.integers(1, _MOST_FLIPS)) if worse else 0):
+    for _ in range(int(rng.integers(1, _MAX_FLIPS)) if worse else 0):
         worse[_at(data, rng)] ^= 1 << int(rng.integers(8))
     return bytes(worse)
 

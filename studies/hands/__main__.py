@@ -29,7 +29,7 @@ from studies.hands.held_out import SAMPLERS, SessionResult, held_out_sessions, p
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
 
-POINTS, FEW, LEAST, DRAWINGS, SEED = 32, 20, 10, 300, 1
+POINTS, FEW, MIN, DRAWINGS, SEED = 32, 20, 10, 300, 1
 LIMITS = Limits(longest_hole=5, jump_m=3e-3, jump_times=8.0, shortest_m=1e-3, longest_m=0.6)
 CONFIG = TrajVAEConfig(
     points=POINTS, latent=64, width=256, divergence=1e-4, pretraining=Course(3000, 64, 1e-3),
@@ -49,7 +49,7 @@ def main(arguments: argparse.Namespace) -> None:
     for name, read in (("motion_capture", motion_capture), ("tablet", tablet)):
         gathered = gather(read(arguments.measured), LIMITS, POINTS)
         strokes = demonstrated(gathered.table, POINTS)
-        models = pretrained_without(strokes, FEW + LEAST, CONFIG)
+        models = pretrained_without(strokes, FEW + MIN, CONFIG)
         results = held_out_sessions(models, strokes, FEW, CONFIG)
         _pictures(name, gathered, strokes, results, out)
         found[name] = {

@@ -47,10 +47,10 @@ class SessionResult:
     """Of ``SAMPLERS``, as many as the rest."""
 
 
-def pretrained_without(strokes: Demonstrated, least: int, config: TrajVAEConfig) -> dict[str, TrajVAE]:
-    """For each session of at least ``least`` strokes, a model of all others."""
+def pretrained_without(strokes: Demonstrated, minimum: int, config: TrajVAEConfig) -> dict[str, TrajVAE]:
+    """For each session of at least ``minimum`` strokes, a model of all others."""
     names = dict.fromkeys(strokes.session)
-    fits = [name for name in names if strokes.session.count(name) >= least]
+    fits = [name for name in names if strokes.session.count(name) >= minimum]
     return {name: pretrain(own_and_others(strokes, name)[1], config, unheard) for name in fits}
 
 

@@ -40,7 +40,7 @@ def main(arguments: argparse.Namespace) -> None:
     relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px)
     fit = fit_goal(relief, height, replace(setting.fit, reach_m=REACH_M, kept=arguments.kept))
     # Both go on to the end: what fifty actions do is the question, not when to stop.
-    execution, config = replace(given.execution, patience=ACTIONS), replace(given.planner, least_gain=0.0)
+    execution, config = replace(given.execution, patience=ACTIONS), replace(given.planner, min_gain=0.0)
     made = sculpt(
         robot, end_effector, arguments.material, fit.height_m, members, config, execution, ACTIONS,
         Session("losses", robot.clock_s), 0, lambda *_: None,

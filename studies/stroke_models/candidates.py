@@ -17,7 +17,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
 from pentimento.dynamics.strokes.evaluation import mean_iou, predict_with
-from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, pace_of, predict_extended
+from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended, timing_of
 from pentimento.dynamics.strokes.joint import fit_jointly
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.networks.coverage import laid
@@ -27,18 +27,18 @@ from pentimento.dynamics.strokes.networks.fit import (
     fit_path_image_cnn,
     fit_refined,
     fit_trajectory_cnn,
-    foretold,
+    predicted,
 )
 from pentimento.dynamics.strokes.networks.soft_edge import fit_imprint
 from pentimento.dynamics.strokes.networks.stamp import fit_stamp
-from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.polyline import blank, fit_polyline
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
 from pentimento.dynamics.strokes.training import TrainingConfig, train, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
 from studies.stroke_models.as_commanded import is_pressed, train_unscaled
 
-Foretell = Callable[[MeasuredStrokes], Tensor]
+Predict = Callable[[MeasuredStrokes], Tensor]
 
 ANALYTIC = TrainingConfig(
     path_points=32, pixels_per_m=1000.0, margin_m=0.012, epochs=25, batch=16, learning_rate=0.03, ink_weight=2.0,
@@ -76,9 +76,9 @@ NETWORKS = ("param2stroke", "cnn", "coordconv")
 class Trained:
     """A model as it came out of training."""
 
-    foretell: Foretell
+    predict: Predict
     """The photographs after strokes, sRGB [B, H, W, 3]."""
-    foretell_for_iou: Foretell
+    predict_for_iou: Predict
     """The same, but for trivial models: those fitted for the IoU."""
     said: Mapping[str, Any]
     """What else there is to say of it."""
@@ -87,7 +87,7 @@ class Trained:
 def load_strokes(table: pa.Table) -> MeasuredStrokes:
     """Samples with all that mechanisms may read."""
     samples = load_samples(table, ANALYTIC.path_points, ANALYTIC.pixels_per_m, ANALYTIC.margin_m)
-    known = covariates_of(table) | carried_paint(table, samples)
+    known = covariates_of(table) | paint_pickup(table, samples)
     return MeasuredStrokes(samples, {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()})
 
 
@@ -185,11 +185,11 @@ class Training:
             {},
         )
 
-    def _l1(self, foretold: Tensor) -> float:
-        return float(weighted_l1(foretold, self.samples, ANALYTIC.ink_weight))
+    def _l1(self, predicted: Tensor) -> float:
+        return float(weighted_l1(predicted, self.samples, ANALYTIC.ink_weight))
 
-    def _not_iou(self, foretold: Tensor) -> float:
-        return -mean_iou(foretold, self.samples)
+    def _not_iou(self, predicted: Tensor) -> float:
+        return -mean_iou(predicted, self.samples)
 
     def _found_and_fitted(self, base: Traj2Stroke) -> tuple[StrokeModel, dict[str, Any]]:
         some = np.sort(np.random.default_rng([self.seed, 3]).permutation(self.table.num_rows)[:DIAGNOSED])
@@ -198,9 +198,9 @@ class Training:
         diagnosing = time.process_time() - started
         names = [finding.cause for finding in found.established]
         causes = [m for m in found.extended.mechanisms if m.cause in names]
-        pace = pace_of(self.strokes.covariates)
+        timing = timing_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
-        joint = fit_jointly(base.parameters_si(), causes, self.strokes, self.strokes, pace, self.analytic, _quiet)
+        joint = fit_jointly(base.parameters_si(), causes, self.strokes, self.strokes, timing, self.analytic, _quiet)
         model = joint.model
         if not joint.kept and "path_scale" not in names and not is_pressed(self.samples.path):
             model = base_model(train_unscaled(self.samples, self.analytic, _quiet))
@@ -213,20 +213,20 @@ class Training:
         }
 
 
-def _without_gradients(foretell: Foretell) -> Foretell:
-    def foretell_only(strokes: MeasuredStrokes) -> Tensor:
+def _without_gradients(predict: Predict) -> Predict:
+    def predict_only(strokes: MeasuredStrokes) -> Tensor:
         with torch.no_grad():
-            return foretell(strokes)
+            return predict(strokes)
 
-    return foretell_only
+    return predict_only
 
 
 def _network(network: Callable[[StrokeSamples], Tensor]) -> Trained:
-    return _of(lambda strokes: foretold(network, strokes.samples))
+    return _of(lambda strokes: predicted(network, strokes.samples))
 
 
-def _of(foretell: Foretell, said: Mapping[str, Any] = MappingProxyType({})) -> Trained:
-    without = _without_gradients(foretell)
+def _of(predict: Predict, said: Mapping[str, Any] = MappingProxyType({})) -> Trained:
+    without = _without_gradients(predict)
     return Trained(without, without, said)
 
 

@@ -16,7 +16,7 @@ from torch import Tensor
 from pentimento.dynamics.strokes.evaluation import score
 from pentimento.dynamics.strokes.extended import MeasuredStrokes
 from pentimento.dynamics.strokes.samples import StrokeSamples
-from studies.stroke_models.candidates import NAMES, Foretell, Training, load_strokes
+from studies.stroke_models.candidates import NAMES, Predict, Training, load_strokes
 
 SHOWN = 8
 """Strokes of each test set whose pictures are kept."""
@@ -50,34 +50,34 @@ def read_results(out: Path) -> Results:
 
 def _one(name: str, learnt: Training, tests: Mapping[str, MeasuredStrokes], out: Path) -> None:
     trained, seconds = learnt.fit(name)
-    result: dict[str, Any] = {"train_s": seconds, "render_ms": _render_ms(trained.foretell, learnt.strokes)}
+    result: dict[str, Any] = {"train_s": seconds, "render_ms": _render_ms(trained.predict, learnt.strokes)}
     result |= {"strokes": len(learnt.samples.path), "said": dict(trained.said), "scores": {}}
     pictures = {}
     for test, strokes in tests.items():
-        foretold = trained.foretell(strokes)
-        other = foretold if trained.foretell_for_iou is trained.foretell else trained.foretell_for_iou(strokes)
+        predicted = trained.predict(strokes)
+        other = predicted if trained.predict_for_iou is trained.predict else trained.predict_for_iou(strokes)
         result["scores"][test] = {
-            "l1": [one.l1 for one in scores_of(foretold, strokes.samples)],
+            "l1": [one.l1 for one in scores_of(predicted, strokes.samples)],
             "iou": [one.iou for one in scores_of(other, strokes.samples)],
         }
-        pictures[test] = _bytes(foretold[:SHOWN])
+        pictures[test] = _bytes(predicted[:SHOWN])
     np.savez_compressed(out / f"{name}.npz", **pictures)
     (out / f"{name}.json").write_text(json.dumps(result))
 
 
-def scores_of(foretold: Tensor, samples: StrokeSamples) -> list[Any]:
+def scores_of(predicted: Tensor, samples: StrokeSamples) -> list[Any]:
     """Scores of each stroke by itself; the IoU of a stroke that left no ink is NaN."""
-    rows = torch.arange(len(foretold))
-    return [score(foretold[row : row + 1], samples.pick(rows[row : row + 1])) for row in rows]
+    rows = torch.arange(len(predicted))
+    return [score(predicted[row : row + 1], samples.pick(rows[row : row + 1])) for row in rows]
 
 
-def _render_ms(foretell: Foretell, strokes: MeasuredStrokes) -> float:
+def _render_ms(predict: Predict, strokes: MeasuredStrokes) -> float:
     """CPU time for one stroke, the least of a few."""
     times = []
     for row in range(min(_RENDERED, len(strokes.samples.path))):
         one = strokes.pick(torch.tensor([row]))
         started = time.process_time()
-        foretell(one)
+        predict(one)
         times.append(time.process_time() - started)
     return 1e3 * min(times)
 

@@ -6,7 +6,7 @@ from benchmarks.replanning import time_steps
 from pentimento.planning.model import Array
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.scene import scene_with
-from tests.bundle.line_brush import SIDE_M, LineBrush, easel
+from tests.bundle.line_brush import SIDE_M, LineBrush, paint_context
 
 
 class Heard:
@@ -23,7 +23,7 @@ class Heard:
 
 
 def test_every_iteration_is_timed_and_goes_on_from_the_last() -> None:
-    before = easel()
+    before = paint_context()
     target = np.full((40, 40, 3), 0.6, np.float32)
     heard = Heard(target)
     scene = scene_with(LineBrush(), before.tool, (SIDE_M, SIDE_M), target)

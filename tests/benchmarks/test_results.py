@@ -142,7 +142,7 @@ def test_the_clock_takes_turns_and_keeps_to_its_budget() -> None:
     slow, fast = in_turns([lambda: (order.append("a"), time.sleep(0.004)), lambda: order.append("b")], 4)
     assert order == ["a", "b"] * 4
     assert slow.minimum_s >= 0.004 > fast.minimum_s and slow.runs == 4
-    assert repeated(lambda: time.sleep(0.01), budget_s=0.0, least=3).runs == 3
+    assert repeated(lambda: time.sleep(0.01), budget_s=0.0, minimum=3).runs == 3
     assert repeated(lambda: None, budget_s=1.0, most=9).runs == 9
 
 

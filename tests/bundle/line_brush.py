@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pentimento.control.journaled_robot import LastingRobot
-from pentimento.control.paint_context import Easel
-from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
-from pentimento.planning.model import Array, Marks, Pace, Pull, Span
+from pentimento.control.journaled_robot import JournaledRobot
+from pentimento.control.paint_context import PaintContext
+from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
+from pentimento.planning.model import Array, LoopTiming, Marks, Pull, Span
 from pentimento.planning.palette import PaletteChoice
 from pentimento.planning.strokes import Strokes
 from pentimento.robots.driver import Robot
@@ -31,7 +31,7 @@ class LineBrush:
     """A pen's line of one width; its gradient is the geometry's."""
 
     fitted: Mapping[str, Span] = {}
-    pace = Pace(1.0, 5.0)
+    timing = LoopTiming(1.0, 5.0)
     path_points = POINTS
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
@@ -58,7 +58,7 @@ class LineBrush:
         return None
 
 
-def easel(iterations: int = 30) -> Easel:
+def paint_context(iterations: int = 30) -> PaintContext:
     """The marker, planned quickly, on a sheet of SIDE_M."""
     planner = PlannerConfig(
         initialisation="error_guided",
@@ -72,7 +72,7 @@ def easel(iterations: int = 30) -> Easel:
         replan_rate=0.3,
         relocate_every=0,
         relocate_share=0.0,
-        least_gain=0.0,
+        min_gain=0.0,
         palette=PaletteChoice("ink", None, None, None),
         sweeps=1,
         path_points=POINTS,
@@ -80,11 +80,11 @@ def easel(iterations: int = 30) -> Easel:
         edge_m=0.005,
         distances_px=(1, 4),
         objectives=ObjectivesConfig(1.0, None),
-        slack=Slack(0.0, 0.0),
+        execution_noise=ExecutionNoise(0.0, 0.0),
         learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 0.0, 0.0),
         seed=1,
     )
-    return Easel(load_tool("marker"), LineBrush(), (SIDE_M, SIDE_M), planner)
+    return PaintContext(load_tool("marker"), LineBrush(), (SIDE_M, SIDE_M), planner)
 
 
 def sheet(seed: int = 3) -> VirtualRobot:
@@ -93,9 +93,9 @@ def sheet(seed: int = 3) -> VirtualRobot:
     return VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), seed))
 
 
-def lasting_sheet(folder: Path, robot: Robot | None = None) -> LastingRobot:
+def journaled_sheet(folder: Path, robot: Robot | None = None) -> JournaledRobot:
     """The same, outliving its process; ``robot`` in the place of ``sheet``."""
-    return LastingRobot(sheet() if robot is None else robot, folder / "journal.jsonl", load_tool)
+    return JournaledRobot(sheet() if robot is None else robot, folder / "journal.jsonl", load_tool)
 
 
 def cross(canvas: np.ndarray) -> np.ndarray:

@@ -79,7 +79,7 @@ def test_a_brush_draws_and_pulls_as_pytorch_does(graphs: Graphs, count: int) -> 
     ours, theirs = GraphBrush(graphs, BRUSH), TorchBrush(
         small_bundle()[1].strokes["marker"], load_tool("marker"), PLANNER.path_points
     )  # fmt: skip
-    assert (ours.fitted, ours.pace, ours.path_points) == (theirs.fitted, theirs.pace, theirs.path_points)
+    assert (ours.fitted, ours.timing, ours.path_points) == (theirs.fitted, theirs.timing, theirs.path_points)
     strokes, inherited = some_strokes(count)
     (marks, pull), (expected, pull_expected) = (brush.marks(strokes, inherited) for brush in (ours, theirs))
     for found, wanted in zip(marks, expected, strict=True):
@@ -172,7 +172,7 @@ def test_the_goal_planners_parts_answer_as_pytorch_does(graphs: Graphs) -> None:
         decoded = planner.vae.decode(latents).sample
     np.testing.assert_allclose(networks.read(words), states, atol=1e-5)
     np.testing.assert_allclose(networks.encode(pictures), latents, atol=1e-4)
-    np.testing.assert_allclose(networks.foretell(noisy.numpy(), 400, states.numpy()), told, atol=1e-4)
+    np.testing.assert_allclose(networks.predict(noisy.numpy(), 400, states.numpy()), told, atol=1e-4)
     np.testing.assert_allclose(networks.decode(latents.numpy()), decoded, atol=1e-4)
     assert schedule.alphas_cumprod[-1] == 0 and schedule.prediction == "sample"
 

@@ -61,7 +61,7 @@ def _networks(planner: GoalPlanner) -> Networks:
     return Networks(
         read=plain(lambda tokens: planner.text_encoder(tokens)[0]),
         encode=plain(lambda picture: planner.vae.encode(picture).latent_dist.mode()),
-        foretell=plain(lambda latents, t, text: planner.unet(latents, t, encoder_hidden_states=text)[0]),
+        predict=plain(lambda latents, t, text: planner.unet(latents, t, encoder_hidden_states=text)[0]),
         decode=plain(lambda latents: planner.vae.decode(latents)[0]),
         scaling=planner.vae.config.scaling_factor,
     )
@@ -117,7 +117,7 @@ def test_latents_are_those_of_the_pipeline_to_rounding(prediction: Prediction) -
         return networks.decode(latents)
 
     complete(
-        Networks(networks.read, networks.encode, networks.foretell, decode, networks.scaling), _schedule(planner),
+        Networks(networks.read, networks.encode, networks.predict, decode, networks.scaling), _schedule(planner),
         _canvases(), _tokens(planner, CAPTIONS), _tokens(planner, [""]), noise, 8, 1.5, 3.0,
     )  # fmt: skip
     assert np.linalg.norm(found[0] - theirs) <= 1e-4 * np.linalg.norm(theirs)

@@ -29,8 +29,8 @@ from pentimento.bundle.reader import (
 )
 from pentimento.contracts.codec import to_plain
 from pentimento.control.safety import envelope_for
-from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
-from pentimento.planning.fitted import Pace
+from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
+from pentimento.planning.fitted import LoopTiming
 from pentimento.planning.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
 
@@ -42,9 +42,9 @@ GRAPHS = (
 
 PLANNER = PlannerConfig(
     initialisation="error_guided", candidates=2, rounds=1, sizes=(0.5, 0.1), iterations_per_round=2, iterations_free=4,
-    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=0, relocate_share=0.2, least_gain=0.0,
+    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=0, relocate_share=0.2, min_gain=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=4, pixels_per_m=800.0, edge_m=0.002,
-    distances_px=(1, 4), objectives=ObjectivesConfig(1.0, None), slack=Slack(0.0, 0.0),
+    distances_px=(1, 4), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 2e-5, 0.0), seed=1,
 )  # fmt: skip
 
@@ -80,7 +80,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         },
         models={"stroke_marker": "1"},
         settings={"pen": setting},
-        brushes={"pen": BrushFacts("marker", 4, {}, Pace(2.0, 5.0), picks_up=False, has_gain=False)},
+        brushes={"pen": BrushFacts("marker", 4, {}, LoopTiming(2.0, 5.0), picks_up=False, has_gain=False)},
         encoder=EncoderFacts(16, 8, 1, words),
         goal=GoalFacts(16, 4, 2, 0.8, (0.9, 0.5, 0.0), 1.0, "sample", "trailing", 0, 2, 1.0, 5.0, words),
         styles={},

@@ -35,7 +35,7 @@ def test_a_named_tuple_is_written_by_its_names() -> None:
         ({"initialisation": "guess"}, "one of"),
         ({"sizes": [0.5]}, "a list of 2"),
         ({"sizes": [0.5, 3.0]}, "sizes is"),  # the planner's own check
-        ({"slack": None}, r"planner\.slack is None; it must be a mapping"),
+        ({"execution_noise": None}, r"planner\.execution_noise is None; it must be a mapping"),
         ({"more": 1}, r"unknown are \['more'\]"),
     ],
 )

@@ -4,13 +4,13 @@ import sys
 from pathlib import Path
 
 from pentimento.control.session import carry_on
-from tests.bundle.line_brush import lasting_sheet
+from tests.bundle.line_brush import journaled_sheet
 from tests.control.paintings import begun, sitting
 
 
 def main(folder: Path) -> None:
     """Print the number of strokes made after every change of the state."""
-    robot = lasting_sheet(folder)
+    robot = journaled_sheet(folder)
     if not (folder / "state.npz").exists():
         begun(robot, folder)
     carry_on(sitting(robot, folder, tell=lambda state: print(state.made, flush=True)))

@@ -13,10 +13,10 @@ from pentimento.control.commands import Control
 from pentimento.control.paint_context import as_linear, error
 from pentimento.control.painting_state import State
 from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.control.session import GOAL, Pace, Sitting, begin, carry_on
+from pentimento.control.session import GOAL, LoopTiming, Sitting, begin, carry_on
 from pentimento.planning.memory import Start
 from pentimento.robots.driver import Robot
-from tests.bundle.line_brush import SIDE_M, cross, easel
+from tests.bundle.line_brush import SIDE_M, cross, paint_context
 
 STROKES, BATCH = 14, 4
 
@@ -29,10 +29,10 @@ def sitting(
     reach_s: float = 60.0,
 ) -> Sitting:
     """Who paints with a robot, guarded anew, in a folder."""
-    own = easel()
+    own = paint_context()
     guarded = GuardedRobot(robot, envelope_for(own.tool, (SIDE_M, SIDE_M)))
-    pace = Pace(batch=BATCH, reach_s=reach_s, sees=True, clock_goes_on=True)
-    return Sitting(guarded, own, pace, folder, Control() if control is None else control, tell)
+    timing = LoopTiming(batch=BATCH, reach_s=reach_s, sees=True, clock_goes_on=True)
+    return Sitting(guarded, own, timing, folder, Control() if control is None else control, tell)
 
 
 def begun(robot: Robot, folder: Path) -> State:
@@ -52,5 +52,5 @@ def error_of(state: State, folder: Path) -> float:
     goal = read_image(folder / GOAL)
     blank = np.full_like(goal, round(255 * float(np.median(to_float(goal)))))
     start = Start(state.memory, state.clock_s, state.made)
-    own = easel()
+    own = paint_context()
     return error(own, as_linear(state.canvas), goal, start) / error(own, as_linear(blank), goal, start)

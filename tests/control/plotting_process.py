@@ -7,14 +7,14 @@ import time
 from pathlib import Path
 
 from pentimento.control.commands import Control
-from pentimento.control.open_robot import Opened, open_robot
+from pentimento.control.open_robot import RobotHandle, open_robot
 from pentimento.control.painting_state import State
 from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.control.session import Pace, Sitting, begin, carry_on
+from pentimento.control.session import LoopTiming, Sitting, begin, carry_on
 from pentimento.robots.calibration import Calibration, write_calibration
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
-from tests.bundle.line_brush import SIDE_M, cross, easel
+from tests.bundle.line_brush import SIDE_M, cross, paint_context
 
 RIG = """
 name = "small"
@@ -37,7 +37,7 @@ pen = "z"
 UP_MM, PAPER_MM = -5.0, -10.0
 
 
-def opened(folder: Path, port: str) -> Opened:
+def opened(folder: Path, port: str) -> RobotHandle:
     """The plotter at a port, by a touch calibration of now."""
     rig_file = folder / "small.toml"
     rig_file.write_text(RIG.format(port=port))
@@ -48,17 +48,17 @@ def opened(folder: Path, port: str) -> Opened:
     )  # fmt: skip
 
 
-def paint(folder: Path, robot: Opened, strokes: int) -> State:
+def paint(folder: Path, robot: RobotHandle, strokes: int) -> State:
     """Begin or take up a painting, to its end; prints each stroke that is begun."""
-    own = easel()
+    own = paint_context()
     guarded = GuardedRobot(robot.robot, envelope_for(own.tool, (SIDE_M, SIDE_M)))
-    pace = Pace(4, robot.reach_s, robot.sees, robot.clock_goes_on)
+    timing = LoopTiming(4, robot.reach_s, robot.sees, robot.clock_goes_on)
 
     def tell(state: State) -> None:
         if state.begun:
             print(state.made, flush=True)
 
-    sitting = Sitting(guarded, own, pace, folder, Control(), tell)
+    sitting = Sitting(guarded, own, timing, folder, Control(), tell)
     if not (folder / "state.npz").exists():
         begin(sitting, cross, strokes, lambda _name, _value, _step: None)
     return carry_on(sitting)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pentimento.contracts.photo import Photo
-from pentimento.control.robot_process import Ask, RobotApart
+from pentimento.control.robot_process import Ask, RobotProcess
 from pentimento.robots.tools import Tool
 
 STROKE = np.array([[0, 0.02, 0.02, -0.0005, 0], [30, 0.06, 0.02, -0.0005, 0]])
@@ -68,18 +68,18 @@ class SlowRobot:
 
 
 def make(log: Path, ask: Ask) -> SlowRobot:
-    """For ``RobotApart``."""
+    """For ``RobotProcess``."""
     return SlowRobot(log, ask)
 
 
 def broken(log: Path, ask: Ask) -> SlowRobot:
-    """For ``RobotApart``: a robot that cannot be opened."""
+    """For ``RobotProcess``: a robot that cannot be opened."""
     raise ValueError(f"{log.name} is no robot.")
 
 
 def draw_for_ever(log: Path) -> None:
     """A process that has a stroke made and does not live to see its end."""
-    robot = RobotApart(make, (log,), lambda _: None)
+    robot = RobotProcess(make, (log,), lambda _: None)
     print("drawing", flush=True)
     robot.move(STROKE)
 

@@ -23,7 +23,7 @@ def _networks(answers: np.ndarray | None) -> Networks:
     return Networks(
         read=lambda tokens: tokens[..., None].astype(np.float32),
         encode=lambda picture: picture.reshape(len(picture), 3, SIDE // STEP, STEP, SIDE // STEP, STEP).mean((3, 5)),
-        foretell=lambda latents, _t, _text: (
+        predict=lambda latents, _t, _text: (
             latents[:, 3:] if answers is None else np.broadcast_to(answers, latents[:, 3:].shape)
         ).astype(np.float32),
         decode=lambda latents: latents.repeat(STEP, 2).repeat(STEP, 3),

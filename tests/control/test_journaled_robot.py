@@ -8,7 +8,7 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
-from tests.bundle.line_brush import lasting_sheet
+from tests.bundle.line_brush import journaled_sheet
 
 
 def _path(y_m: float) -> np.ndarray:
@@ -18,12 +18,12 @@ def _path(y_m: float) -> np.ndarray:
 
 
 def test_another_process_stands_before_the_same_sheet(tmp_path: Path) -> None:
-    first = lasting_sheet(tmp_path)
+    first = journaled_sheet(tmp_path)
     first.change_tool(load_tool("marker"))
     first.move(_path(0.03))
     first.photo()
     first.wait(2.5)
-    again = lasting_sheet(tmp_path)
+    again = journaled_sheet(tmp_path)
     assert again.clock_s == first.clock_s
     for robot in (first, again):
         robot.move(_path(0.06))
@@ -31,18 +31,18 @@ def test_another_process_stands_before_the_same_sheet(tmp_path: Path) -> None:
 
 
 def test_a_command_that_was_cut_off_was_never_obeyed(tmp_path: Path) -> None:
-    first = lasting_sheet(tmp_path)
+    first = journaled_sheet(tmp_path)
     first.move(_path(0.03))
     clock_s = first.clock_s
     journal = tmp_path / "journal.jsonl"
     journal.write_bytes(journal.read_bytes() + b'["move", [[[0.0, 0.')
-    again = lasting_sheet(tmp_path)
+    again = journaled_sheet(tmp_path)
     assert again.clock_s == clock_s
     again.wait(1.0)
-    assert lasting_sheet(tmp_path).clock_s == clock_s + 1.0
+    assert journaled_sheet(tmp_path).clock_s == clock_s + 1.0
 
 
 def test_a_journal_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "journal.jsonl").write_text("nonsense\n")
     with pytest.raises(ContractError, match="Line 1"):
-        lasting_sheet(tmp_path)
+        journaled_sheet(tmp_path)

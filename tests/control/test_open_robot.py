@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.contracts.errors import CalibrationError, ConfigError, ContractError
 from pentimento.control.commission import Commission, Wanted, alone_in, read_commission, write_commission
-from pentimento.control.open_robot import Opened, open_robot, rig_named
+from pentimento.control.open_robot import RobotHandle, open_robot, rig_named
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
@@ -16,7 +16,7 @@ CANVAS_M = (0.1, 0.08)
 LINE = timed_path(np.array([[0.02, 0.02, -0.0005, 0], [0.05, 0.03, -0.0005, 0], [0.08, 0.02, -0.0005, 0]]), 0.06)
 
 
-def _open(name: str, folder: Path, execute: bool = False) -> Opened:
+def _open(name: str, folder: Path, execute: bool = False) -> RobotHandle:
     def nobody(request: str) -> None:
         raise AssertionError(f"Nobody should be asked: {request}")
 

@@ -11,8 +11,8 @@ from pentimento.control.paint_context import (
     as_picture,
     error,
     first_plan,
-    foretold,
     painted_by_a_person,
+    predicted,
     replanned,
     still_wanted,
     to_be_dipped,
@@ -22,9 +22,9 @@ from pentimento.planning.memory import Start
 from pentimento.planning.strokes import Strokes
 from pentimento.robots.dipping import needs_dip
 from pentimento.robots.tools import load_tool
-from tests.bundle.line_brush import SIDE_M, cross, easel
+from tests.bundle.line_brush import SIDE_M, cross, paint_context
 
-OWN = easel()
+OWN = paint_context()
 PAPER = np.full((60, 60, 3), 238, np.uint8)
 GOAL = cross(PAPER)
 START = Start(fresh_memory((SIDE_M, SIDE_M), 0.002), 0.0, 0)
@@ -40,21 +40,21 @@ def planned() -> Strokes:
 
 
 def test_a_plan_helps_and_each_of_its_strokes_does(planned: Strokes) -> None:
-    whole = _error(as_picture(foretold(OWN, planned, PAPER, START)))
+    whole = _error(as_picture(predicted(OWN, planned, PAPER, START)))
     assert whole < 0.6 * _error(PAPER)
     for left_out in range(len(planned)):
         others = planned.pick(np.delete(np.arange(len(planned)), left_out))
-        assert _error(as_picture(foretold(OWN, others, PAPER, START))) > whole * 0.999
+        assert _error(as_picture(predicted(OWN, others, PAPER, START))) > whole * 0.999
 
 
 def test_replanning_makes_the_best_of_what_came_out_otherwise(planned: Strokes) -> None:
     first, rest = planned.pick(slice(0, 5)), planned.pick(slice(5, None))
     first.middle_m += np.float32(0.003)  # the robot has drawn beside
-    canvas = as_picture(foretold(OWN, first, PAPER, START))
+    canvas = as_picture(predicted(OWN, first, PAPER, START))
     before = rest.middle_m.copy()
     again = replanned(OWN, rest, canvas, GOAL, START)
     assert np.array_equal(rest.middle_m, before)  # what was given stays as it was
-    errors = [_error(as_picture(foretold(OWN, strokes, canvas, START))) for strokes in (rest, again)]
+    errors = [_error(as_picture(predicted(OWN, strokes, canvas, START))) for strokes in (rest, again)]
     assert errors[1] < errors[0]
 
 

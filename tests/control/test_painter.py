@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.control.painter import Painting, as_linear, foretell, paint, replan_rest
+from pentimento.control.painter import Painting, as_linear, paint, predict, replan_rest
 from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 from pentimento.planning.memory import foreseen
 from pentimento.planning.planner import plan
 from pentimento.planning.scene import Scene, objective_for, scene_with
@@ -25,7 +25,10 @@ from tests.planning.scenes import CONFIG, unheard
 MARKER = load_tool("marker")
 SQUARE_M = (0.1, 0.1)
 MODEL = StrokeModel(
-    Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, 1.5e-3, 0.2, 0.95), (), {"order": Span(0, 9, 99)}, Pace(3.0, 0.0)
+    Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, 1.5e-3, 0.2, 0.95),
+    (),
+    {"order": Span(0, 9, 99)},
+    LoopTiming(3.0, 0.0),
 )
 INK = replace(CONFIG, palette=replace(CONFIG.palette, source="ink", size=None), pixels_per_m=400.0, edge_m=0.004)
 
@@ -80,7 +83,7 @@ def test_what_is_left_is_moved_for_the_canvas_as_it_is_and_inherits_anew() -> No
     objective = objective_for(scene(), INK)
 
     def ends(left: object) -> float:
-        return objective(as_linear(np.rint(255 * np.clip(foretell(left, half, scene()), 0, 1)).astype(np.uint8)))[0]
+        return objective(as_linear(np.rint(255 * np.clip(predict(left, half, scene()), 0, 1)).astype(np.uint8)))[0]
 
     moved = strokes.pick(slice(None))
     replan_rest(moved, half, scene(), replace(INK, iterations_replan=20, replan_rate=0.5))

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.control.robot_process import SILENT_S, RobotApart, RobotGone
+from pentimento.control.robot_process import SILENT_S, RobotGone, RobotProcess
 from pentimento.robots.tools import load_tool
 from pipelines._imports import ROOT
 from tests.control.slow_robot import STROKE, broken, make
@@ -39,14 +39,14 @@ def _waits_for(log: Path, what: str, within_s: float) -> float:
 
 
 @pytest.fixture
-def apart(tmp_path: Path) -> Iterator[tuple[RobotApart, Path, list[str]]]:
+def apart(tmp_path: Path) -> Iterator[tuple[RobotProcess, Path, list[str]]]:
     asked: list[str] = []
-    robot = RobotApart(make, (tmp_path / "log",), asked.append)
+    robot = RobotProcess(make, (tmp_path / "log",), asked.append)
     yield robot, tmp_path / "log", asked
     robot.close()
 
 
-def test_commands_answers_requests_and_errors_pass(apart: tuple[RobotApart, Path, list[str]]) -> None:
+def test_commands_answers_requests_and_errors_pass(apart: tuple[RobotProcess, Path, list[str]]) -> None:
     robot, log, asked = apart
     assert robot.canvas_size_m == (0.1, 0.1) and robot.clock_s > 0
     robot.change_tool(load_tool("marker"))
@@ -58,7 +58,7 @@ def test_commands_answers_requests_and_errors_pass(apart: tuple[RobotApart, Path
         robot.load_palette(np.zeros((1, 3)))
 
 
-def test_a_lift_passes_a_stroke_on_its_way(apart: tuple[RobotApart, Path, list[str]]) -> None:
+def test_a_lift_passes_a_stroke_on_its_way(apart: tuple[RobotProcess, Path, list[str]]) -> None:
     robot, log, _ = apart
     failed: list[Exception] = []
 
@@ -109,7 +109,7 @@ def test_a_commander_that_hangs_leaves_the_tool_up(tmp_path: Path) -> None:
 
 
 def test_a_robot_that_is_gone_is_told(tmp_path: Path) -> None:
-    robot = RobotApart(make, (tmp_path / "log",), lambda _: None)
+    robot = RobotProcess(make, (tmp_path / "log",), lambda _: None)
     robot._process.kill()
     with pytest.raises(RobotGone, match="tool is up"):
         robot.wait(60)
@@ -118,14 +118,14 @@ def test_a_robot_that_is_gone_is_told(tmp_path: Path) -> None:
 
 def test_what_cannot_be_opened_says_why(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no robot"):
-        RobotApart(broken, (tmp_path / "log",), lambda _: None)
+        RobotProcess(broken, (tmp_path / "log",), lambda _: None)
 
 
 def test_a_request_that_is_not_confirmed_fails_the_command(tmp_path: Path) -> None:
     def away(_request: str) -> None:
         raise EOFError
 
-    robot = RobotApart(make, (tmp_path / "log",), away)
+    robot = RobotProcess(make, (tmp_path / "log",), away)
     with pytest.raises(PentimentoError, match="Fit the marker"):
         robot.change_tool(load_tool("marker"))
     robot.close()

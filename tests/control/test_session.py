@@ -14,7 +14,7 @@ from pentimento.control.commands import Control
 from pentimento.control.painting_state import State, load_state
 from pentimento.control.session import CANVAS, GOAL, NEXT, PREVIEW, RECORD, carry_on
 from pentimento.planning.strokes import to_planned
-from tests.bundle.line_brush import POINTS, lasting_sheet, sheet
+from tests.bundle.line_brush import POINTS, journaled_sheet, sheet
 from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, sitting
 
 
@@ -69,7 +69,7 @@ def test_a_finished_painting_is_not_taken_up_again(painted: tuple[Path, State, S
 
 
 def test_looking_goes_on_from_the_same_canvas_in_another_process(tmp_path: Path) -> None:
-    first = lasting_sheet(tmp_path)
+    first = journaled_sheet(tmp_path)
     planned = len(begun(first, tmp_path).left)
     control = Control()
 
@@ -80,7 +80,7 @@ def test_looking_goes_on_from_the_same_canvas_in_another_process(tmp_path: Path)
     state = carry_on(sitting(first, tmp_path, control, stop_after_five))
     assert state.phase == "stopped" and state.made == 5
     first.close()
-    again = lasting_sheet(tmp_path)
+    again = journaled_sheet(tmp_path)
     assert again.clock_s == first.clock_s
     done = finished(again, tmp_path)
     assert planned - 2 <= done.made <= planned and done.sessions == 2 and error_of(done, tmp_path) < 0.6
@@ -105,7 +105,7 @@ def test_a_persons_turn_becomes_the_canvas_and_the_rest_is_replanned_on_it(
             turned = True
             control.say("your turn")
         if state.phase == "your turn":
-            for stroke in to_planned(state.left, beside.easel.tool, POINTS):  # what the robot still has to do
+            for stroke in to_planned(state.left, beside.paint_context.tool, POINTS):  # what the robot still has to do
                 robot.move(stroke.path)
             control.say("go on")
 

@@ -3,29 +3,29 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.copainting.evaluation.goal_plans import Easel, Medium
+from pentimento.copainting.evaluation.goal_plans import Medium, PaintContext
 from pentimento.copainting.scenes.ink_tones import InkTones
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
+from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
 from pentimento.planning.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
 
 SIDE_PX = 32
 PLANNER = PlannerConfig(
     initialisation="error_guided", candidates=4, rounds=2, sizes=(0.5, 0.2), iterations_per_round=4, iterations_free=12,
-    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=6, relocate_share=0.2, least_gain=0.0,
+    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=6, relocate_share=0.2, min_gain=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=10, pixels_per_m=480.0, edge_m=0.003,
-    distances_px=(1, 2), objectives=ObjectivesConfig(1.0, None), slack=Slack(0.0, 0.0),
+    distances_px=(1, 2), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(0.0008, 0.04, 0.0008, 0.0005, 0.00002, 0.0), seed=0,
 )  # fmt: skip
 MEDIUM = Medium("marker", 0.1, InkTones(0.001, 0.15, 0.3), PLANNER)
 PARAMETERS = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, 1.5e-3, 0.2, 0.95)
 
 
-def marker_easel() -> Easel:
+def marker_paint_context() -> PaintContext:
     """A sheet of 100 mm, planned at 48 px."""
-    return Easel(MEDIUM, load_tool("marker"), base_model(PARAMETERS))
+    return PaintContext(MEDIUM, load_tool("marker"), base_model(PARAMETERS))
 
 
 def paper() -> NDArray[np.uint8]:

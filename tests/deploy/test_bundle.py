@@ -40,7 +40,7 @@ def test_its_facts_are_those_of_the_models() -> None:
     assert (goal.side_px, goal.latent_step_px, goal.latent_channels, goal.prediction) == (16, 2, 4, "sample")
     assert goal.alphas_cumprod[-1] == 0 and np.all(np.diff(goal.alphas_cumprod) < 0)
     assert goal.alphas_cumprod == pytest.approx(models.goal.scheduler.alphas_cumprod.tolist())
-    assert brush.fitted == models.strokes["marker"].fitted and brush.pace == models.strokes["marker"].pace
+    assert brush.fitted == models.strokes["marker"].fitted and brush.timing == models.strokes["marker"].timing
     assert brush.picks_up and brush.has_gain
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.bundle.assignment import MOST_CELLS
+from pentimento.bundle.assignment import MAX_CELLS
 from pentimento.bundle.views import views_of
 from pentimento.deploy.objective_graphs import semantic_value, text_value
 from pentimento.semantics.objective import SemanticObjective, TextObjective
-from pentimento.semantics.style.style import _MOST
+from pentimento.semantics.style.style import _MAX
 from tests.copainting.goal_planners import small_encoder
 
 SEED = 4
@@ -32,7 +32,7 @@ def test_with_the_same_views_values_are_the_workshops(views: int) -> None:
 
 
 def test_as_many_cells_are_paired_as_in_the_workshop() -> None:
-    assert MOST_CELLS == _MOST
+    assert MAX_CELLS == _MAX
 
 
 def test_no_view_is_no_matrix() -> None:

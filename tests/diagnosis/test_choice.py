@@ -11,14 +11,14 @@ from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.choice import (
     Step,
     by_what_is_left,
-    simplest_of_the_best,
+    most_parsimonious,
+    prune_redundant,
+    prune_unlikely,
     unconfirmed,
-    without_echoes,
-    without_unlikely,
 )
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.predict import Model, action_losses, foretold, identity
+from pentimento.diagnosis.strokes.predict import Model, action_losses, identity, predicted
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed
@@ -43,7 +43,7 @@ def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
     quantities = {kind.cause: len(kind.quantities) for kind in (SpeedWidth, SpeedBleed)}
     removed = np.random.default_rng(0).uniform(0.9, 1.1, 60)
     losses = {"speed_bleed": 3.0 - removed, "speed_width": 3.0 - by_the_simple * removed}
-    step = simplest_of_the_best({}, losses, 3.0, quantities, 0, lambda line: None)
+    step = most_parsimonious({}, losses, 3.0, quantities, 0, lambda line: None)
     assert (step.chosen, step.rivals) == (chosen, rivals)
 
 
@@ -63,7 +63,7 @@ def test_of_two_causes_with_one_form_what_one_has_beyond_the_other_decides(
     refits, made = refitted(SpeedDensity, [paler, softer, 0.05], (SpeedBleed, SpeedDensity))
     losses = {cause: action_losses(refit, made) for cause, refit in refits.items()}
     error = float(action_losses(fit(refits["speed_bleed"].without("speed_bleed"), made), made).mean())
-    assert set(without_unlikely(losses, error, refits, made)) == left
+    assert set(prune_unlikely(losses, error, refits, made)) == left
 
 
 @pytest.mark.parametrize(
@@ -76,13 +76,13 @@ def test_of_two_causes_with_one_form_what_one_has_beyond_the_other_decides(
 def test_a_cause_that_does_what_another_does_and_no_more_is_no_rival(softer: float, rivals: tuple[str, ...]) -> None:
     refits, made = refitted(SpeedBleed, [softer, 0.2], (SpeedWidth, SpeedBleed))
     step = Step({}, "speed_width", ("speed_bleed",))
-    assert without_echoes(step, refits, made).rivals == rivals
+    assert prune_redundant(step, refits, made).rivals == rivals
 
 
 def test_causes_of_other_forms_stay_rivals() -> None:
     refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, ToolWear))
     step = Step({}, "speed_width", ("tool_wear",))
-    assert without_echoes(step, refits, made).rivals == ("tool_wear",)
+    assert prune_redundant(step, refits, made).rivals == ("tool_wear",)
 
 
 TRAILING: tuple[type[Mechanism], ...] = (BristleLag, Latency)
@@ -124,7 +124,7 @@ def refitted(
     measured = load_measured(example_table(60))
     base = first_model(measured)
     truth = hidden(torch.tensor(values, dtype=torch.float64), identity(hidden, measured.context).reference)
-    after = foretold(base.plus(truth), measured)
+    after = predicted(base.plus(truth), measured)
     made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
     return {kind.cause: fit(base.plus(identity(kind, made.context)), made) for kind in kinds}, made
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.random_effect import own_part
+from pentimento.diagnosis.random_effect import action_effect
 
 ROW = np.repeat(np.arange(6), 80)
 
@@ -20,12 +20,12 @@ def test_another_amount_in_each_row_is_all_its_own() -> None:
     by, _, weight = drawn()
     amounts = np.random.default_rng(1).normal(size=(6, 3))
     values = (by * amounts[ROW]).sum(1)
-    np.testing.assert_allclose(own_part(values, by, weight, ROW), values, atol=1e-9)
+    np.testing.assert_allclose(action_effect(values, by, weight, ROW), values, atol=1e-9)
 
 
 def test_what_is_left_is_square_to_what_was_taken() -> None:
     by, values, weight = drawn()
-    left = values - own_part(values, by, weight, ROW)
+    left = values - action_effect(values, by, weight, ROW)
     for row in range(6):
         of = row == ROW
         np.testing.assert_allclose(by[of].T @ (weight * left)[of], 0.0, atol=1e-9)
@@ -34,7 +34,7 @@ def test_what_is_left_is_square_to_what_was_taken() -> None:
 def test_a_row_that_shows_none_of_it_keeps_all() -> None:
     by, values, weight = drawn()
     by[ROW == 2] = 0.0
-    taken = own_part(values, by, weight, ROW)
+    taken = action_effect(values, by, weight, ROW)
     assert not taken[ROW == 2].any() and taken[ROW == 3].any()
 
 
@@ -42,4 +42,4 @@ def test_numbers_that_do_the_same_share_the_work() -> None:
     """A column that is there twice leaves the numbers open, and not what they do."""
     by, values, weight = drawn()
     twice = np.column_stack([by, by[:, 0]])
-    assert own_part(values, twice, weight, ROW) == pytest.approx(own_part(values, by, weight, ROW), abs=1e-9)
+    assert action_effect(values, twice, weight, ROW) == pytest.approx(action_effect(values, by, weight, ROW), abs=1e-9)

@@ -74,7 +74,7 @@ def test_evidence_is_each_candidates_own_whatever_numbers_it_has() -> None:
     """The first candidate matters; it is found as the second of one number, and as a part of the first of two."""
     statistics, blocks = world(4, effect=0.8), np.arange(ACTIONS) // 3
     single = weighed(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
-    assert single["c0"].p_adjusted < 0.02 and single["c0"].least_gain > 0
+    assert single["c0"].p_adjusted < 0.02 and single["c0"].min_gain > 0
     assert all(single[name].gain < 0.1 * single["c0"].gain for name in ("c1", "rest"))
     paired = weighed(statistics, NUISANCES, {"both": 2, "others": 2}, blocks, 0)
     assert paired["both"].p_adjusted < 0.02 < paired["others"].p_adjusted

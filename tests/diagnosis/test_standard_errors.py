@@ -14,7 +14,7 @@ from pentimento.diagnosis.strokes.jacobian import Statistics
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.modes import MODES, AllModes
 from pentimento.diagnosis.strokes.modulator import Modulation
-from pentimento.diagnosis.strokes.predict import Model, foretold_linear, identity, ink
+from pentimento.diagnosis.strokes.predict import Model, identity, ink, predicted_linear
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
@@ -31,7 +31,7 @@ def photographed(truth: Model, measured: Measured, seed: int) -> Measured:
     columns = {f"modulation_{mode}": amounts[:, m] for m, mode in enumerate(MODES)}
     swaying = truth.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
     told = replace(measured, covariates=measured.covariates | columns)
-    after = linear_to_srgb(foretold_linear(ink(swaying, told), told))
+    after = linear_to_srgb(predicted_linear(ink(swaying, told), told))
     after = np.clip(after + rng.normal(0, 0.015, after.shape), 0, 1).astype(np.float32)
     return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
 

@@ -23,8 +23,8 @@ def test_without_damping_it_goes_to_the_least_and_keeps_its_promise() -> None:
     columns, missed, statistics = linear(0)
     none, hold = np.zeros(NUMBERS), np.zeros((NUMBERS, NUMBERS))
     there = damped_step(none, none, statistics, 0.0, hold, *FREE)
-    least = np.linalg.lstsq(columns.reshape(-1, NUMBERS), missed.ravel(), rcond=None)[0]
-    np.testing.assert_allclose(there, least, atol=1e-6)
+    minimum = np.linalg.lstsq(columns.reshape(-1, NUMBERS), missed.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(there, minimum, atol=1e-6)
     fall = (np.square(missed) - np.square(missed - columns @ there)).sum(1).mean()
     assert promised(there, none, statistics, hold) == pytest.approx(fall, rel=1e-6)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.temporal_drift import Wandering, wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
 
 Array = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ def state(period: float) -> Array:
     return np.sqrt(2) * np.sin(2 * np.pi * np.arange(ROWS) / period)
 
 
-def found_in(scores: Array, action: NDArray[np.int64], seed: int = 0) -> Wandering | None:
-    return wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), ERROR, action, TURN, seed)
+def found_in(scores: Array, action: NDArray[np.int64], seed: int = 0) -> TemporalDrift | None:
+    return temporal_drift(("blur", "width"), scores, np.full(scores.shape, ENERGY), ERROR, action, TURN, seed)
 
 
 @pytest.mark.parametrize("period", [15.0, 40.0])
@@ -50,7 +50,7 @@ def test_whatever_the_rows_order_in_the_table() -> None:
     scores[:, 1] += state(20)
     shuffled = rng.permutation(ROWS)
     energy = np.full(scores.shape, ENERGY)
-    found = wandering(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
+    found = temporal_drift(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
     told = found_in(scores, action)
     assert found is not None and told is not None and found.mse == pytest.approx(told.mse, rel=1e-9)
     assert found.amount == pytest.approx(told.amount)
@@ -86,12 +86,17 @@ def test_what_is_worth_next_to_nothing_is_no_state() -> None:
     scores = NOISE * rng.standard_normal((ROWS, 2))
     scores[:, 1] += state(20)
     assert (
-        wandering(("blur", "width"), scores, np.full(scores.shape, ENERGY), 100 * ERROR, actions(rng), TURN, 0) is None
+        temporal_drift(("blur", "width"), scores, np.full(scores.shape, ENERGY), 100 * ERROR, actions(rng), TURN, 0)
+        is None
     )
 
 
 def test_where_nothing_is_missed_nothing_wanders() -> None:
     rng = np.random.default_rng(8)
     nothing = np.zeros((ROWS, 2))
-    assert wandering(("blur", "width"), nothing, np.full(nothing.shape, ENERGY), 0.0, actions(rng), TURN, 0) is None
-    assert wandering(("width",), np.ones((1, 1)), np.ones((1, 1)), 1.0, np.zeros(1, int), np.zeros(1, int), 0) is None
+    assert (
+        temporal_drift(("blur", "width"), nothing, np.full(nothing.shape, ENERGY), 0.0, actions(rng), TURN, 0) is None
+    )
+    assert (
+        temporal_drift(("width",), np.ones((1, 1)), np.ones((1, 1)), 1.0, np.zeros(1, int), np.zeros(1, int), 0) is None
+    )

@@ -27,4 +27,4 @@ def test_halfway_there_a_quarter_of_the_squared_error_is_left() -> None:
 def test_what_made_it_worse_is_said_and_the_best_on_the_way_too() -> None:
     worse = 2 * START - GOAL + np.float32(0.001)
     said = met(OBJECTIVE, np.stack([START, (START + GOAL) / 2, worse]), START)["error_3d_mm2"]
-    assert said["removed"] < 0 and said["least"] < said["before"] < said["after"]
+    assert said["removed"] < 0 and said["minimum"] < said["before"] < said["after"]

@@ -27,8 +27,8 @@ def test_sessions_are_their_seeds_and_hands_have_their_sizes() -> None:
     config = MadeUpConfig(sessions=2, strokes=4, seed=5)
     one, other = made_up_sessions(config), made_up_sessions(MadeUpConfig(sessions=3, strokes=6, seed=5))
     assert len(one) == 2 * 4 * len(HANDS)
-    twin = next(s for s in other if s.session == one[5].session and np.array_equal(s.points, one[5].points))
-    assert twin.hand == one[5].hand  # more sessions and strokes leave the others as they are
+    counterfactual = next(s for s in other if s.session == one[5].session and np.array_equal(s.points, one[5].points))
+    assert counterfactual.hand == one[5].hand  # more sessions and strokes leave the others as they are
     length = {hand: [] for hand in HANDS}
     for stroke in one:
         assert np.isfinite(stroke.points).all()

@@ -17,7 +17,7 @@ from pentimento.contracts.tables import read_table
 from pipelines.build_scenes import main
 
 DRAWN = {"scenes": 40, "side_px": 32, "val_share": 0.1, "test_share": 0.2, "wordings": 4, "seed": 0}
-SEGMENTATION = {"method": "classical", "sam_folder": None, "scale": 60.0, "least_share": 0.03, "points": 4}
+SEGMENTATION = {"method": "classical", "sam_folder": None, "scale": 60.0, "min_share": 0.03, "points": 4}
 
 
 def run(folder: Path, monkeypatch: pytest.MonkeyPatch, imported: dict | None) -> Path:

@@ -25,7 +25,7 @@ SECTION = {
         "weights": {"error_3d": 1.0, "visual": 2.0}, "caution": 0.0, "horizon": 2, "candidates": 16, "rounds": 1,
         "guided": 0.8, "refine": "gradient", "iterations": 1,
         "rates": {"place_m": 0.002, "theta_rad": 0.15, "length_m": 0.003, "depth_m": 0.0006},
-        "samples": 4, "elite": 0.5, "least_gain": 0.001, "edge_m": 0.012, "seed": 0,
+        "samples": 4, "elite": 0.5, "min_gain": 0.001, "edge_m": 0.012, "seed": 0,
     },
     "settings": {
         "foam": {

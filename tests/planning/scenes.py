@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.config import LearningRates, ObjectivesConfig, PlannerConfig, Slack
+from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import PaletteChoice
 from pentimento.planning.render_plan import render_plan
@@ -33,7 +33,7 @@ CONFIG = PlannerConfig(
     replan_rate=0.1,
     relocate_every=5,
     relocate_share=0.2,
-    least_gain=0.0,
+    min_gain=0.0,
     palette=PaletteChoice("plan", 3, None, None),
     sweeps=2,
     path_points=POINTS,
@@ -41,7 +41,7 @@ CONFIG = PlannerConfig(
     edge_m=5e-3,
     distances_px=(1, 4),
     objectives=ObjectivesConfig(1.0, None),
-    slack=Slack(0.0, 0.0),
+    execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=RATES,
     seed=1,
 )

@@ -20,15 +20,15 @@ from pentimento.planning.scene import objective_for, scene_with
 from pentimento.planning.target import load_photograph
 from pentimento.robots.tools import load_tool
 import pentimento.control.painter
-from tests.bundle.line_brush import LineBrush, easel
+from tests.bundle.line_brush import LineBrush, paint_context
 
 blank, target = np.ones((40, 60, 3), np.float32), np.ones((40, 60, 3), np.float32)
 target[10:30, 15:45] = [0.6, 0.1, 0.1]
 paints = replace(
-    easel().planner, palette=PaletteChoice("plan", 2, None, None), iterations_free=6, iterations_palette=6,
+    paint_context().planner, palette=PaletteChoice("plan", 2, None, None), iterations_free=6, iterations_palette=6,
     relocate_every=3, relocate_share=0.2,
 )
-for name, config in (("round_brush", paints), ("marker", easel(6).planner)):
+for name, config in (("round_brush", paints), ("marker", paint_context(6).planner)):
     tool = load_tool(name)
     scene = scene_with(LineBrush(), tool, (0.12, 0.08), target)
     strokes, palette = plan(blank, scene, 12, config, lambda *_: None)

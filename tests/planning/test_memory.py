@@ -16,9 +16,9 @@ from pentimento.dynamics.strokes.mechanisms.wet_mixing import WetMixing
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 from pentimento.planning.memory import Start, beyond_fit, commanded, foreseen, inherited
-from pentimento.planning.render_plan import Mishap, render_and_back, render_plan
+from pentimento.planning.render_plan import Fault, render_and_back, render_plan
 from pentimento.planning.scene import Scene, inherit, scene_with
 from pentimento.planning.strokes import Strokes, to_planned, with_color
 from pentimento.robots.tools import load_tool
@@ -52,7 +52,7 @@ def row_of_strokes(count: int, apart_m: float = 0.02) -> Strokes:
 
 def brush(*mechanisms: Mechanism, fitted: dict[str, Span] | None = None) -> TorchBrush:
     spans = {name: WIDE for name in PAINT} if fitted is None else fitted
-    return TorchBrush(StrokeModel(PARAMETERS, mechanisms, spans, Pace(3.0, 5.0)), BRUSH, POINTS)
+    return TorchBrush(StrokeModel(PARAMETERS, mechanisms, spans, LoopTiming(3.0, 5.0)), BRUSH, POINTS)
 
 
 def scene(*mechanisms: Mechanism, fitted: dict[str, Span] | None = None) -> Scene:
@@ -153,8 +153,8 @@ def test_an_extension_of_no_effect_changes_nothing() -> None:
     nothing = [kind(torch.zeros(len(kind.quantities)), reference) for kind in VOCABULARY]
     extended = scene(*nothing, fitted={name: WIDE for name in (*PAINT, "surface_level")})
     canvas = np.random.default_rng(0).random((200, 300, 3), np.float32)
-    mishap = Mishap(np.full((6, 1), 0.8, np.float32), np.full((6, 1, 2), 1e-3, np.float32))
-    for befallen in (None, mishap):
+    fault = Fault(np.full((6, 1), 0.8, np.float32), np.full((6, 1, 2), 1e-3, np.float32))
+    for befallen in (None, fault):
         plain, same = (render_plan(strokes, canvas, task, befallen) for task in (base, extended))
         np.testing.assert_allclose(same, plain, atol=2e-5, rtol=0)
 

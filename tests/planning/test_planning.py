@@ -9,7 +9,7 @@ import pytest
 from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
 from pentimento.contracts.errors import ImageError
 from pentimento.control.safety import envelope_for
-from pentimento.planning.config import PlannerConfig, Slack
+from pentimento.planning.config import ExecutionNoise, PlannerConfig
 from pentimento.planning.descent import descend, half_cosine, optimise
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.palette import cluster_palette
@@ -73,7 +73,9 @@ def test_optimising_never_ends_worse_than_it_began() -> None:
     after = loss(strokes, WHITE)
     assert after <= before + 1e-9
     kept = strokes.pick(slice(None))
-    optimise(strokes, WHITE, scene(), replace(CONFIG, slack=Slack(0.3, 1e-3)), 5, False, 80.0, unheard, 0)
+    optimise(
+        strokes, WHITE, scene(), replace(CONFIG, execution_noise=ExecutionNoise(0.3, 1e-3)), 5, False, 80.0, unheard, 0
+    )
     assert same(strokes, kept)
 
 
@@ -82,13 +84,13 @@ def test_a_plan_with_slack_stands_thin_strokes_better() -> None:
     narrow = replace(PARAMETERS, thickness_at_contact_m=1.4e-3, thickness_per_press=0.7)
     thin = replace(scene(), brush=brush(parameters=narrow))
 
-    def thinly_painted(slack: Slack) -> float:
+    def thinly_painted(execution_noise: ExecutionNoise) -> float:
         objective = PrintObjective(scene().target, CONFIG.distances_px)
-        config = replace(CONFIG, slack=slack, iterations_free=40)
+        config = replace(CONFIG, execution_noise=execution_noise, iterations_free=40)
         plans = [plan(WHITE, scene(), 40, replace(config, seed=s), unheard)[0] for s in range(5)]
         return float(np.mean([objective(render_plan(strokes, WHITE, thin))[0] for strokes in plans]))
 
-    assert thinly_painted(Slack(0.15, 0.0)) < thinly_painted(Slack(0.0, 0.0))
+    assert thinly_painted(ExecutionNoise(0.15, 0.0)) < thinly_painted(ExecutionNoise(0.0, 0.0))
 
 
 def test_the_rate_falls_along_half_a_cosine() -> None:
@@ -110,9 +112,9 @@ def test_rounds_share_out_every_stroke_and_the_last_gets_most() -> None:
 def test_no_round_follows_one_that_gained_too_little() -> None:
     """A blank canvas that is already the target asks for no stroke beyond the first round's."""
     blank = replace(scene(), target=WHITE)
-    strokes, _ = plan(WHITE, blank, 40, replace(CONFIG, rounds=4, least_gain=1e-6), unheard)
+    strokes, _ = plan(WHITE, blank, 40, replace(CONFIG, rounds=4, min_gain=1e-6), unheard)
     assert len(strokes) == round_shares(40, 4)[0]
-    assert len(plan(WHITE, scene(), 40, replace(CONFIG, rounds=4, least_gain=1e-6), unheard)[0]) == 40
+    assert len(plan(WHITE, scene(), 40, replace(CONFIG, rounds=4, min_gain=1e-6), unheard)[0]) == 40
 
 
 @pytest.mark.parametrize("initialisation", ["random", "error_guided", "saliency"])
@@ -209,7 +211,7 @@ def test_a_photograph_of_one_tone_keeps_it() -> None:
     ("field", "value"),
     [
         ("rounds", 0), ("iterations_free", -1), ("replan_rate", -1.0), ("sweeps", 0), ("path_points", 1),
-        ("candidates", 0), ("relocate_every", -1), ("relocate_share", 1.5), ("least_gain", -1.0), ("sizes", (0.5, 1.1)),
+        ("candidates", 0), ("relocate_every", -1), ("relocate_share", 1.5), ("min_gain", -1.0), ("sizes", (0.5, 1.1)),
         ("pixels_per_m", 0.0), ("edge_m", -0.1), ("distances_px", ()), ("distances_px", (4, 0)), ("seed", -1),
     ],
 )  # fmt: skip
@@ -219,7 +221,7 @@ def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> Non
     with pytest.raises(ValueError, match=r"^color is -1; "):
         replace(RATES, color=-1)
     with pytest.raises(ValueError, match=r"^thinning is 1\.0; "):
-        Slack(1.0, 0.0)
+        ExecutionNoise(1.0, 0.0)
 
 
 def test_photographs_by_name_and_a_sentence_for_what_is_none(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.planning.config import Slack
+from pentimento.planning.config import ExecutionNoise
 from pentimento.planning.model import Brush, Marks, Pull
-from pentimento.planning.render_plan import Mishap, coverages, expected_mishap, mishaps, render_and_back, render_plan
+from pentimento.planning.render_plan import Fault, coverages, expected_fault, faults, render_and_back, render_plan
 from pentimento.planning.scene import objective_for
 from pentimento.planning.strokes import Strokes
 from tests.planning.scenes import CONFIG, RATES, SIZE_M, WHITE, Array, brush, scene, strokes_at
@@ -22,7 +22,7 @@ class Seen:
 
     def __init__(self, of: Brush, dimmed: bool, pickup: float | None) -> None:
         self._brush, self._dimmed, self._pickup = of, dimmed, pickup
-        self.fitted, self.pace, self.path_points = of.fitted, of.pace, of.path_points
+        self.fitted, self.timing, self.path_points = of.fitted, of.timing, of.path_points
 
     def marks(self, strokes: Strokes, inherited: dict[str, Array]) -> tuple[Marks, Pull]:
         marks, pull = self._brush.marks(strokes, inherited)
@@ -42,21 +42,21 @@ def some_strokes() -> Strokes:
 
 
 @pytest.mark.parametrize("which", range(6), ids=["middle", "theta", "length", "bend", "press", "color"])
-@pytest.mark.parametrize("kind", ["plain", "dimmed", "picks_up", "mishap"])
+@pytest.mark.parametrize("kind", ["plain", "dimmed", "picks_up", "fault"])
 def test_the_gradient_of_the_whole_chain_is_that_of_finite_differences(kind: str, which: int) -> None:
     seen = Seen(brush(), kind == "dimmed", 0.3 if kind == "picks_up" else None)
     task = replace(scene(), brush=seen, target=scene().target.astype(np.float64))
-    mishap = Mishap(np.full((5, 1), 0.8), np.full((5, 1, 2), 1e-3)) if kind == "mishap" else None
+    fault = Fault(np.full((5, 1), 0.8), np.full((5, 1, 2), 1e-3)) if kind == "fault" else None
     fine = Strokes(*(array.astype(np.float64) for array in some_strokes().arrays()))
     objective, white = objective_for(task, CONFIG), WHITE.astype(np.float64)
-    image, back = render_and_back(fine, white, task, mishap)
+    image, back = render_and_back(fine, white, task, fault)
     slope = back(objective(image)[1]).arrays()[which]
     way = STEPS[which] * np.random.default_rng(which).standard_normal(slope.shape)
     ends = []
     for step in (-1e-6, 1e-6):
         there = fine.pick(slice(None))
         there.arrays()[which][:] += step * way
-        ends.append(objective(render_plan(there, white, task, mishap))[0])
+        ends.append(objective(render_plan(there, white, task, fault))[0])
     size = float(np.linalg.norm(slope) * np.linalg.norm(way))
     assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(float((slope * way).sum()), abs=1e-3 * size)
 
@@ -77,8 +77,8 @@ def test_no_strokes_leave_the_canvas() -> None:
 
 
 def test_mishaps_narrow_and_shift_and_are_the_expected_ones_on_average() -> None:
-    slack, many = Slack(0.4, 2e-3), 4000
-    drawn, expected = mishaps(many, slack, np.random.default_rng(0)), expected_mishap(many, slack)
+    execution_noise, many = ExecutionNoise(0.4, 2e-3), 4000
+    drawn, expected = faults(many, execution_noise, np.random.default_rng(0)), expected_fault(many, execution_noise)
     assert drawn.narrowing.min() >= 0.6 and drawn.narrowing.max() <= 1
     assert drawn.narrowing.mean() == pytest.approx(expected.narrowing.mean(), abs=0.01)
     assert drawn.shift_m.std() == pytest.approx(2e-3, rel=0.05)
@@ -87,7 +87,7 @@ def test_mishaps_narrow_and_shift_and_are_the_expected_ones_on_average() -> None
 
 def test_a_shifted_stroke_leaves_its_mark_elsewhere() -> None:
     stroke, away = strokes_at((0.05, 0.04)), np.array([0.01, -0.02], np.float32)
-    shifted = render_plan(stroke, WHITE, scene(), Mishap(np.ones((1, 1), np.float32), away[None, None]))
+    shifted = render_plan(stroke, WHITE, scene(), Fault(np.ones((1, 1), np.float32), away[None, None]))
     there = strokes_at((0.06, 0.02))
     np.testing.assert_allclose(shifted, render_plan(there, WHITE, scene()), atol=1e-4)
 

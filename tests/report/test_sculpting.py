@@ -21,7 +21,7 @@ PICTURE = np.full((8, 8, 3), 150, np.uint8)
 
 
 def told(source: str, before: float, after: float) -> dict[str, Any]:
-    errors = {"before": before, "planned": 0.5, "after": after, "removed": 1 - after / before, "least": after}
+    errors = {"before": before, "planned": 0.5, "after": after, "removed": 1 - after / before, "minimum": after}
     return {
         "source": source, "actions": 2, "stopped": "all actions were made", "helped": after < before,
         "error_3d_mm2": errors, "visual_error": errors | {"removed": 0.25},

@@ -4,7 +4,7 @@ import torch
 
 from pentimento.dynamics.strokes.evaluation import score_model
 from pentimento.report.inputs import ToolInputs
-from pentimento.report.stroke_sheet import choose, foretell, stroke_scores
+from pentimento.report.stroke_sheet import choose, predict, stroke_scores
 
 
 def test_strokes_run_from_the_best_foretold_through_the_median_to_the_worst(tool: ToolInputs) -> None:
@@ -16,7 +16,7 @@ def test_strokes_run_from_the_best_foretold_through_the_median_to_the_worst(tool
 
 
 def test_scores_of_single_strokes_average_to_the_model_s(tool: ToolInputs) -> None:
-    iou, _ = stroke_scores(foretell(tool.model, tool.held_out), tool.held_out)
+    iou, _ = stroke_scores(predict(tool.model, tool.held_out), tool.held_out)
     assert float(iou.nanmean()) == pytest.approx(score_model(tool.model, tool.held_out).iou, rel=1e-5)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from studies.blind.paint_context import Disturbance, Mode, PaintContext
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
@@ -17,7 +18,6 @@ from pentimento.studio.world import Effects
 from studies.blind.collect import Recording, as_table, record_world
 from studies.blind.decoys import COLUMNS, draw_decoys
 from studies.blind.design import REPEATED, SINGLES, TIMES, Command, randomised, raster, view_of
-from studies.blind.easel import Disturbance, Easel, Mode
 from studies.blind.make import Truth, commands_of, make_world, write_world
 from studies.blind.strength import Strength, Trial, disturbances, measure
 from studies.blind.worlds import CAUSES, OUTSIDE, Outside, Sketch, sketch_world
@@ -128,7 +128,7 @@ def test_strokes_cross_wet_paint_but_repeated_ones_do_not() -> None:
 
 def test_a_flat_tool_of_no_orientation_reaches_as_far_aside_as_ahead() -> None:
     sketch = sketch_world("one", 5, "orientation_width", "flat_brush")
-    bundle = Easel(sketch.with_strengths((0.0,)), 5)._bundle
+    bundle = PaintContext(sketch.with_strengths((0.0,)), 5)._bundle
     for weight in (bundle.short_m, bundle.wetting, np.ones(len(bundle.place))):
         np.testing.assert_allclose(weight @ bundle.place, 0.0, atol=1e-12)
         (aside, skew), (_, ahead) = bundle.place.T @ (weight[:, None] * bundle.place)
@@ -150,9 +150,9 @@ def test_windows_are_small_and_hold_the_whole_path() -> None:
 def test_reading_out_a_part_shows_what_the_whole_frame_shows() -> None:
     world = sketch_world("none", 2, tool="marker").world
     quiet = replace(world, camera=replace(world.camera, full_well=1e12, read_noise=0.0))
-    whole, part = Easel(quiet, 3), Easel(quiet, 3)
-    for easel in (whole, part):
-        easel.stroke(LINE)
+    whole, part = PaintContext(quiet, 3), PaintContext(quiet, 3)
+    for paint_context in (whole, part):
+        paint_context.stroke(LINE)
     part.read_out([220.0, 360.0, 340.0, 410.0])
     one, two = whole.photo().frame[360:410, 220:340], part.photo().frame[360:410, 220:340]
     assert np.ptp(one) > 100  # the stroke is in it
@@ -182,15 +182,15 @@ def test_the_base_absorbs_a_constant_amplitude() -> None:
 @cache
 def disturbed_photos(disturbance: Disturbance) -> tuple[np.ndarray, np.ndarray]:
     """Of one stroke with the disturbance, and of one after it."""
-    easel = Easel(sketch_world("none", 2, tool="marker").world, 3)
-    easel.read_out([220.0, 360.0, 340.0, 410.0])
-    easel.disturb(disturbance)
-    easel.stroke(LINE)
-    first = easel.photo().frame
-    easel.disturb(Disturbance("width", 0.0))
-    easel.new_sheet()
-    easel.stroke(LINE)
-    return first, easel.photo().frame
+    paint_context = PaintContext(sketch_world("none", 2, tool="marker").world, 3)
+    paint_context.read_out([220.0, 360.0, 340.0, 410.0])
+    paint_context.disturb(disturbance)
+    paint_context.stroke(LINE)
+    first = paint_context.photo().frame
+    paint_context.disturb(Disturbance("width", 0.0))
+    paint_context.new_sheet()
+    paint_context.stroke(LINE)
+    return first, paint_context.photo().frame
 
 
 @pytest.mark.parametrize("mode", sorted({o.mode for o in OUTSIDE}))
@@ -203,7 +203,7 @@ def test_each_disturbance_changes_the_photo_and_then_ends(mode: Mode) -> None:
 
 def test_shift_of_the_canvas_is_hidden_from_the_encoders() -> None:
     world = sketch_world("none", 2, tool="marker").world
-    plain, shifted = Easel(world, 3), Easel(world, 3)
+    plain, shifted = PaintContext(world, 3), PaintContext(world, 3)
     shifted.disturb(Disturbance("normal", 0.003))
     np.testing.assert_allclose(plain.stroke(LINE), shifted.stroke(LINE), atol=1e-12)
 

@@ -15,7 +15,7 @@ from pentimento.render.coverage import compiled
 
 FloatArray = NDArray[np.float64]
 
-MOST_CELLS: Final = 256
+MAX_CELLS: Final = 256
 """In a pairing; as in ``semantics.style.style``."""
 
 

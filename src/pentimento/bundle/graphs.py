@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.bundle.assignment import MOST_CELLS, best_partners, ways_between
+from pentimento.bundle.assignment import MAX_CELLS, best_partners, ways_between
 from pentimento.bundle.reader import Bundle, WordsFacts
 from pentimento.bundle.sampler import Networks, NoiseSchedule
 from pentimento.bundle.tokenizer import Tokenizer, read_tokenizer
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 from pentimento.planning.model import Marks, Pull
 from pentimento.planning.strokes import Strokes
 from pentimento.planning.target import fit_to_canvas
@@ -85,9 +85,9 @@ class GraphBrush:
         return self._facts.fitted
 
     @property
-    def pace(self) -> Pace:
+    def timing(self) -> LoopTiming:
         """Of the robot that it was fitted on."""
-        return self._facts.pace
+        return self._facts.timing
 
     @property
     def path_points(self) -> int:
@@ -216,9 +216,9 @@ class StyleObjective:
 
     def _drawn(self) -> NDArray[np.int64]:
         """Which cells are paired: all, or as many as can be at random."""
-        if self._cells <= MOST_CELLS:
+        if self._cells <= MAX_CELLS:
             return np.arange(self._cells)
-        return self._rng.permutation(self._cells)[:MOST_CELLS]
+        return self._rng.permutation(self._cells)[:MAX_CELLS]
 
 
 def caption_vector(graphs: Graphs, caption: str) -> Array:
@@ -243,7 +243,7 @@ def goal_networks(graphs: Graphs) -> Networks:
     return Networks(
         read=lambda tokens: one("goal_text", tokens),
         encode=lambda pictures: one("goal_encode", pictures),
-        foretell=lambda noisy, timestep, text: one("goal_denoise", noisy, np.array([timestep]), text),
+        predict=lambda noisy, timestep, text: one("goal_denoise", noisy, np.array([timestep]), text),
         decode=lambda latents: one("goal_decode", latents),
         scaling=graphs.bundle.manifest.goal.scaling,
     )

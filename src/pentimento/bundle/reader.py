@@ -23,7 +23,7 @@ from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.planning.config import PlannerConfig
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 from pentimento.robots.tools import Tool, load_tool
 
 SCHEMA: Final = 1
@@ -86,7 +86,7 @@ class BrushFacts:
     tool: str
     path_points: int
     fitted: dict[str, Span]
-    pace: Pace
+    timing: LoopTiming
     picks_up: bool
     """Whether it carries wet paint along: marks have a pickup."""
     has_gain: bool

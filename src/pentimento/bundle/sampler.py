@@ -63,7 +63,7 @@ class Networks:
     """Tokens [B, L] to text states [B, L, D]."""
     encode: Callable[[FloatImage], Latents]
     """Pictures to latents [B, C, h, w]: the mode, not scaled (so Instruct-Pix2Pix was trained)."""
-    foretell: Callable[[Latents, int, NDArray[np.float32]], Latents]
+    predict: Callable[[Latents, int, NDArray[np.float32]], Latents]
     """Latents beside those of the canvas [B, 2C, h, w], a timestep, text states [B, L, D] to [B, C, h, w]."""
     decode: Callable[[Latents], FloatImage]
     """Latents, divided by ``scaling``, to pictures."""
@@ -104,7 +104,7 @@ def complete(
     apart = len(schedule.alphas_cumprod) // steps
     for number, timestep in enumerate(schedule.timesteps(steps)):
         asked = np.concatenate([np.concatenate([latents] * 3) if guided else latents, shown], axis=1)
-        told = networks.foretell(asked, int(timestep), text)
+        told = networks.predict(asked, int(timestep), text)
         if guided:
             both, image_only, neither = np.split(told, 3)
             told = neither + text_guidance * (both - image_only) + image_guidance * (image_only - neither)

@@ -140,13 +140,13 @@ def _sentence(error: BaseException) -> str:
     return str(error) or "interrupted."
 
 
-def _whole(text: str, least: int) -> int:
+def _whole(text: str, minimum: int) -> int:
     try:
         number = int(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from error
-    if number < least:
-        raise argparse.ArgumentTypeError(f"{number} is less than {least}")
+    if number < minimum:
+        raise argparse.ArgumentTypeError(f"{number} is less than {minimum}")
     return number
 
 

@@ -150,7 +150,7 @@ def _after(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> Memory:
     )
 
 
-def carried_paint(memory: Memory, stroke: StrokeEvent) -> dict[str, float]:
+def paint_pickup(memory: Memory, stroke: StrokeEvent) -> dict[str, float]:
     """Columns `CARRIED` for a stroke that is about to be made: which paint the tool carries in its middle."""
     loaded = _dipped(memory) if stroke.dip else memory
     told, _ = _taken_along(loaded, memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))

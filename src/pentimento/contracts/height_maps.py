@@ -10,7 +10,7 @@ from pentimento.contracts.errors import ContractError, ImageError
 from pentimento.contracts.frames import Window, canvas_to_pixel, check_window, pixel_to_canvas, pixels_per_m
 from pentimento.contracts.images import decode_png, encode_png
 
-_MOST_UNITS: Final = 65535
+_MAX_UNITS: Final = 65535
 _NEAR_M: Final = (0.003, 0.005, 0.007, 0.010)
 
 
@@ -30,9 +30,9 @@ def encode_height_png(height_m: npt.ArrayLike, height_per_unit_m: float) -> byte
     if np.isinf(heights).any():
         raise ContractError("A height map holds an infinite height; mark what was not measured with NaN.")
     units = np.rint(heights / unit_m)
-    if np.nanmax(units, initial=0.0) > _MOST_UNITS:
+    if np.nanmax(units, initial=0.0) > _MAX_UNITS:
         raise ContractError(
-            f"A height of {np.nanmax(heights):.6g} m is beyond the {_MOST_UNITS} units of {unit_m:.6g} m that 16 bits "
+            f"A height of {np.nanmax(heights):.6g} m is beyond the {_MAX_UNITS} units of {unit_m:.6g} m that 16 bits "
             "hold; check metres against millimetres, or use a larger unit."
         )
     holes = np.isnan(units)

@@ -3,11 +3,11 @@
 from typing import Any
 
 
-def at_least(config: Any, least: float, *names: str) -> None:
-    """Raise ValueError, a sentence, for the first of these fields that is below `least` (or NaN)."""
+def at_least(config: Any, minimum: float, *names: str) -> None:
+    """Raise ValueError, a sentence, for the first of these fields that is below `minimum` (or NaN)."""
     for name in names:
-        if not getattr(config, name) >= least:
-            raise ValueError(f"{name} is {getattr(config, name)}; it must be {least} or more.")
+        if not getattr(config, name) >= minimum:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must be {minimum} or more.")
 
 
 def above_zero(config: Any, *names: str) -> None:

@@ -17,7 +17,7 @@ from pentimento.robots.sculpting import Push, SculptingRobot
 FloatArray = NDArray[np.float64]
 
 
-class LastingClay:
+class JournaledClay:
     """A deterministic SculptingRobot with a journal of its commands.
 
     The last command of a journal may be one that the process which died never heard back from, as with a real robot.

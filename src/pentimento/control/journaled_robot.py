@@ -23,7 +23,7 @@ from pentimento.robots.tools import Tool
 FloatArray = NDArray[np.float64]
 
 
-class LastingRobot:
+class JournaledRobot:
     """A deterministic Robot with a journal of its commands."""
 
     def __init__(self, robot: Robot, journal: Path, load: Callable[[str], Tool]) -> None:

@@ -12,8 +12,8 @@ from pentimento.calibration.calibrate import camera_of
 from pentimento.calibration.observe import CameraCalibration
 from pentimento.calibration.webcam import Webcam, corrected
 from pentimento.contracts.errors import ConfigError
-from pentimento.control.journaled_robot import LastingRobot
-from pentimento.control.robot_process import RobotApart
+from pentimento.control.journaled_robot import JournaledRobot
+from pentimento.control.robot_process import RobotProcess
 from pentimento.robots.calibration import Calibration, Kind, calibrated, fresh_calibrations
 from pentimento.robots.driver import Robot
 from pentimento.robots.hardware import HardwareRobot
@@ -35,7 +35,7 @@ _COMPILES_S = 120.0  # a studio's first stroke may be the one for which its code
 
 
 @dataclass(frozen=True, eq=False)
-class Opened:
+class RobotHandle:
     """A robot, not yet guarded, and what a painting has to know about it."""
 
     robot: Robot
@@ -80,7 +80,7 @@ def open_robot(
     execute: bool,
     calibration: Path,
     ask: Callable[[str], None],
-) -> Opened:
+) -> RobotHandle:
     """The robot of ``--robot`` before its canvas.
 
     Hardware that is not to ``execute`` is rehearsed: the virtual robot takes its place, before a sheet of its size.
@@ -101,15 +101,15 @@ def open_robot(
         return _hardware(rig, folder, calibration, ask)
     if name == "svg":
         drawing = SvgPlotter(folder / _DRAWING, canvas_size_m)
-        lasting = LastingRobot(drawing, folder / _JOURNAL, load_tool)
-        return Opened(lasting, False, True, _REACH_S, False, lasting.close)
+        journaled = JournaledRobot(drawing, folder / _JOURNAL, load_tool)
+        return RobotHandle(journaled, False, True, _REACH_S, False, journaled.close)
     world = place if kind == "virtual" and place else tool.name
     there = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
-    lasting = LastingRobot(there, folder / _JOURNAL, lambda _: tool)
-    return Opened(lasting, True, True, _COMPILES_S, False, lasting.close)
+    journaled = JournaledRobot(there, folder / _JOURNAL, lambda _: tool)
+    return RobotHandle(journaled, True, True, _COMPILES_S, False, journaled.close)
 
 
-def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> Opened:
+def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
     moves = rig.driver != _ON_FILE
     found: Mapping[Kind, Calibration] = {}
     if moves:
@@ -118,16 +118,16 @@ def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], No
     else:
         rig = replace(rig, machine={**rig.machine, "file": str(folder / _GCODE)})
     if moves:
-        robot = RobotApart(connected, (rig, found), ask)
+        robot = RobotProcess(connected, (rig, found), ask)
         seen = camera_of(found["canvas"]) if "canvas" in found else None
-        return Opened(robot, rig.camera is not None, False, _REACH_S, True, robot.close, seen)
+        return RobotHandle(robot, rig.camera is not None, False, _REACH_S, True, robot.close, seen)
     on_file = HardwareRobot(machine_of(rig), rig, lambda _: None)
-    lasting = LastingRobot(on_file, folder / _JOURNAL, load_tool)
-    return Opened(lasting, False, True, _REACH_S, False, lasting.close)
+    journaled = JournaledRobot(on_file, folder / _JOURNAL, load_tool)
+    return RobotHandle(journaled, False, True, _REACH_S, False, journaled.close)
 
 
 def connected(rig: Rig, found: Mapping[Kind, Calibration], ask: Callable[[str], None]) -> Robot:
-    """The rig's robot with its camera; what ``RobotApart`` makes in its own process."""
+    """The rig's robot with its camera; what ``RobotProcess`` makes in its own process."""
     camera = None if rig.camera is None else corrected(Webcam(rig.camera), found)
     return HardwareRobot(machine_of(rig), rig, ask, camera)
 

@@ -25,7 +25,7 @@ from pentimento.control.painting_state import State
 from pentimento.control.session import CANVAS, GOAL, NEXT, PREVIEW
 
 _FILES = (GOAL, NEXT, PREVIEW)
-_MOST_BYTES = 1000  # of what is posted
+_MAX_BYTES = 1000  # of what is posted
 _ONLY_HERE = (
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'none'"
 )
@@ -114,7 +114,7 @@ def _handler(page: Page) -> type[BaseHTTPRequestHandler]:
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "0")
-            small = length.isdigit() and int(length) <= _MOST_BYTES
+            small = length.isdigit() and int(length) <= _MAX_BYTES
             body = self.rfile.read(int(length)) if small else b""
             self._answer(lambda path: page.post(path, body))
 

@@ -28,7 +28,7 @@ Picture = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
-class Easel:
+class PaintContext:
     """A tool with what was learned of it, a canvas, and how plans are made."""
 
     tool: Tool
@@ -45,29 +45,34 @@ class Easel:
 
 
 def first_plan(
-    easel: Easel, canvas: Picture, goal: Picture, count: int, start: Start, log: Callable[[str, float, int], None]
+    paint_context: PaintContext,
+    canvas: Picture,
+    goal: Picture,
+    count: int,
+    start: Start,
+    log: Callable[[str, float, int], None],
 ) -> tuple[Strokes, FloatArray]:
     """Up to ``count`` strokes from a canvas to a goal, uint8 sRGB [H, W, 3] both, and their palette, sRGB [K, 3].
 
     Strokes without which the canvas would come nearer to the goal are left out.
     """
-    scene = easel.scene(as_linear(goal), start)
-    strokes, palette = plan(as_linear(canvas), scene, count, easel.planner, log)
-    return without_harmful(strokes, as_linear(canvas), scene, easel.planner), palette
+    scene = paint_context.scene(as_linear(goal), start)
+    strokes, palette = plan(as_linear(canvas), scene, count, paint_context.planner, log)
+    return without_harmful(strokes, as_linear(canvas), scene, paint_context.planner), palette
 
 
-def replanned(easel: Easel, left: Strokes, canvas: Picture, goal: Picture, start: Start) -> Strokes:
+def replanned(paint_context: PaintContext, left: Strokes, canvas: Picture, goal: Picture, start: Start) -> Strokes:
     """The strokes that are left, moved by gradient to where they help most from the canvas as it is now (4.3.5)."""
     moved = _anew(left)
     if len(moved):
-        replan_rest(moved, canvas, easel.scene(as_linear(goal), start), easel.planner)
+        replan_rest(moved, canvas, paint_context.scene(as_linear(goal), start), paint_context.planner)
     return moved
 
 
-def still_wanted(easel: Easel, left: Strokes, canvas: Picture, goal: Picture, start: Start) -> Strokes:
+def still_wanted(paint_context: PaintContext, left: Strokes, canvas: Picture, goal: Picture, start: Start) -> Strokes:
     """``replanned`` for a canvas that someone else has changed: strokes that would only do harm now are left out."""
-    moved = replanned(easel, left, canvas, goal, start)
-    return without_harmful(moved, as_linear(canvas), easel.scene(as_linear(goal), start), easel.planner)
+    moved = replanned(paint_context, left, canvas, goal, start)
+    return without_harmful(moved, as_linear(canvas), paint_context.scene(as_linear(goal), start), paint_context.planner)
 
 
 def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
@@ -87,15 +92,15 @@ def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: Plann
     return strokes
 
 
-def foretold(easel: Easel, strokes: Strokes, canvas: Picture, start: Start) -> Array:
+def predicted(paint_context: PaintContext, strokes: Strokes, canvas: Picture, start: Start) -> Array:
     """What the canvas will look like after the strokes, linear light [H, W, 3]."""
     light = as_linear(canvas)
-    return np.clip(render_plan(_anew(strokes), light, easel.scene(light, start)), 0, 1)
+    return np.clip(render_plan(_anew(strokes), light, paint_context.scene(light, start)), 0, 1)
 
 
-def error(easel: Easel, image: Array, goal: Picture, start: Start) -> float:
+def error(paint_context: PaintContext, image: Array, goal: Picture, start: Start) -> float:
     """The planner's objective for an image [H, W, 3] (linear light)."""
-    return objective_for(easel.scene(as_linear(goal), start), easel.planner)(image)[0]
+    return objective_for(paint_context.scene(as_linear(goal), start), paint_context.planner)(image)[0]
 
 
 def painted_by_a_person(memory: Memory, before: Picture, now: Picture, clock_s: float) -> Memory:

@@ -36,7 +36,7 @@ class Painting:
     deviation: list[float]
     """Mean squared difference, sRGB, between what the finished painting was foretold to be at the start and what it
     was foretold to be after each batch (thesis Figure 4.11); 0 at first, as long as ``photos``."""
-    foretold: Image
+    predicted: Image
     """What the first plan said the finished painting would look like, sRGB [H, W, 3]."""
 
 
@@ -62,7 +62,7 @@ def paint(
     photos = [observe(robot, calibration, config.pixels_per_m)]
     left = strokes.pick(slice(None))
     left.inherited = None
-    first = foretell(left, photos[0], scene)
+    first = predict(left, photos[0], scene)
     executed: list[PlannedStroke] = []
     deviation = [0.0]
     while len(left) > 0:
@@ -75,8 +75,8 @@ def paint(
         photos.append(observe(robot, calibration, config.pixels_per_m))
         if replan and len(left) > 0:
             replan_rest(left, photos[-1], scene, config)
-        foretold = foretell(left, photos[-1], scene)
-        deviation.append(float(np.square(foretold - first).mean()))
+        predicted = predict(left, photos[-1], scene)
+        deviation.append(float(np.square(predicted - first).mean()))
         log("deviation", deviation[-1], len(executed))
     return Painting(executed, photos, deviation, to_uint8(first))
 
@@ -99,7 +99,7 @@ def as_linear(photo: Image) -> Array:
     return srgb_to_linear(to_float(photo))
 
 
-def foretell(strokes: Strokes, photo: Image, scene: Scene) -> Array:
+def predict(strokes: Strokes, photo: Image, scene: Scene) -> Array:
     """What the canvas will look like after the strokes, sRGB [H, W, 3]."""
     return linear_to_srgb(render_plan(strokes, as_linear(photo), scene))
 

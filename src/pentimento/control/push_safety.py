@@ -19,7 +19,7 @@ from pentimento.robots.sculpting import Push, SculptingRobot, span_m
 FloatArray = NDArray[np.float64]
 
 _FLOAT32 = 2.0**-24  # largest relative rounding error: actions rest in float32 tables
-_SLACK_M = 1e-7
+_EXECUTION_NOISE_M = 1e-7
 _MAX_WAIT_S = 3600.0
 _NAMES = ("x", "y", "theta", "length", "depth")
 _ENDS = {"push": ("start", "end"), "pinch": ("one finger", "other finger")}
@@ -92,7 +92,7 @@ class PushEnvelope:
                     f"{hint} The command was refused."
                 )
         _within("surface", surface_m, self.max_surface_m, "m", " The surface's height is in metres above the table.")
-        if not surface_m - depth_m >= self.min_clearance_m - _SLACK_M:
+        if not surface_m - depth_m >= self.min_clearance_m - _EXECUTION_NOISE_M:
             raise EnvelopeViolation(
                 f"A push {depth_m:.6g} m deep from a surface {surface_m:.6g} m above the table would come within "
                 f"{self.min_clearance_m:g} m of the table; there is not enough material. The command was refused."
@@ -113,7 +113,9 @@ class PushEnvelope:
         """bool[2, 2]: which coordinates of the two places of the push lie outside."""
         places = span_m(self.kind, action, self.opening_m)
         low, high = (self.x_min_m, self.y_min_m), (self.x_max_m, self.y_max_m)
-        off: NDArray[np.bool_] = (places < np.array(low) - _SLACK_M) | (places > np.array(high) + _SLACK_M)
+        off: NDArray[np.bool_] = (places < np.array(low) - _EXECUTION_NOISE_M) | (
+            places > np.array(high) + _EXECUTION_NOISE_M
+        )
         return off
 
 
@@ -188,7 +190,7 @@ class GuardedSculptingRobot:
         """Raises EnvelopeViolation if the envelope reaches beyond the robot's slab."""
         width_m, height_m = robot.area_m
         margins = (envelope.x_min_m, envelope.y_min_m, width_m - envelope.x_max_m, height_m - envelope.y_max_m)
-        if not all(margin >= -_SLACK_M for margin in margins):
+        if not all(margin >= -_EXECUTION_NOISE_M for margin in margins):
             raise EnvelopeViolation(
                 f"The push envelope reaches beyond the robot's slab of {width_m:g} by {height_m:g} m; "
                 "build it with push_envelope_for(end_effector, robot.area_m)."

@@ -42,7 +42,7 @@ class RobotGone(PentimentoError):
     """The process that holds the robot has ended; it lifts the tool before it does."""
 
 
-class RobotApart:
+class RobotProcess:
     """A Robot whose driver runs in another process; see the module's text. Any thread may ``lift``."""
 
     def __init__(self, make: Make, arguments: tuple[Any, ...], ask: Ask) -> None:

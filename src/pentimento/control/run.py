@@ -22,12 +22,12 @@ from pentimento.control.commission import Commission, Wanted, alone_in, write_co
 from pentimento.control.goal import goal_from_picture, goal_from_words
 from pentimento.control.open_robot import open_robot, rig_named
 from pentimento.control.page import Page
-from pentimento.control.paint_context import Easel, error
+from pentimento.control.paint_context import PaintContext, error
 from pentimento.control.painter import as_linear
 from pentimento.control.painting_state import State, has_state, load_state
 from pentimento.control.progress import Progress
 from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.control.session import GOAL, PLAN, Pace, Sitting, begin, carry_on
+from pentimento.control.session import GOAL, PLAN, LoopTiming, Sitting, begin, carry_on
 from pentimento.planning.config import PlannerConfig
 from pentimento.planning.memory import Start
 from pentimento.planning.target import load_photograph
@@ -118,16 +118,18 @@ def run(
             if page is not None and served is not None:
                 page(served.address)
             graphs = Graphs(bundle, _threads())
-            easel = _easel(graphs, setting, commission, canvas_size_m)
+            paint_context = _paint_context(graphs, setting, commission, canvas_size_m)
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
             guarded = GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits))
-            pace = Pace(commission.batch, opened.reach_s, opened.sees, opened.clock_goes_on)
-            sitting = Sitting(guarded, easel, pace, folder, control, _tell(served, progress), opened.calibrated)
+            timing = LoopTiming(commission.batch, opened.reach_s, opened.sees, opened.clock_goes_on)
+            sitting = Sitting(
+                guarded, paint_context, timing, folder, control, _tell(served, progress), opened.calibrated
+            )
             if not has_state(folder):
-                begin(sitting, _goal_for(commission.wanted, graphs, easel, commission.seed), commission.strokes,
-                      _told(progress, easel.planner))  # fmt: skip
+                begin(sitting, _goal_for(commission.wanted, graphs, paint_context, commission.seed), commission.strokes,
+                      _told(progress, paint_context.planner))  # fmt: skip
             state = carry_on(sitting)
-            _sum_up(folder, easel, state)
+            _sum_up(folder, paint_context, state)
             return state
         finally:
             if served is not None:
@@ -144,19 +146,21 @@ def _tell(page: Page | None, progress: Progress) -> Callable[[State], None]:
     return tell
 
 
-def _easel(graphs: Graphs, setting: Setting, commission: Commission, canvas_size_m: tuple[float, float]) -> Easel:
+def _paint_context(
+    graphs: Graphs, setting: Setting, commission: Commission, canvas_size_m: tuple[float, float]
+) -> PaintContext:
     planner = replace(setting.planner, seed=commission.seed)
     asked = planner.objectives.style
     style = None if asked is None else PictureStyle(graphs, load_photograph(asked.picture), planner.seed)
     tool = graphs.bundle.tools[commission.setting]
-    return Easel(tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, _threads())
+    return PaintContext(tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, _threads())
 
 
-def _goal_for(wanted: Wanted, graphs: Graphs, easel: Easel, seed: int) -> Callable[[Picture], Picture]:
+def _goal_for(wanted: Wanted, graphs: Graphs, paint_context: PaintContext, seed: int) -> Callable[[Picture], Picture]:
     """The goal for a canvas."""
     if wanted.kind == "picture":
         picture = read_image(Path(wanted.value))
-        return lambda canvas: goal_from_picture(picture, canvas, easel.tool)
+        return lambda canvas: goal_from_picture(picture, canvas, paint_context.tool)
     bundle: Bundle = graphs.bundle
     facts = bundle.manifest.goal
     return lambda canvas: goal_from_words(
@@ -183,13 +187,13 @@ def _told(progress: Progress, planner: PlannerConfig) -> Callable[[str, float, i
     return log
 
 
-def _sum_up(folder: Path, easel: Easel, state: State) -> None:
+def _sum_up(folder: Path, paint_context: PaintContext, state: State) -> None:
     """Write what came of it, once it is done."""
     if state.phase != "done":
         return
     goal, start = read_image(folder / GOAL), Start(state.memory, state.clock_s, state.made)
     errors: dict[str, Any] = {
-        name: error(easel, as_linear(picture), goal, start)
+        name: error(paint_context, as_linear(picture), goal, start)
         for name, picture in (("plan", read_image(folder / PLAN)), ("canvas", state.canvas))
     }
     told = {"strokes": state.made, "sessions": state.sessions, "turns": state.turns, "error": errors}

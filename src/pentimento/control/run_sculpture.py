@@ -24,7 +24,7 @@ from pentimento.control.commands import Control
 from pentimento.control.commission import ClayCommission, alone_in, write_commission
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
-from pentimento.control.journaled_clay import LastingClay
+from pentimento.control.journaled_clay import JournaledClay
 from pentimento.control.progress import Progress as Shown
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import Array, Execution, Progress, Sculptor, seen_m
@@ -51,7 +51,7 @@ _SHARE, _SOFTEN_M = 0.7, 0.0028
 _PLANNER: Final = SculptorConfig(
     weights=Weights(error_3d=1.0, visual=4.0), caution=1.0, horizon=6, candidates=32, rounds=1, guided=0.8,
     refine="gradient", iterations=4, rates=PushRates(0.002, 0.15, 0.003, 0.0006), samples=24, elite=0.25,
-    least_gain=0.001, edge_m=0.012, seed=0,
+    min_gain=0.001, edge_m=0.012, seed=0,
 )  # fmt: skip
 _EXECUTION: Final = Execution(batch=4, patience=12, dwell_s=0.5, retract_speed_m_s=0.05)
 _GOAL: Final = GoalSettings(volume=1.0, floor=10.0, definition=0.01, kept=0.25, reach_m=REACH_M, border=0.1)
@@ -110,13 +110,13 @@ def run_sculpture(
     with alone_in(folder):
         end_effector = load_end_effector(bundle.folder / "end_effectors" / f"{facts.end_effector}.toml")
         studio = virtual_sculpting_robot(commission.world, facts.shape[1], commission.seed)
-        lasting = LastingClay(studio, folder / JOURNAL, lambda _: end_effector)
+        journaled = JournaledClay(studio, folder / JOURNAL, lambda _: end_effector)
         try:
-            robot = GuardedSculptingRobot(lasting, push_envelope_for(end_effector, lasting.area_m))
+            robot = GuardedSculptingRobot(journaled, push_envelope_for(end_effector, journaled.area_m))
             clay = GraphClay(Graphs(bundle), name, facts)
             return _sculpted(commission, folder, robot, end_effector, clay, control, shown)
         finally:
-            lasting.close()
+            journaled.close()
 
 
 def _sculpted(

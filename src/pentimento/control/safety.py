@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 _NAMES = ("t", "x", "y", "z", "yaw")
 _FLOAT32 = 2.0**-24  # largest relative rounding error: paths rest in float32 tables
-_SLACK_M = 1e-7  # of a coordinate that was rounded to float32 at the edge of the box
+_EXECUTION_NOISE_M = 1e-7  # of a coordinate that was rounded to float32 at the edge of the box
 _MAX_WAIT_S = 3600.0
 _LIFTS_AGAIN, _LIFT_AGAIN_S = 10, 0.02
 
@@ -198,7 +198,7 @@ def _check_places(points: FloatArray, envelope: SafetyEnvelope) -> None:
         values = points[:, column]
         excess = np.maximum(low - values, values - high)
         worst = int(np.argmax(excess))
-        if not excess[worst] <= _SLACK_M:
+        if not excess[worst] <= _EXECUTION_NOISE_M:
             _refuse(_place_name(column, values[worst]), worst, values[worst], f"{low:g} to {high:g} m", "m", hint)
     worst = int(np.argmax(np.abs(points[:, 4])))
     if not abs(points[worst, 4]) <= envelope.max_yaw_rad * (1 + _FLOAT32):
@@ -265,7 +265,7 @@ class GuardedRobot:
         width_m, height_m = robot.canvas_size_m
         low, high = (envelope.x_min_m, envelope.y_min_m), (envelope.x_max_m, envelope.y_max_m)
         margins = (*low, width_m - high[0], height_m - high[1])
-        if not all(margin >= -_SLACK_M for margin in margins):
+        if not all(margin >= -_EXECUTION_NOISE_M for margin in margins):
             raise EnvelopeViolation(
                 f"The safety envelope from {low} to {high} m reaches beyond the robot's canvas of "
                 f"{width_m:g} by {height_m:g} m; build it with envelope_for(tool, robot.canvas_size_m)."

@@ -27,11 +27,11 @@ from pentimento.control.execute import Session, execute_stroke
 from pentimento.control.faults import PaintingFault
 from pentimento.control.next_strokes import drawn_over
 from pentimento.control.paint_context import (
-    Easel,
+    PaintContext,
     as_picture,
     first_plan,
-    foretold,
     painted_by_a_person,
+    predicted,
     replanned,
     still_wanted,
     to_be_dipped,
@@ -60,7 +60,7 @@ _PAPER = 245
 """The blank sheet that a robot without a camera is taken to stand before, sRGB."""
 _SLOWER = 1.5
 """Times its commanded duration, a stroke may take."""
-_UNSEEN, _LEAST_SEEN, _MADE = 3, 0.2, 0.5
+_UNSEEN, _MIN_SEEN, _MADE = 3, 0.2, 0.5
 """So many strokes in a row of which less than this share shows, and the tool is dry; of more than the last share, a
 stroke was made."""
 
@@ -73,7 +73,7 @@ class StoppableRobot(Robot, Protocol):
 
 
 @dataclass(frozen=True)
-class Pace:
+class LoopTiming:
     """How a painting is made."""
 
     batch: int
@@ -95,8 +95,8 @@ class Sitting:
     """Who paints, with what, where it is kept, and who may say a word."""
 
     robot: StoppableRobot
-    easel: Easel
-    pace: Pace
+    paint_context: PaintContext
+    timing: LoopTiming
     folder: Path
     control: Control
     tell: Tell
@@ -111,22 +111,22 @@ def begin(
 
     Nothing moves. ``log`` is told the objective at every iteration.
     """
-    robot, easel = sitting.robot, sitting.easel
-    robot.change_tool(easel.tool)
-    scale = easel.planner.pixels_per_m
-    canvas = np.full((*image_shape((0.0, 0.0, *easel.canvas_size_m), scale), 3), _PAPER, np.uint8)
-    if sitting.pace.sees:
-        canvas = Eyes(robot, easel.canvas_size_m, scale, sitting.calibrated).look().picture
+    robot, paint_context = sitting.robot, sitting.paint_context
+    robot.change_tool(paint_context.tool)
+    scale = paint_context.planner.pixels_per_m
+    canvas = np.full((*image_shape((0.0, 0.0, *paint_context.canvas_size_m), scale), 3), _PAPER, np.uint8)
+    if sitting.timing.sees:
+        canvas = Eyes(robot, paint_context.canvas_size_m, scale, sitting.calibrated).look().picture
     goal = goal_for(canvas)
-    start = Start(fresh_memory(easel.canvas_size_m, easel.tool.nominal_width_m), 0.0, 0)
-    left, palette = first_plan(easel, canvas, goal, strokes, start, log)
+    start = Start(fresh_memory(paint_context.canvas_size_m, paint_context.tool.nominal_width_m), 0.0, 0)
+    left, palette = first_plan(paint_context, canvas, goal, strokes, start, log)
     write_png(sitting.folder / GOAL, goal)
     state = State(
         left=left, begun=False, palette_srgb=palette, memory=start.memory, canvas=canvas, made=0, sessions=0, shard=0,
         turns=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(), phase="painting",
         sentence=f"{len(left)} strokes are planned.",
     )  # fmt: skip
-    write_png(sitting.folder / PLAN, as_picture(foretold(easel, left, canvas, start)))
+    write_png(sitting.folder / PLAN, as_picture(predicted(paint_context, left, canvas, start)))
     _show(sitting, state)
     save_state(sitting.folder, state)
     sitting.tell(state)
@@ -164,29 +164,38 @@ class _Painting:
 
     def __init__(self, sitting: Sitting, watchdog: Watchdog) -> None:
         self.sitting, self.watchdog = sitting, watchdog
-        self.robot, self.easel = sitting.robot, sitting.easel
+        self.robot, self.paint_context = sitting.robot, sitting.paint_context
         self.goal: Picture = read_image(sitting.folder / GOAL)
         state = load_state(sitting.folder)
-        watchdog.beat(sitting.pace.reach_s, "lifting the tool")
+        watchdog.beat(sitting.timing.reach_s, "lifting the tool")
         self.robot.lift()
         watchdog.rest()  # a person may have to fit the tool and fill the paints
-        self.robot.change_tool(self.easel.tool)
-        if self.easel.tool.dips:
+        self.robot.change_tool(self.paint_context.tool)
+        if self.paint_context.tool.dips:
             self.robot.load_palette(state.palette_srgb)
         watchdog.beat(_LOOK_S + PATIENCE_S, "the first look")
         self.eyes: Eyes | None = None
         self.photo: Photo | None = None
         canvas = state.canvas
-        if sitting.pace.sees:
-            self.eyes = Eyes(self.robot, self.easel.canvas_size_m, self.easel.planner.pixels_per_m, sitting.calibrated)
+        if sitting.timing.sees:
+            self.eyes = Eyes(
+                self.robot,
+                self.paint_context.canvas_size_m,
+                self.paint_context.planner.pixels_per_m,
+                sitting.calibrated,
+            )
             seen = self.eyes.look()
             self.photo, canvas = seen.photo, seen.picture
         # A real robot's clock may have begun anew, and the computer's then says how long nothing was done.
-        since = self.robot.clock_s - state.robot_clock_s if sitting.pace.clock_goes_on else time.time() - state.unix_s
+        since = self.robot.clock_s - state.robot_clock_s if sitting.timing.clock_goes_on else time.time() - state.unix_s
         began_s = self.robot.clock_s - state.clock_s - max(since, 0.0)
         self.session = Session(f"painting-{state.sessions}", began_s)
         self.recording = Recording(
-            sitting.folder / RECORD, state.shard, self.session, self.easel.tool, self.easel.canvas_size_m
+            sitting.folder / RECORD,
+            state.shard,
+            self.session,
+            self.paint_context.tool,
+            self.paint_context.canvas_size_m,
         )
         self.unseen: list[Strokes] = []
         """The last strokes, as far as they left no mark."""
@@ -213,8 +222,8 @@ class _Painting:
 
     def _batch(self) -> Word | None:
         """A batch of strokes; the word that ended it early."""
-        first = self.state.left.pick(slice(0, self.sitting.pace.batch))
-        for planned in to_planned(first, self.easel.tool, self.easel.brush.path_points):
+        first = self.state.left.pick(slice(0, self.sitting.timing.batch))
+        for planned in to_planned(first, self.paint_context.tool, self.paint_context.brush.path_points):
             word = self.sitting.control.heard()
             while word == "pause":
                 self._rest("paused", "Paused; the tool is up.")
@@ -230,26 +239,26 @@ class _Painting:
         """Make the first of the strokes that are left, look at it, and note it."""
         before, number = self.state, self.state.made + 1
         one, rest = before.left.pick(slice(0, 1)), before.left.pick(slice(1, None))
-        meant = foretold(self.easel, one, before.canvas, self._start())
+        meant = predicted(self.paint_context, one, before.canvas, self._start())
         self._keep(begun=True, phase="painting", sentence=f"Stroke {number} of {before.made + len(before.left)}.")
-        travels = 3 if needs_dip(self.easel.tool, planned, before.memory) else 1
+        travels = 3 if needs_dip(self.paint_context.tool, planned, before.memory) else 1
         self.watchdog.beat(
-            travels * self.sitting.pace.reach_s + _SLOWER * float(planned.path[-1, 0]), f"stroke {number}"
+            travels * self.sitting.timing.reach_s + _SLOWER * float(planned.path[-1, 0]), f"stroke {number}"
         )
         memory, made = execute_stroke(
-            self.robot, self.easel.tool, planned, before.palette_srgb, before.memory, self.session
+            self.robot, self.paint_context.tool, planned, before.palette_srgb, before.memory, self.session
         )
         self.watchdog.beat(_LOOK_S + PATIENCE_S, f"the look after stroke {number}")
         canvas, share = as_picture(meant), None
         if self.eyes is not None:
             assert self.photo is not None
-            seen = self.eyes.look_after(before.canvas, [planned.path], self.easel.tool.nominal_width_m)
+            seen = self.eyes.look_after(before.canvas, [planned.path], self.paint_context.tool.nominal_width_m)
             self.recording.add(before.made, made, self.photo, seen.photo, self.eyes.calibration)
             canvas, self.photo = seen.picture, seen.photo
             share = share_seen(before.canvas, canvas, meant)
         self._keep(left=rest, begun=False, memory=memory, canvas=canvas, made=number)
         if share is not None:
-            self.unseen = [*self.unseen, one] if share < _LEAST_SEEN else []
+            self.unseen = [*self.unseen, one] if share < _MIN_SEEN else []
         if len(self.unseen) == _UNSEEN:
             again = self.unseen[0].joined(self.unseen[1]).joined(self.unseen[2])
             self._keep(left=again.joined(rest), made=number - _UNSEEN)
@@ -264,7 +273,7 @@ class _Painting:
         state = self.state
         self.watchdog.beat(_PLAN_S, "replanning")
         adapt = still_wanted if touched else replanned
-        self._keep(left=adapt(self.easel, state.left, state.canvas, self.goal, self._start()))
+        self._keep(left=adapt(self.paint_context, state.left, state.canvas, self.goal, self._start()))
         _show(self.sitting, self.state)
 
     def _their_turn(self) -> Word:
@@ -287,20 +296,22 @@ class _Painting:
         seen = self.eyes.look()
         memory = painted_by_a_person(self.state.memory, self.state.canvas, seen.picture, self._clock_s())
         self.photo = seen.photo
-        self._keep(memory=to_be_dipped(memory, self.easel.tool), canvas=seen.picture)
+        self._keep(memory=to_be_dipped(memory, self.paint_context.tool), canvas=seen.picture)
         write_png(self.sitting.folder / "turns" / f"{self.state.turns:03d}.png", seen.picture)
 
     def _take_up(self, canvas: Picture) -> None:
         """Go on from a state of an earlier session, on the canvas as it is now."""
         state = self.state
         if state.begun and self._was_made(canvas):
-            one = to_planned(state.left.pick(slice(0, 1)), self.easel.tool, self.easel.brush.path_points)[0]
-            dip = needs_dip(self.easel.tool, one, state.memory)
-            event = StrokeEvent(one.path, state.clock_s + self.easel.brush.pace.reach_s, dip, one.color_srgb)
+            one = to_planned(
+                state.left.pick(slice(0, 1)), self.paint_context.tool, self.paint_context.brush.path_points
+            )[0]
+            dip = needs_dip(self.paint_context.tool, one, state.memory)
+            event = StrokeEvent(one.path, state.clock_s + self.paint_context.brush.timing.reach_s, dip, one.color_srgb)
             memory = advance(state.memory, event)
             state = replace(state, left=state.left.pick(slice(1, None)), made=state.made + 1, memory=memory)
         memory = painted_by_a_person(state.memory, state.canvas, canvas, self._clock_s())
-        memory = to_be_dipped(memory, self.easel.tool)
+        memory = to_be_dipped(memory, self.paint_context.tool)
         self.state = replace(state, begun=False, canvas=canvas, memory=memory, phase="painting")
         self._replan(touched=True)
 
@@ -308,7 +319,7 @@ class _Painting:
         """Whether the stroke that was on its way is there to see. A robot without a camera makes it again."""
         if self.eyes is None:
             return False
-        meant = foretold(self.easel, self.state.left.pick(slice(0, 1)), self.state.canvas, self._start())
+        meant = predicted(self.paint_context, self.state.left.pick(slice(0, 1)), self.state.canvas, self._start())
         share = share_seen(self.state.canvas, canvas, meant)
         return share is not None and share > _MADE
 
@@ -338,11 +349,13 @@ class _Painting:
 
 def _show(sitting: Sitting, state: State) -> None:
     """Write the pictures of the canvas, of what it will look like, and of what comes next."""
-    easel, start = sitting.easel, Start(state.memory, state.clock_s, state.made)
-    next_ones = to_planned(state.left.pick(slice(0, sitting.pace.batch)), easel.tool, easel.brush.path_points)
+    paint_context, start = sitting.paint_context, Start(state.memory, state.clock_s, state.made)
+    next_ones = to_planned(
+        state.left.pick(slice(0, sitting.timing.batch)), paint_context.tool, paint_context.brush.path_points
+    )
     write_png(sitting.folder / CANVAS, state.canvas)
-    write_png(sitting.folder / PREVIEW, as_picture(foretold(easel, state.left, state.canvas, start)))
-    write_png(sitting.folder / NEXT, drawn_over(state.canvas, next_ones, easel.canvas_size_m))
+    write_png(sitting.folder / PREVIEW, as_picture(predicted(paint_context, state.left, state.canvas, start)))
+    write_png(sitting.folder / NEXT, drawn_over(state.canvas, next_ones, paint_context.canvas_size_m))
 
 
 def _say_stopped(sitting: Sitting, reason: str, error: BaseException) -> None:

@@ -14,7 +14,7 @@ _FAINT = 0.02
 noise says more. In pixels' worth."""
 
 
-def share_seen(before: Picture, now: Picture, foretold: NDArray[np.float32]) -> float | None:
+def share_seen(before: Picture, now: Picture, predicted: NDArray[np.float32]) -> float | None:
     """The share of a foretold change that pictures show: about 1 where it happened, 0 where nothing did.
 
     The least-squares factor c of now − before = c · (foretold − before), in linear light, with both changes freed from
@@ -28,7 +28,7 @@ def share_seen(before: Picture, now: Picture, foretold: NDArray[np.float32]) -> 
         None where so little was foretold that nothing can be said.
     """
     start = srgb_to_linear(to_float(before))
-    meant = foretold - start
+    meant = predicted - start
     where = np.abs(meant).max(axis=2) > _FAINT
     if where.sum() < _FEWEST:
         return None

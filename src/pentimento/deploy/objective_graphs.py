@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
-from pentimento.bundle.assignment import MOST_CELLS
+from pentimento.bundle.assignment import MAX_CELLS
 from pentimento.bundle.reader import StyleFacts
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.deploy.decompositions import Resizing
@@ -128,7 +128,7 @@ def style_graphs(name: str, shape: tuple[int, int], tolerance: float) -> tuple[S
     def examples(number: int) -> list[Tensor]:
         numbers = generator(name, number)
         image, style = torch.rand(2, *shape, 3, generator=numbers)
-        drawn = torch.randperm(cells, generator=numbers)[: min(cells, MOST_CELLS)]
+        drawn = torch.randperm(cells, generator=numbers)[: min(cells, MAX_CELLS)]
         return [image, drawn, network(style)[drawn.flip(0)]]
 
     graphs = {}

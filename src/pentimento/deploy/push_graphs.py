@@ -34,12 +34,12 @@ def clay_graphs(
     """
 
     def after(height: Tensor, actions: Tensor) -> tuple[Tensor]:
-        return (clay.foretold(height.expand(actions.shape[0], -1, -1), actions),)
+        return (clay.predicted(height.expand(actions.shape[0], -1, -1), actions),)
 
     def pull(height: Tensor, action: Tensor, cotangent: Tensor) -> tuple[Tensor, ...]:
         leaves = [argument.detach().requires_grad_(True) for argument in (height, action)]
         with torch.enable_grad():
-            made = clay.foretold(leaves[0][None], leaves[1][None])[0]
+            made = clay.predicted(leaves[0][None], leaves[1][None])[0]
         return torch.autograd.grad(made, leaves, cotangent)
 
     def examples(count: int) -> list[Tensor]:

@@ -109,7 +109,7 @@ def brush_graphs(
     if camera:
         graphs[f"{name}_gain"] = _gain_graph(f"{name}_gain", camera, tool, canvas_m, tolerance)
     facts = BrushFacts(
-        tool.name, path_points, dict(model.fitted), model.pace, picks_up="pickup" in found, has_gain=bool(camera)
+        tool.name, path_points, dict(model.fitted), model.timing, picks_up="pickup" in found, has_gain=bool(camera)
     )
     return facts, graphs
 

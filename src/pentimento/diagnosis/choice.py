@@ -28,7 +28,7 @@ _SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _MINOR = 0.5
 _DISPLACED = ("tangential", "normal")
 """Modes that tell apart causes that move a mark."""
-_MOST_OF_IT = 0.5
+_MAX_OF_IT = 0.5
 """Of what the best one removes: what its kin must remove to take its place."""
 
 
@@ -43,7 +43,7 @@ class Step:
     """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
 
 
-def simplest_of_the_best(
+def most_parsimonious(
     evidence: dict[str, Evidence],
     losses: Mapping[str, Array],
     error: float,
@@ -59,9 +59,9 @@ def simplest_of_the_best(
     removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
     right, and a spare quantity takes up what the form lacks.
     """
-    least = min(losses, key=lambda cause: float(losses[cause].mean()))
-    nearly = error - _NEARLY * (error - float(losses[least].mean()))
-    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[least], seed) >= _WORSE_P]
+    minimum = min(losses, key=lambda cause: float(losses[cause].mean()))
+    nearly = error - _NEARLY * (error - float(losses[minimum].mean()))
+    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[minimum], seed) >= _WORSE_P]
     chosen = min(tied, key=lambda c: (quantities[c], float(losses[c].mean())))
     rivals = tuple(cause for cause in tied if cause != chosen)
     log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
@@ -77,12 +77,12 @@ def choose(
     seed: int,
     log: Callable[[str], None],
 ) -> Step:
-    """``simplest_of_the_best`` of refits, or its kin where that leaves less of what tells the two apart
-    (``by_what_is_left``); without rivals that say the same (``without_echoes``).
+    """``most_parsimonious`` of refits, or its kin where that leaves less of what tells the two apart
+    (``by_what_is_left``); without rivals that say the same (``prune_redundant``).
     """
     quantities = {cause: len(refits[cause].mechanisms[-1].quantities) for cause in losses}
-    step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
-    return without_echoes(by_what_is_left(step, losses, error, refits, measured, seed, log), refits, measured)
+    step = most_parsimonious(evidence, losses, error, quantities, seed, log)
+    return prune_redundant(by_what_is_left(step, losses, error, refits, measured, seed, log), refits, measured)
 
 
 def by_what_is_left(
@@ -107,7 +107,7 @@ def by_what_is_left(
     chosen, removed = step.chosen, {cause: error - float(each.mean()) for cause, each in losses.items()}
     for other in kin_of(last[chosen], list(last.values())):
         columns = told_by_one_of(last[chosen], last[other], measured)
-        if not columns or removed[other] < _MOST_OF_IT * removed[chosen]:
+        if not columns or removed[other] < _MAX_OF_IT * removed[chosen]:
             continue
         (own_is_sure, own), (its_is_sure, its) = (
             displacement_left(refits[cause], measured, columns, seed) for cause in (chosen, other)
@@ -127,7 +127,8 @@ def kin_of(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
     return [
         other.cause
         for other in others
-        if other.driver == mechanism.driver and set(other.told_by) != set(mechanism.told_by)
+        if other.driver == mechanism.driver
+        and set(other.informative_covariates) != set(mechanism.informative_covariates)
     ]
 
 
@@ -144,10 +145,14 @@ def displacement_left(model: Model, measured: Measured, columns: Mapping[str, Ar
 def told_by_one_of(one: Mechanism, other: Mechanism, measured: Measured) -> dict[str, Array]:
     """What was recorded and only one of two causes goes with, [B] each."""
     shown = covariates_shown(measured)
-    return {name: shown[name] for name in sorted(set(one.told_by) ^ set(other.told_by)) if name in shown}
+    return {
+        name: shown[name]
+        for name in sorted(set(one.informative_covariates) ^ set(other.informative_covariates))
+        if name in shown
+    }
 
 
-def without_unlikely(
+def prune_unlikely(
     losses: Mapping[str, Array], error: float, refits: Mapping[str, Model], measured: Measured
 ) -> dict[str, Array]:
     """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure
@@ -174,7 +179,7 @@ def without_unlikely(
     return {cause: each for cause, each in losses.items() if cause not in out}
 
 
-def without_echoes(step: Step, refits: Mapping[str, Model], measured: Measured) -> Step:
+def prune_redundant(step: Step, refits: Mapping[str, Model], measured: Measured) -> Step:
     """The step without rivals that say the same as its cause: they can do all that it does, and do it, and what they
     can do beside that is surely less than half as much, each in its quantities' typical sizes.
 

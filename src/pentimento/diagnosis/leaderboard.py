@@ -61,11 +61,11 @@ def _other(cause: str, evidence: Evidence, survey: Surveyed) -> tuple[str, ...]:
 
 def _alike(cause: str, rivals: tuple[str, ...], survey: Surveyed) -> str:
     said = [escape(rival) for rival in rivals]
-    if cause in survey.imitation.causes:
+    if cause in survey.aliasing.causes:
         said += [
-            f"<i>{escape(other)}&nbsp;{survey.imitation.of(cause, other):.2f}</i>"
-            for other in survey.imitation.causes
-            if other != cause and survey.imitation.of(cause, other) > ALIKE
+            f"<i>{escape(other)}&nbsp;{survey.aliasing.of(cause, other):.2f}</i>"
+            for other in survey.aliasing.causes
+            if other != cause and survey.aliasing.of(cause, other) > ALIKE
         ]
     return ", ".join(said)
 

@@ -45,7 +45,7 @@ def build_page(
         _strokes(diagnosis, survey, given, album),
         _residuals(survey, album),
         _modes(diagnosis, survey, album),
-        _imitation(diagnosis, survey, album),
+        _aliasing(diagnosis, survey, album),
         _next(proposal, survey, album),
     ]
     pictures = {f"figures/{name}": data for name, data in album.files.items()}
@@ -88,8 +88,8 @@ def lead(diagnosis: Judged) -> str:
     if diagnosis.unexplained:
         left = diagnosis.unexplained[0]
         return f"Something that no known cause explains: {escape(left.mode)} depends on {escape(left.covariate)}."
-    if diagnosis.wanders:
-        return f"Something that nobody recorded: from one action to the next {escape(diagnosis.wanders.mode)} wanders."
+    if diagnosis.drifts:
+        return f"Something that nobody recorded: from one action to the next {escape(diagnosis.drifts.mode)} wanders."
     return "No known cause is established."
 
 
@@ -163,7 +163,7 @@ def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
         return section(
             "modes", "What the residual depends on",
             "<p>Nothing that was recorded of every stroke varies: what the residual depends on cannot be asked.</p>"
-            + wandering(diagnosis, album),
+            + temporal_drift(diagnosis, album),
         )  # fmt: skip
     structured = {(left.mode, left.covariate) for left in diagnosis.unexplained}
     heat = album.plot(
@@ -180,34 +180,34 @@ def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
         "95&nbsp;% bands that take each action as one witness. Ochre: base; blue: extended. Flat at 0 is a cause "
         "dealt with.",
     )  # fmt: skip
-    return section("modes", "What the residual depends on", heat + curves + wandering(diagnosis, album))
+    return section("modes", "What the residual depends on", heat + curves + temporal_drift(diagnosis, album))
 
 
-def wandering(diagnosis: Judged, album: Album) -> str:
+def temporal_drift(diagnosis: Judged, album: Album) -> str:
     """What wanders, as a figure; nothing where nothing does."""
-    if diagnosis.wanders is None:
+    if diagnosis.drifts is None:
         return ""
     return album.plot(
-        "wandering.png", figures.wandering_curve(diagnosis.wanders),
-        f"Residual {diagnosis.wanders.mode} in the order of execution, row by row and as a running mean.",
+        "wandering.png", figures.drift_curve(diagnosis.drifts),
+        f"Residual {diagnosis.drifts.mode} in the order of execution, row by row and as a running mean.",
         "What wanders: the residual of each row in this mode, in robust standard deviations, in the order in which "
         "the rows were made, and the mean of neighbours. Repeats differ by it, but it is no noise, and the noise floor "
         "is without it. Where no recorded column goes with it, record what drifts: the next diagnosis can name it.",
     )  # fmt: skip
 
 
-def _imitation(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
+def _aliasing(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
     named = [finding.cause for finding in (*diagnosis.established, *diagnosis.suspected)]
     heat = album.plot(
-        "imitation.png", figures.imitation_heat(survey.imitation, named),
+        "aliasing.png", figures.aliasing_heat(survey.aliasing, named),
         "The imitation matrix of the causes.",
         "How well one cause can pass for another <i>in these strokes</i>, when the base may adapt: |cosine| of their "
         f"derivatives. Framed above {ALIKE}. This is a property of how the strokes were chosen, and random place, "
         "heading, speed and dips lower it.",
     )  # fmt: skip
-    said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.imitation))
+    said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.aliasing))
     alike = f"<ul>{said}</ul>" if said else "<p>No two causes imitate each other.</p>"
-    return section("imitation", "What these strokes cannot tell apart", alike + heat)
+    return section("aliasing", "What these strokes cannot tell apart", alike + heat)
 
 
 def _next(proposal: Proposal, survey: Survey, album: Album) -> str:
@@ -222,7 +222,7 @@ def _next(proposal: Proposal, survey: Survey, album: Album) -> str:
     )  # fmt: skip
     rows = [
         (escape(f"{first} and {second}"), f"{before:.2f}", f"{after:.2f}")
-        for (first, second), (before, after) in proposal.imitation.items()
+        for (first, second), (before, after) in proposal.aliasing.items()
     ]
     alike = (
         table(("pair", "imitation now", "with these strokes"), rows, "What they are foretold to do.") if rows else ""

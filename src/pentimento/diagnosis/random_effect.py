@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
-def own_part(values: Array, by: Array, weight: Array, row: Array) -> Array:
+def action_effect(values: Array, by: Array, weight: Array, row: Array) -> Array:
     """Of ``values`` of pixels what combinations of ``by``, another for each row, come nearest to, [n].
 
     Args:

@@ -8,12 +8,12 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.choice import Step
-from pentimento.diagnosis.strokes.aliasing import Imitation
+from pentimento.diagnosis.strokes.aliasing import Aliasing
 from pentimento.diagnosis.strokes.diagnose import Finding
 from pentimento.diagnosis.strokes.floor import Floor
 from pentimento.diagnosis.strokes.modes import Unexplained
 from pentimento.diagnosis.strokes.screening import Dependence
-from pentimento.diagnosis.temporal_drift import Wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 
 Array = NDArray[Any]
 
@@ -49,7 +49,7 @@ class Told(Protocol):
     cause: ClassVar[str]
 
     @property
-    def told_by(self) -> tuple[str, ...]:
+    def informative_covariates(self) -> tuple[str, ...]:
         """Columns that its effect goes with."""
 
 
@@ -85,7 +85,7 @@ class Judged(Protocol):
         """None where no action is repeated."""
 
     @property
-    def wanders(self) -> Wandering | None:
+    def drifts(self) -> TemporalDrift | None:
         """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
 
     @property
@@ -113,7 +113,7 @@ class Surveyed(Protocol):
         """Ways in which a row can differ as a whole."""
 
     @property
-    def imitation(self) -> Imitation:
+    def aliasing(self) -> Aliasing:
         """Which causes the rows can tell apart."""
 
     @property

@@ -34,7 +34,7 @@ class Evidence(NamedTuple):
     """Mean squared error that it removes from held-out actions, per action, to second order."""
     gain_interval: tuple[float, float]
     """95 %."""
-    least_gain: float
+    min_gain: float
     """At 5 %, one-sided."""
 
 
@@ -84,8 +84,8 @@ def weighed(
     for cause, columns in index.items():
         gains = held_out_gains(statistics, held, columns, block, seed) / error
         p, adjusted = tests[cause]
-        gain, interval, least = mean_and_bounds(gains, _RESAMPLED, seed)
-        evidence[cause] = Evidence(p, adjusted, gain, interval, least)
+        gain, interval, minimum = mean_and_bounds(gains, _RESAMPLED, seed)
+        evidence[cause] = Evidence(p, adjusted, gain, interval, minimum)
     return evidence
 
 
@@ -210,8 +210,8 @@ def interval_of_mean(values: Array, draws: int, seed: int) -> tuple[float, float
 def mean_and_bounds(values: Array, draws: int, seed: int) -> tuple[float, tuple[float, float], float]:
     """The mean, 95 % of it, and what it is at least (5 %, one-sided), by resampling actions."""
     index = np.random.default_rng([seed, 3]).integers(0, len(values), (draws, len(values)))
-    low, least, high = np.quantile(values[index].mean(1), [0.025, 0.05, 0.975])
-    return float(values.mean()), (float(low), float(high)), float(least)
+    low, minimum, high = np.quantile(values[index].mean(1), [0.025, 0.05, 0.975])
+    return float(values.mean()), (float(low), float(high)), float(minimum)
 
 
 def _ridged(curvature: Array) -> Array:

@@ -20,12 +20,12 @@ Array = NDArray[Any]
 
 _DRAWS = 1999
 _P = 0.01
-_LEAST = 0.05
+_MIN = 0.05
 """Of the error: what is worth less may be what a base lacks where neighbours share a load of paint or a surface."""
 _TINY = 1e-12
 
 
-class Wandering(NamedTuple):
+class TemporalDrift(NamedTuple):
     """A mode of the residual that wanders."""
 
     mode: str
@@ -38,9 +38,9 @@ class Wandering(NamedTuple):
     """[B] of the mode in each row's residual, in robust standard deviations, in the order of execution."""
 
 
-def wandering(
+def temporal_drift(
     modes: Sequence[str], scores: Array, energy: Array, error: float, action: Array, turn: Array, seed: int
-) -> Wandering | None:
+) -> TemporalDrift | None:
     """The mode in which neighbours in time are most alike, by permutation of actions, max-T over the modes; None where
     none is, beyond chance.
 
@@ -78,11 +78,11 @@ def wandering(
         return max(float(covariance * spread[m] ** 2 * energy[:, m].mean()), 0.0)
 
     whole = worth(pairs)
-    if p >= _P or whole <= _LEAST * error:
+    if p >= _P or whole <= _MIN * error:
         return None
     apart = _at_the_times_of_repeats(action, order)
     of_repeats = max(whole - worth(apart), 0.0) if apart.size else 0.0
-    return Wandering(modes[m], p, whole, of_repeats, amounts[order, m])
+    return TemporalDrift(modes[m], p, whole, of_repeats, amounts[order, m])
 
 
 def _at_the_times_of_repeats(action: Array, order: Array) -> Array:

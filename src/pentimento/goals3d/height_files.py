@@ -15,7 +15,7 @@ from pentimento.planning.pushes.holes import fill_holes
 
 FloatArray = NDArray[np.float64]
 
-_MOST_HOLES = 0.5
+_MAX_HOLES = 0.5
 
 
 def height_file_relief(path: Path) -> tuple[FloatArray, int]:
@@ -36,7 +36,7 @@ def height_file_relief(path: Path) -> tuple[FloatArray, int]:
         raise GoalError(f"{path} holds {heights.dtype}{list(heights.shape)}; a height map is real numbers [h, w].")
     heights = heights.astype(np.float64)
     holes = int(np.isnan(heights).sum())
-    if holes > _MOST_HOLES * heights.size:
+    if holes > _MAX_HOLES * heights.size:
         raise GoalError(
             f"{path}: {holes} of {heights.size} pixels are holes; a goal needs at least half of them measured."
         )

@@ -25,7 +25,7 @@ def met(objective: ClayObjective, heights_m: Array, planned_m: Array) -> dict[st
             "before": float(values[0]),
             "after": float(values[-1]),
             "planned": float(error(planned_m)),
-            "least": float(values.min()),
+            "minimum": float(values.min()),
             "removed": 1 - float(values[-1] / values[0]) if values[0] > 0 else 0.0,
         }
     return errors

@@ -13,7 +13,7 @@ from pentimento.planning.pushes.goal import GoalError
 
 FloatArray = NDArray[np.float64]
 
-_LEAST_PROPORTION = 1e-3
+_MIN_PROPORTION = 1e-3
 
 
 def mesh_relief(path: Path, side_px: int, up: Literal["x", "y", "z"] = "z") -> FloatArray:
@@ -53,7 +53,7 @@ def top_of(triangles: FloatArray, side_px: int) -> FloatArray:
     """
     low, high = triangles[..., :2].min(axis=(0, 1)), triangles[..., :2].max(axis=(0, 1))
     extent = high - low
-    if not extent.min() > _LEAST_PROPORTION * extent.max():
+    if not extent.min() > _MIN_PROPORTION * extent.max():
         raise GoalError(
             f"Seen from above, the mesh measures {extent[0]:g} by {extent[1]:g}; turn it so that it shows a face."
         )

@@ -11,7 +11,7 @@ from pentimento.planning.pushes.holes import fill_holes
 
 FloatArray = NDArray[np.float64]
 
-_LEAST_POINTS = 50
+_MIN_POINTS = 50
 
 
 def point_cloud_relief(points: FloatArray, side_px: int) -> FloatArray:
@@ -24,8 +24,8 @@ def point_cloud_relief(points: FloatArray, side_px: int) -> FloatArray:
         GoalError: too few points, values that are not finite, or a cloud on a line.
     """
     points = np.asarray(points, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) < _LEAST_POINTS:
-        raise GoalError(f"A point cloud is [N, 3] with at least {_LEAST_POINTS} points, not of shape {points.shape}.")
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < _MIN_POINTS:
+        raise GoalError(f"A point cloud is [N, 3] with at least {_MIN_POINTS} points, not of shape {points.shape}.")
     if not np.isfinite(points).all():
         raise GoalError(
             f"{int((~np.isfinite(points)).any(axis=1).sum())} points of the cloud are not finite; drop them."

@@ -15,7 +15,7 @@ from pentimento.control.execute import Session, execute
 from pentimento.control.painter import as_linear, observe
 from pentimento.planning.config import Log
 from pentimento.planning.latent.config import HandPlanConfig
-from pentimento.planning.latent.planner import PathBrush, foretell_drawing, plan_in_hand
+from pentimento.planning.latent.planner import PathBrush, plan_in_hand, predict_drawing
 from pentimento.planning.latent.shapes import Shapes
 from pentimento.planning.latent.strokes import planned_strokes
 from pentimento.planning.scene import Scene
@@ -34,7 +34,7 @@ class Drawing:
     """[N, 2] of each stroke: where the robot says that its tip went."""
     photo: Image
     """sRGB [H, W, 3]."""
-    foretold: Image
+    predicted: Image
 
 
 def draw_in_hand(
@@ -50,13 +50,13 @@ def draw_in_hand(
     """Draw the scene's target with about ``ink_m`` of line, on the sheet before the robot."""
     canvas = as_linear(observe(robot, calibration, config.pixels_per_m))
     strokes = plan_in_hand(canvas, scene, brush, shapes, ink_m, config, log)
-    foretold = linear_to_srgb(np.clip(foretell_drawing(strokes, canvas, scene, brush), 0.0, 1.0))
+    predicted = linear_to_srgb(np.clip(predict_drawing(strokes, canvas, scene, brush), 0.0, 1.0))
     planned = planned_strokes(strokes, scene.tool)
     memory = fresh_memory(robot.canvas_size_m, scene.tool.nominal_width_m)
     ink = np.array([scene.tool.color_srgb], dtype=np.float64)
     _, measured = execute(robot, scene.tool, planned, ink, memory, Session("drawing", robot.clock_s))
     photo = observe(robot, calibration, config.pixels_per_m)
-    return Drawing(planned, [_known(path) for path in measured], photo, to_uint8(foretold))
+    return Drawing(planned, [_known(path) for path in measured], photo, to_uint8(predicted))
 
 
 def _known(path: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, read_table
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.strokes.aliasing import imitation_of, sentences
+from pentimento.diagnosis.strokes.aliasing import aliasing_of, sentences
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.predict import identity
@@ -86,7 +86,7 @@ def _columns(rows: Path) -> list[str]:
 
 def _of_strokes(table: pa.Table) -> _Told:
     measured = load_measured(table)
-    alike = sentences(imitation_of(first_model(measured), measured, OF_STROKES))
+    alike = sentences(aliasing_of(first_model(measured), measured, OF_STROKES))
     return _Told(commanded_strokes(table), shown_strokes(table), heading_of_strokes(table), _not_shown(measured), alike)
 
 

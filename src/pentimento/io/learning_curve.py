@@ -31,7 +31,7 @@ _TRAINING: Final = TrainingConfig(
 )  # fmt: skip
 _FEWEST: Final = 8
 _STEPS: Final = 4
-_LEAST_STEPS: Final = 120
+_MIN_STEPS: Final = 120
 """Of the optimiser, so that a small share is not told from a large one by being trained less."""
 _DRAWS: Final = 4000
 _INTERVAL: Final = (0.025, 0.975)
@@ -123,7 +123,7 @@ def learning_curve(samples: StrokeSamples, seed: int) -> LearningCurve:
     errors, rows = [], []
     for count in counts:
         part = training.pick(_among(training, actions[:count]))
-        errors.append(_action_errors(_foretold(part, held_out, seed), held_out))
+        errors.append(_action_errors(_predicted(part, held_out, seed), held_out))
         rows.append(len(part.path))
     blank = _action_errors(held_out.before.numpy(), held_out)
     gains = tuple(_gain(before, after, seed) for before, after in pairwise(errors))
@@ -142,18 +142,18 @@ def _among(samples: StrokeSamples, actions: NDArray[Any]) -> Any:
     return samples.action.new_tensor(index)
 
 
-def _foretold(part: StrokeSamples, held_out: StrokeSamples, seed: int) -> NDArray[Any]:
+def _predicted(part: StrokeSamples, held_out: StrokeSamples, seed: int) -> NDArray[Any]:
     steps_an_epoch = max(1, -(-len(part.path) // _TRAINING.batch))
-    epochs = max(_TRAINING.epochs, -(-_LEAST_STEPS // steps_an_epoch))
+    epochs = max(_TRAINING.epochs, -(-_MIN_STEPS // steps_an_epoch))
     config = replace(_TRAINING, epochs=epochs, seed=seed)
     model = train(part, config, lambda *_: None)
     return np.asarray(predict_with(model.parameters_si(), held_out).numpy())
 
 
-def _action_errors(foretold: NDArray[Any], samples: StrokeSamples) -> Array:
+def _action_errors(predicted: NDArray[Any], samples: StrokeSamples) -> Array:
     """Mean squared error of each action's strokes over their windows, [A]."""
     valid = samples.valid.numpy()
-    squared = np.square(foretold - samples.after.numpy()).mean(-1) * valid
+    squared = np.square(predicted - samples.after.numpy()).mean(-1) * valid
     each = squared.sum((1, 2)) / valid.sum((1, 2))
     actions = samples.action.numpy()
     return np.array([each[actions == action].mean() for action in np.unique(actions)], dtype=np.float64)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import IMAGE
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.io.stroke_rows import MOST_PIXELS, Refused
+from pentimento.io.stroke_rows import MAX_PIXELS, Refused
 
 VERSION: Final = "v3.0"
 INFO: Final = "meta/info.json"
@@ -41,8 +41,8 @@ OWN_PICTURE: Final = "pentimento_picture/"
 
 PICTURES: Final = ("image", "video")
 _FIELD: Final = re.compile(r"\{(chunk_index|file_index)(?::(0?[1-9])d)?\}|\{(video_key)\}")
-_MOST_NUMBER: Final = 2**31
-_MOST_FPS: Final = 1e5
+_MAX_NUMBER: Final = 2**31
+_MAX_FPS: Final = 1e5
 
 
 class Dataset(NamedTuple):
@@ -119,7 +119,7 @@ def open_dataset(folder: Path) -> Dataset:
             f"{where} is of version {_short(version)}, and {VERSION} is what can be read.{convert if older else ''}"
         )
     fps = info.get("fps")
-    if isinstance(fps, bool) or not isinstance(fps, int | float) or not 0 < fps <= _MOST_FPS:
+    if isinstance(fps, bool) or not isinstance(fps, int | float) or not 0 < fps <= _MAX_FPS:
         raise ContractError(f"{where}: fps is {_short(fps)}, and not a number of frames a second above 0.")
     features = _features(info.get("features"), where)
     data_path = _template(info.get("data_path"), "data_path", where)
@@ -203,7 +203,7 @@ def _features(told: Any, where: Path) -> dict[str, dict[str, Any]]:
         shape = feature.get("shape")
         if not isinstance(shape, list) or not shape or not all(type(size) is int for size in shape):
             raise ContractError(f"{where}: feature {_short(key)} has the shape {_short(shape)}, which is none.")
-        if min(shape) < 0 or math.prod(shape) > 4 * MOST_PIXELS or (picture and (len(shape) != 3 or min(shape) < 1)):
+        if min(shape) < 0 or math.prod(shape) > 4 * MAX_PIXELS or (picture and (len(shape) != 3 or min(shape) < 1)):
             raise ContractError(f"{where}: feature {_short(key)} has the shape {_short(shape)}, which nobody recorded.")
     return told
 
@@ -265,7 +265,7 @@ def _column(table: pa.Table, name: str, folder: Path) -> pa.ChunkedArray:
 def _whole(table: pa.Table, name: str, folder: Path) -> list[int]:
     values = _column(table, name, folder)
     numbers: list[int] = values.to_pylist() if pa.types.is_integer(values.type) and values.null_count == 0 else [-1]
-    if not all(0 <= number < _MOST_NUMBER for number in numbers):
+    if not all(0 <= number < _MAX_NUMBER for number in numbers):
         raise ContractError(f"Column {name!r} of {folder}/meta/episodes is not all whole numbers from 0.")
     return numbers
 

@@ -50,7 +50,7 @@ _SCHEMA: Final = pa.schema(
 )
 _FILES_A_CHUNK: Final = 1000
 _FILE_BYTES: Final = 100 * 2**20
-_MOST_FRAMES: Final = 100_000
+_MAX_FRAMES: Final = 100_000
 _SAME_FRAME: Final = 1e-3
 """Of a frame: times are float32."""
 
@@ -153,9 +153,9 @@ def _frames(row: dict[str, Any], fps: int, number: int) -> tuple[FloatArray, Flo
     if np.isnan(path[:, 0]).any():
         action = path[:, 1:] if len(path) > 1 else np.repeat(path[:, 1:], 2, axis=0)
         return action, action
-    if (path[-1, 0] - path[0, 0]) * fps > _MOST_FRAMES:
+    if (path[-1, 0] - path[0, 0]) * fps > _MAX_FRAMES:
         raise ContractError(
-            f"Stroke {number} lasts {path[-1, 0] - path[0, 0]:g} s, which is more than {_MOST_FRAMES} frames at {fps} "
+            f"Stroke {number} lasts {path[-1, 0] - path[0, 0]:g} s, which is more than {_MAX_FRAMES} frames at {fps} "
             "a second; are its times in seconds? A smaller --fps makes fewer."
         )
     at_s = frame_times(path, fps)

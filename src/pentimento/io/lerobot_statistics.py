@@ -14,15 +14,15 @@ Array = NDArray[np.float64]
 class Statistics(NamedTuple):
     """Of a feature over some frames; arrays of one shape, [D] for numbers and [3, 1, 1] for pictures in 0 to 1."""
 
-    least: Array
-    greatest: Array
+    minimum: Array
+    maximum: Array
     mean: Array
     variance: Array
     frames: int
 
     def told(self) -> dict[str, Any]:
         """By LeRobot's names, as lists."""
-        values = {"min": self.least, "max": self.greatest, "mean": self.mean, "std": np.sqrt(self.variance)}
+        values = {"min": self.minimum, "max": self.maximum, "mean": self.mean, "std": np.sqrt(self.variance)}
         return {name: value.tolist() for name, value in values.items()} | {"count": [self.frames]}
 
 
@@ -34,8 +34,8 @@ def of_numbers(values: Array) -> Statistics:
 def of_picture(picture: NDArray[np.uint8], frames: int) -> Statistics:
     """Of a picture [H, W, 3] that so many frames show."""
     one = of_numbers(picture.reshape(-1, 3) / 255.0)
-    least, greatest, mean, variance = (value.reshape(3, 1, 1) for value in one[:4])
-    return Statistics(least, greatest, mean, variance, frames)
+    minimum, maximum, mean, variance = (value.reshape(3, 1, 1) for value in one[:4])
+    return Statistics(minimum, maximum, mean, variance, frames)
 
 
 def pooled(parts: Sequence[Statistics]) -> Statistics:
@@ -43,8 +43,8 @@ def pooled(parts: Sequence[Statistics]) -> Statistics:
     frames = [part.frames for part in parts]
     mean = np.average([part.mean for part in parts], axis=0, weights=frames)
     return Statistics(
-        np.min([part.least for part in parts], axis=0),
-        np.max([part.greatest for part in parts], axis=0),
+        np.min([part.minimum for part in parts], axis=0),
+        np.max([part.maximum for part in parts], axis=0),
         mean,
         np.average([part.variance + (part.mean - mean) ** 2 for part in parts], axis=0, weights=frames),
         sum(frames),

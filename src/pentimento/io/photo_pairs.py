@@ -14,7 +14,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.io.path_table import each_about, read_paths
 from pentimento.io.place import Placement
-from pentimento.io.stroke_rows import MOST_PIXELS, Imported, Refused, card, counted, stroke_row, table_of
+from pentimento.io.stroke_rows import MAX_PIXELS, Imported, Refused, card, counted, stroke_row, table_of
 
 _ENDINGS: Final = (".png", ".jpg", ".jpeg")
 
@@ -62,6 +62,6 @@ def _photo(folder: Path, stem: str) -> NDArray[np.uint8]:
         image = read_image(found)
     except PentimentoError as error:
         raise Refused("a photograph is unreadable") from error
-    if image.shape[0] * image.shape[1] > MOST_PIXELS:
+    if image.shape[0] * image.shape[1] > MAX_PIXELS:
         raise Refused("a photograph is larger than 128 megapixels")
     return image

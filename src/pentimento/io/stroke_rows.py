@@ -17,7 +17,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.io.path_table import RecordedPath
 from pentimento.io.place import Placement
 
-MOST_PIXELS: Final = 2**27
+MAX_PIXELS: Final = 2**27
 """Of a photograph."""
 _MARGIN_M: Final = 0.012
 """Paper round a stroke's path that its row shows."""

@@ -29,7 +29,7 @@ class LearningRates:
 
 
 @dataclass(frozen=True)
-class Slack:
+class ExecutionNoise:
     """What execution may take from a stroke and the plan leaves room for: drawn for each stroke at each iteration."""
 
     thinning: float
@@ -108,7 +108,7 @@ class PlannerConfig:
     """Iterations between two relocations of useless strokes; 0 for never."""
     relocate_share: float
     """Of the strokes: at most so many move each time."""
-    least_gain: float
+    min_gain: float
     """No round follows one in which a stroke lowered the objective by less than this on average; 0 spends them all."""
     palette: PaletteChoice
     sweeps: int
@@ -122,13 +122,13 @@ class PlannerConfig:
     distances_px: tuple[int, ...]
     """Viewing distances of the print objective."""
     objectives: ObjectivesConfig
-    slack: Slack
+    execution_noise: ExecutionNoise
     learning_rates: LearningRates
     seed: int
 
     def __post_init__(self) -> None:
         at_least(self, 0, "iterations_per_round", "iterations_free", "iterations_palette", "iterations_replan")
-        at_least(self, 0, "replan_rate", "relocate_every", "relocate_share", "least_gain", "edge_m", "seed")
+        at_least(self, 0, "replan_rate", "relocate_every", "relocate_share", "min_gain", "edge_m", "seed")
         at_least(self, 1, "candidates", "rounds", "sweeps")
         at_least(self, 2, "path_points")
         if not all(0 <= size <= 1 for size in self.sizes):

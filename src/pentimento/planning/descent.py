@@ -11,7 +11,7 @@ from pentimento.planning.adam import Adam
 from pentimento.planning.config import Log, PlannerConfig
 from pentimento.planning.model import Objective
 from pentimento.planning.paints import Paints
-from pentimento.planning.render_plan import Mishap, expected_mishap, mishaps, render_and_back, render_plan
+from pentimento.planning.render_plan import Fault, expected_fault, faults, render_and_back, render_plan
 from pentimento.planning.scene import Scene, inherit, objective_for
 from pentimento.planning.strokes import Strokes
 
@@ -37,23 +37,23 @@ def optimise(
     mishaps, each iteration sees others, and start and end are compared under the expected ones. See ``descend`` for the
     rest. ``log("objective", value, iteration)`` is called at every iteration.
     """
-    objective, slack = objective_for(scene, config), config.slack
-    expected = expected_mishap(len(strokes), slack) if slack.any() else None
+    objective, execution_noise = objective_for(scene, config), config.execution_noise
+    expected = expected_fault(len(strokes), execution_noise) if execution_noise.any() else None
     rng = np.random.default_rng([config.seed, 2, first_iteration])
 
-    def mishap(iteration: int) -> Mishap | None:
-        return mishaps(len(strokes), slack, rng) if slack.any() and iteration > 0 else expected
+    def fault(iteration: int) -> Fault | None:
+        return faults(len(strokes), execution_noise, rng) if execution_noise.any() and iteration > 0 else expected
 
-    least, best, kept_paints = np.inf, strokes.pick(slice(None)), None if paints is None else paints.linear.copy()
+    minimum, best, kept_paints = np.inf, strokes.pick(slice(None)), None if paints is None else paints.linear.copy()
     way = descend(
-        strokes, canvas, scene, config, objective, iterations, free_color, rate, last_rate, paints, mishap
+        strokes, canvas, scene, config, objective, iterations, free_color, rate, last_rate, paints, fault
     )  # fmt: skip
     for iteration, value in enumerate(way):
-        if value < least and (iteration == 0 or not slack.any()):
-            least, best = value, strokes.pick(slice(None))
+        if value < minimum and (iteration == 0 or not execution_noise.any()):
+            minimum, best = value, strokes.pick(slice(None))
             kept_paints = None if paints is None else paints.linear.copy()
         log("objective", value, first_iteration + iteration)
-    if objective(render_plan(strokes, canvas, scene, expected))[0] < least:
+    if objective(render_plan(strokes, canvas, scene, expected))[0] < minimum:
         return
     for array, kept in zip(strokes.arrays(), best.arrays(), strict=True):
         array[:] = kept
@@ -72,7 +72,7 @@ def descend(
     rate: float,
     last_rate: float = 0.0,
     paints: Paints | None = None,
-    mishap: Callable[[int], Mishap | None] = lambda _: None,
+    fault: Callable[[int], Fault | None] = lambda _: None,
 ) -> Iterator[float]:
     """Move the strokes, in place, down an objective, always within what tool and canvas allow.
 
@@ -95,7 +95,7 @@ def descend(
     for iteration in range(iterations):
         if paints is not None:
             strokes.color[:] = paints.linear[paints.index]
-        image, back = render_and_back(strokes, canvas, scene, mishap(iteration))
+        image, back = render_and_back(strokes, canvas, scene, fault(iteration))
         value, of_image = objective(image)
         yield value
         gradients = list(back(of_image).arrays())

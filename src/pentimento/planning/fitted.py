@@ -18,7 +18,7 @@ class Span(NamedTuple):
         return self.low, self.high
 
 
-class Pace(NamedTuple):
+class LoopTiming(NamedTuple):
     """How long the robot takes between two strokes, in seconds: the medians of what was recorded."""
 
     reach_s: float

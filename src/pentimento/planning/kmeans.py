@@ -9,7 +9,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STARTS = 4
-_MOST = 300
+_MAX = 300
 _SETTLED = 1e-4
 """Of the points' variance: centres that moved by less than this, squared, stay."""
 
@@ -27,7 +27,7 @@ def weighted_kmeans(points: FloatArray, weights: FloatArray, count: int, rng: np
 
 def _lloyd(points: FloatArray, weights: FloatArray, centres: FloatArray) -> FloatArray:
     settled = _SETTLED * points.var(0).mean()
-    for _ in range(_MOST):
+    for _ in range(_MAX):
         squares = _squares(points, centres)
         nearest = squares.argmin(1)
         mass = np.bincount(nearest, weights, len(centres))

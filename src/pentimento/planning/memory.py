@@ -20,8 +20,8 @@ from pentimento.contracts.covariates import (
     CARRIED,
     Memory,
     StrokeEvent,
-    carried_paint,
     covariates_and_advance,
+    paint_pickup,
     without_canvas,
 )
 from pentimento.contracts.plan import PlannedStroke
@@ -114,16 +114,16 @@ def foreseen(strokes: Commanded, tool: Tool, brush: Brush, start: Start, names: 
         return {}
     paths = commanded(strokes, tool, brush.path_points).astype(np.float64)
     colors = linear_to_srgb(strokes.color.astype(np.float64))
-    pace, clock_s, memory = brush.pace, start.clock_s, start.memory
+    timing, clock_s, memory = brush.timing, start.clock_s, start.memory
     carries = not {*CARRIED}.isdisjoint(wanted)
     if "wet_age_s" not in wanted and not carries:
         memory = without_canvas(memory)
     rows = []
     for order, (path, color) in enumerate(zip(paths, colors, strict=True), start=start.made):
         dip = needs_dip(tool, PlannedStroke(path, color, dip=False), memory)
-        clock_s += pace.reach_s + (pace.dip_s if dip else 0.0)
+        clock_s += timing.reach_s + (timing.dip_s if dip else 0.0)
         event = StrokeEvent(path, clock_s, dip, color)
-        carried = carried_paint(memory, event) if carries else {}
+        carried = paint_pickup(memory, event) if carries else {}
         row, memory = covariates_and_advance(memory, event)
         rows.append(row | carried | {"t_start_s": clock_s, "order": order})
         clock_s += float(path[-1, 0])
@@ -144,8 +144,8 @@ def beyond_fit(values: Mapping[str, Array], fitted: Mapping[str, Span]) -> list[
         if name == "t_after_s":
             continue
         known = values[name][np.isfinite(values[name])]
-        slack = _NEARLY * (high - low)
-        outside = (known < low - slack) | (known > high + slack)
+        execution_noise = _NEARLY * (high - low)
+        outside = (known < low - execution_noise) | (known > high + execution_noise)
         if outside.any():
             said.append(
                 f"{name} runs from {known.min():.3g} to {known.max():.3g} in the plan; the model was fitted from "

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 from pentimento.planning.strokes import Strokes
 
 Array = NDArray[np.float32]
@@ -47,7 +47,7 @@ class Brush(Protocol):
         """Every column of the strokes contract that marks depend on; empty where strokes inherit nothing."""
 
     @property
-    def pace(self) -> Pace:
+    def timing(self) -> LoopTiming:
         """Of the robot that it was fitted on."""
 
     @property

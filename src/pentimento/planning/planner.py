@@ -98,7 +98,7 @@ def _in_rounds(
             1.0, log, number * config.iterations_per_round, _ROUND_END,
         )  # fmt: skip
         after = loss()
-        if before - after < config.least_gain * share:
+        if before - after < config.min_gain * share:
             break
         before = after
     return strokes

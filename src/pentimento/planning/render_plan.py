@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.planning.config import Slack
+from pentimento.planning.config import ExecutionNoise
 from pentimento.planning.model import Marks
 from pentimento.planning.scene import Scene, inherit
 from pentimento.planning.strokes import Strokes, no_strokes
@@ -26,7 +26,7 @@ Back = Callable[[Array], Strokes]
 """From ∂loss/∂image [H, W, 3] to ∂loss/∂strokes."""
 
 
-class Mishap(NamedTuple):
+class Fault(NamedTuple):
     """What befalls each stroke in execution."""
 
     narrowing: Array
@@ -35,39 +35,39 @@ class Mishap(NamedTuple):
     """[S, 1, 2], canvas frame."""
 
 
-def expected_mishap(strokes: int, slack: Slack) -> Mishap:
+def expected_fault(strokes: int, execution_noise: ExecutionNoise) -> Fault:
     """What befalls a stroke on average."""
-    narrowing = np.full((strokes, 1), 1 - slack.thinning / 2, np.float32)
-    return Mishap(narrowing, np.zeros((strokes, 1, 2), np.float32))
+    narrowing = np.full((strokes, 1), 1 - execution_noise.thinning / 2, np.float32)
+    return Fault(narrowing, np.zeros((strokes, 1, 2), np.float32))
 
 
-def mishaps(strokes: int, slack: Slack, rng: np.random.Generator) -> Mishap:
+def faults(strokes: int, execution_noise: ExecutionNoise, rng: np.random.Generator) -> Fault:
     """One draw for each stroke."""
-    narrowing = 1 - slack.thinning * rng.random((strokes, 1), dtype=np.float32)
-    return Mishap(narrowing, slack.shift_m * rng.standard_normal((strokes, 1, 2), dtype=np.float32))
+    narrowing = 1 - execution_noise.thinning * rng.random((strokes, 1), dtype=np.float32)
+    return Fault(narrowing, execution_noise.shift_m * rng.standard_normal((strokes, 1, 2), dtype=np.float32))
 
 
-def render_plan(strokes: Strokes, canvas: Array, scene: Scene, mishap: Mishap | None = None) -> Array:
+def render_plan(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault | None = None) -> Array:
     """What the canvas [H, W, 3] (linear light) will look like after the strokes."""
-    return render_and_back(strokes, canvas, scene, mishap)[0]
+    return render_and_back(strokes, canvas, scene, fault)[0]
 
 
-def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, mishap: Mishap | None = None) -> tuple[Array, Back]:
+def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault | None = None) -> tuple[Array, Back]:
     """``render_plan``, and from an image's gradient to the strokes'; what strokes inherit is held as it is."""
     if len(strokes) == 0:
         return canvas, lambda _: no_strokes()
     marks, pull = scene.brush.marks(strokes, _inherited(strokes, scene))
-    image, back = render_marks(marks, canvas, scene, mishap)
+    image, back = render_marks(marks, canvas, scene, fault)
     return image, lambda of_image: pull(back(of_image))
 
 
 def render_marks(
-    marks: Marks, canvas: Array, scene: Scene, mishap: Mishap | None = None
+    marks: Marks, canvas: Array, scene: Scene, fault: Fault | None = None
 ) -> tuple[Array, Callable[[Array], Marks]]:
     """What the canvas will look like with these marks upon it, and from an image's gradient to the marks'."""
-    if mishap is not None:
+    if fault is not None:
         marks = marks._replace(
-            points_m=marks.points_m + mishap.shift_m, radius_m=marks.radius_m * mishap.narrowing
+            points_m=marks.points_m + fault.shift_m, radius_m=marks.radius_m * fault.narrowing
         )  # fmt: skip
     points_px, radius_px = in_pixels(marks, scene)
     density, softness, color = marks.density[None], marks.softness[None], marks.color[None]
@@ -93,7 +93,7 @@ def render_marks(
         of_radius = found.radius[0] * per_m
         return Marks(
             found.points[0] * np.array([per_m, -per_m]),  # rows run down
-            of_radius if mishap is None else of_radius * mishap.narrowing,
+            of_radius if fault is None else of_radius * fault.narrowing,
             found.density[0],
             found.softness[0],
             found.color[0],

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pentimento.render.coverage import compiled
 
 Array = NDArray[Any]
-_LEAST_COVERAGE = 1e-12
+_MIN_COVERAGE = 1e-12
 
 
 @compiled
@@ -105,13 +105,13 @@ def compose_carrying(
     carried: Array,
 ) -> None:
     """Lay the fragments of a tool that picks up wet paint on ``image`` [rows, W, 4]; ``carried`` [K, 4] is scratch."""
-    least, one = coverage.dtype.type(_LEAST_COVERAGE), coverage.dtype.type(1.0)
+    minimum, one = coverage.dtype.type(_MIN_COVERAGE), coverage.dtype.type(1.0)
     for f in range(first, end):
         below[f] = image[row[f], column[f]]
     carried_colors(color, segment, coverage, below, first, end, carried)
     for f in range(first, end):
         pixel, under, a, sums = image[row[f], column[f]], below[f], coverage[f], carried[segment[f]]
-        share, stirred = pickup / max(sums[3], least), pickup * under[3]
+        share, stirred = pickup / max(sums[3], minimum), pickup * under[3]
         for i in range(3):
             pixel[i] = under[i] + a * ((one - stirred) * (color[i] - under[i]) + share * sums[i])
         pixel[3] = under[3] + a * (one - under[3])
@@ -138,13 +138,13 @@ def compose_carrying_backward(
 
     ``carried`` and ``g_carried`` [K, 4] are scratch.
     """
-    zero, one, least = coverage.dtype.type(0.0), coverage.dtype.type(1.0), coverage.dtype.type(_LEAST_COVERAGE)
+    zero, one, minimum = coverage.dtype.type(0.0), coverage.dtype.type(1.0), coverage.dtype.type(_MIN_COVERAGE)
     carried_colors(color, segment, coverage, below, first, end, carried)
     g_carried[:] = 0  # first ∂loss/∂colour_k in 0:3, then ∂loss/∂sums
     g_pickup = zero
     for f in range(first, end):
         pixel, under, a, k = g_image[row[f], column[f]], below[f], coverage[f], segment[f]
-        share, stirred = pickup / max(carried[k, 3], least), pickup * under[3]
+        share, stirred = pickup / max(carried[k, 3], minimum), pickup * under[3]
         g_a, stirring = pixel[3] * (one - under[3]), zero
         for i in range(3):
             g_a += pixel[i] * ((one - stirred) * (color[i] - under[i]) + share * carried[k, i])
@@ -156,12 +156,12 @@ def compose_carrying_backward(
         pixel[3] = pixel[3] * (one - a) + stirring * pickup
         g_coverage[f - first] = g_a
     for k in range(carried.shape[0] - 1, -1, -1):
-        inverse = one / max(carried[k, 3], least)
+        inverse = one / max(carried[k, 3], minimum)
         for i in range(3):
             g_color[i] += g_carried[k, i]
             pulled = g_carried[k, i] * carried[k, i] * inverse
             g_pickup += pulled
-            if carried[k, 3] > least:
+            if carried[k, 3] > minimum:
                 g_carried[k, 3] -= pickup * pulled * inverse
             g_carried[k, i] *= pickup * inverse
         if k + 1 < carried.shape[0]:  # a sum up to k is part of all later sums

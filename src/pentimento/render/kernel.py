@@ -41,7 +41,7 @@ __all__ = ["Q_MIN", "R_MIN", "Fragments", "RenderInputError", "StrokeGradients",
 
 _BAND_ROWS = 64
 _LARGEST = 1e9
-_MOST = np.iinfo(np.uint16).max
+_MAX = np.iinfo(np.uint16).max
 """Of a canvas's rows, its columns and a path's segments: what a fragment's place is kept in."""
 _ASK_ABOUT_BYTES = 1 << 28
 
@@ -174,14 +174,14 @@ def check_inputs(
             f"The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got {points.shape} and {canvas.shape}."
         )
     height, width = canvas.shape[1:3]
-    if max(height, width) > _MOST:
+    if max(height, width) > _MAX:
         raise RenderInputError(
-            f"The renderer's canvas has {height} x {width} pixels; it takes sides up to {_MOST}: render it in "
+            f"The renderer's canvas has {height} x {width} pixels; it takes sides up to {_MAX}: render it in "
             "parts, or at a lower resolution."
         )
-    if points.shape[2] - 1 > _MOST:
+    if points.shape[2] - 1 > _MAX:
         raise RenderInputError(
-            f"The renderer's paths have {points.shape[2] - 1} segments; it takes up to {_MOST} in a path: give fewer "
+            f"The renderer's paths have {points.shape[2] - 1} segments; it takes up to {_MAX} in a path: give fewer "
             "points, or divide the strokes."
         )
     if threads < 1:

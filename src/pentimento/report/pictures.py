@@ -18,12 +18,12 @@ Image = NDArray[np.uint8]
 _HOLD = 12  # the finished painting stays for as many frames
 
 
-def difference(foretold: Image, real: Image) -> FloatArray:
-    """Root mean squared difference over the channels, sRGB in [0, 1], [H, W] of `foretold`.
+def difference(predicted: Image, real: Image) -> FloatArray:
+    """Root mean squared difference over the channels, sRGB in [0, 1], [H, W] of `predicted`.
 
-    A `real` photograph of another resolution is brought to that of `foretold`, averaging in linear light.
+    A `real` photograph of another resolution is brought to that of `predicted`, averaging in linear light.
     """
-    squared = np.square(to_float(foretold).astype(np.float64) - resized(real, foretold.shape))
+    squared = np.square(to_float(predicted).astype(np.float64) - resized(real, predicted.shape))
     return np.asarray(np.sqrt(squared.mean(axis=-1)))
 
 

@@ -174,7 +174,7 @@ def _results(inputs: SculptureInputs) -> str:
         "Error in height against the goal over the whole area, mm²: if nothing is done, as a plan without looking "
         "foretold it, and as it came; and the shares removed of the errors in height and in slope."
     )
-    return table(("goal", "nothing done", "foretold", "made", "removed", "of slope", "pushes"), rows, caption)
+    return table(("goal", "nothing done", "predicted", "made", "removed", "of slope", "pushes"), rows, caption)
 
 
 def _curves(inputs: SculptureInputs, album: Album) -> str:

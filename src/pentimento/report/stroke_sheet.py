@@ -47,8 +47,8 @@ def choose(
 
     Strokes without visible ink have no IoU and are left out, unless there are no others.
     """
-    foretold = [foretell(parameters, samples) for parameters in (model, polyline)]
-    ious, l1s = zip(*(stroke_scores(image, samples) for image in foretold), strict=True)
+    predicted = [predict_photos(parameters, samples) for parameters in (model, polyline)]
+    ious, l1s = zip(*(stroke_scores(image, samples) for image in predicted), strict=True)
     inked = torch.nonzero(~torch.isnan(ious[0])).flatten()
     ranked = inked[torch.argsort(ious[0][inked], descending=True, stable=True)]
     if len(ranked) == 0:
@@ -56,14 +56,14 @@ def choose(
     ranks = np.unique(np.linspace(0, len(ranked) - 1, shown).round().astype(int))
     return [
         _shown(
-            _rank_name(int(rank), len(ranked)), samples, [image[int(ranked[rank])] for image in foretold],
+            _rank_name(int(rank), len(ranked)), samples, [image[int(ranked[rank])] for image in predicted],
             int(ranked[rank]), [iou[ranked[rank]].item() for iou in ious], [l1[ranked[rank]].item() for l1 in l1s],
         )
         for rank in ranks
     ]  # fmt: skip
 
 
-def foretell(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
+def predict_photos(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
     """What a model says the photographs after the strokes will be, sRGB [B, H, W, 3]."""
     with torch.no_grad():
         return predict(Traj2Stroke(parameters), samples)
@@ -154,7 +154,7 @@ def _rank_name(rank: int, of: int) -> str:
 
 
 def _shown(
-    label: str, samples: StrokeSamples, foretold: list[Tensor], index: int, ious: list[float], l1s: list[float]
+    label: str, samples: StrokeSamples, predicted: list[Tensor], index: int, ious: list[float], l1s: list[float]
 ) -> ShownStroke:
     """One stroke's pictures without their padding, at the right and at the bottom."""
     valid = samples.valid[index] > 0
@@ -168,8 +168,8 @@ def _shown(
         label=label,
         before=image(samples.before[index]),
         after=image(samples.after[index]),
-        model=image(foretold[0]),
-        polyline=image(foretold[1]),
+        model=image(predicted[0]),
+        polyline=image(predicted[1]),
         path_px=one.view.to_pixels(one.path[..., 1:3])[0].double().numpy(),
         pixels_per_m=float(samples.pixels_per_m[index]),
         iou=(ious[0], ious[1]),

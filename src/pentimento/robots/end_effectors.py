@@ -112,15 +112,15 @@ def _check(made: EndEffector, where: str) -> None:
         raise ConfigError(
             f"{where}: speed {made.speed_m_s} m/s must lie within speed_range [{low}, {high}] m/s, above zero."
         )
-    for key, least in (
+    for key, minimum in (
         ("nominal_width", made.nominal_width_m),
         ("retract_speed_range", made.retract_speed_range_m_s[0]),
     ):
-        if not least > 0:
-            raise ConfigError(f"{where}: {key} must be above zero, it is {least}.")
-    for key, (least, most) in (("travel", made.travel_m), ("depth", made.depth_m)):
-        if not 0 <= least < most:
-            raise ConfigError(f"{where}: {key} [{least}, {most}] m must rise from 0 or more.")
+        if not minimum > 0:
+            raise ConfigError(f"{where}: {key} must be above zero, it is {minimum}.")
+    for key, (minimum, most) in (("travel", made.travel_m), ("depth", made.depth_m)):
+        if not 0 <= minimum < most:
+            raise ConfigError(f"{where}: {key} [{minimum}, {most}] m must rise from 0 or more.")
     if (made.kind == "pinch") != (made.opening_m > 0) or not made.travel_m[1] * (
         made.kind == "pinch"
     ) <= made.opening_m:

@@ -24,14 +24,14 @@ class SegmentationConfig:
     """Local folder of a SAM model in the published layout (facebook/sam-vit-base), for ``sam``."""
     scale: float
     """Of the classical method: larger means larger regions (Felzenszwalb and Huttenlocher 2004)."""
-    least_share: float
+    min_share: float
     """Of the picture; smaller regions count as background."""
     points: int
     """Of SAM: so many points along each side are asked for the thing under them."""
 
     def __post_init__(self) -> None:
         above_zero(self, "scale")
-        at_least(self, 0, "least_share")
+        at_least(self, 0, "min_share")
         at_least(self, 1, "points")
         if (self.method == "sam") != (self.sam_folder is not None):
             raise ValueError(
@@ -56,22 +56,22 @@ def segment(image: NDArray[np.uint8], config: SegmentationConfig) -> NDArray[np.
                 image,
                 scale=config.scale,
                 sigma=0.5,
-                min_size=max(1, round(config.least_share * image.shape[0] * image.shape[1])),
+                min_size=max(1, round(config.min_share * image.shape[0] * image.shape[1])),
             )
         case "sam":
             assert config.sam_folder is not None  # __post_init__ saw to it
             labels = _by_sam(image, Path(config.sam_folder), config.points)
-    return _ordered(np.asarray(labels), config.least_share)
+    return _ordered(np.asarray(labels), config.min_share)
 
 
-def _ordered(labels: NDArray[np.integer], least_share: float) -> NDArray[np.uint8]:
+def _ordered(labels: NDArray[np.integer], min_share: float) -> NDArray[np.uint8]:
     """Labels by size, at most 255; the one with most of the border and all that is too small become 0."""
     border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
     names, counts = np.unique(border, return_counts=True)
     ground = names[counts.argmax()]
     found, sizes = np.unique(labels, return_counts=True)
     order = np.lexsort((found, -sizes))
-    kept = [found[i] for i in order if found[i] != ground and sizes[i] >= least_share * labels.size][:255]
+    kept = [found[i] for i in order if found[i] != ground and sizes[i] >= min_share * labels.size][:255]
     regions = np.zeros(labels.shape, np.uint8)
     for number, name in enumerate(kept, 1):
         regions[labels == name] = number

@@ -63,14 +63,14 @@ def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
     press the print then lies evenly around the tip. One off its middle would draw as if it trailed, and one askew as
     if it cut corners: causes that no world means to hide.
     """
-    places, twin = _scatter(tool, rng)
-    first = places[np.unique(twin, return_index=True)[1]]
+    places, counterfactual = _scatter(tool, rng)
+    first = places[np.unique(counterfactual, return_index=True)[1]]
     # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
     tuft = _smooth_noise(first, rng)
     short = tool.dome_m * _rim_distance(tool, first) ** 2 - MENISCUS_M
     short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(first)))
     wetting = 0.85 * np.exp(0.45 * _smooth_noise(first, rng) + 0.3 * rng.standard_normal(len(first)))
-    return Bundle(places, short[twin], wetting[twin])
+    return Bundle(places, short[counterfactual], wetting[counterfactual])
 
 
 def _scatter(tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -82,7 +82,7 @@ def _scatter(tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
     """
     aspect = tool.half_thickness_m / tool.half_width_m
     mirrors = np.array([[1, 1], [-1, -1], [-1, 1], [1, -1]])
-    places, twin = np.zeros((0, 2)), np.zeros(0, dtype=int)
+    places, counterfactual = np.zeros((0, 2)), np.zeros(0, dtype=int)
     sizes = ([1] if tool.bristles % 2 else []) + ([2] if tool.bristles % 4 > 1 else []) + [4] * (tool.bristles // 4)
     for number, size in enumerate(sizes):
         candidates = rng.uniform(-1, 1, (24, 2)) * {1: (0, 0), 2: (1, 0), 4: (1, 1)}[size]
@@ -92,8 +92,8 @@ def _scatter(tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
         gaps = np.square((candidates[:, None] - others) * (1.0, aspect)).sum(axis=2)
         best = int(np.argmax(gaps.min(axis=1, initial=np.inf)))
         places = np.concatenate([places, sets[best]])
-        twin = np.concatenate([twin, np.full(size, number)])
-    return places, twin
+        counterfactual = np.concatenate([counterfactual, np.full(size, number)])
+    return places, counterfactual
 
 
 def _rim_distance(tool: Tool, place: Array) -> Array:
@@ -164,12 +164,12 @@ def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, f
             hold = target
         else:
             hold += (target - hold) * (1 - (1 - FLICK) * np.exp(-moved / STRAIGHTENING_M))
-        slack = hold * (1 + 0.06 * friction[k])
+        execution_noise = hold * (1 + 0.06 * friction[k])
         dx, dy = tip[k, 0] - x, tip[k, 1] - y
         distance = np.hypot(dx, dy)
-        limit = slack * (1 + STICTION) if resting else slack
+        limit = execution_noise * (1 + STICTION) if resting else execution_noise
         if distance > limit and distance > 0:
-            slide = (distance - slack) * (0.35 if resting else 0.8)
+            slide = (distance - execution_noise) * (0.35 if resting else 0.8)
             x += dx / distance * slide
             y += dy / distance * slide
             resting = False

@@ -21,7 +21,7 @@ from pentimento.semantics.objective import TextObjective
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
-from tests.copainting.easels import MEDIUM, cross, marker_easel, paper
+from tests.copainting.easels import MEDIUM, cross, marker_paint_context, paper
 
 CONFIG = Codrawing(stories=1, person=4, robot=6, tremor_m=0.0005, batch=4)
 
@@ -35,7 +35,7 @@ def robot() -> Robot:
     world = load_world("marker")
     square = replace(world, paper=replace(world.paper, size_m=(MEDIUM.side_m, MEDIUM.side_m)))
     hand = VirtualRobot(Studio(square, 0))
-    return GuardedRobot(hand, envelope_for(marker_easel().tool, hand.canvas_size_m))
+    return GuardedRobot(hand, envelope_for(marker_paint_context().tool, hand.canvas_size_m))
 
 
 def test_words_name_one_thing_more_in_each_turn_and_pictures_one_thing_each() -> None:
@@ -61,7 +61,7 @@ def test_each_turn_begins_where_the_last_one_ended() -> None:
         return np.minimum(photo, cross())
 
     story = stories(table, 1)[0]
-    turns = codraw(robot(), marker_easel(), story, goal_for, CONFIG, 0)
+    turns = codraw(robot(), marker_paint_context(), story, goal_for, CONFIG, 0)
     assert tuple(asked) == story.prompts == tuple(turn.prompt for turn in turns)
     for turn, following in pairwise(turns):
         assert np.array_equal(following.before, turn.after)
@@ -76,9 +76,9 @@ def test_words_alone_lower_the_text_objective_and_nothing_else_is_looked_at() ->
     sheet = laid_out(paper(), MEDIUM.side_px)
     objective = TextObjective(encoder, "a cup", 0, 0)
     none, some = (
-        float(objective(torch.tensor(plan_text(marker_easel(), sheet, "a cup", encoder, 6, n, 0, 3).sheet)))
+        float(objective(torch.tensor(plan_text(marker_paint_context(), sheet, "a cup", encoder, 6, n, 0, 3).sheet)))
         for n in (0, 25)
     )
     assert some < none
-    made = plan_text(marker_easel(), sheet, "a cup", encoder, 6, 3, 1, 3)
+    made = plan_text(marker_paint_context(), sheet, "a cup", encoder, 6, 3, 1, 3)
     assert len(made.strokes) == 6 and made.palette_srgb.shape == (1, 3)

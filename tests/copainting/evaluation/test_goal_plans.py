@@ -8,7 +8,7 @@ import torch
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.evaluation.goal_plans import (
-    Easel,
+    PaintContext,
     draw_scene,
     laid_out,
     plan_goal,
@@ -17,7 +17,7 @@ from pentimento.copainting.evaluation.goal_plans import (
 )
 from pentimento.copainting.evaluation.measures import delta_pix, surviving_ink
 from pentimento.robots.tools import load_tool
-from tests.copainting.easels import MEDIUM, SIDE_PX, cross, marker_easel, paper
+from tests.copainting.easels import MEDIUM, SIDE_PX, cross, marker_paint_context, paper
 
 
 @pytest.fixture(autouse=True)
@@ -26,32 +26,32 @@ def one_thread() -> None:
 
 
 def test_a_plan_comes_near_its_goal_and_keeps_what_is_there() -> None:
-    easel, goal = marker_easel(), cross()
+    paint_context, goal = marker_paint_context(), cross()
     sheet = laid_out(paper(), MEDIUM.side_px)
-    made = plan_goal(easel, sheet, goal, 24)
+    made = plan_goal(paint_context, sheet, goal, 24)
     before, after = (delta_pix(goal[None], p[None])[0] for p in (paper(), seen(made.sheet, SIDE_PX)))
     assert after < 0.4 * before and 1 <= len(made.strokes) <= 24
-    twice = draw_scene(easel, made.sheet, np.rot90(goal[:, :16].repeat(2, 1)).copy(), 8)
+    twice = draw_scene(paint_context, made.sheet, np.rot90(goal[:, :16].repeat(2, 1)).copy(), 8)
     assert surviving_ink(seen(made.sheet, SIDE_PX)[None], seen(twice.sheet, SIDE_PX)[None])[0] == 1
     assert (twice.sheet <= made.sheet + 1e-4).all()  # a black pen never lightens
 
 
 def test_a_goal_that_is_there_needs_no_stroke() -> None:
     sheet = laid_out(cross(), MEDIUM.side_px)
-    made = plan_goal(marker_easel(), sheet, seen(sheet, SIDE_PX), 12)
+    made = plan_goal(marker_paint_context(), sheet, seen(sheet, SIDE_PX), 12)
     assert len(made.strokes) == 0 and np.array_equal(made.sheet, sheet)
 
 
 def test_no_stroke_is_left_that_does_harm() -> None:
     """On a blank goal, every stroke would."""
-    easel, sheet = marker_easel(), laid_out(cross(), MEDIUM.side_px)
+    paint_context, sheet = marker_paint_context(), laid_out(cross(), MEDIUM.side_px)
     grey = np.full_like(paper(), 245)
-    assert len(plan_goal(easel, sheet, grey, 12).strokes) == 0  # a pen cannot lighten what is there
+    assert len(plan_goal(paint_context, sheet, grey, 12).strokes) == 0  # a pen cannot lighten what is there
 
 
 def test_equal_seeds_give_equal_plans_and_others_others() -> None:
     sheet = laid_out(paper(), MEDIUM.side_px)
-    one, again, other = (plan_goal(seeded(marker_easel(), s), sheet, cross(), 8).sheet for s in (1, 1, 2))
+    one, again, other = (plan_goal(seeded(marker_paint_context(), s), sheet, cross(), 8).sheet for s in (1, 1, 2))
     assert np.array_equal(one, again) and not np.array_equal(one, other)
 
 
@@ -64,8 +64,8 @@ def test_pictures_come_back_from_the_sheet() -> None:
 
 def test_a_medium_fits_its_tool() -> None:
     with pytest.raises(ConfigError, match="brings none: null it"):
-        Easel(MEDIUM, load_tool("round_brush"), marker_easel().model)
+        PaintContext(MEDIUM, load_tool("round_brush"), marker_paint_context().model)
     with pytest.raises(ConfigError, match="say under ink"):
-        Easel(replace(MEDIUM, ink=None), load_tool("marker"), marker_easel().model)
+        PaintContext(replace(MEDIUM, ink=None), load_tool("marker"), marker_paint_context().model)
     with pytest.raises(ValueError, match="side_m"):
         replace(MEDIUM, side_m=0.0)

@@ -41,7 +41,7 @@ def parquet(path: Path, rows: list[tuple[bytes | None, object]], text: str = "ca
 
 
 def test_bad_pictures_and_captions_are_counted_by_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imported_scenes, "MOST_PIXELS", 10_000)
+    monkeypatch.setattr(imported_scenes, "MAX_PIXELS", 10_000)
     half_clear = picture("RGBA", color=(10, 20, 30, 90))
     rows = [
         (picture(), "a red square"),

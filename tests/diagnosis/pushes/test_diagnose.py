@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.choice import Step
-from pentimento.diagnosis.pushes.diagnose import _can_deny, _least_error, _only_surely_denied, _sure, diagnose
+from pentimento.diagnosis.pushes.diagnose import _can_deny, _min_error, _only_surely_denied, _sure, diagnose
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import observable_causes
 from pentimento.diagnosis.result import PUSHES
@@ -43,13 +43,13 @@ def test_most_of_the_gap_is_closed_down_to_the_floor_of_the_repeats(lossy: Playe
 
 def test_the_sealed_pushes_had_no_part_in_it(lossy: Played) -> None:
     parts, action = lossy.diagnosis.parts, lossy.measured.action
-    searched, sealed = set(action[parts.searched]), set(action[parts.sealed])
-    assert not searched & sealed and searched | sealed == set(action)
-    assert len(lossy.diagnosis.base_losses) == len(sealed) == round(0.2 * len(set(action)))
+    discovery_split, test_split = set(action[parts.discovery_split]), set(action[parts.test_split])
+    assert not discovery_split & test_split and discovery_split | test_split == set(action)
+    assert len(lossy.diagnosis.base_losses) == len(test_split) == round(0.2 * len(set(action)))
 
 
 @pytest.mark.parametrize(
-    ("searched_p", "sealed_p", "sure"),
+    ("p_discovery", "p_test", "sure"),
     [
         (0.04, 0.005, True),  # sealed pushes alone
         (0.04, 0.05, False),
@@ -58,14 +58,14 @@ def test_the_sealed_pushes_had_no_part_in_it(lossy: Played) -> None:
     ],
 )
 def test_scores_of_searched_and_sealed_pushes_can_be_sure_together(
-    lossy: Played, searched_p: float, sealed_p: float, sure: bool
+    lossy: Played, p_discovery: float, p_test: float, sure: bool
 ) -> None:
     found = lossy.diagnosis.search
-    evidence = Evidence(searched_p, searched_p, 0.1, (0.0, 0.2), 0.0)
+    evidence = Evidence(p_discovery, p_discovery, 0.1, (0.0, 0.2), 0.0)
     found = replace(found, steps=(Step({"volume_loss": evidence}, "volume_loss", ()), Step({}, None, ())))
-    assert _sure(found, {"volume_loss": sealed_p}) == ({"volume_loss"} if sure else set())
-    in_doubt = replace(found, steps=(Step({"volume_loss": evidence}, None, ()),))
-    assert _sure(in_doubt, {"volume_loss": sealed_p}) == ({"volume_loss"} if sure else set())
+    assert _sure(found, {"volume_loss": p_test}) == ({"volume_loss"} if sure else set())
+    borderline = replace(found, steps=(Step({"volume_loss": evidence}, None, ()),))
+    assert _sure(borderline, {"volume_loss": p_test}) == ({"volume_loss"} if sure else set())
 
 
 def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> None:
@@ -80,14 +80,14 @@ def test_what_no_base_can_look_like_is_denied_only_by_errors_that_are_sure() -> 
 def test_where_much_is_left_what_a_base_can_look_like_must_remove_much() -> None:
     """In a base that is wrong in many ways, something always looks a little like a cause."""
     floor = Floor(1.0, (0.8, 1.2))
-    close, far = (_least_error(floor, np.full(8, left), False) for left in (1.1, 3.2))
+    close, far = (_min_error(floor, np.full(8, left), False) for left in (1.1, 3.2))
     assert close == pytest.approx(0.025) and far == pytest.approx(0.4 * 2.0)
 
 
 def test_and_no_scores_make_up_for_that_where_much_is_left() -> None:
     """They are as sure of what a base gets wrong; against noise they stand for half."""
     floor = Floor(1.0, (0.8, 1.2))
-    close, far = (_least_error(floor, np.full(8, left), True) for left in (1.1, 3.2))
+    close, far = (_min_error(floor, np.full(8, left), True) for left in (1.1, 3.2))
     assert close == pytest.approx(0.0125) and far == pytest.approx(0.4 * 2.0)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.pushes.floor import floor_while_searching, noise_floor, sealed_floor
+from pentimento.diagnosis.pushes.floor import floor_of_test_split, floor_while_searching, noise_floor
 from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.dynamics.pushes.analytic import first_model
@@ -27,7 +27,7 @@ def test_the_floor_is_the_scatter_of_repeats() -> None:
 def test_without_repeats_the_floor_is_unknown() -> None:
     measured = measure(blank(12, 1), 0.006)
     assert noise_floor(first_model(measured.scene), measured, 0) is None
-    assert sealed_floor(first_model(measured.scene), measured, np.arange(4), 0) is None
+    assert floor_of_test_split(first_model(measured.scene), measured, np.arange(4), 0) is None
 
 
 def test_sealed_repeats_have_their_own_floor_and_sealed_single_pushes_that_of_all_repeats() -> None:
@@ -41,7 +41,7 @@ def test_sealed_repeats_have_their_own_floor_and_sealed_single_pushes_that_of_al
     model = first_model(measured.scene)
 
     def floor(*actions: int) -> float:
-        found = sealed_floor(model, measured, np.flatnonzero(np.isin(measured.action, actions)), 0)
+        found = floor_of_test_split(model, measured, np.flatnonzero(np.isin(measured.action, actions)), 0)
         assert found is not None and found.interval[0] <= found.mse <= found.interval[1]
         return found.mse
 

@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.jacobian import linearise, mean_squared_error, residual
-from pentimento.diagnosis.pushes.learned_residual import learn_habits
+from pentimento.diagnosis.pushes.learned_residual import learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.noise import by_scatter
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
@@ -52,7 +52,7 @@ def test_a_lip_that_all_pushes_have_is_foretold_of_fresh_pushes(
 ) -> None:
     plain, clean, causes = session
     measured, model = lipped
-    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
     noise = error(clean, plain, FRESH)
     assert error(model, learnt, FRESH) - noise < 0.5 * (error(model, measured, FRESH) - noise)
 
@@ -61,7 +61,7 @@ def test_no_score_of_the_base_changes_though_the_misfit_falls(
     session: Session, lipped: tuple[MeasuredPushes, AnalyticPush]
 ) -> None:
     measured, model = lipped
-    _, learnt = learn_habits(measured, model, KNOWN, session[2], 0)
+    _, learnt = learn_residual(measured, model, KNOWN, session[2], 0)
     before, after = (linearise(model, m.pick(KNOWN)) for m in (measured, learnt))
     unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
     free = unit > 1e-6 * unit.max()  # a profile's outermost part, which no contact reaches
@@ -77,7 +77,7 @@ def test_a_cause_that_acts_alike_in_every_push_is_no_habit() -> None:
     lost = identity(VolumeLoss, measured.scene)
     model = fit(first_model(measured.scene), measured.pick(KNOWN))
     full = model.plus(lost)
-    _, learnt = learn_habits(measured, model, KNOWN, [lost], 0)
+    _, learnt = learn_residual(measured, model, KNOWN, [lost], 0)
     column = full.columns_of(VolumeLoss.cause)[0]
     before, after = (linearise(full, m.pick(KNOWN)).slope.sum(0)[column] for m in (measured, learnt))
     assert after == pytest.approx(before, rel=0.1)
@@ -85,7 +85,7 @@ def test_a_cause_that_acts_alike_in_every_push_is_no_habit() -> None:
 
 def test_noise_is_not_learnt(session: Session) -> None:
     measured, model, causes = session
-    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
     for rows in (KNOWN, FRESH):
         assert error(model, learnt, rows) < 1.03 * error(model, measured, rows)
 
@@ -94,8 +94,8 @@ def test_pushes_that_come_later_get_the_habits_that_the_others_have(
     session: Session, lipped: tuple[MeasuredPushes, AnalyticPush]
 ) -> None:
     measured, model = lipped
-    habits, learnt = learn_habits(measured, model, KNOWN, session[2], 0)
-    np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
+    learned_residual, learnt = learn_residual(measured, model, KNOWN, session[2], 0)
+    np.testing.assert_allclose(learned_residual.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
 
 
 def test_a_lip_is_learnt_from_pushes_that_came_to_lie_apart(lipped: tuple[MeasuredPushes, AnalyticPush]) -> None:
@@ -105,7 +105,7 @@ def test_a_lip_is_learnt_from_pushes_that_came_to_lie_apart(lipped: tuple[Measur
     by = by_scatter(model, measured.scene)
     apart = np.einsum("bk,kbhw->bhw", beside_m, by).astype(np.float32)
     scattered = replace(measured, after=measured.after + apart)
-    calm, found = (learn_habits(each, model, KNOWN, [], 0)[1].habit[FRESH] for each in (measured, scattered))
+    calm, found = (learn_residual(each, model, KNOWN, [], 0)[1].habit[FRESH] for each in (measured, scattered))
     assert np.square(apart[FRESH] * 1e3).sum() > np.square(calm).sum()
     assert np.square(found - calm).sum() < 0.3 * np.square(calm).sum()
 
@@ -115,8 +115,8 @@ def test_from_all_pushes_together_the_habits_of_fresh_ones_are_known_better(
 ) -> None:
     plain, clean, causes = session
     measured, model = lipped
-    habits, learnt = learn_habits(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
-    more, known = habits.learnt_from_all(learnt, KNOWN)
+    learned_residual, learnt = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    more, known = learned_residual.learnt_from_all(learnt, KNOWN)
     np.testing.assert_array_equal(known.habit[KNOWN], learnt.habit[KNOWN])
     np.testing.assert_allclose(more.of(measured.pick(FRESH)).habit, known.habit[FRESH], atol=1e-5)
     noise = error(clean, plain, FRESH)

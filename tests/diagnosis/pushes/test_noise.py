@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.pushes.floor import noise_floor, sealed_floor
+from pentimento.diagnosis.pushes.floor import floor_of_test_split, noise_floor
 from pentimento.diagnosis.pushes.jacobian import mean_squared_error, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.noise import Scatter, by_scatter, error_by_scanner, error_by_scatter
@@ -49,10 +49,10 @@ def steepness(measured: MeasuredPushes) -> np.ndarray:
 def test_repeats_tell_what_scatter_does_to_each_push(exact: tuple[AnalyticPush, MeasuredPushes]) -> None:
     model, measured = exact
     made = [scattered(model, measured, seed) for seed in range(12)]
-    foretold = np.mean([error_by_scatter(model, each, rows_of_repeats(each)) for each in made], axis=0)
+    predicted = np.mean([error_by_scatter(model, each, rows_of_repeats(each)) for each in made], axis=0)
     real = np.mean([mean_squared_error(residual(model, each), each) for each in made], axis=0)
-    assert foretold.mean() == pytest.approx(real.mean(), rel=0.2)
-    assert np.corrcoef(foretold, real)[0, 1] > 0.8  # which of them it harms most, too
+    assert predicted.mean() == pytest.approx(real.mean(), rel=0.2)
+    assert np.corrcoef(predicted, real)[0, 1] > 0.8  # which of them it harms most, too
 
 
 def test_an_arm_without_scatter_has_none(exact: tuple[AnalyticPush, MeasuredPushes]) -> None:
@@ -65,11 +65,11 @@ def test_untouched_slopes_tell_what_the_scanner_does_to_each_push(exact: tuple[A
     slopes = np.hypot(*np.gradient(measured.after, measured.scene.pixel_m, axis=(1, 2)))
     noise_m = 5e-5 * (1 + 6 * slopes) * np.random.default_rng(3).standard_normal(slopes.shape)
     noisy = replace(measured, after=measured.after + noise_m.astype(np.float32))
-    foretold, real = error_by_scanner(model, noisy), mean_squared_error(residual(model, noisy), noisy)
-    assert foretold.mean() == pytest.approx(real.mean(), rel=0.1)
+    predicted, real = error_by_scanner(model, noisy), mean_squared_error(residual(model, noisy), noisy)
+    assert predicted.mean() == pytest.approx(real.mean(), rel=0.1)
     steep = steepness(measured) > np.median(steepness(measured))
-    assert foretold[steep].mean() > 1.1 * foretold[~steep].mean()
-    assert foretold[steep].mean() == pytest.approx(real[steep].mean(), rel=0.15)
+    assert predicted[steep].mean() > 1.1 * predicted[~steep].mean()
+    assert predicted[steep].mean() == pytest.approx(real[steep].mean(), rel=0.15)
 
 
 def test_the_floor_of_single_pushes_into_old_surfaces_is_what_noise_makes_of_them(
@@ -82,7 +82,7 @@ def test_the_floor_of_single_pushes_into_old_surfaces_is_what_noise_makes_of_the
     floors, real, plain = [], [], []
     for seed in range(8):
         made = scattered(model, measured, seed)
-        floor, everywhere = sealed_floor(model, made, old, 0), noise_floor(model, made, 0)
+        floor, everywhere = floor_of_test_split(model, made, old, 0), noise_floor(model, made, 0)
         assert floor is not None and everywhere is not None
         floors.append(floor.mse)
         plain.append(everywhere.mse)

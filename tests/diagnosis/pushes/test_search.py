@@ -9,7 +9,7 @@ from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import (
     _enough,
-    _least,
+    _minimum,
     _with_all,
     could_be_the_base,
     observable_causes,
@@ -27,9 +27,9 @@ KINDS = (FarField, VolumeLoss, HeightOffset)
 def test_of_two_explanations_of_one_thing_the_second_has_little_left_to_do() -> None:
     known, _ = observable_causes(measure(blank(12, 1), 0.006), KINDS)
     gained, left = {"far_field": 1.0}, {"volume_loss": 0.6}
-    least = {cause: _enough(known[cause], known, gained, left) for cause in ("volume_loss", "height_offset")}
-    assert least["volume_loss"] == 0.6 > least["height_offset"] > 0
-    assert _enough(known["volume_loss"], known, gained, {}) == least["height_offset"]
+    minimum = {cause: _enough(known[cause], known, gained, left) for cause in ("volume_loss", "height_offset")}
+    assert minimum["volume_loss"] == 0.6 > minimum["height_offset"] > 0
+    assert _enough(known["volume_loss"], known, gained, {}) == minimum["height_offset"]
 
 
 def test_what_a_base_can_look_like_must_surely_make_pushes_better() -> None:
@@ -71,13 +71,13 @@ def test_a_fit_ends_where_another_one_finds_nothing_to_gain() -> None:
     measured = measure(played())
     fitted = fit(first_model(measured.scene), measured)
     again = fit(fitted, measured)
-    left, least = (action_losses(model, measured).mean() for model in (fitted, again))
-    assert left - least < 2e-3 * left
+    left, minimum = (action_losses(model, measured).mean() for model in (fitted, again))
+    assert left - minimum < 2e-3 * left
 
 
 def test_a_base_asks_more_of_what_it_can_look_like_and_of_that_beside_others_more_still() -> None:
     known, _ = observable_causes(measure(blank(12, 1), 0.006), [HeightOffset, ToolBacklash])
     offset, backlash = known["height_offset"], known["tool_backlash"]
-    assert 0 < _least(backlash, False, 1.0, 0.1) < _least(offset, False, 1.0, 0.1)
-    assert _least(offset, False, 1.0, 1.0) < _least(offset, True, 1.0, 1.0) < _least(offset, True, 1.0, 3.0)
-    assert _least(backlash, False, 1.0, 1.0) == _least(backlash, True, 1.0, 1.0)
+    assert 0 < _minimum(backlash, False, 1.0, 0.1) < _minimum(offset, False, 1.0, 0.1)
+    assert _minimum(offset, False, 1.0, 1.0) < _minimum(offset, True, 1.0, 1.0) < _minimum(offset, True, 1.0, 3.0)
+    assert _minimum(backlash, False, 1.0, 1.0) == _minimum(backlash, True, 1.0, 1.0)

@@ -28,18 +28,18 @@ def rows_of(repeated: int) -> Rows:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_every_row_is_in_one_part_and_no_action_in_two(repeated: int, seed: int) -> None:
     rows = rows_of(repeated)
-    searched, sealed = split_pushes(rows, seed)
-    np.testing.assert_array_equal(np.sort(np.concatenate([searched, sealed])), np.arange(len(rows.action)))
-    assert not set(rows.action[searched]) & set(rows.action[sealed])
-    assert len(np.unique(rows.action[sealed])) == pytest.approx(0.2 * (SINGLE + repeated), abs=PER_BLOCK)
+    discovery_split, test_split = split_pushes(rows, seed)
+    np.testing.assert_array_equal(np.sort(np.concatenate([discovery_split, test_split])), np.arange(len(rows.action)))
+    assert not set(rows.action[discovery_split]) & set(rows.action[test_split])
+    assert len(np.unique(rows.action[test_split])) == pytest.approx(0.2 * (SINGLE + repeated), abs=PER_BLOCK)
 
 
 def test_half_of_what_is_sealed_are_repeats_and_the_rest_whole_blocks() -> None:
     rows = rows_of(REPEATED)
-    sealed = split_pushes(rows, 0).sealed
-    repeated = np.unique(rows.action[sealed][rows.action[sealed] >= SINGLE])
+    test_split = split_pushes(rows, 0).test_split
+    repeated = np.unique(rows.action[test_split][rows.action[test_split] >= SINGLE])
     assert len(repeated) == round(0.2 * (SINGLE + REPEATED)) // 2
-    singles = sealed[rows.action[sealed] < SINGLE]
+    singles = test_split[rows.action[test_split] < SINGLE]
     assert len(singles) >= len(repeated)
     for block in np.unique(rows.block[singles]):
         assert (rows.block[singles] == block).sum() == PER_BLOCK

@@ -73,7 +73,7 @@ def test_proposed_pushes_are_feasible_pairs_that_say_something(lossy: Played) ->
     strange = as_measured(proposal.action, proposal.settings, lossy.diagnosis.extended, lossy.measured)
     second = np.arange(1, 16, 2)
     assert not strange.scene.worked[second - 1].any() and (strange.scene.worked[second].max((1, 2)) > 0).all()
-    for before, after in proposal.imitation.values():
+    for before, after in proposal.aliasing.values():
         assert after <= before + 1e-6
 
 

@@ -6,11 +6,11 @@ import pytest
 
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.aliasing import (
+    Aliasing,
     Columns,
-    Imitation,
+    aliasing,
+    aliasing_of,
     design,
-    imitation,
-    imitation_of,
     in_short,
     information,
     pairs_alike,
@@ -41,22 +41,22 @@ def test_it_is_the_cosine_of_what_the_nuisances_leave(jacobian: np.ndarray) -> N
     left = flat - flat[:, :2] @ np.linalg.lstsq(flat[:, :2], flat, rcond=None)[0]
     a, b = left[:, 2], left[:, 3]
     expected = abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b)
-    found = imitation(statistics_of(jacobian), COLUMNS)
+    found = aliasing(statistics_of(jacobian), COLUMNS)
     assert found.of("a", "b") == pytest.approx(expected, abs=1e-6)
     np.testing.assert_allclose(found.cosine, found.cosine.T)
 
 
 def test_several_quantities_count_by_what_they_span(jacobian: np.ndarray) -> None:
     """The largest canonical correlation does not ask in which quantities a cause is written."""
-    found = imitation(statistics_of(jacobian), COLUMNS)
+    found = aliasing(statistics_of(jacobian), COLUMNS)
     turned = jacobian.copy()
     turned[..., 4:] = jacobian[..., 4:] @ np.array([[3.0, 1.0], [-2.0, 0.5]])
-    again = imitation(statistics_of(turned), COLUMNS)
+    again = aliasing(statistics_of(turned), COLUMNS)
     assert again.of("a", "c") == pytest.approx(found.of("a", "c"), abs=1e-6)
     assert (
         found.of("a", "c")
         >= abs(
-            imitation(statistics_of(jacobian), Columns(COLUMNS.nuisances, {"a": np.array([2]), "c": np.array([4])})).of(
+            aliasing(statistics_of(jacobian), Columns(COLUMNS.nuisances, {"a": np.array([2]), "c": np.array([4])})).of(
                 "a", "c"
             )
         )
@@ -66,25 +66,25 @@ def test_several_quantities_count_by_what_they_span(jacobian: np.ndarray) -> Non
 
 def test_what_the_nuisances_can_do_themselves_is_not_seen(jacobian: np.ndarray) -> None:
     jacobian[..., 3] = jacobian[..., 0] - 2 * jacobian[..., 1]
-    found = imitation(statistics_of(jacobian), COLUMNS)
+    found = aliasing(statistics_of(jacobian), COLUMNS)
     assert np.isnan(found.of("a", "b")) and not np.isnan(found.of("a", "c"))
     assert any("b leaves no trace" in line for line in sentences(found))
 
 
 def test_twins_are_named(jacobian: np.ndarray) -> None:
     jacobian[..., 3] = -4 * jacobian[..., 2] + 0.01 * jacobian[..., 3] + jacobian[..., 1]
-    found = imitation(statistics_of(jacobian), COLUMNS)
+    found = aliasing(statistics_of(jacobian), COLUMNS)
     assert found.of("a", "b") > 0.999
     assert sentences(found)[0].startswith("a and b imitate each other (1.00)")
 
 
 def test_in_short_the_closest_come_first_and_the_largest_is_theirs() -> None:
     cosine = np.array([[1, 0.91, 0.2, np.nan], [0.91, 1, 0.97, np.nan], [0.2, 0.97, 1, np.nan], [np.nan] * 4])
-    found = Imitation(("a", "b", "c", "d"), cosine)
+    found = Aliasing(("a", "b", "c", "d"), cosine)
     assert in_short(found) == "b ~ c .97, a ~ b .91, no trace of d"
     assert in_short(found, 0.99) == "no two causes above .99 (b ~ c .97), no trace of d"
     assert found.largest == 0.97
-    alone = Imitation(("a",), np.eye(1))
+    alone = Aliasing(("a",), np.eye(1))
     assert alone.largest == 0.0 and in_short(alone) == "no two causes above .90"
 
 
@@ -97,7 +97,7 @@ def test_information_is_lost_to_nuisances_only(jacobian: np.ndarray) -> None:
 
 def test_rivals_and_imitators_make_pairs_once() -> None:
     cosine = np.array([[1, 0.95, 0.2], [0.95, 1, 0.1], [0.2, 0.1, 1]])
-    found = Imitation(("a", "b", "c"), cosine)
+    found = Aliasing(("a", "b", "c"), cosine)
     assert pairs_alike(found, {"a": ("c",), "b": ()}) == [("a", "c"), ("a", "b")]
 
 
@@ -126,7 +126,7 @@ def test_a_raster_imitates_before_any_stroke_is_made() -> None:
     ordered = design(commands(np.zeros(40), 0.03 * column, raster))
     mixed = design(commands(rng.uniform(-3, 3, 40), rng.permutation(0.03 * column), rng.permutation(raster)))
     model = first_model(load_measured(example_table(6)))
-    found = [imitation_of(model, strokes, VOCABULARY) for strokes in (ordered, mixed)]
+    found = [aliasing_of(model, strokes, VOCABULARY) for strokes in (ordered, mixed)]
     assert found[0].of("ink_depletion", "canvas_tilt") > 0.9 > found[1].of("ink_depletion", "canvas_tilt") + 0.2
     # Of one heading, backlash is an offset, and perhaps no more than the base's own shifts can be.
     ordered_too, mixed_too = (one.of("backlash", "path_offset") for one in found)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.choice import Step
-from pentimento.diagnosis.strokes.borderline import confirmation, with_one_in_doubt
+from pentimento.diagnosis.strokes.borderline import confirmation, with_one_borderline
 from pentimento.diagnosis.strokes.candidates import FIRST_P, weigh
 from pentimento.diagnosis.strokes.fit import fit
 from pentimento.diagnosis.strokes.measured import Measured
@@ -24,10 +24,10 @@ def halves(strokes: Measured) -> tuple[Measured, NDArray[np.bool_]]:
     return strokes.pick(np.flatnonzero(strokes.action % 2 == 0)), fresh
 
 
-def ended(searched: Measured, model: Model, p_adjusted: float) -> Search:
+def ended(discovery_split: Measured, model: Model, p_adjusted: float) -> Search:
     """A search that has found nothing and is in doubt about an offset."""
-    observable = {kind.cause: identity(kind, searched.context) for kind in (PathOffset, PathScale)}
-    evidence = weigh(model, list(observable.values()), searched, 0)[0]
+    observable = {kind.cause: identity(kind, discovery_split.context) for kind in (PathOffset, PathScale)}
+    evidence = weigh(model, list(observable.values()), discovery_split, 0)[0]
     evidence["path_offset"] = evidence["path_offset"]._replace(p_adjusted=p_adjusted, gain=0.1)
     evidence["path_scale"] = evidence["path_scale"]._replace(p_adjusted=0.9)
     return Search(model, model, (Step(evidence, None, ()),), observable, {}, 0.0, {}, frozenset())
@@ -36,10 +36,10 @@ def ended(searched: Measured, model: Model, p_adjusted: float) -> Search:
 @pytest.mark.parametrize(("p_adjusted", "named"), [(0.1, True), (0.4, False)])
 def test_what_is_in_doubt_is_taken_where_confirming_strokes_ask_for_it(p_adjusted: float, named: bool) -> None:
     strokes, _ = strokes_of(PathOffset, 0.0, 0.0004)
-    searched, fresh = halves(strokes)
+    discovery_split, fresh = halves(strokes)
     _, plain = strokes_of(PathOffset, 0.0, 0.0)
-    begun = ended(searched, fit(plain, searched), p_adjusted)
-    found = with_one_in_doubt(begun, searched, strokes, fresh, 0, lambda _: None)
+    begun = ended(discovery_split, fit(plain, discovery_split), p_adjusted)
+    found = with_one_borderline(begun, discovery_split, strokes, fresh, 0, lambda _: None)
     assert found.found == ({"path_offset"} if named else frozenset())
     if named:
         assert [step.chosen for step in found.steps] == ["path_offset", None]
@@ -52,19 +52,19 @@ def test_and_not_where_these_do_not() -> None:
     with_offset, _ = strokes_of(PathOffset, 0.0, 0.0004)
     without, plain = strokes_of(PathOffset, 0.0, 0.0)
     _, fresh = halves(without)
-    searched = halves(with_offset)[0]
+    discovery_split = halves(with_offset)[0]
     after = without.samples.after.clone()
-    is_searched = without.action % 2 == 0
-    after[is_searched] = with_offset.samples.after[is_searched]
+    in_discovery_split = without.action % 2 == 0
+    after[in_discovery_split] = with_offset.samples.after[in_discovery_split]
     known = replace(without, samples=without.samples._replace(after=after))
-    begun = ended(searched, fit(plain, searched), 0.1)
-    assert with_one_in_doubt(begun, searched, known, fresh, 0, lambda _: None) is begun
+    begun = ended(discovery_split, fit(plain, discovery_split), 0.1)
+    assert with_one_borderline(begun, discovery_split, known, fresh, 0, lambda _: None) is begun
 
 
 def test_confirmation_asks_for_the_cause_in_its_direction() -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, 0.0)
-    searched, fresh = halves(strokes)
-    model = fit(plain.plus(identity(PathOffset, strokes.context)), searched)
+    discovery_split, fresh = halves(strokes)
+    model = fit(plain.plus(identity(PathOffset, strokes.context)), discovery_split)
     assert confirmation(model, "path_offset", strokes, fresh, 0) < 0.01
     other_way = model.at(np.where(np.arange(len(model.vector)) >= model.nuisances, -model.vector, model.vector))
     assert confirmation(other_way, "path_offset", strokes, fresh, 0) > 0.5

@@ -23,7 +23,7 @@ from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.jacobian import Statistics
 from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.strokes.predict import WIDTHS, Model, foretold, identity
+from pentimento.diagnosis.strokes.predict import WIDTHS, Model, identity, predicted
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
@@ -60,9 +60,9 @@ def worth_a_refit(evidence: dict[str, Evidence], limit: float) -> list[str]:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(("taken_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
-def test_a_wrong_scale_alone_is_no_lens(taken_up: float, lens: bool, sign: float) -> None:
-    values = sign * torch.tensor([1.0, taken_up], dtype=torch.float64)
+@pytest.mark.parametrize(("picked_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
+def test_a_wrong_scale_alone_is_no_lens(picked_up: float, lens: bool, sign: float) -> None:
+    values = sign * torch.tensor([1.0, picked_up], dtype=torch.float64)
     assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens
 
 
@@ -70,7 +70,7 @@ def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
     """Paint is another colour than was told, by more than a fit likes to believe: each stroke is a little off alike."""
     measured = load_measured(example_table(40))
     told = fit(first_model(measured), measured)
-    after = foretold(replace(told, color_offset=told.color_offset + 0.1), measured)
+    after = predicted(replace(told, color_offset=told.color_offset + 0.1), measured)
     noisy = after + 0.02 * np.random.default_rng(0).standard_normal(after.shape)
     strokes = photographed(measured, noisy)
     model = fit(first_model(strokes), strokes)
@@ -152,7 +152,9 @@ def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_a
 def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_goes_with_nothing_of_its_own() -> None:
     kinds = (Latency, BristleLag, LensDistortion, PathOffset, SpeedWidth, InkDepletion)
     late, lag, lens, offset, width, ink = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
-    assert set(late.told_by) & set(lens.told_by) and not set(ink.told_by) & set(width.told_by)
+    assert set(late.informative_covariates) & set(lens.informative_covariates) and not set(
+        ink.informative_covariates
+    ) & set(width.informative_covariates)
     assert left_by_form(late, lag) > left_by_form(late, lens) > left_by_form(width, ink) > 0
     assert left_by_form(late, offset) == left_by_form(late, lens)  # on average, a form may leave the same for all
     assert left_by_form(late, width) == 0  # one displaces the mark, the other does not

@@ -55,7 +55,7 @@ def worth(cause: str, gain: float, surely: float, confirmed_p: float = 0.005, le
     )
 
 
-def is_of_use(finding: Finding, *others: Finding, sealed: int = 10) -> bool:
+def is_of_use(finding: Finding, *others: Finding, test_split: int = 10) -> bool:
     """Beside other established causes."""
     measured = load_measured(example_table(16))
     observable: dict[str, Mechanism] = {
@@ -64,7 +64,7 @@ def is_of_use(finding: Finding, *others: Finding, sealed: int = 10) -> bool:
     }
     model = first_model(measured)
     found = Search(model, model, (), observable, {}, 0.0, {}, frozenset())
-    return _is_of_use(finding, (*others, finding), found, sealed)
+    return _is_of_use(finding, (*others, finding), found, test_split)
 
 
 @pytest.mark.parametrize(
@@ -84,23 +84,23 @@ def test_what_is_worth_little_must_be_of_another_kind_and_sure(little: Finding, 
 
 def test_what_confirming_strokes_are_certain_of_must_be_worth_little_and_not_surely_so() -> None:
     lag = worth("bristle_lag", 1.0, 0.9)
-    assert is_of_use(worth("speed_width", 0.04, -0.05, confirmed_p=0.0005), lag, sealed=24)
-    assert not is_of_use(worth("speed_width", 0.015, -0.05, confirmed_p=0.0005), lag, sealed=24)
-    assert not is_of_use(worth("path_offset", 0.04, -0.05, confirmed_p=0.0005), lag, sealed=24)
+    assert is_of_use(worth("speed_width", 0.04, -0.05, confirmed_p=0.0005), lag, test_split=24)
+    assert not is_of_use(worth("speed_width", 0.015, -0.05, confirmed_p=0.0005), lag, test_split=24)
+    assert not is_of_use(worth("path_offset", 0.04, -0.05, confirmed_p=0.0005), lag, test_split=24)
 
 
 def test_what_goes_with_nothing_of_the_other_may_be_little_beside_it_where_it_is_beyond_doubt() -> None:
     wider = worth("speed_width", 1.0, 0.9)
-    assert is_of_use(worth("ink_depletion", 0.03, 0.02, confirmed_p=0.0005), wider, sealed=24)
-    assert not is_of_use(worth("ink_depletion", 0.03, 0.02), wider, sealed=24)
-    assert not is_of_use(worth("ink_depletion", 0.03, -0.01, confirmed_p=0.0005), wider, sealed=24)
+    assert is_of_use(worth("ink_depletion", 0.03, 0.02, confirmed_p=0.0005), wider, test_split=24)
+    assert not is_of_use(worth("ink_depletion", 0.03, 0.02), wider, test_split=24)
+    assert not is_of_use(worth("ink_depletion", 0.03, -0.01, confirmed_p=0.0005), wider, test_split=24)
 
 
 def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only_not_deny_it() -> None:
     assert is_of_use(worth("bristle_lag", 0.015, -0.02))
     assert not is_of_use(worth("bristle_lag", -0.001, -0.02))
     assert not is_of_use(worth("bristle_lag", 0.015, -0.02, confirmed_p=0.02))
-    assert not is_of_use(worth("bristle_lag", 0.05, -0.02), sealed=24)
+    assert not is_of_use(worth("bristle_lag", 0.05, -0.02), test_split=24)
 
 
 def test_so_of_the_only_one_of_its_kind_that_is_not_little_beside_the_other() -> None:
@@ -123,12 +123,12 @@ def test_what_is_told_by_one_number_must_surely_have_one() -> None:
 
 def test_what_is_little_of_the_gap_may_be_much_of_what_others_leave_of_it() -> None:
     offset, little = worth("path_offset", 0.97, 0.9, left=0.98), {"gain": 0.005, "surely": 0.003, "confirmed_p": 0.0005}
-    assert is_of_use(worth("speed_width", **little, left=0.03), offset, sealed=24)
-    assert not is_of_use(worth("speed_width", **little, left=1.0), offset, sealed=24)
+    assert is_of_use(worth("speed_width", **little, left=0.03), offset, test_split=24)
+    assert not is_of_use(worth("speed_width", **little, left=1.0), offset, test_split=24)
     # Of what displaces as well, an offset can leave nothing; what has a form can.
-    assert is_of_use(worth("bristle_lag", **little, left=0.03), offset, sealed=24)
+    assert is_of_use(worth("bristle_lag", **little, left=0.03), offset, test_split=24)
     assert not is_of_use(
-        worth("path_scale", **little, left=0.03), worth("bristle_lag", 0.97, 0.9, left=0.98), sealed=24
+        worth("path_scale", **little, left=0.03), worth("bristle_lag", 0.97, 0.9, left=0.98), test_split=24
     )
 
 
@@ -140,5 +140,5 @@ def test_what_is_little_of_the_gap_may_be_much_of_what_others_leave_of_it() -> N
 def test_what_is_faint_must_leave_neither_the_confirming_strokes_nor_the_sealed_ones_a_doubt(
     gain: float, surely: float, confirmed_p: float, of_use: bool
 ) -> None:
-    assert is_of_use(worth("speed_width", gain, surely, confirmed_p), sealed=24) == of_use
+    assert is_of_use(worth("speed_width", gain, surely, confirmed_p), test_split=24) == of_use
     assert is_of_use(worth("speed_width", gain, surely, confirmed_p), worth("bristle_lag", 1.0, 0.9)) == of_use

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pentimento.diagnosis.strokes import figures
-from pentimento.diagnosis.strokes.aliasing import Imitation
+from pentimento.diagnosis.strokes.aliasing import Aliasing
 from pentimento.diagnosis.strokes.maps import canvas_map, places_known, stroke_map
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.path_covariates import covariates_shown
 from pentimento.diagnosis.strokes.screening import Survey, detectable, mode_strength
-from pentimento.diagnosis.temporal_drift import Wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from tests.diagnosis.strokes.conftest import Written
 
 
@@ -30,11 +30,11 @@ def drawn(png: bytes) -> np.ndarray:
         lambda w: figures.strokes(w.diagnosis, w.survey),
         lambda w: figures.mode_heat(w.survey, {("width", "press_m")}),
         lambda w: figures.dependence(w.survey),
-        lambda w: figures.wandering_curve(Wandering("width", 0.001, 1e-5, 1e-5, np.sin(np.arange(60) / 4))),
-        lambda w: figures.imitation_heat(w.survey.imitation, ["ink_depletion"]),
+        lambda w: figures.drift_curve(TemporalDrift("width", 0.001, 1e-5, 1e-5, np.sin(np.arange(60) / 4))),
+        lambda w: figures.aliasing_heat(w.survey.aliasing, ["ink_depletion"]),
         lambda w: figures.proposal_lines(w.proposal, w.survey),
     ],
-    ids=["leave_one_out", "strokes", "modes", "dependence", "wandering", "imitation", "next actions"],
+    ids=["leave_one_out", "strokes", "modes", "dependence", "temporal_drift", "aliasing", "next actions"],
 )
 def test_a_figure_is_no_blank_and_the_same_twice(written: Written, draw: Callable[[Written], bytes]) -> None:
     first = draw(written)
@@ -124,10 +124,10 @@ def test_covariates_that_do_not_vary_are_not_shown(written: Written) -> None:
 
 def test_causes_that_are_not_seen_leave_holes_in_the_matrix() -> None:
     cosine = np.array([[1.0, np.nan], [np.nan, np.nan]])
-    assert drawn(figures.imitation_heat(Imitation(("a", "b"), cosine), [])).std() > 2
+    assert drawn(figures.aliasing_heat(Aliasing(("a", "b"), cosine), [])).std() > 2
 
 
 def test_photographs_on_the_sheet_are_those_of_sealed_strokes(written: Written) -> None:
     survey: Survey = written.survey
-    assert len(survey.sealed) == len(written.diagnosis.splits.test)
+    assert len(survey.test_split) == len(written.diagnosis.splits.test)
     assert drawn(figures.strokes(written.diagnosis, survey, shown=1)).shape[0] > 150

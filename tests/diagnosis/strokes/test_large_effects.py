@@ -10,7 +10,7 @@ from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.large_effects import _far, find_large
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.predict import Model, foretold, identity
+from pentimento.diagnosis.strokes.predict import Model, identity, predicted
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
@@ -24,7 +24,7 @@ def strokes_of(kind: type[Mechanism], *values: float) -> tuple[Measured, Model]:
     measured = load_measured(example_table(40))
     base = fit(first_model(measured), measured)
     mechanism = kind(torch.tensor(values, dtype=torch.float64), identity(kind, measured.context).reference)
-    after = foretold(base.plus(mechanism), measured)
+    after = predicted(base.plus(mechanism), measured)
     rng = np.random.default_rng(0)
     darker = 1 + 0.05 * rng.standard_normal((len(measured), 1, 1, 1))
     below = measured.samples.before.numpy()

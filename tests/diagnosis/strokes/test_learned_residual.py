@@ -9,16 +9,16 @@ import torch
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.jacobian import linearise
-from pentimento.diagnosis.strokes.learned_residual import in_the_mirror, learn_habits, one_sided
+from pentimento.diagnosis.strokes.learned_residual import in_the_mirror, learn_residual, one_sided
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.predict import (
     BASE,
     WIDTHS,
     Model,
-    foretold,
     identity,
     ink,
     mean_squared_error,
+    predicted,
     residual,
 )
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
@@ -42,7 +42,7 @@ def strokes() -> tuple[Measured, Model, list[Mechanism]]:
     model = fit(first_model(measured), measured)
     noise = 0.01 * np.random.default_rng(1).standard_normal(measured.samples.after.shape)
     causes: list[Mechanism] = [identity(kind, measured.context) for kind in (BristleLag, PathOffset)]
-    return photographed(measured, foretold(model, measured) + noise), model, causes
+    return photographed(measured, predicted(model, measured) + noise), model, causes
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
 ) -> None:
     plain, clean, causes = strokes
     measured, model = streaked
-    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
     noise = error(clean, plain, FRESH)
     assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
 
@@ -73,14 +73,14 @@ def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[
     """What scatters with each stroke's place is not in the way: the habit is nearly the same as without it."""
     measured, model = streaked
     placed, causes = model.plus(identity(PathOffset, measured.context)), [identity(BristleLag, measured.context)]
-    apart = np.zeros((len(measured), *foretold(model, measured).shape[1:]))
+    apart = np.zeros((len(measured), *predicted(model, measured).shape[1:]))
     for row, shift in enumerate(np.random.default_rng(3).normal(0, 0.3, (len(measured), 2))):
         moved = placed.at(np.concatenate([model.vector, shift]))
         apart[row] = (
-            foretold(moved, measured.pick(np.array([row]))) - foretold(model, measured.pick(np.array([row])))
+            predicted(moved, measured.pick(np.array([row]))) - predicted(model, measured.pick(np.array([row])))
         )[0]
     scattered = photographed(measured, measured.samples.after.numpy() + apart)
-    calm, found = (learn_habits(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    calm, found = (learn_residual(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()
 
 
@@ -89,7 +89,7 @@ def test_no_score_of_the_base_changes_though_the_misfit_falls(
 ) -> None:
     causes = strokes[2]
     measured, model = streaked
-    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
     before, after = (linearise(model, m.pick(KNOWN)) for m in (measured, learnt))
     unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
     free = unit > 0
@@ -108,10 +108,10 @@ def test_a_cause_that_acts_alike_in_every_stroke_is_no_habit(
     lag = full.columns_of(BristleLag.cause)[0]
     lagging = full.vector.copy()
     lagging[lag] = 0.3
-    late = photographed(measured, measured.samples.after.numpy() + foretold(full.at(lagging), measured))
-    late = photographed(late, late.samples.after.numpy() - foretold(full, measured))
+    late = photographed(measured, measured.samples.after.numpy() + predicted(full.at(lagging), measured))
+    late = photographed(late, late.samples.after.numpy() - predicted(full, measured))
     model = fit(model, late.pick(KNOWN))
-    _, learnt = learn_habits(late, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(late, model, KNOWN, causes, 0)
     before, after = (linearise(model.plus(*causes), m.pick(KNOWN)).slope.sum(0)[lag] for m in (late, learnt))
     assert after == pytest.approx(before, rel=0.1)
 
@@ -120,7 +120,7 @@ def test_a_habit_that_looks_like_a_cause_by_chance_does_not_speak_for_it(streake
     """Speeds and times are drawn; how clearly a streak shows has by chance something in common with them."""
     measured, model = streaked
     causes = [identity(kind, measured.context) for kind in (SpeedDensity, ToolWear)]
-    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
     full = model.plus(*causes)
     before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
     scores = np.stack([before.slope.sum(0), after.slope.sum(0)])[:, full.nuisances :]
@@ -130,7 +130,7 @@ def test_a_habit_that_looks_like_a_cause_by_chance_does_not_speak_for_it(streake
 
 def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
     measured, model, causes = strokes
-    _, learnt = learn_habits(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
     for rows in (KNOWN, FRESH):
         assert error(model, learnt, rows) == pytest.approx(error(model, measured, rows), rel=0.01)
 
@@ -140,9 +140,9 @@ def test_a_shift_that_follows_a_covariate_stays(strokes: tuple[Measured, Model, 
     measured, model, causes = strokes
     amount = np.random.default_rng(2).choice([-1.0, 1.0], len(measured)).astype(np.float32)
     moved = model.plus(causes[1]).at(np.append(model.vector, [0.5, 0.0]))
-    change = foretold(moved, measured) - foretold(model, measured)
+    change = predicted(moved, measured) - predicted(model, measured)
     shifted = photographed(measured, measured.samples.after.numpy() + amount[:, None, None, None] * change)
-    _, learnt = learn_habits(shifted, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(shifted, model, KNOWN, causes, 0)
     kept = (residual(model, learnt) * change).sum((1, 2, 3)) / np.square(change).sum((1, 2, 3))
     assert float((kept * amount).mean()) == pytest.approx(1.0, abs=0.1)
 
@@ -151,8 +151,8 @@ def test_strokes_that_come_later_get_the_habits_that_the_others_have(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     measured, model = streaked
-    habits, learnt = learn_habits(measured, model, KNOWN, strokes[2], 0)
-    np.testing.assert_allclose(habits.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
+    learned_residual, learnt = learn_residual(measured, model, KNOWN, strokes[2], 0)
+    np.testing.assert_allclose(learned_residual.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
 
 
 def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
@@ -160,8 +160,8 @@ def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
 ) -> None:
     plain, clean, causes = strokes
     measured, model = streaked
-    habits, learnt = learn_habits(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
-    more, known = habits.learnt_from_all(learnt, KNOWN)
+    learned_residual, learnt = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    more, known = learned_residual.learnt_from_all(learnt, KNOWN)
     np.testing.assert_array_equal(known.habit[KNOWN], learnt.habit[KNOWN])
     np.testing.assert_allclose(more.of(measured.pick(FRESH)).habit, known.habit[FRESH], atol=1e-5)
     noise = error(clean, plain, FRESH)
@@ -173,10 +173,15 @@ def test_a_paint_that_was_never_seen_changes_no_habit(
 ) -> None:
     """A table from elsewhere may bring paints that the diagnosed one had not."""
     measured, model = streaked
-    habits, _ = learn_habits(measured, model, KNOWN, strokes[2], 0)
-    more = replace(habits.model, color_offset=np.concatenate([habits.model.color_offset, np.zeros((2, 3))]))
+    learned_residual, _ = learn_residual(measured, model, KNOWN, strokes[2], 0)
+    more = replace(
+        learned_residual.model, color_offset=np.concatenate([learned_residual.model.color_offset, np.zeros((2, 3))])
+    )
     few = measured.pick(FRESH)
-    known, painted_anew = habits.of(few), habits.seen_from(more).of(replace(few, paints=few.paints + 2))
+    known, painted_anew = (
+        learned_residual.of(few),
+        learned_residual.seen_from(more).of(replace(few, paints=few.paints + 2)),
+    )
     assert np.abs(known.habit).max() > 0.01
     np.testing.assert_allclose(painted_anew.habit, known.habit, atol=1e-6)
 
@@ -206,8 +211,8 @@ def test_a_tool_that_draws_its_left_as_its_right_is_seen_so(
     laid = ink(model, measured).imprint
     pale = sum(np.exp(-(((laid.place[..., :1] - side) / 0.15) ** 2)) for side in sides)
     streaked = photographed(measured, measured.samples.after.numpy() + 0.2 * pale * (laid.coverage[..., None] > 0.5))
-    habits, _ = learn_habits(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, causes, 0)
-    assert habits.mirrored == mirrored
+    learned_residual, _ = learn_residual(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, causes, 0)
+    assert learned_residual.mirrored == mirrored
 
 
 def test_a_streak_is_learnt_from_strokes_that_are_not_equally_wide(streaked: tuple[Measured, Model]) -> None:
@@ -215,8 +220,8 @@ def test_a_streak_is_learnt_from_strokes_that_are_not_equally_wide(streaked: tup
     measured, model = streaked
     wider = model.at(model.vector + 0.1 * np.isin(np.arange(len(model.vector)), [BASE.index(name) for name in WIDTHS]))
     amount = np.random.default_rng(6).normal(0, 1, (len(measured), 1, 1, 1))
-    apart = amount * (foretold(wider, measured) - foretold(model, measured))
+    apart = amount * (predicted(wider, measured) - predicted(model, measured))
     scattered = photographed(measured, measured.samples.after.numpy() + apart)
     causes: list[Mechanism] = [identity(BristleLag, measured.context)]
-    calm, found = (learn_habits(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    calm, found = (learn_residual(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()

@@ -21,7 +21,7 @@ from pentimento.diagnosis.strokes.misattribution import (
 )
 from pentimento.diagnosis.strokes.modes import MODES, AllModes
 from pentimento.diagnosis.strokes.modulator import Modulation
-from pentimento.diagnosis.strokes.predict import Model, action_losses, foretold, foretold_linear, identity, ink
+from pentimento.diagnosis.strokes.predict import Model, action_losses, identity, ink, predicted, predicted_linear
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.geometry import delayed, speed_m_s, trailing
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
@@ -33,8 +33,8 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 from tests.diagnosis.strokes.test_learned_residual import photographed
 
 ROWS = 72
-SEALED = np.arange(0, ROWS, 3)
-KNOWN = np.setdiff1d(np.arange(ROWS), SEALED)
+TEST_SPLIT = np.arange(0, ROWS, 3)
+KNOWN = np.setdiff1d(np.arange(ROWS), TEST_SPLIT)
 SESSION = np.linspace(-1, 1, ROWS)
 WARMTH = SESSION + 0.5 * np.random.default_rng(2).standard_normal(ROWS)
 """Rises over the session, and goes up and down beside that."""
@@ -48,18 +48,20 @@ def widened(by: NDArray[np.float64]) -> tuple[Model, Measured]:
     told = replace(plain, covariates=amounts)
     drawn = model.plus(Modulation(torch.zeros(len(AllModes.quantities), dtype=torch.float64), {}))
     noise = 0.01 * np.random.default_rng(1).standard_normal(plain.samples.after.shape)
-    after = np.clip(linear_to_srgb(foretold_linear(ink(drawn, told), told)) + noise, 0, 1).astype(np.float32)
+    after = np.clip(linear_to_srgb(predicted_linear(ink(drawn, told), told)) + noise, 0, 1).astype(np.float32)
     samples = plain.samples._replace(after=torch.from_numpy(after), action=torch.arange(ROWS))
     columns = {"order": np.arange(float(ROWS)), "clock": 5 * SESSION**3, "temperature_c": 20 + WARMTH}
     return model, replace(plain, samples=samples, covariates=columns, block=np.arange(ROWS))
 
 
 def wear_gives_way(model: Model, strokes: Measured) -> bool:
-    known, sealed = strokes.pick(KNOWN), strokes.pick(SEALED)
+    known, test_split = strokes.pick(KNOWN), strokes.pick(TEST_SPLIT)
     wear = identity(ToolWear, strokes.context)
     worn = fit(model.plus(wear), known)
-    assert action_losses(worn, sealed).mean() < 0.97 * action_losses(model, sealed).mean()  # it does explain something
-    return curve_is_as_good(wear, worn, model, known, sealed, 0)
+    assert (
+        action_losses(worn, test_split).mean() < 0.97 * action_losses(model, test_split).mean()
+    )  # it does explain something
+    return curve_is_as_good(wear, worn, model, known, test_split, 0)
 
 
 def test_wear_gives_way_where_the_warmth_that_rises_over_the_session_explains_as_much() -> None:
@@ -129,7 +131,7 @@ def test_what_trails_by_another_power_of_the_speed_is_another_cause(
     base = first_model(measured)
     by_a_power = LateByAPower if kind is Latency else TrailsByAPower
     truth = by_a_power(torch.tensor([power], dtype=torch.float64), {})
-    after = foretold(base.plus(truth), measured)
+    after = predicted(base.plus(truth), measured)
     made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
     model = fit(base.plus(*(identity(each, made.context) for each in (*beside, kind))), made)
     assert trails_by_another_power(identity(kind, made.context), model, made) == another
@@ -168,7 +170,7 @@ def test_what_is_bent_before_a_bend_as_after_it_does_not_trail(
     measured = load_measured(example_table(60, seed=3))
     base = first_model(measured)
     truth = DrawnInwards(torch.tensor([before, after, power], dtype=torch.float64), {})
-    photographs = foretold(base.plus(truth), measured)
+    photographs = predicted(base.plus(truth), measured)
     made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
     model = fit(base.plus(identity(kind, made.context)), made)
     assert trails_both_ways(model.mechanisms[-1], model, made) == both_ways
@@ -187,7 +189,7 @@ def test_what_trails_at_its_ends_alone_cuts_no_corners(kind: type[Mechanism]) ->
     cause = kind(torch.tensor([kind.quantities[0].typical / 2], dtype=torch.float64), idle.reference)
     ends = UnevenEnds(torch.tensor([2e-4, -2e-4, 0.0, 0.0], dtype=torch.float64), {})
     for truth, at_ends in ((ends, True), (cause, False)):
-        photographs = foretold(base.plus(truth), measured)
+        photographs = predicted(base.plus(truth), measured)
         made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
         model = fit(base.plus(idle), made)
         assert float(model.mechanisms[-1].values[0]) > 0

@@ -10,7 +10,7 @@ from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.mixing import mixed
-from pentimento.diagnosis.strokes.predict import BASE, Model, foretold_linear, ink
+from pentimento.diagnosis.strokes.predict import BASE, Model, ink, predicted_linear
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def pale_red(measured: Measured, mixing: float) -> tuple[Model, Measured]:
     pale = plain.base.copy()
     pale[BASE.index("slab_1")], pale[BASE.index("mixing")] = 0.6, mixing
     seen = replace(measured, samples=samples)
-    after = linear_to_srgb(foretold_linear(ink(replace(plain, base=pale), seen), seen))
+    after = linear_to_srgb(predicted_linear(ink(replace(plain, base=pale), seen), seen))
     noise = 0.004 * torch.randn(after.shape, generator=torch.Generator().manual_seed(0))
     return plain, replace(measured, samples=samples._replace(after=torch.from_numpy(after) + noise))
 

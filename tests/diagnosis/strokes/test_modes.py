@@ -13,7 +13,7 @@ from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.modes import MODES, AllModes, permuted_actions, structure, unexplained
 from pentimento.diagnosis.strokes.modulator import Modulation
 from pentimento.diagnosis.strokes.path_covariates import covariates_shown
-from pentimento.diagnosis.strokes.predict import Model, foretold_linear, ink
+from pentimento.diagnosis.strokes.predict import Model, ink, predicted_linear
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
 """In typical sizes, at one standard deviation of the temperature."""
@@ -36,7 +36,7 @@ def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:
         amounts[f"modulation_{mode}"] = AMOUNT[mode] * warmth * AllModes.quantities[MODES.index(mode)].typical
     drawn = model.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
     told = replace(plain, covariates=columns | amounts)
-    after = linear_to_srgb(foretold_linear(ink(drawn, told), told))
+    after = linear_to_srgb(predicted_linear(ink(drawn, told), told))
     after = np.clip(after + rng.normal(0, 0.01, after.shape), 0, 1).astype(np.float32)
     return replace(plain, samples=plain.samples._replace(after=torch.from_numpy(after)))
 

@@ -20,10 +20,10 @@ from pentimento.diagnosis.strokes.modulator import (
     generic,
     modulated,
 )
-from pentimento.diagnosis.strokes.predict import BASE, Model, foretold_linear, ink, mark_px, residual
+from pentimento.diagnosis.strokes.predict import BASE, Model, ink, mark_px, predicted_linear, residual
 
 NOISE = 0.02
-KNOWN, SEALED = np.arange(54), np.arange(54, 72)
+KNOWN, TEST_SPLIT = np.arange(54), np.arange(54, 72)
 
 
 def left(mode: str, covariate: str) -> list[Unexplained]:
@@ -39,7 +39,7 @@ def measured_with(mode: str, amounts: np.ndarray, columns: dict[str, np.ndarray]
     laid = ink(model.plus(Modulation(torch.zeros(len(MODES)), {})), moved)
     noise = NOISE * np.random.default_rng(1).standard_normal(plain.samples.after.shape)
     after = np.where(
-        plain.samples.valid.numpy()[..., None] > 0, linear_to_srgb(foretold_linear(laid, moved)) + noise, 0.0
+        plain.samples.valid.numpy()[..., None] > 0, linear_to_srgb(predicted_linear(laid, moved)) + noise, 0.0
     )
     samples = plain.samples._replace(after=torch.tensor(after, dtype=torch.float32), action=torch.arange(len(plain)))
     return model, replace(plain, samples=samples, covariates=columns, block=np.arange(len(plain)) // 3)
@@ -59,16 +59,16 @@ def humid() -> tuple[Model, Measured]:
 def worth(humid: tuple[Model, Measured]) -> Generic:
     model, strokes = humid
     both = left("width", "humidity") + left("normal", "decoy")
-    return generic(model, strokes.pick(KNOWN), strokes.pick(SEALED), both, 0)
+    return generic(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
 
 
 def test_most_of_the_gap_that_a_covariate_makes_is_closed_on_sealed_strokes(
     humid: tuple[Model, Measured], worth: Generic
 ) -> None:
     model, strokes = humid
-    sealed = strokes.pick(SEALED)
-    valid = sealed.samples.valid.numpy()
-    base = np.square(residual(model, sealed)).sum((1, 2, 3)) / valid.sum((1, 2)) / 3
+    test_split = strokes.pick(TEST_SPLIT)
+    valid = test_split.samples.valid.numpy()
+    base = np.square(residual(model, test_split)).sum((1, 2, 3)) / valid.sum((1, 2)) / 3
     closed = worth.gain / (1 - NOISE**2 / base.mean())
     assert closed > 0.8
     assert 0 < worth.gain_interval[0] < worth.gain < worth.gain_interval[1] < 1
@@ -89,13 +89,13 @@ def test_the_curve_is_the_law(worth: Generic) -> None:
 def test_a_covariate_that_is_dealt_out_anew_closes_nothing(humid: tuple[Model, Measured]) -> None:
     model, strokes = humid
     shuffled = replace(strokes, covariates={"humidity": np.random.default_rng(7).permutation(HUMIDITY)})
-    found = generic(model, shuffled.pick(KNOWN), shuffled.pick(SEALED), left("width", "humidity"), 0)
+    found = generic(model, shuffled.pick(KNOWN), shuffled.pick(TEST_SPLIT), left("width", "humidity"), 0)
     assert found.gain < 0.1
 
 
 def test_shifts_are_found_as_well(humid: tuple[Model, Measured]) -> None:
     model, strokes = measured_with("normal", 2 * np.sign(HUMIDITY - 0.45), {"humidity": HUMIDITY})
-    found = generic(model, strokes.pick(KNOWN), strokes.pick(SEALED), left("normal", "humidity"), 0)
+    found = generic(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("normal", "humidity"), 0)
     assert found.gain_interval[0] > 0.2
     (curve,) = found.modulator.curves
     assert curve.amounts[0] < -1 and curve.amounts[-1] > 1
@@ -104,7 +104,7 @@ def test_shifts_are_found_as_well(humid: tuple[Model, Measured]) -> None:
 def test_without_structure_there_is_no_curve(humid: tuple[Model, Measured]) -> None:
     """Blocks left out decide: pure noise is not worth a curve."""
     model, strokes = measured_with("width", np.zeros(72), {"humidity": HUMIDITY})
-    found = generic(model, strokes.pick(KNOWN), strokes.pick(SEALED), left("width", "humidity"), 0)
+    found = generic(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("width", "humidity"), 0)
     assert found.gain == pytest.approx(0.0, abs=0.01)
     constant = replace(strokes, covariates={"humidity": np.full(72, 0.4)})
     assert fit_modulator(model, constant, [("width", "humidity")], 0) == Modulator(())

@@ -8,7 +8,7 @@ import pytest
 
 from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.aliasing import Imitation, columns_of
+from pentimento.diagnosis.strokes.aliasing import Aliasing, columns_of
 from pentimento.diagnosis.strokes.candidate_actions import Action, draw_sequence, in_turn, state_after
 from pentimento.diagnosis.strokes.design_ranges import ranges_of
 from pentimento.diagnosis.strokes.diagnose import Finding
@@ -43,7 +43,7 @@ def proposal(model: Model, strokes: Measured) -> Proposal:
 def test_imitation_falls_well_below_and_further_than_by_chance(
     model: Model, strokes: Measured, proposal: Proposal
 ) -> None:
-    before, after = proposal.imitation[PAIR]
+    before, after = proposal.aliasing[PAIR]
     so_far, ranges = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes)
     by_chance = [
         alike(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns_of(model), PAIR)
@@ -128,10 +128,10 @@ def test_rivals_come_first_then_imitators_then_what_is_known_least(written: Writ
     alone, twins = np.eye(3), np.eye(3)
     twins[0, 2] = twins[2, 0] = 0.97
     rivals = replace(written.diagnosis, established=(found,), suspected=())
-    assert questions(rivals, Imitation(causes, alone)) == [("bristle_lag", "latency")]
-    assert questions(rivals, Imitation(causes, twins)) == [("bristle_lag", "latency"), ("bristle_lag", "path_scale")]
+    assert questions(rivals, Aliasing(causes, alone)) == [("bristle_lag", "latency")]
+    assert questions(rivals, Aliasing(causes, twins)) == [("bristle_lag", "latency"), ("bristle_lag", "path_scale")]
     settled = replace(rivals, established=(replace(found, rivals=()),))
-    assert questions(settled, Imitation(causes, alone)) == [("bristle_lag",)]
+    assert questions(settled, Aliasing(causes, alone)) == [("bristle_lag",)]
 
 
 def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
@@ -143,7 +143,7 @@ def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
     index = columns_of(model).causes["ink_depletion"]
     variances = [np.diag(np.linalg.pinv(total, hermitian=True))[index] for total in (so_far, more)]
     assert (variances[1] < variances[0]).all()
-    assert set(made.question) == {("ink_depletion",)} and made.imitation == {}
+    assert set(made.question) == {("ink_depletion",)} and made.aliasing == {}
 
 
 def test_paint_that_carries_is_asked_by_crossing_it(strokes: Measured) -> None:

@@ -16,14 +16,14 @@ from pentimento.diagnosis.strokes.predict import (
     BASE,
     PRESSES,
     Model,
-    foretold,
-    foretold_linear,
     identity,
     ink,
     interpolate,
     mark_px,
     marks_px,
     mean_squared_error,
+    predicted,
+    predicted_linear,
     residual,
 )
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
@@ -39,7 +39,7 @@ def measured() -> Measured:
 
 def photographed(model: Model, measured: Measured) -> Measured:
     """The same strokes with photographs that the model foretells exactly."""
-    after = linear_to_srgb(foretold_linear(ink(model, measured), measured))
+    after = linear_to_srgb(predicted_linear(ink(model, measured), measured))
     return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
 
 
@@ -77,8 +77,8 @@ def test_what_is_foretold_where_nothing_is_drawn_is_the_photograph_before(measur
     few = measured.pick(np.arange(3))
     for model in (first_model(measured), with_all_causes(measured)):
         moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
-        whole = linear_to_srgb(foretold_linear(ink(moved, few), few))
-        np.testing.assert_allclose(foretold(moved, few), whole, atol=2e-6)
+        whole = linear_to_srgb(predicted_linear(ink(moved, few), few))
+        np.testing.assert_allclose(predicted(moved, few), whole, atol=2e-6)
 
 
 def test_what_is_foretold_of_a_stroke_does_not_depend_on_those_beside_it(measured: Measured) -> None:
@@ -94,8 +94,8 @@ def test_some_pixels_are_foretold_as_in_the_whole(measured: Measured) -> None:
         moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
         laid = ink(moved, few)
         seen = laid.imprint.segment >= 0
-        some = foretold_linear(laid, few, np.flatnonzero(seen))
-        np.testing.assert_array_equal(some, foretold_linear(laid, few)[seen])
+        some = predicted_linear(laid, few, np.flatnonzero(seen))
+        np.testing.assert_array_equal(some, predicted_linear(laid, few)[seen])
 
 
 def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:

@@ -32,12 +32,12 @@ def test_a_further_cause_must_be_worth_something_beside_others_whose_form_may_le
         model = first_model(measured)
         return enough(mechanism, 1e-3, Search(model, model, (), observable, {}, 1e-3, gained, frozenset()))
 
-    least = asked(lens)
-    assert least == pytest.approx(1e-5)  # a hundredth of the floor
+    minimum = asked(lens)
+    assert minimum == pytest.approx(1e-5)  # a hundredth of the floor
     assert asked(lens, latency=1.0, speed_width=0.1) > 1e-2
     assert asked(lag, latency=1.0) > asked(lens, latency=1.0)  # one driver
-    assert asked(width, latency=1.0) == least
-    assert asked(lens, path_offset=1.0) == least  # the same for all: it has no form
+    assert asked(width, latency=1.0) == minimum
+    assert asked(lens, path_offset=1.0) == minimum  # the same for all: it has no form
 
 
 @pytest.mark.parametrize(("taken", "rival"), [(PathScale, PathOffset), (PathOffset, PathScale)])

@@ -44,7 +44,7 @@ def test_it_is_the_error_that_training_reports_where_windows_are_alike(strokes: 
 
 @pytest.fixture(scope="module")
 def given(written: Written) -> Given:
-    return given_on(PARAMETERS, written.survey.sealed)
+    return given_on(PARAMETERS, written.survey.test_split)
 
 
 def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Written, given: Given) -> None:
@@ -63,6 +63,6 @@ def test_the_page_shows_what_it_foretells(written: Written, given: Given) -> Non
     assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}
     assert pages[1]["figures/leave_one_out.png"] != pages[0]["figures/leave_one_out.png"]
     assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]
-    blank = given._replace(foretold=np.ones_like(given.foretold))
+    blank = given._replace(predicted=np.ones_like(given.predicted))
     drawn = figures.given_strokes(blank, written.diagnosis, written.survey)
     assert drawn != pages[1]["figures/given_strokes.png"]

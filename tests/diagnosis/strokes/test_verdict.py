@@ -10,7 +10,7 @@ import torch
 from pentimento.diagnosis.strokes.diagnose import Finding
 from pentimento.diagnosis.strokes.modes import Unexplained
 from pentimento.diagnosis.strokes.verdict import sentence, verdict
-from pentimento.diagnosis.temporal_drift import Wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
 from tests.diagnosis.strokes.conftest import Written
@@ -48,12 +48,12 @@ def test_without_repeats_the_floor_and_what_needs_it_are_unknown(written: Writte
 
 
 def test_a_state_that_nobody_recorded_is_said_where_nothing_else_explains_it(written: Written) -> None:
-    wanders = Wandering("width", 0.0005, 3e-5, 2e-5, np.zeros(56))
-    found = replace(written.diagnosis, wanders=wanders, established=(), unexplained=())
+    drifts = TemporalDrift("width", 0.0005, 3e-5, 2e-5, np.zeros(56))
+    found = replace(written.diagnosis, drifts=drifts, established=(), unexplained=())
     assert "width wanders" in sentence(found)
-    assert verdict(found, 56, 42)["wanders"]["mse_of_repeats"] == 2e-5
+    assert verdict(found, 56, 42)["drifts"]["mse_of_repeats"] == 2e-5
     known = Unexplained("width", "temperature_c", 0.001, 0.2)
-    assert "wanders" not in sentence(replace(found, unexplained=(known,)))
+    assert "drifts" not in sentence(replace(found, unexplained=(known,)))
 
 
 def test_structure_in_a_column_that_an_established_cause_speaks_of_is_what_it_leaves(written: Written) -> None:
@@ -89,7 +89,7 @@ def test_notes_end_the_paragraph(written: Written) -> None:
 
 
 def test_what_has_no_name_and_does_as_well_is_told_from_what_was_not_confirmed(written: Written) -> None:
-    wear = replace(FOUND, cause="tool_wear", misnamed=True)
+    wear = replace(FOUND, cause="tool_wear", misattributed=True)
     said = sentence(replace(written.diagnosis, established=(), suspected=(FOUND, wear)))
     assert "Suspected, not confirmed on strokes that had no part in the search: bristle_lag." in said
     assert "No better than what has no name, and so not named: tool_wear." in said

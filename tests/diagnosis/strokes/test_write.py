@@ -25,7 +25,7 @@ def test_every_file_of_the_verdict_is_there(written: Written) -> None:
     assert pq.read_table(written.folder / verdict["next_actions"]).num_rows == 16
     assert (written.folder / "report.html").stat().st_size > 100_000
     assert {file.stem for file in (written.folder / "figures").glob("*.png")} >= {
-        "leave_one_out", "strokes", "residual_stroke", "residual_canvas", "modes", "dependence", "imitation",
+        "leave_one_out", "strokes", "residual_stroke", "residual_canvas", "modes", "dependence", "aliasing",
         "next_actions",
     }  # fmt: skip
     assert not [file for file in written.folder.rglob(".*")]

@@ -16,11 +16,11 @@ def test_slopes_that_face_the_upper_left_are_lit() -> None:
 
 def test_too_high_is_red_and_too_low_is_blue_and_holes_are_white() -> None:
     flat = np.full((1, 8, 10), 0.04)
-    foretold = flat.copy()
-    foretold[0, 2, 3], foretold[0, 5, 6], foretold[0, 7, 9] = 0.043, 0.037, 0.05
+    predicted = flat.copy()
+    predicted[0, 2, 3], predicted[0, 5, 6], predicted[0, 7, 9] = 0.043, 0.037, 0.05
     known = np.ones((1, 8, 10), dtype=bool)
     known[0, 7, 9] = False
-    picture = comparison(flat, flat, foretold, known, 500.0)
+    picture = comparison(flat, flat, predicted, known, 500.0)
     assert picture.shape == (8, 4 * 10 + 3 * 3, 3)
     error = picture[:, -10:].astype(int)
     assert error[2, 3, 0] > 2 * error[2, 3, 2]

@@ -17,7 +17,7 @@ def clearance(length: float, depth: float, of: Underside) -> Tensor:
     return clearance_mm(X, Y, torch.tensor([length]), torch.tensor([depth]), of)[0]
 
 
-def searched(length: float, depth: float, of: Underside) -> Tensor:
+def discovery_split(length: float, depth: float, of: Underside) -> Tensor:
     """The lowest pass over 2000 moments of the travel."""
     height = 0.5 * (of.along_mm * of.across_mm).sqrt()
     share = torch.linspace(0, 1, 2000)[:, None, None]
@@ -30,7 +30,7 @@ def test_a_ball_passes_as_a_search_along_its_travel_finds(length: float) -> None
     ball = tool(8.0, 8.0, 2.0)
     near = (X + 0.0).abs() < 12
     torch.testing.assert_close(
-        clearance(length, 6.0, ball)[near], searched(length + 0.05, 6.0, ball)[near], atol=0.02, rtol=1e-3
+        clearance(length, 6.0, ball)[near], discovery_split(length + 0.05, 6.0, ball)[near], atol=0.02, rtol=1e-3
     )
 
 
@@ -39,13 +39,13 @@ def test_other_undersides_pass_exactly_on_the_line_of_travel(power: float) -> No
     other = tool(8.0, 5.0, power)
     line = (Y == 0) & (X > -8) & (X < 30)
     torch.testing.assert_close(
-        clearance(25.0, 6.0, other)[line], searched(25.05, 6.0, other)[line], atol=0.02, rtol=1e-3
+        clearance(25.0, 6.0, other)[line], discovery_split(25.05, 6.0, other)[line], atol=0.02, rtol=1e-3
     )
 
 
 def test_no_underside_is_foretold_lower_than_it_passes() -> None:
     flat = tool(8.0, 8.0, 5.0)
-    lowest = searched(25.05, 6.0, flat)
+    lowest = discovery_split(25.05, 6.0, flat)
     near = lowest < 10
     assert (clearance(25.0, 6.0, flat) >= lowest - 0.02)[near].all()
 

@@ -10,19 +10,19 @@ import torch
 from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.errors import ContractError
 from pentimento.dynamics.strokes.extended import (
+    LoopTiming,
     MeasuredStrokes,
-    Pace,
     Span,
     StrokeModel,
     base_model,
     columns_read,
     model_files,
-    pace_of,
     painted,
     picks_up,
     predict_extended,
     read_stroke_model,
     spans,
+    timing_of,
 )
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.mechanisms.canvas_tilt import CanvasTilt
@@ -78,8 +78,8 @@ def stored(model: StrokeModel, folder: Path) -> Path:
 
 def test_without_causes_it_is_the_base_bit_by_bit(made_by_truth: StrokeSamples) -> None:
     model = base_model(TRUTH)
-    foretold = predict_extended(model.mark(), model.mechanisms, observed(made_by_truth))
-    assert torch.equal(foretold, predict(model.mark(), made_by_truth))
+    predicted = predict_extended(model.mark(), model.mechanisms, observed(made_by_truth))
+    assert torch.equal(predicted, predict(model.mark(), made_by_truth))
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
@@ -87,14 +87,14 @@ def test_a_cause_survives_its_file(kind: type[Mechanism], over_paint: StrokeSamp
     strokes = observed(over_paint)
     mechanism = changed(kind, strokes)
     names = columns_read([mechanism], strokes)
-    model = StrokeModel(TRUTH, (mechanism,), spans(names, strokes), Pace(3.0, 5.0))
+    model = StrokeModel(TRUTH, (mechanism,), spans(names, strokes), LoopTiming(3.0, 5.0))
     again = read_stroke_model(stored(model, tmp_path))
-    assert (again.parameters, again.fitted, again.pace) == (model.parameters, model.fitted, model.pace)
+    assert (again.parameters, again.fitted, again.timing) == (model.parameters, model.fitted, model.timing)
     (found,) = again.mechanisms
     assert type(found) is kind and found.reference == mechanism.reference
-    foretold = predict_extended(model.mark(), [mechanism], strokes)
-    assert torch.equal(predict_extended(again.mark(), again.mechanisms, strokes), foretold)
-    assert not torch.equal(foretold, predict(model.mark(), over_paint))
+    predicted = predict_extended(model.mark(), [mechanism], strokes)
+    assert torch.equal(predict_extended(again.mark(), again.mechanisms, strokes), predicted)
+    assert not torch.equal(predicted, predict(model.mark(), over_paint))
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_what_is_no_cause_of_the_vocabulary_is_refused(
     name: str, change: Any, made_by_truth: StrokeSamples, tmp_path: Path
 ) -> None:
     mechanism = changed(InkDepletion, observed(made_by_truth))
-    stored(StrokeModel(TRUTH, (mechanism,), {}, Pace(0.0, 0.0)), tmp_path)
+    stored(StrokeModel(TRUTH, (mechanism,), {}, LoopTiming(0.0, 0.0)), tmp_path)
     file = tmp_path / "mechanisms.json"
     content = json.loads(file.read_text())
     file.write_text(json.dumps(content | {"mechanisms": [change(entry) for entry in content["mechanisms"]]}))
@@ -152,5 +152,5 @@ def test_paper_is_not_painted_and_paint_is() -> None:
 
 def test_the_pace_is_read_off_the_clock(made_by_truth: StrokeSamples) -> None:
     columns = observed(made_by_truth).covariates
-    assert pace_of(columns) == Pace(3.0, 5.0)
-    assert pace_of({name: v for name, v in columns.items() if name != "t_before_s"}) == Pace(0.0, 0.0)
+    assert timing_of(columns) == LoopTiming(3.0, 5.0)
+    assert timing_of({name: v for name, v in columns.items() if name != "t_before_s"}) == LoopTiming(0.0, 0.0)

@@ -8,7 +8,7 @@ from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT, example_table
-from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.samples import load_samples
 
 RED, BLUE = np.array([0.5, 0.05, 0.05]), np.array([0.05, 0.1, 0.5])
@@ -44,7 +44,7 @@ def table_of(below: list[Paint | None], colors: list[Paint], loads: list[int]) -
 
 def carried(table: pa.Table) -> NDArray[np.float64]:
     """[B, 4]"""
-    told = carried_paint(table, load_samples(table, 24, 1000.0, 1.0))
+    told = paint_pickup(table, load_samples(table, 24, 1000.0, 1.0))
     return np.stack([told[name] for name in CARRIED], axis=1)
 
 
@@ -80,4 +80,4 @@ def test_where_loads_or_ages_are_not_recorded_little_or_nothing_is_known() -> No
     unloaded = carried(table.drop_columns(["reload_id"]))
     assert unloaded[0, 0] > 0.2 and unloaded[1, 0] == 0
     blind = table.drop_columns(["wet_age_s"])
-    assert carried_paint(blind, load_samples(blind, 24, 1000.0, 1.0)) == {}
+    assert paint_pickup(blind, load_samples(blind, 24, 1000.0, 1.0)) == {}

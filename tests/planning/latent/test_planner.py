@@ -9,7 +9,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.handwriting.path_brush import TorchPathBrush
 from pentimento.planning.latent.config import HandPlanConfig, HandRates
-from pentimento.planning.latent.planner import foretell_drawing, plan_in_hand
+from pentimento.planning.latent.planner import plan_in_hand, predict_drawing
 from pentimento.planning.latent.shapes import BezierShapes, Shapes
 from pentimento.planning.objective import PrintObjective
 from pentimento.planning.scene import Scene, scene_with
@@ -41,7 +41,7 @@ def test_a_plan_lowers_the_objective_and_is_the_same_again(shapes: Shapes) -> No
     drawn_m = np.linalg.norm(np.diff(strokes.placed()[0][..., 1:3], axis=1), axis=-1).sum()
     assert drawn_m == pytest.approx(0.35, rel=0.25)
     objective = PrintObjective(scene().target, CONFIG.distances_px)
-    blank, after = objective(WHITE)[0], objective(foretell_drawing(strokes, WHITE, scene(), BRUSH))[0]
+    blank, after = objective(WHITE)[0], objective(predict_drawing(strokes, WHITE, scene(), BRUSH))[0]
     assert after < 0.8 * blank
     assert min(heard[-4:]) < heard[0]
     assert len(heard) == 2 * 6 + 12

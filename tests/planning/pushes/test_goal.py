@@ -73,10 +73,10 @@ def test_the_fit_is_where_the_cost_is_least() -> None:
         volume = (1e3 * (goal.mean() - clay)) ** 2
         return float(settings.volume * volume + settings.floor * below - settings.definition * definition)
 
-    least = cost(fit.alpha, fit.beta_m)
+    minimum = cost(fit.alpha, fit.beta_m)
     rng = np.random.default_rng(1)
     for d_alpha, d_beta in rng.normal(0, 1e-4, (200, 2)):
-        assert cost(max(fit.alpha + d_alpha, 0), fit.beta_m + d_beta) >= least - 1e-6
+        assert cost(max(fit.alpha + d_alpha, 0), fit.beta_m + d_beta) >= minimum - 1e-6
 
 
 def test_clay_that_swallows_what_is_pressed_away_need_not_rise() -> None:

@@ -43,7 +43,7 @@ def test_where_the_goal_is_reached_nothing_is_done() -> None:
 def test_where_material_would_have_to_rise_nothing_is_done() -> None:
     goal = flat()
     goal[20:28, 20:28] += 0.002  # pushes that raise anything lower more elsewhere
-    assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, least_gain=0.02), 4, (0,)).actions) == 0
+    assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, min_gain=0.02), 4, (0,)).actions) == 0
 
 
 def test_the_same_seed_and_item_make_the_same_plan_and_others_another() -> None:

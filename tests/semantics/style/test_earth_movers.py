@@ -45,8 +45,8 @@ def test_a_displaced_set_lies_as_far_as_it_was_displaced() -> None:
 
 def test_few_points_by_trying_every_pairing() -> None:
     a, b = points(6, 2, 3), points(6, 2, 4)
-    least = min(float((a - b[list(order)]).norm(dim=1).mean()) for order in itertools.permutations(range(6)))
-    assert float(earth_movers_distance(a, b)) == pytest.approx(least, rel=1e-12)
+    minimum = min(float((a - b[list(order)]).norm(dim=1).mean()) for order in itertools.permutations(range(6)))
+    assert float(earth_movers_distance(a, b)) == pytest.approx(minimum, rel=1e-12)
 
 
 def test_prices_change_no_pairing() -> None:

@@ -228,8 +228,14 @@ def test_a_twin_goes_on_by_itself_and_alike_in_the_same_world() -> None:
     studio.take("ball")
     action = np.array([0.1, 0.1, 0.4, 0.02, 0.006])
     studio.push(action, 0.04, 0.02, 0.5, 0.05)
-    twin, other = studio.in_world(world), studio.in_world(replace(world, arm=replace(world.arm, offset_m=0.01)))
-    for one in (twin, other, studio):
+    counterfactual, other = (
+        studio.in_world(world),
+        studio.in_world(replace(world, arm=replace(world.arm, offset_m=0.01))),
+    )
+    for one in (counterfactual, other, studio):
         one.push(np.add(action, [0.01, 0, 0, 0, 0]), 0.04, 0.02, 0.5, 0.05)
-    assert np.array_equal(twin.truth_height_m(), studio.truth_height_m()) and twin.clock_s == studio.clock_s
-    assert np.array_equal(twin.scan().height_m, studio.scan().height_m, equal_nan=True)
+    assert (
+        np.array_equal(counterfactual.truth_height_m(), studio.truth_height_m())
+        and counterfactual.clock_s == studio.clock_s
+    )
+    assert np.array_equal(counterfactual.scan().height_m, studio.scan().height_m, equal_nan=True)

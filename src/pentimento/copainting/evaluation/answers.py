@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.ranges import at_least
 from pentimento.control.compose_goal import keep_canvas
 from pentimento.copainting.evaluation.cases import Case
-from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_out, plan_goal, seeded, seen
+from pentimento.copainting.evaluation.goal_plans import PaintContext, draw_scene, laid_out, plan_goal, seeded, seen
 from pentimento.copainting.evaluation.text_guided import plan_text
 from pentimento.copainting.goal.planner import GoalPlanner, complete, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
@@ -108,9 +108,9 @@ class Planners:
 class Task:
     """What is the same for all cases."""
 
-    easel: Easel
+    paint_context: PaintContext
     """The robot's."""
-    begun_with: Easel
+    begun_with: PaintContext
     """What the begun canvases are drawn with; the robot's, or another medium (thesis 6.6.4) on an equal sheet."""
     blank: Pictures
     """A sheet of paper, uint8 [H, W, 3], as large as the goal planners' pictures."""
@@ -197,25 +197,25 @@ def _begin(task: Task, case: Case, in_full: bool, number: int) -> tuple[Light, L
     sheet = draw_scene(with_, _sheet(task), case.other_image, task.strokes.begun).sheet
     if not in_full:
         return sheet, sheet
-    full = draw_scene(_seeded(task.easel, task.seed, number, 1), sheet, case.image, task.strokes.added).sheet
+    full = draw_scene(_seeded(task.paint_context, task.seed, number, 1), sheet, case.image, task.strokes.added).sheet
     return sheet, full
 
 
 def _draw(task: Task, sheet: Light, image: Pictures, number: int) -> Made:
-    own = _seeded(task.easel, task.seed, number, 1)
+    own = _seeded(task.paint_context, task.seed, number, 1)
     made = draw_scene(own, sheet, image, task.strokes.added)
     return made.sheet, len(made.strokes)
 
 
 def _plan(task: Task, sheet: Light, goal: Pictures, number: int) -> Made:
-    own = _seeded(task.easel, task.seed, number, 2)
+    own = _seeded(task.paint_context, task.seed, number, 2)
     made = plan_goal(own, sheet, goal, task.strokes.added)
     return made.sheet, len(made.strokes)
 
 
 def _from_words(task: Task, sheet: Light, caption: str, number: int) -> Made:
     made = plan_text(
-        task.easel, sheet, caption, _encoder(task.encoder), task.strokes.added,
+        task.paint_context, sheet, caption, _encoder(task.encoder), task.strokes.added,
         task.text_only.iterations, task.text_only.views, _seed(task.seed, number, 3),
     )  # fmt: skip
     return made.sheet, len(made.strokes)
@@ -238,11 +238,11 @@ def _encoder(folder: Path) -> Encoder:
 
 
 def _sheet(task: Task) -> Light:
-    return laid_out(task.blank, task.easel.medium.side_px)
+    return laid_out(task.blank, task.paint_context.medium.side_px)
 
 
-def _seeded(easel: Easel, *key: int) -> Easel:
-    return seeded(easel, _seed(*key))
+def _seeded(paint_context: PaintContext, *key: int) -> PaintContext:
+    return seeded(paint_context, _seed(*key))
 
 
 def _seed(*key: int) -> int:

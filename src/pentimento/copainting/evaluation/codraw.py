@@ -16,7 +16,7 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.ranges import at_least
 from pentimento.control.painter import as_linear, observe, paint
 from pentimento.copainting.evaluation.cases import plain_caption
-from pentimento.copainting.evaluation.goal_plans import Easel, draw_scene, laid_out, plan_goal, seen
+from pentimento.copainting.evaluation.goal_plans import PaintContext, draw_scene, laid_out, plan_goal, seen
 from pentimento.copainting.scenes.edits import without
 from pentimento.copainting.scenes.phrases import listed, phrase
 from pentimento.planning.config import PlannerConfig
@@ -64,7 +64,7 @@ class Turn:
     begun: Picture
     """After the person's strokes."""
     goal: Picture
-    foretold: Picture
+    predicted: Picture
     after: Picture
     """After the robot's strokes."""
     strokes: tuple[int, int]
@@ -104,7 +104,12 @@ def stories(scenes: pa.Table, count: int, turns: int = 3) -> list[Story]:
 
 
 def codraw(
-    robot: Robot, easel: Easel, story: Story, goal_for: Callable[[Picture, str], Picture], config: Codrawing, seed: int
+    robot: Robot,
+    paint_context: PaintContext,
+    story: Story,
+    goal_for: Callable[[Picture, str], Picture],
+    config: Codrawing,
+    seed: int,
 ) -> list[Turn]:
     """Play a story on the robot's sheet.
 
@@ -112,20 +117,24 @@ def codraw(
     the goal for a photograph, uint8 [H, W, 3] of the story's pictures' size, and a prompt.
     """
     generator = np.random.default_rng([seed, 0])
-    medium, turns = easel.medium, []
+    medium, turns = paint_context.medium, []
     side = story.images[0].shape[0]
     photo = _look(robot, medium.planner.pixels_per_m)
     for prompt, image in zip(story.prompts, story.images, strict=True):
-        meant = draw_scene(easel, as_linear(photo), image, config.person)
-        drawn = _trembling(meant.strokes, easel, medium.planner, config.tremor_m, generator)
-        begun = _execute(robot, easel, drawn, meant.palette_srgb, image, config.batch, False) if len(drawn) else photo
+        meant = draw_scene(paint_context, as_linear(photo), image, config.person)
+        drawn = _trembling(meant.strokes, paint_context, medium.planner, config.tremor_m, generator)
+        begun = (
+            _execute(robot, paint_context, drawn, meant.palette_srgb, image, config.batch, False)
+            if len(drawn)
+            else photo
+        )
         goal = goal_for(seen(as_linear(begun), side), prompt)
-        planned = plan_goal(easel, as_linear(begun), goal, config.robot)
-        foretold = seen(planned.sheet, begun.shape[0])
+        planned = plan_goal(paint_context, as_linear(begun), goal, config.robot)
+        predicted = seen(planned.sheet, begun.shape[0])
         after = begun
         if len(planned.strokes):
-            after = _execute(robot, easel, planned.strokes, planned.palette_srgb, goal, config.batch, True)
-        turns.append(Turn(prompt, photo, begun, goal, foretold, after, (len(drawn), len(planned.strokes))))
+            after = _execute(robot, paint_context, planned.strokes, planned.palette_srgb, goal, config.batch, True)
+        turns.append(Turn(prompt, photo, begun, goal, predicted, after, (len(drawn), len(planned.strokes))))
         photo = after
     return turns
 
@@ -136,7 +145,7 @@ def _look(robot: Robot, pixels_per_m: float) -> Picture:
 
 def _execute(
     robot: Robot,
-    easel: Easel,
+    paint_context: PaintContext,
     strokes: Strokes,
     palette_srgb: NDArray[np.float64],
     aim: Picture,
@@ -144,19 +153,23 @@ def _execute(
     replan: bool,
 ) -> Picture:
     """Make strokes, replanned for the picture `aim` after each batch or not; a photograph, uint8 [S, S, 3]."""
-    scene = easel.scene(laid_out(aim, easel.medium.side_px))
-    made = paint(robot, scene, strokes, palette_srgb, batch, replan, easel.medium.planner, _unheard)
+    scene = paint_context.scene(laid_out(aim, paint_context.medium.side_px))
+    made = paint(robot, scene, strokes, palette_srgb, batch, replan, paint_context.medium.planner, _unheard)
     return made.photos[-1]
 
 
 def _trembling(
-    strokes: Strokes, easel: Easel, config: PlannerConfig, tremor_m: float, generator: np.random.Generator
+    strokes: Strokes,
+    paint_context: PaintContext,
+    config: PlannerConfig,
+    tremor_m: float,
+    generator: np.random.Generator,
 ) -> Strokes:
     """Strokes as a hand that trembles makes them, within what tool and sheet allow."""
     moved = strokes.pick(slice(None))
     moved.inherited = None
     moved.middle_m += generator.normal(0, tremor_m, moved.middle_m.shape).astype(np.float32)
-    moved.keep_within(easel.tool, (easel.medium.side_m, easel.medium.side_m), config.edge_m)
+    moved.keep_within(paint_context.tool, (paint_context.medium.side_m, paint_context.medium.side_m), config.edge_m)
     return moved
 
 

@@ -49,7 +49,7 @@ class Medium:
 
 
 @dataclass(frozen=True)
-class Easel:
+class PaintContext:
     """A medium with its tool and the stroke model that was learned of it."""
 
     medium: Medium
@@ -80,17 +80,17 @@ class Drawn:
     """[K, 3] paints to lay out, or the tool's own ink."""
 
 
-def load_easel(medium: Medium, stroke_model: Path) -> Easel:
+def load_paint_context(medium: Medium, stroke_model: Path) -> PaintContext:
     """The medium with its tool's file and the folder of its diagnosed stroke model.
 
     Raises:
         ConfigError: the medium's `ink` does not fit the tool.
         ContractError: the folder does not hold what it should.
     """
-    return Easel(medium, load_tool(medium.tool), read_stroke_model(stroke_model))
+    return PaintContext(medium, load_tool(medium.tool), read_stroke_model(stroke_model))
 
 
-def plan_goal(easel: Easel, sheet: Light, goal: Picture, strokes: int) -> Drawn:
+def plan_goal(paint_context: PaintContext, sheet: Light, goal: Picture, strokes: int) -> Drawn:
     """Draw a goal picture, uint8 [H, W, 3], on a sheet [S, S, 3] (linear light) with `strokes` strokes at most.
 
     Strokes without which the plan would come nearer to the goal are left out of it; a goal that the sheet shows already
@@ -98,30 +98,30 @@ def plan_goal(easel: Easel, sheet: Light, goal: Picture, strokes: int) -> Drawn:
     """
     if np.array_equal(goal, seen(sheet, goal.shape[0])):
         return Drawn(no_strokes(), sheet, np.zeros((0, 3)))
-    return _drawn(easel, sheet, laid_out(goal, easel.medium.side_px), strokes)
+    return _drawn(paint_context, sheet, laid_out(goal, paint_context.medium.side_px), strokes)
 
 
-def draw_scene(easel: Easel, sheet: Light, image: Picture, strokes: int) -> Drawn:
+def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, strokes: int) -> Drawn:
     """Draw a scene's picture, uint8 [H, W, 3], over what the sheet shows already.
 
     A tool with its own ink draws its tones, as in synthesis, a tool that dips its colours. Ink that is on the sheet is
     part of the target, or the planner would try to undo it.
     """
-    light, medium = laid_out(image, easel.medium.side_px), easel.medium
+    light, medium = laid_out(image, paint_context.medium.side_px), paint_context.medium
     if medium.ink is not None:
         tones = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink)
         light = np.minimum(tones.astype(np.float32), sheet)
-    return _drawn(easel, sheet, light, strokes)
+    return _drawn(paint_context, sheet, light, strokes)
 
 
-def _drawn(easel: Easel, sheet: Light, target: Light, strokes: int) -> Drawn:
-    scene, config = easel.scene(target), easel.medium.planner
+def _drawn(paint_context: PaintContext, sheet: Light, target: Light, strokes: int) -> Drawn:
+    scene, config = paint_context.scene(target), paint_context.medium.planner
     made, palette = plan(sheet, scene, strokes, config, _unheard)
     made = without_harmful(made, sheet, scene, config)
-    return Drawn(made, foretold(made, sheet, scene), palette)
+    return Drawn(made, predicted(made, sheet, scene), palette)
 
 
-def foretold(strokes: Strokes, sheet: Light, scene: Scene) -> Light:
+def predicted(strokes: Strokes, sheet: Light, scene: Scene) -> Light:
     """What a sheet [S, S, 3] will look like after strokes; linear light."""
     return np.clip(render_plan(strokes, sheet, scene), 0.0, 1.0)
 
@@ -144,9 +144,11 @@ def seen(sheet: Light, side_px: int) -> Picture:
     return to_uint8(linear_to_srgb(np.clip(light, 0, 1)))
 
 
-def seeded(easel: Easel, seed: int) -> Easel:
+def seeded(paint_context: PaintContext, seed: int) -> PaintContext:
     """The same easel, its plans from another seed."""
-    return replace(easel, medium=replace(easel.medium, planner=replace(easel.medium.planner, seed=seed)))
+    return replace(
+        paint_context, medium=replace(paint_context.medium, planner=replace(paint_context.medium.planner, seed=seed))
+    )
 
 
 def _unheard(_name: str, _value: float, _step: int) -> None:

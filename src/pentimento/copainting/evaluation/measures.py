@@ -43,9 +43,9 @@ def inked_share(pictures: Pictures) -> FloatArray:
     return np.asarray(ink_mask(pictures).mean(axis=(1, 2)), dtype=np.float64)
 
 
-def changed_share(canvases: Pictures, pictures: Pictures, least: int = 64) -> FloatArray:
-    """Share [B] of the pixels of which any channel moved by `least` levels of 255 or more."""
-    moved = np.abs(canvases.astype(np.int16) - pictures).max(-1) >= least
+def changed_share(canvases: Pictures, pictures: Pictures, minimum: int = 64) -> FloatArray:
+    """Share [B] of the pixels of which any channel moved by `minimum` levels of 255 or more."""
+    moved = np.abs(canvases.astype(np.int16) - pictures).max(-1) >= minimum
     return np.asarray(moved.mean(axis=(1, 2)), dtype=np.float64)
 
 

@@ -28,7 +28,7 @@ def film_strip(story: Sequence[Turn]) -> dict[str, list[Picture]]:
     return {
         "person draws": [turn.begun for turn in story],
         "goal": [turn.goal for turn in story],
-        "plan": [turn.foretold for turn in story],
+        "plan": [turn.predicted for turn in story],
         "robot adds": [turn.after for turn in story],
     }
 

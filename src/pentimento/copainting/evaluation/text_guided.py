@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
-from pentimento.copainting.evaluation.goal_plans import Drawn, Easel, foretold
+from pentimento.copainting.evaluation.goal_plans import Drawn, PaintContext, predicted
 from pentimento.planning.descent import descend
 from pentimento.planning.initialise import random_strokes
 from pentimento.planning.render_plan import render_plan
@@ -19,26 +19,33 @@ Light = NDArray[np.float32]
 
 
 def plan_text(
-    easel: Easel, sheet: Light, caption: str, encoder: Encoder, strokes: int, iterations: int, views: int, seed: int
+    paint_context: PaintContext,
+    sheet: Light,
+    caption: str,
+    encoder: Encoder,
+    strokes: int,
+    iterations: int,
+    views: int,
+    seed: int,
 ) -> Drawn:
     """Strokes from random places down the text objective, on a sheet [S, S, 3] in linear light.
 
     The thesis's baseline without a goal planner: nothing but the words says what to draw. The plan of the lowest
     objective on the way is kept.
     """
-    config, tool = easel.medium.planner, easel.tool
-    scene = easel.scene(sheet)
+    config, tool = paint_context.medium.planner, paint_context.tool
+    scene = paint_context.scene(sheet)
     made = random_strokes(strokes, tool, scene.canvas_size_m, np.random.default_rng([seed, 0]))
     if tool.color_srgb is not None:
         made = with_color(made, np.tile(np.array(tool.color_srgb, np.float32), (strokes, 1)))
     made.keep_within(tool, scene.canvas_size_m, config.edge_m)
     objective = TorchObjective(TextObjective(encoder, caption, views, seed))
-    least, best = np.inf, made.pick(slice(None))
+    minimum, best = np.inf, made.pick(slice(None))
     for value in descend(made, sheet, scene, config, objective, iterations, tool.color_srgb is None, 1.0):
-        if value < least:
-            least, best = value, made.pick(slice(None))
-    if objective(render_plan(made, sheet, scene))[0] < least:
+        if value < minimum:
+            minimum, best = value, made.pick(slice(None))
+    if objective(render_plan(made, sheet, scene))[0] < minimum:
         best = made
     best.inherited = None
     palette = linear_to_srgb(best.color).astype(np.float64)  # a paint for each stroke, where colours are free
-    return Drawn(best, foretold(best, sheet, scene), np.unique(palette, axis=0))
+    return Drawn(best, predicted(best, sheet, scene), np.unique(palette, axis=0))

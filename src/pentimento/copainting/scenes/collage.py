@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SHARES: Final = (0.44, 0.52)  # of the sheet's side: the longer side of what is put into a half
-_SLACK: Final = 0.03  # of the sheet's side: how far it may lie from its half's middle
+_EXECUTION_NOISE: Final = 0.03  # of the sheet's side: how far it may lie from its half's middle
 
 
 class Half(NamedTuple):
@@ -48,8 +48,8 @@ def put(
     rows, columns = np.flatnonzero(things.any(1)), np.flatnonzero(things.any(0))
     extent = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
     scale = generator.uniform(*_SHARES) * min(height, width) / extent
-    slack = generator.uniform(-_SLACK, _SLACK, 2)
-    middle = (half.x + slack[0]) * width, (half.y + slack[1]) * height
+    execution_noise = generator.uniform(-_EXECUTION_NOISE, _EXECUTION_NOISE, 2)
+    middle = (half.x + execution_noise[0]) * width, (half.y + execution_noise[1]) * height
     centre = (columns[0] + columns[-1] + 1) / 2, (rows[0] + rows[-1] + 1) / 2
     # OpenCV's pixel centres are at whole numbers.
     shift = [middle[axis] - 0.5 - scale * (centre[axis] - 0.5) for axis in range(2)]
@@ -64,7 +64,7 @@ def put(
 def close_up(sheet: NDArray[np.uint8], half: Half) -> NDArray[np.uint8]:
     """The square about a half's middle that holds whatever `put` put there, as large as the sheet [H, W, 3] itself."""
     height, width = sheet.shape[:2]
-    rows, columns = (round((_SHARES[1] + 2 * _SLACK) * side) for side in (height, width))
+    rows, columns = (round((_SHARES[1] + 2 * _EXECUTION_NOISE) * side) for side in (height, width))
     top = int(np.clip(round(half.y * height - rows / 2), 0, height - rows))
     left = int(np.clip(round(half.x * width - columns / 2), 0, width - columns))
     part = np.ascontiguousarray(sheet[top : top + rows, left : left + columns])

@@ -64,8 +64,8 @@ def arrange(composition: Composition, generator: np.random.Generator) -> Drawing
     places, sizes = _PLACES[composition.arrangement], _SIZES[composition.arrangement]
     for thing, place in zip(composition.things, places, strict=True):
         size = generator.uniform(*sizes)
-        slack = 0.025 if len(places) > 1 else (1 - size) / 2
-        centre = np.array(place) + generator.uniform(-slack, slack, 2)
+        execution_noise = 0.025 if len(places) > 1 else (1 - size) / 2
+        centre = np.array(place) + generator.uniform(-execution_noise, execution_noise, 2)
         matrix = _slanted(generator) * size
         bend, phase = generator.uniform(0, 0.03), generator.uniform(0, 2 * np.pi)
         parts = tuple(

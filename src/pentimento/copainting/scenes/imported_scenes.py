@@ -29,9 +29,9 @@ from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.schema import arrow_schema
 
-MOST_PIXELS: Final = 64_000_000
+MAX_PIXELS: Final = 64_000_000
 """A picture of more is taken for a decompression bomb and never decoded."""
-MOST_LETTERS: Final = 2_000
+MAX_LETTERS: Final = 2_000
 """Of a caption; what is longer is cut, for encoders read the first few dozen words only."""
 
 
@@ -114,14 +114,14 @@ def load_picture(data: bytes) -> NDArray[np.uint8]:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             with Image.open(io.BytesIO(data)) as opened:
-                if opened.width * opened.height > MOST_PIXELS:
-                    raise _Unusable(f"more than {MOST_PIXELS} pixels")
+                if opened.width * opened.height > MAX_PIXELS:
+                    raise _Unusable(f"more than {MAX_PIXELS} pixels")
                 _require_plain(opened)
                 opened.load()
                 turned = _upright(opened)
                 return np.array(turned.convert("RGB"), dtype=np.uint8)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
-        raise _Unusable(f"more than {MOST_PIXELS} pixels") from None
+        raise _Unusable(f"more than {MAX_PIXELS} pixels") from None
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Warning):
         raise _Unusable("not a readable picture") from None
 
@@ -145,7 +145,7 @@ def _upright(picture: Image.Image) -> Image.Image:
 def _row(
     number: int, item: _Item, config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 ) -> dict[str, Any]:
-    captions = [" ".join(text.split())[:MOST_LETTERS] for text in item.captions]
+    captions = [" ".join(text.split())[:MAX_LETTERS] for text in item.captions]
     captions = list(dict.fromkeys(text for text in captions if text))
     if not captions:
         raise _Unusable("empty caption")

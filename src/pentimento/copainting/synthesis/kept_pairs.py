@@ -17,7 +17,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.tables import read_table
 from pentimento.copainting.synthesis.pairs import Image, as_batch
-from pentimento.copainting.synthesis.score_filter import Threshold, least_score
+from pentimento.copainting.synthesis.score_filter import Threshold, min_score
 from pentimento.semantics.encoder import Encoder
 
 _SAMPLED = 512
@@ -43,11 +43,11 @@ def threshold_of(config: Threshold, encoder: Encoder, files: Sequence[Path]) -> 
             break
     if not pictures:
         raise ContractError("No scene gave a painting; plan more strokes, or give each scene a target that has any.")
-    return least_score(config, encoder, as_batch(pictures[:_SAMPLED]), captions[:_SAMPLED])
+    return min_score(config, encoder, as_batch(pictures[:_SAMPLED]), captions[:_SAMPLED])
 
 
-def keep_pairs(files: Sequence[Path], least: float, out: Path) -> dict[str, Any]:
-    """Write the pairs that score ``least`` or more, shard by shard into an existing folder; return counts and means.
+def keep_pairs(files: Sequence[Path], minimum: float, out: Path) -> dict[str, Any]:
+    """Write the pairs that score ``minimum`` or more, shard by shard into an existing folder; return counts and means.
 
     A shard of which nothing is kept is not written. ``mse_of_copying`` is what a goal planner that returns its input
     would be wrong by: mean squared difference of the partial and the full painting, sRGB in [0, 1].
@@ -62,7 +62,7 @@ def keep_pairs(files: Sequence[Path], least: float, out: Path) -> dict[str, Any]
     copying: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
     for file in files:
         table = read_table(file, CONTRACT).table
-        good = table.filter(pc.greater_equal(table["clip_score"], pa.scalar(least, pa.float32())))
+        good = table.filter(pc.greater_equal(table["clip_score"], pa.scalar(minimum, pa.float32())))
         scores += table["clip_score"].to_pylist()
         paintings |= _planned(table)
         kept_paintings |= _planned(good)
@@ -76,14 +76,14 @@ def keep_pairs(files: Sequence[Path], least: float, out: Path) -> dict[str, Any]
     pairs = sum(len(shares) for shares in stay.values())
     if not pairs:
         raise ContractError(
-            f"No painting scores {least:.3g} or more with its caption (the best of {len(scores)}: {max(scores):.3g}); "
+            f"No painting scores {minimum:.3g} with its caption or more (best of {len(scores)}: {max(scores):.3g}); "
             "lower synthesize_copaintings.threshold."
         )
     return {
         "paintings": len(paintings),
         "pairs": pairs,
         "kept_share": {"pairs": pairs / len(scores), "paintings": len(kept_paintings) / len(paintings)},
-        "threshold": least,
+        "threshold": minimum,
         "clip_score": {"mean": float(np.mean(scores)), "median": float(np.median(scores))},
         "split": {split: splits[split] for split in SPLITS},
         "strategies": {

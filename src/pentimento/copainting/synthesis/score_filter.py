@@ -35,7 +35,7 @@ class Threshold:
             raise ValueError(f"mismatched_quantile is {self.mismatched_quantile}; it runs from 0 to 1.")
 
 
-def least_score(config: Threshold, encoder: Encoder, pictures: Tensor, captions: Sequence[str]) -> float:
+def min_score(config: Threshold, encoder: Encoder, pictures: Tensor, captions: Sequence[str]) -> float:
     """The threshold as a number, for full paintings [B, 3, H, W] (sRGB in [0, 1]) with their captions.
 
     Raises:

@@ -14,18 +14,18 @@ from pentimento.diagnosis.choice import Step, paired_p
 from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.pushes.search import MOST_CAUSES, Search, could_be_the_base
+from pentimento.diagnosis.pushes.search import MAX_CAUSES, Search, could_be_the_base
 from pentimento.diagnosis.score import projected
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 
 Array = NDArray[Any]
 
-_IN_DOUBT_P, _MOST = 0.35, 2
+_BORDERLINE_P, _MAX = 0.35, 2
 """Beyond that p sealed pushes would be the only witness; of several in doubt, those that promise most are refitted."""
 _TOGETHER_P = 0.003
 
 
-def confirmations(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> dict[str, float]:
+def confirmations(model: AnalyticPush, measured: MeasuredPushes, test_split: Array, seed: int) -> dict[str, float]:
     """Of each cause of a model, as it was found: one-sided p that sealed pushes do not ask for it, by sign flips of
     their scores in its direction.
 
@@ -43,12 +43,12 @@ def confirmations(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, 
         slope, curvature = projected(statistics, np.setdiff1d(every, columns), columns)
         values = model.vector[columns]
         asked = slope @ values + np.einsum("p,npq,q->n", values, curvature, values)
-        confirmed[mechanism.cause] = paired_p(asked[sealed], seed)
+        confirmed[mechanism.cause] = paired_p(asked[test_split], seed)
     return confirmed
 
 
-def with_one_in_doubt(
-    found: Search, searched: MeasuredPushes, measured: MeasuredPushes, sealed: Array, seed: int,
+def with_one_borderline(
+    found: Search, discovery_split: MeasuredPushes, measured: MeasuredPushes, test_split: Array, seed: int,
     log: Callable[[str], None],
 ) -> Search:  # fmt: skip
     """What was found, and beside it a cause that searched pushes speak for without being sure, where together with the
@@ -57,24 +57,24 @@ def with_one_in_doubt(
     Args:
         measured, sealed: as of ``confirmations``.
     """
-    if len(found.found) == MOST_CAUSES:
+    if len(found.found) == MAX_CAUSES:
         return found
     last = found.steps[-1]
-    in_doubt = {
-        c: e for c, e in last.evidence.items() if c in found.least and e.p_adjusted < _IN_DOUBT_P and e.gain > 0
+    borderline = {
+        c: e for c, e in last.evidence.items() if c in found.minimum and e.p_adjusted < _BORDERLINE_P and e.gain > 0
     }
     before = action_losses(found.model, measured)
-    for cause in sorted(in_doubt, key=lambda cause: -in_doubt[cause].gain)[:_MOST]:
+    for cause in sorted(borderline, key=lambda cause: -borderline[cause].gain)[:_MAX]:
         mechanism = found.observable[cause]
-        model = fit(found.model.plus(mechanism), searched)
+        model = fit(found.model.plus(mechanism), discovery_split)
         falls = before - action_losses(model, measured)
-        enough = model.mechanisms[-1].physical and falls.mean() >= found.least[cause]
+        enough = model.mechanisms[-1].physical and falls.mean() >= found.minimum[cause]
         if not enough or could_be_the_base(mechanism, falls, seed):
             continue
-        confirmed_p = confirmations(model, measured, sealed, seed)[cause]
-        together_p = float(combine_pvalues([in_doubt[cause].p_adjusted, confirmed_p], method="fisher").pvalue)
+        confirmed_p = confirmations(model, measured, test_split, seed)[cause]
+        together_p = float(combine_pvalues([borderline[cause].p_adjusted, confirmed_p], method="fisher").pvalue)
         if together_p < _TOGETHER_P:
             log(f"{cause}: in doubt, and not with the sealed pushes (p {together_p:.2g})")
-            evidence = {**last.evidence, cause: in_doubt[cause]._replace(p_adjusted=together_p)}
+            evidence = {**last.evidence, cause: borderline[cause]._replace(p_adjusted=together_p)}
             return replace(found, model=model, steps=(*found.steps[:-1], Step(evidence, cause, ()), last))
     return found

@@ -14,11 +14,11 @@ from scipy.stats import combine_pvalues
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.diagnosis.choice import paired_p, unconfirmed
-from pentimento.diagnosis.pushes.borderline import confirmations, with_one_in_doubt
+from pentimento.diagnosis.pushes.borderline import confirmations, with_one_borderline
 from pentimento.diagnosis.pushes.fit import equalised, fit, fit_without
-from pentimento.diagnosis.pushes.floor import floor_while_searching, sealed_floor
+from pentimento.diagnosis.pushes.floor import floor_of_test_split, floor_while_searching
 from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
-from pentimento.diagnosis.pushes.learned_residual import PushHabits, learn_habits
+from pentimento.diagnosis.pushes.learned_residual import LearnedPushResidual, learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.misattribution import (
     goes_with_place,
@@ -33,7 +33,7 @@ from pentimento.diagnosis.standard_errors import covariance
 from pentimento.diagnosis.strokes.diagnose import Finding
 from pentimento.diagnosis.strokes.floor import Floor
 from pentimento.diagnosis.strokes.modes import Unexplained
-from pentimento.diagnosis.temporal_drift import Wandering, wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, typical
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 
@@ -42,9 +42,9 @@ Array = NDArray[Any]
 _PASSES = 2
 _CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P, _DENIED_P = 0.1, 0.01, 0.001, 0.05
 _DRAWS = 1999
-_LEAST_GAIN = 0.01
+_MIN_GAIN = 0.01
 """Of the gap on sealed pushes, and of the noise floor: what is worth less explains nothing."""
-_LEAST_IF_IMITABLE, _LEAST_IF_SURE, _LEAST_OF_WHAT_IS_LEFT = 0.025, 0.0125, 0.4
+_MIN_IF_ALIASABLE, _MIN_IF_SURE, _MIN_OF_WHAT_IS_LEFT = 0.025, 0.0125, 0.4
 """Of the noise floor (the second where scores are sure of a cause), and of the error that is left above it for certain:
 what a cause must remove of sealed pushes that a base which is wrong about shapes can look like. Where much more is left
 than it takes away, it is one of many ways in which the base is wrong."""
@@ -59,7 +59,7 @@ class PushDiagnosis:
     parts: Parts
     measured: MeasuredPushes
     """The pushes, with the tool's habits."""
-    habits: PushHabits
+    learned_residual: LearnedPushResidual
     search: Search
     extended: AnalyticPush
     """The base with the established causes, fitted to all but the sealed pushes."""
@@ -68,7 +68,7 @@ class PushDiagnosis:
     established: tuple[Finding, ...]
     suspected: tuple[Finding, ...]
     floor: Floor | None
-    wanders: Wandering | None
+    drifts: TemporalDrift | None
     """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
     base_losses: Array
     """Of each sealed action, mm²."""
@@ -102,45 +102,45 @@ def diagnose(
         ContractError: too few actions.
     """
     parts = split_pushes(measured, seed)
-    plain = measured.pick(parts.searched)
+    plain = measured.pick(parts.discovery_split)
     first = fit(first_model(plain.scene), plain)
     weighed = equalised(measured, first)
-    base = model = fit(first, weighed.pick(parts.searched))
+    base = model = fit(first, weighed.pick(parts.discovery_split))
     observable, _ = observable_causes(plain, vocabulary)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
         before = {mechanism.cause for mechanism in model.mechanisms}
         unfound = [mechanism for cause, mechanism in observable.items() if cause not in before]
-        habits, weighed = learn_habits(weighed, model, parts.searched, unfound, seed)
+        learned_residual, weighed = learn_residual(weighed, model, parts.discovery_split, unfound, seed)
         weighed = equalised(weighed, model)
-        floor_share = floor_while_searching(model, weighed, parts.searched, seed)
-        found = search(base, weighed.pick(parts.searched), floor_share, vocabulary, seed, log)
+        floor_share = floor_while_searching(model, weighed, parts.discovery_split, seed)
+        found = search(base, weighed.pick(parts.discovery_split), floor_share, vocabulary, seed, log)
         if found.found == before:
             break
         base, model = found.base, found.model
-    habits, weighed = habits.learnt_from_all(weighed, parts.searched)
+    learned_residual, weighed = learned_residual.learnt_from_all(weighed, parts.discovery_split)
     measured = replace(weighed, weight=np.ones_like(weighed.weight))
-    test = measured.pick(parts.sealed)
-    known, plainly = weighed.pick(parts.searched), measured.pick(parts.searched)
-    sealed = np.isin(np.unique(weighed.action), weighed.action[parts.sealed])
-    searched = found
-    found = with_one_in_doubt(searched, known, weighed, sealed, seed, log)
+    test = measured.pick(parts.test_split)
+    known, plainly = weighed.pick(parts.discovery_split), measured.pick(parts.discovery_split)
+    test_split = np.isin(np.unique(weighed.action), weighed.action[parts.test_split])
+    discovery_split = found
+    found = with_one_borderline(discovery_split, known, weighed, test_split, seed, log)
     named = list(found.model.mechanisms)
-    confirmed_p = confirmations(found.model, weighed, sealed, seed)
+    confirmed_p = confirmations(found.model, weighed, test_split, seed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
-    sure = _sure(searched, confirmed_p)
-    noise = floor_while_searching(found.model, weighed, parts.searched, seed)
+    sure = _sure(discovery_split, confirmed_p)
+    noise = floor_while_searching(found.model, weighed, parts.discovery_split, seed)
     of_use = _of_use(
-        found.model.without(*lost), found.base, known, weighed.pick(parts.sealed), noise, confirmed_p, sure, seed,
+        found.model.without(*lost), found.base, known, weighed.pick(parts.test_split), noise, confirmed_p, sure, seed,
     )  # fmt: skip
-    misnamed = _misnamed(of_use, known, seed)
-    of_use = of_use.without(*misnamed)
+    misattributed = _misattributed(of_use, known, seed)
+    of_use = of_use.without(*misattributed)
     base = fit(found.base, plainly)
     extended = fit(of_use, plainly) if of_use.mechanisms else base
-    floor = sealed_floor(extended, measured, parts.sealed, seed)
-    wanders = wandering(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
-    if floor and wanders:
-        floor = floor.moved(-wanders.mse_of_repeats)
+    floor = floor_of_test_split(extended, measured, parts.test_split, seed)
+    drifts = temporal_drift(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
+    if floor and drifts:
+        floor = floor.moved(-drifts.mse_of_repeats)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
     above = base_losses.mean() - (floor.mse if floor and floor.mse < base_losses.mean() else 0.0)
     chosen = {step.chosen: step for step in found.steps if step.chosen}
@@ -172,11 +172,11 @@ def diagnose(
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names)) for f in established)
     doubtful = [m for m in named if m.cause not in names]
     suspected = tuple(
-        replace(finding(fit(extended.plus(m), plainly), m), misnamed=m.cause in misnamed) for m in doubtful
+        replace(finding(fit(extended.plus(m), plainly), m), misattributed=m.cause in misattributed) for m in doubtful
     )
     left, strength, covariates = unexplained(extended, known, seed)
     return PushDiagnosis(
-        parts, measured, habits, found, extended, base, established, suspected, floor, wanders, base_losses,
+        parts, measured, learned_residual, found, extended, base, established, suspected, floor, drifts, base_losses,
         extended_losses, tuple(left), strength, tuple(covariates),
     )  # fmt: skip
 
@@ -185,7 +185,7 @@ def _of_use(
     model: AnalyticPush,
     base: AnalyticPush,
     known: MeasuredPushes,
-    sealed: MeasuredPushes,
+    test_split: MeasuredPushes,
     floor: float,
     confirmed_p: Mapping[str, float],
     sure: Collection[str],
@@ -203,17 +203,17 @@ def _of_use(
     if not model.mechanisms:
         return model
     base = fit(base, known)
-    gap = float(action_losses(base, sealed).mean()) - floor
+    gap = float(action_losses(base, test_split).mean()) - floor
     while model.mechanisms:
         model = fit(model, known)
-        losses, spare = action_losses(model, sealed), {}
+        losses, spare = action_losses(model, test_split), {}
         for m in model.mechanisms:
-            falls = action_losses(fit_without(model, m.cause, base, known), sealed) - losses
+            falls = action_losses(fit_without(model, m.cause, base, known), test_split) - losses
             values = values_with_errors(model, m.cause, known) if m.signature or m.by_place else {}
             could_be_shape = _could_be_shape(m, values)
             if not _only_surely_denied(could_be_shape, confirmed_p[m.cause]) or paired_p(-falls, seed) <= _DENIED_P:
-                least = 0.0 if m.cause in sure else _LEAST_GAIN * max(gap, floor)
-                spare[m.cause] = float(falls.mean()) - least
+                minimum = 0.0 if m.cause in sure else _MIN_GAIN * max(gap, floor)
+                spare[m.cause] = float(falls.mean()) - minimum
         worst = min(spare, key=lambda cause: spare[cause], default=None)
         if worst is None or spare[worst] >= 0:
             break
@@ -221,7 +221,7 @@ def _of_use(
     return model
 
 
-def _misnamed(model: AnalyticPush, known: MeasuredPushes, seed: int) -> list[str]:
+def _misattributed(model: AnalyticPush, known: MeasuredPushes, seed: int) -> list[str]:
     """Causes that stand where something belongs that has no name.
 
     Args:
@@ -235,12 +235,12 @@ def _misnamed(model: AnalyticPush, known: MeasuredPushes, seed: int) -> list[str
     ]
 
 
-def _least_error(floor: Floor, extended_losses: Array, sure: bool) -> float:
+def _min_error(floor: Floor, extended_losses: Array, sure: bool) -> float:
     """What a cause that a base can look like must remove of the error of sealed pushes, mm²; less of what is noise
     where scores are ``sure`` of it.
     """
     left = float(extended_losses.mean()) - floor.interval[1]
-    return max((_LEAST_IF_SURE if sure else _LEAST_IF_IMITABLE) * floor.mse, _LEAST_OF_WHAT_IS_LEFT * left)
+    return max((_MIN_IF_SURE if sure else _MIN_IF_ALIASABLE) * floor.mse, _MIN_OF_WHAT_IS_LEFT * left)
 
 
 def _is_idle(
@@ -257,7 +257,7 @@ def _is_idle(
         return True
     if floor is None or not _could_be_shape(mechanism, finding.values):
         return False
-    return finding.gain * above < _least_error(floor, extended_losses, sure)
+    return finding.gain * above < _min_error(floor, extended_losses, sure)
 
 
 def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:
@@ -271,7 +271,7 @@ def _can_deny(finding: Finding, mechanism: Mechanism) -> bool:
 
 def _could_be_shape(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a base that is wrong about shapes could look like a cause with these values, each with its error."""
-    return mechanism.imitable and not goes_with_time(mechanism, values) and not goes_with_place(mechanism, values)
+    return mechanism.aliasable and not goes_with_time(mechanism, values) and not goes_with_place(mechanism, values)
 
 
 def _only_surely_denied(could_be_shape: bool, confirmed_p: float) -> bool:
@@ -281,20 +281,20 @@ def _only_surely_denied(could_be_shape: bool, confirmed_p: float) -> bool:
     return not could_be_shape and confirmed_p <= _CONFIRMED_BESIDE_P
 
 
-def _sure(searched: Search, confirmed_p: Mapping[str, float]) -> set[str]:
+def _sure(discovery_split: Search, confirmed_p: Mapping[str, float]) -> set[str]:
     """Causes that the scores of sealed pushes are sure of, or those of searched and sealed ones together (Fisher 1925):
     the sealed had no part in the search.
 
     Args:
         searched: before a cause in doubt was taken: with it, its p has the sealed pushes in it.
     """
-    at_the_end = searched.steps[-1].evidence
-    searched_p = {cause: evidence.p_adjusted for cause, evidence in at_the_end.items()}
-    searched_p |= {step.chosen: step.evidence[step.chosen].p_adjusted for step in searched.steps if step.chosen}
+    at_the_end = discovery_split.steps[-1].evidence
+    p_discovery = {cause: evidence.p_adjusted for cause, evidence in at_the_end.items()}
+    p_discovery |= {step.chosen: step.evidence[step.chosen].p_adjusted for step in discovery_split.steps if step.chosen}
     return {
         cause
         for cause, p in confirmed_p.items()
-        if p <= _SURE_P or combine_pvalues([searched_p[cause], p], method="fisher").pvalue <= _CERTAIN_P
+        if p <= _SURE_P or combine_pvalues([p_discovery[cause], p], method="fisher").pvalue <= _CERTAIN_P
     }
 
 

@@ -28,13 +28,13 @@ _CELL_MM = 0.8
 
 def pushes(diagnosis: PushDiagnosis, survey: PushSurvey, shown: int = 5) -> bytes:
     """Sealed pushes, from the one that the extension helps most to the one that it helps least: shaded surfaces."""
-    sealed = survey.sealed
+    test_split = survey.test_split
     models = {"base": diagnosis.base, "extended": diagnosis.extended}
-    foretold = {
-        name: sealed.scene.before + model.change(sealed.scene) + sealed.habit / np.float32(MM)
+    predicted = {
+        name: test_split.scene.before + model.change(test_split.scene) + test_split.habit / np.float32(MM)
         for name, model in models.items()
     }
-    wrong = [np.where(sealed.valid, np.abs(sealed.after - image) * 1e3, 0.0) for image in foretold.values()]
+    wrong = [np.where(test_split.valid, np.abs(test_split.after - image) * 1e3, 0.0) for image in predicted.values()]
     fall = (np.square(wrong[0]) - np.square(wrong[1])).sum((1, 2))
     order = np.argsort(-fall, kind="stable")
     chosen = order[np.unique(np.linspace(0, len(order) - 1, shown).round().astype(int))]
@@ -44,13 +44,13 @@ def pushes(diagnosis: PushDiagnosis, survey: PushSurvey, shown: int = 5) -> byte
         figure = Figure(figsize=(12.0, 1.9 * len(chosen) + 0.5), layout="constrained")
         cells = figure.subplots(len(chosen), 6, squeeze=False)
         for row, b in zip(cells, chosen, strict=True):
-            surfaces = (sealed.scene.before[b], sealed.after[b], *(image[b] for image in foretold.values()))
+            surfaces = (test_split.scene.before[b], test_split.after[b], *(image[b] for image in predicted.values()))
             for axes, surface in zip(row[:4], surfaces, strict=True):
-                axes.imshow(shaded(surface, sealed.scene.pixel_m), cmap="gray", vmin=0, vmax=1)
+                axes.imshow(shaded(surface, test_split.scene.pixel_m), cmap="gray", vmin=0, vmax=1)
             for axes, error in zip(row[4:], wrong, strict=True):
                 image = axes.imshow(error[b], cmap=ERROR_COLOURS, vmin=0, vmax=top)
-            row[0].plot(*_way_px(sealed, int(b)).T, color=OCHRE, lw=1.4)
-            row[0].plot(*_way_px(sealed, int(b))[0], "o", color=OCHRE, ms=4)
+            row[0].plot(*_way_px(test_split, int(b)).T, color=OCHRE, lw=1.4)
+            row[0].plot(*_way_px(test_split, int(b))[0], "o", color=OCHRE, ms=4)
             for axes in row:
                 axes.set(xticks=[], yticks=[])
         for axes, title in zip(cells[0], titles, strict=True):

@@ -58,7 +58,7 @@ _ENOUGH = 5e-4
 """Relative fall of the error below which a fit has ended."""
 _ENOUGH_ON_THE_WAY = _ENOUGH / 10
 """The same while a number goes as far as it may in one iteration: a slide that is slight may show late."""
-_FIRST_DAMPING, _NEXT_DAMPING, _LEAST_DAMPING = 1e-4, 1e-3, 1e-7
+_FIRST_DAMPING, _NEXT_DAMPING, _MIN_DAMPING = 1e-4, 1e-3, 1e-7
 """Of a number's own curvature: at first, once a step has failed, and where all goes well."""
 _BENDS = 0.1
 """Of what a step promised: less of it gained shows that the valley bends."""
@@ -66,10 +66,10 @@ _AS_PROMISED = 0.7
 """Of what a step promised: where so much is gained, the slopes at its start serve for the next one as well."""
 _LONGEST = 0.5
 """How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
-_MOST_UNEQUAL = 8.0
+_MAX_UNEQUAL = 8.0
 _RINGS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 """Half-widths from the tool's way between which pixels are weighted alike."""
-_MOST_UNEVEN = 30.0
+_MAX_UNEVEN = 30.0
 
 
 def fit(
@@ -118,7 +118,7 @@ def fit(
         bends = gained < _BENDS * promise and promise > _ENOUGH * new
         ended &= not bends
         model, loss = candidate, new
-        damping = damping * 10 if bends else max(damping / 10, _LEAST_DAMPING)
+        damping = damping * 10 if bends else max(damping / 10, _MIN_DAMPING)
         if ended:
             break
         if gained < _AS_PROMISED * promise:
@@ -150,7 +150,7 @@ def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
     ring, rings = np.digitize(from_way(measured.scene), _RINGS), len(_RINGS) + 1
     squared = (_levelled(missed, measured) * np.square(missed))[seen]
     of_ring = np.bincount(ring[seen], squared, rings) / np.maximum(np.bincount(ring[seen], minlength=rings), 1)
-    place = 1 / np.maximum(of_ring, of_ring.max() / _MOST_UNEVEN)[ring]
+    place = 1 / np.maximum(of_ring, of_ring.max() / _MAX_UNEVEN)[ring]
     weight = (_levelled(np.sqrt(place) * missed, measured) * place).astype(np.float32)
     return replace(measured, weight=weight / weight[seen].mean())
 
@@ -158,7 +158,7 @@ def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
 def _levelled(missed: Array, measured: MeasuredPushes) -> Array:
     """Weights [B, 1, 1] of pushes that miss so much, [B, H, W]."""
     error = mean_squared_error(missed, measured)
-    return np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MOST_UNEQUAL, _MOST_UNEQUAL)[:, None, None]
+    return np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MAX_UNEQUAL, _MAX_UNEQUAL)[:, None, None]
 
 
 def _start(measured: MeasuredPushes) -> Array:

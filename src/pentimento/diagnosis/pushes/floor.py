@@ -26,16 +26,17 @@ def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Flo
     return floor_of(spread, np.ones(len(spread)), seed) if len(spread) >= FEWEST else None
 
 
-def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, seed: int) -> Floor | None:
-    """The noise floor of the rows ``sealed``: of a repeated action its own spread, which its error holds as well, and
-    of a single one what all repeated actions have at the mean, sealed or not, and what the same noise does more, or
-    less, on its surface than on theirs.
+def floor_of_test_split(model: AnalyticPush, measured: MeasuredPushes, test_split: Array, seed: int) -> Floor | None:
+    """The noise floor of the rows ``test_split``.
+
+    A repeated action contributes its own spread. A single action contributes the mean of all repeated actions,
+    corrected for what the same noise does on its surface.
     """
     repeated, spread = _spread_of_repeats(model, measured)
     if len(spread) < FEWEST:
         return None
-    own = np.array([measured.action[rows[0]] in measured.action[sealed] for rows in repeated])
-    single = np.setdiff1d(measured.action[sealed], [measured.action[rows[0]] for rows in repeated])
+    own = np.array([measured.action[rows[0]] in measured.action[test_split] for rows in repeated])
+    single = np.setdiff1d(measured.action[test_split], [measured.action[rows[0]] for rows in repeated])
     noise = error_by_noise(model, measured, repeated)
     usual = np.mean([noise[rows].mean() for rows in repeated])
     more = [noise[measured.action == action].mean() - usual for action in single]
@@ -43,12 +44,10 @@ def sealed_floor(model: AnalyticPush, measured: MeasuredPushes, sealed: Array, s
     return floor.moved(float(np.sum(more)) / int(own.sum() + len(single)))
 
 
-def floor_while_searching(model: AnalyticPush, weighed: MeasuredPushes, searched: Array, seed: int) -> float:
-    """The noise floor, weighted as errors are, and no more than the error of the rows ``searched``; 0 where it is
-    unknown, mm².
-    """
+def floor_while_searching(model: AnalyticPush, weighed: MeasuredPushes, discovery_split: Array, seed: int) -> float:
+    """The noise floor, mm², weighted as errors are; at most the error of ``discovery_split``; 0 where unknown."""
     noise = noise_floor(model, weighed, seed)
-    return min(noise.mse, float(action_losses(model, weighed.pick(searched)).mean())) if noise else 0.0
+    return min(noise.mse, float(action_losses(model, weighed.pick(discovery_split)).mean())) if noise else 0.0
 
 
 def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:

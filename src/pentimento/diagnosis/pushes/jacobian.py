@@ -25,7 +25,7 @@ Array = NDArray[Any]
 _R = TypeVar("_R")
 
 _STEP = 0.005
-_MOST_ROWS_AT_ONCE = 60
+_MAX_ROWS_AT_ONCE = 60
 MM = 1e3
 _STAGE = {"command": 0, "contact": 0, "material": 2, "surface": 3}
 
@@ -120,7 +120,7 @@ def _in_batches(function: Callable[[slice], _R], rows: int) -> list[_R]:
     functions threads wait for each other.
     """
     threads = get_num_threads()
-    rounds = math.ceil(rows / (threads * _MOST_ROWS_AT_ONCE))
+    rounds = math.ceil(rows / (threads * _MAX_ROWS_AT_ONCE))
     return in_batches(function, rows, math.ceil(rows / (threads * rounds)), threads)
 
 

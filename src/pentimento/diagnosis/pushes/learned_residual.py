@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.noise import by_scatter
-from pentimento.diagnosis.random_effect import own_part
+from pentimento.diagnosis.random_effect import action_effect
 from pentimento.diagnosis.trees import Trees, cross_fitted, folds, grown, like_causes
 from pentimento.dynamics.pushes.analytic import AnalyticPush, keep, settle, touch
 from pentimento.dynamics.pushes.mechanisms import Mechanism
@@ -36,7 +36,7 @@ _SMALL = 1e-3
 
 
 @dataclass(frozen=True)
-class PushHabits:
+class LearnedPushResidual:
     """What was learnt, as seen from a model."""
 
     model: AnalyticPush
@@ -51,7 +51,7 @@ class PushHabits:
         features, seen = _pixels(self.model, measured)
         return self._joined(measured, seen, np.mean([trees.say(features) for trees in self.trees], axis=0))
 
-    def learnt_from_all(self, measured: MeasuredPushes, rows: Array) -> tuple[PushHabits, MeasuredPushes]:
+    def learnt_from_all(self, measured: MeasuredPushes, rows: Array) -> tuple[LearnedPushResidual, MeasuredPushes]:
         """Habits learnt once more, from all pushes with the indices ``rows`` by one set of trees, which knows more than
         sets that each learn from a part; and the pushes, of which those that are none of ``rows`` have these.
 
@@ -62,12 +62,12 @@ class PushHabits:
         features, seen = _pixels(self.model, measured)
         push, weight = np.nonzero(seen)[0], measured.weight[seen]
         left, missing = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
-        missing -= own_part(left, _scatter(self.model, measured, seen), weight, push)
+        missing -= action_effect(left, _scatter(self.model, measured, seen), weight, push)
         trees = grown(features, missing, weight, np.isin(push, rows), _TREES)
-        habits = replace(self, trees=(trees,))
-        habit = habits._joined(bare, seen, trees.say(features)).habit
+        learned_residual = replace(self, trees=(trees,))
+        habit = learned_residual._joined(bare, seen, trees.say(features)).habit
         habit[rows] = measured.habit[rows]
-        return habits, replace(measured, habit=habit)
+        return learned_residual, replace(measured, habit=habit)
 
     def _joined(self, measured: MeasuredPushes, seen: Array, said: Array) -> MeasuredPushes:
         scene = measured.scene
@@ -76,9 +76,9 @@ class PushHabits:
         return replace(measured, habit=self.share * _maps(said, seen) - alike)
 
 
-def learn_habits(
+def learn_residual(
     measured: MeasuredPushes, model: AnalyticPush, rows: Array, candidates: Sequence[Mechanism], seed: int
-) -> tuple[PushHabits, MeasuredPushes]:
+) -> tuple[LearnedPushResidual, MeasuredPushes]:
     """Habits of the pushes with the indices ``rows``, and all pushes with theirs instead of any that they had.
 
     Args:
@@ -93,14 +93,14 @@ def learn_habits(
     weight = measured.weight[seen]
     _, said, share = cross_fitted(features, missing, weight, fold, _FIRST_TREES)
     # As of strokes, where the arm came to be is chance, and hides what is alike until some of that has been learnt.
-    missing -= own_part(missing - share * said, _scatter(model, measured, seen), weight, push)
+    missing -= action_effect(missing - share * said, _scatter(model, measured, seen), weight, push)
     trees, said, share = cross_fitted(features, missing, weight, fold, _TREES)
     full = model.plus(*candidates)
     maps = share * _maps(said, seen)
     asked = replace(measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM))
     amounts = like_causes(linearise(full, asked.pick(rows)), full.nuisances)
-    habits = PushHabits(full, trees, share, amounts)
-    return habits, habits._joined(measured, seen, said)
+    learned_residual = LearnedPushResidual(full, trees, share, amounts)
+    return learned_residual, learned_residual._joined(measured, seen, said)
 
 
 def _scatter(model: AnalyticPush, measured: MeasuredPushes, seen: Array) -> Array:

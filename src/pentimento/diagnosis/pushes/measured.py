@@ -37,7 +37,7 @@ class MeasuredPushes:
     weight: Array
     """float32[B, H, W]: of each pixel's squared error in fits; 1 unless ``fit.equalised`` has looked at them."""
     habit: Array
-    """float32[B, H, W]: what is foretold beside what any model says (``habits``), mm."""
+    """float32[B, H, W]: what is foretold beside what any model says (``learned_residual``), mm."""
 
     def __len__(self) -> int:
         return len(self.block)

@@ -45,13 +45,13 @@ class PushProposal(NamedTuple):
     """[K] each: speed of travel, dwell, speed of retracting, as far as they were recorded."""
     question: tuple[Question, ...]
     """For each push, what it says most about."""
-    imitation: dict[tuple[str, str], tuple[float, float]]
+    aliasing: dict[tuple[str, str], tuple[float, float]]
     """Of each pair of causes: so far, and as it will be with these pushes."""
 
 
 def proposal_for(diagnosis: PushDiagnosis, seen: PushSurvey, seed: int) -> PushProposal:
     """The next pushes after a diagnosis; none where nothing is in question."""
-    asked = questions(diagnosis, seen.imitation)
+    asked = questions(diagnosis, seen.aliasing)
     if not asked:
         return PushProposal(np.zeros((0, 5)), {}, (), {})
     wanted = {cause for question in asked for cause in question}

@@ -17,7 +17,7 @@ def gap_closed_on(outside: MeasuredPushes, diagnosis: PushDiagnosis, seed: int) 
     Raises:
         NotObservable: the table lacks a column that the extended model depends on.
     """
-    outside = diagnosis.habits.of(outside)
+    outside = diagnosis.learned_residual.of(outside)
     before, after = (float(action_losses(m, outside).mean()) for m in (diagnosis.base, diagnosis.extended))
     floor = noise_floor(diagnosis.extended, outside, seed) or diagnosis.floor
     if floor is None or before <= floor.mse:

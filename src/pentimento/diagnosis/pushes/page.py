@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from pentimento.diagnosis.leaderboard import leaderboard
-from pentimento.diagnosis.page import html_page, lead, section, wandering
+from pentimento.diagnosis.page import html_page, lead, section, temporal_drift
 from pentimento.diagnosis.pushes import figures
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.next_pushes import PushProposal
@@ -32,7 +32,7 @@ def build_page(
         section("causes", "Every cause, and what the pushes say of it", leaderboard(diagnosis, survey)),
         _pushes(diagnosis, survey, album),
         _modes(diagnosis, survey, album),
-        _imitation(diagnosis, survey, album),
+        _aliasing(diagnosis, survey, album),
         _next(proposal, survey, album),
     ]
     pictures = {f"figures/{name}": data for name, data in album.files.items()}
@@ -52,8 +52,8 @@ def _summary(diagnosis: PushDiagnosis, verdict: Mapping[str, Any], album: Album)
     )  # fmt: skip
     parts = diagnosis.parts
     used = (
-        f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(parts.searched)} rows "
-        f"were searched, {len(parts.sealed)} sealed until the end: they confirm and value what was found."
+        f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(parts.discovery_split)} rows "
+        f"were searched, {len(parts.test_split)} sealed until the end: they confirm and value what was found."
     )
     return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{fall}")
 
@@ -96,20 +96,20 @@ def _modes(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str:
         "The strongest of these pairs: means over bins with equally many pushes, in robust standard deviations, and "
         "95&nbsp;% bands that take each action as one witness. Ochre: base; blue: extended.",
     )  # fmt: skip
-    return section("modes", "What the residual depends on", heat + curves + wandering(diagnosis, album))
+    return section("modes", "What the residual depends on", heat + curves + temporal_drift(diagnosis, album))
 
 
-def _imitation(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str:
+def _aliasing(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str:
     named = [finding.cause for finding in (*diagnosis.established, *diagnosis.suspected)]
     heat = album.plot(
-        "imitation.png", drawn.imitation_heat(survey.imitation, named),
+        "aliasing.png", drawn.aliasing_heat(survey.aliasing, named),
         "The imitation matrix of the causes.",
         "How well one cause can pass for another <i>in these pushes</i>, when the base may adapt: |cosine| of their "
         f"derivatives. Framed above {ALIKE}.",
     )  # fmt: skip
-    said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.imitation))
+    said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.aliasing))
     alike = f"<ul>{said}</ul>" if said else "<p>No two causes imitate each other.</p>"
-    return section("imitation", "What these pushes cannot tell apart", alike + heat)
+    return section("aliasing", "What these pushes cannot tell apart", alike + heat)
 
 
 def _next(proposal: PushProposal, survey: PushSurvey, album: Album) -> str:
@@ -125,7 +125,7 @@ def _next(proposal: PushProposal, survey: PushSurvey, album: Album) -> str:
     )  # fmt: skip
     rows = [
         (escape(f"{first} and {second}"), f"{before:.2f}", f"{after:.2f}")
-        for (first, second), (before, after) in proposal.imitation.items()
+        for (first, second), (before, after) in proposal.aliasing.items()
     ]
     alike = table(("pair", "imitation now", "with these pushes"), rows, "What they are foretold to do.") if rows else ""
     return section("next", title, lines + alike)

@@ -12,7 +12,7 @@ from pentimento.diagnosis.pushes.jacobian import linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, covariates_shown, mode_scores
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.strokes.aliasing import Columns, Imitation, imitation
+from pentimento.diagnosis.strokes.aliasing import Aliasing, Columns, aliasing
 from pentimento.diagnosis.strokes.screening import Dependence, dependences, detectable, mode_strength, standing
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
@@ -24,10 +24,10 @@ class PushSurvey(NamedTuple):
     """All that is drawn."""
 
     measured: MeasuredPushes
-    sealed: MeasuredPushes
+    test_split: MeasuredPushes
     full: AnalyticPush
     """The extended model with every other observable cause at no effect."""
-    imitation: Imitation
+    aliasing: Aliasing
     detectable: dict[str, float]
     """Smallest share of the error that a cause must remove to be found in four of five such collections."""
     base_strength: Array
@@ -55,9 +55,9 @@ def survey(diagnosis: PushDiagnosis) -> PushSurvey:
     rests = {name: np.where(measured.valid, residual(model, measured), np.nan) for name, model in models.items()}
     return PushSurvey(
         measured=measured,
-        sealed=measured.pick(diagnosis.parts.sealed),
+        test_split=measured.pick(diagnosis.parts.test_split),
         full=full,
-        imitation=imitation(statistics, columns),
+        aliasing=aliasing(statistics, columns),
         detectable=detectable(statistics, columns),
         base_strength=strengths["base"],
         extended_strength=strengths["extended"],

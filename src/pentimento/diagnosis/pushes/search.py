@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.choice import Step, paired_p, simplest_of_the_best
+from pentimento.diagnosis.choice import Step, most_parsimonious, paired_p
 from pentimento.diagnosis.pushes.fit import fit, fit_without
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
@@ -26,14 +26,14 @@ Array = NDArray[Any]
 
 FIRST_P, LATER_P = 0.05, 0.03
 """Of scores: who is worth a refit. What is not confirmed afterwards is told as suspected."""
-_IMITABLE_P = 0.02
+_ALIASABLE_P = 0.02
 """Of the errors that a refit removes, where the base could look like the cause."""
 _SHORTLIST = 0.3  # of the best gain
-_MOST_REFITS = 4
-_LEAST_OF_FLOOR, _LEAST_IF_IMITABLE, _LEAST_OF_MISFIT = 0.005, 0.0075, 0.01
+_MAX_REFITS = 4
+_MIN_OF_FLOOR, _MIN_IF_ALIASABLE, _MIN_OF_MISFIT = 0.005, 0.0075, 0.01
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
-_LEAST_OF_MISFIT_BESIDE = 0.02
+_MIN_OF_MISFIT_BESIDE = 0.02
 """The same of a further cause that the base can look like: the forms of those that were found are not quite right
 either."""
 _BESIDE, _BESIDE_SAME_DRIVER = 0.01, 0.7
@@ -42,8 +42,8 @@ and can do its work."""
 _LEFT_BESIDE, _LEFT_BESIDE_ITS_RIVAL = 0.2, 0.7
 """Of what a cause removed in the place of one that was found: what must be left for it beside that. Of two explanations
 of one thing, the second has little left to do; of two things, all."""
-MOST_CAUSES = 6
-_MOST_STEPS = 9
+MAX_CAUSES = 6
+_MAX_STEPS = 9
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Search:
     """Each cause that these pushes can show, as it changes nothing yet."""
     not_observable: dict[str, str]
     """Causes that they cannot show, and why."""
-    least: Mapping[str, float]
+    minimum: Mapping[str, float]
     """How much error each cause that was not found would have to remove beside those that were, mm²."""
 
     @property
@@ -111,7 +111,7 @@ def search(
         fresh = _weigh(statistics, own, columns, measured, seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         short = _shortlist(fresh, LATER_P if taken else FIRST_P)
-        if not short or len(taken) == MOST_CAUSES or len(steps) == _MOST_STEPS:
+        if not short or len(taken) == MAX_CAUSES or len(steps) == _MAX_STEPS:
             steps.append(Step(evidence, None, ()))
             break
         at_start = {cause: slopes.of(np.append(own, columns[cause])) for cause in short}
@@ -122,15 +122,15 @@ def search(
         error = float(before.mean())
         losses = {cause: action_losses(refit, measured) for cause, refit in refits.items()}
         size = {cause: float((before - after).mean()) for cause, after in losses.items()}
-        least = _least_beside(refits, observable, gained, left, floor, error)
+        minimum = _min_beside(refits, observable, gained, left, floor, error)
         mistaken = {
-            c for c in refits if size[c] < least[c] or could_be_the_base(observable[c], before - losses[c], seed)
+            c for c in refits if size[c] < minimum[c] or could_be_the_base(observable[c], before - losses[c], seed)
         }
         dismissed |= mistaken
         losses = {cause: after for cause, after in losses.items() if cause not in mistaken}
         if not losses:
             continue
-        step = simplest_of_the_best(evidence, losses, error, quantities, seed, log)
+        step = most_parsimonious(evidence, losses, error, quantities, seed, log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
@@ -141,8 +141,8 @@ def search(
         with_all, slopes, statistics = _with_all(model, observable, measured)
     others = set(observable) - {m.cause for m in model.mechanisms}
     error = float(action_losses(model, measured).mean())
-    least = _least_beside(others, observable, gained, left, floor, error)
-    return Search(base, model, tuple(steps), observable, unseen, least)
+    minimum = _min_beside(others, observable, gained, left, floor, error)
+    return Search(base, model, tuple(steps), observable, unseen, minimum)
 
 
 def _with_all(
@@ -173,10 +173,10 @@ def _weigh(
     return weighed(some, len(own), quantities, measured.block[first], seed, (information, scatter))
 
 
-def _least(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:
+def _minimum(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:
     """How much error a cause must remove at least, mm², where that is ``misfit`` above the floor."""
-    of_floor = _LEAST_IF_IMITABLE if mechanism.imitable else _LEAST_OF_FLOOR
-    of_misfit = _LEAST_OF_MISFIT_BESIDE if mechanism.imitable and beside_others else _LEAST_OF_MISFIT
+    of_floor = _MIN_IF_ALIASABLE if mechanism.aliasable else _MIN_OF_FLOOR
+    of_misfit = _MIN_OF_MISFIT_BESIDE if mechanism.aliasable and beside_others else _MIN_OF_MISFIT
     return max(of_floor * floor, of_misfit * misfit)
 
 
@@ -184,7 +184,7 @@ def could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:
     """Whether the errors that its refit removes, [actions], could as well be those of a base that is wrong about
     shapes: a score at no effect may be sure of what hardly makes a push better.
     """
-    return mechanism.imitable and paired_p(falls, seed) >= _IMITABLE_P
+    return mechanism.aliasable and paired_p(falls, seed) >= _ALIASABLE_P
 
 
 def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
@@ -194,10 +194,10 @@ def _shortlist(evidence: Mapping[str, Evidence], limit: float) -> list[str]:
         return []
     best = max(standing, key=lambda cause: evidence[cause].gain)
     near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
-    return sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
+    return sorted(near, key=lambda cause: -evidence[cause].gain)[:_MAX_REFITS]
 
 
-def _least_beside(
+def _min_beside(
     causes: Iterable[str],
     observable: Mapping[str, Mechanism],
     gained: Mapping[str, float],
@@ -210,7 +210,7 @@ def _least_beside(
     """
     return {
         cause: max(
-            _least(observable[cause], bool(gained), floor or error, error - floor),
+            _minimum(observable[cause], bool(gained), floor or error, error - floor),
             _enough(observable[cause], observable, gained, left),
         )
         for cause in causes
@@ -227,11 +227,11 @@ def _enough(
 
     A rival of what was found does its work, and what that one's form lacks.
     """
-    least = left.get(mechanism.cause, 0.0)
+    minimum = left.get(mechanism.cause, 0.0)
     for found, gain in gained.items():
         alike = observable[found].driver == mechanism.driver
-        least = max(least, gain * (_BESIDE_SAME_DRIVER if alike else _BESIDE))
-    return least
+        minimum = max(minimum, gain * (_BESIDE_SAME_DRIVER if alike else _BESIDE))
+    return minimum
 
 
 def _without_idle(

@@ -20,8 +20,8 @@ Array = NDArray[Any]
 class Parts(NamedTuple):
     """Row indices; all rows of one action are in one part."""
 
-    searched: Array
-    sealed: Array
+    discovery_split: Array
+    test_split: Array
 
 
 def split_pushes(measured: Actions, seed: int) -> Parts:
@@ -34,12 +34,12 @@ def split_pushes(measured: Actions, seed: int) -> Parts:
     Raises:
         ContractError: too few actions.
     """
-    sealed = np.unique(measured.action[split(measured, seed).test])
+    test_split = np.unique(measured.action[split(measured, seed).test])
     actions, count = np.unique(measured.action, return_counts=True)
     repeated = actions[count > 1]
-    if np.isin(sealed, repeated).all() and len(sealed) >= 4:  # else blocks of all kinds are sealed as it is
+    if np.isin(test_split, repeated).all() and len(test_split) >= 4:  # else blocks of all kinds are sealed as it is
         rng = np.random.default_rng([seed, 17])
-        freed = rng.permutation(sealed)[len(sealed) // 2 :]
+        freed = rng.permutation(test_split)[len(test_split) // 2 :]
         single = np.setdiff1d(actions, repeated)
         first = {action: int(np.flatnonzero(measured.action == action)[0]) for action in single.tolist()}
         block = np.array([measured.block[first[action]] for action in single.tolist()])
@@ -48,6 +48,6 @@ def split_pushes(measured: Actions, seed: int) -> Parts:
             if len(taken) >= len(freed):
                 break
             taken += single[block == one].tolist()
-        sealed = np.union1d(np.setdiff1d(sealed, freed), taken)
-    is_sealed = np.isin(measured.action, sealed)
-    return Parts(np.flatnonzero(~is_sealed), np.flatnonzero(is_sealed))
+        test_split = np.union1d(np.setdiff1d(test_split, freed), taken)
+    in_test_split = np.isin(measured.action, test_split)
+    return Parts(np.flatnonzero(~in_test_split), np.flatnonzero(in_test_split))

@@ -34,7 +34,7 @@ _LONGER_SIDE_PX = 64
 _MARGIN_M = 0.012
 
 
-class Imitation(NamedTuple):
+class Aliasing(NamedTuple):
     """Of C causes."""
 
     causes: tuple[str, ...]
@@ -98,7 +98,7 @@ def information(curvature: Array, nuisances: Array, interest: Array) -> Array:
     return (left + left.T) / 2
 
 
-def imitation(statistics: Statistics, columns: Columns) -> Imitation:
+def aliasing(statistics: Statistics, columns: Columns) -> Aliasing:
     """The imitation matrix from statistics at a model."""
     names = tuple(columns.causes)
     index = np.concatenate([columns.causes[name] for name in names]) if names else np.zeros(0, int)
@@ -117,16 +117,16 @@ def imitation(statistics: Statistics, columns: Columns) -> Imitation:
             if np.isfinite(cosine[i, j]):
                 shared = whitening[i].T @ left[parts[i], parts[j]] @ whitening[j]
                 cosine[i, j] = cosine[j, i] = min(float(np.linalg.norm(shared, 2)), 1.0)
-    return Imitation(names, cosine)
+    return Aliasing(names, cosine)
 
 
-def imitation_of(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Imitation:
+def aliasing_of(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Aliasing:
     """Between all causes that these strokes can show, at a model."""
     full = with_all(model, measured, vocabulary)
-    return imitation(linearise(full, measured), columns_of(full))
+    return aliasing(linearise(full, measured), columns_of(full))
 
 
-def sentences(found: Imitation, alike: float = ALIKE) -> list[str]:
+def sentences(found: Aliasing, alike: float = ALIKE) -> list[str]:
     """A sentence for each pair that can hardly be told apart, the closest first, and for each cause not seen at all."""
     said = [
         f"{first} and {second} imitate each other ({value:.2f}): this table can hardly tell them apart."
@@ -135,7 +135,7 @@ def sentences(found: Imitation, alike: float = ALIKE) -> list[str]:
     return said + [f"{cause} leaves no trace in this table that the base could not leave." for cause in _unseen(found)]
 
 
-def in_short(found: Imitation, alike: float = ALIKE) -> str:
+def in_short(found: Aliasing, alike: float = ALIKE) -> str:
     """The same in one line, such as "tool_wear ~ drying_shift .97"; the closest pair where none is that close."""
     closest = _closest(found, alike)
     said = [f"{first} ~ {second} {value:.2f}".replace(" 0.", " .") for value, first, second in closest]
@@ -145,7 +145,7 @@ def in_short(found: Imitation, alike: float = ALIKE) -> str:
     return ", ".join(said + [f"no trace of {cause}" for cause in _unseen(found)])
 
 
-def _closest(found: Imitation, alike: float) -> list[tuple[float, str, str]]:
+def _closest(found: Aliasing, alike: float) -> list[tuple[float, str, str]]:
     """Pairs above a value, the closest first."""
     rows, cols = np.tril_indices(len(found.causes), -1)
     pairs = sorted(
@@ -155,7 +155,7 @@ def _closest(found: Imitation, alike: float) -> list[tuple[float, str, str]]:
     return [(value, found.causes[j], found.causes[i]) for value, i, j in pairs]
 
 
-def _unseen(found: Imitation) -> list[str]:
+def _unseen(found: Aliasing) -> list[str]:
     return [cause for cause, own in zip(found.causes, np.diag(found.cosine), strict=True) if np.isnan(own)]
 
 
@@ -194,7 +194,7 @@ def _whitening(left: Array, own: Array) -> Array:
     return whitening
 
 
-def pairs_alike(found: Imitation, causes: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+def pairs_alike(found: Aliasing, causes: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
     """Each named cause with its rivals and with what imitates it, as pairs without repeats.
 
     Args:

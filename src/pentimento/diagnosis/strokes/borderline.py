@@ -22,11 +22,11 @@ from pentimento.diagnosis.strokes.fit import held
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.predict import Model, action_losses
-from pentimento.diagnosis.strokes.search import MOST_CAUSES, Search, enough, is_kin_of_what_suffices
+from pentimento.diagnosis.strokes.search import MAX_CAUSES, Search, enough, is_kin_of_what_suffices
 
 Array = NDArray[Any]
 
-_IN_DOUBT_P, _MOST = 0.35, 2
+_BORDERLINE_P, _MAX = 0.35, 2
 """Beyond that p confirming strokes would be the only witness; of several in doubt, the first are refitted."""
 
 
@@ -47,8 +47,8 @@ def confirmation(model: Model, cause: str, known: Measured, fresh: Array, seed: 
     return paired_p((slope @ values + np.einsum("p,npq,q->n", values, curvature, values))[fresh], seed)
 
 
-def with_one_in_doubt(
-    found: Search, searched: Measured, known: Measured, fresh: Array, seed: int, log: Callable[[str], None]
+def with_one_borderline(
+    found: Search, discovery_split: Measured, known: Measured, fresh: Array, seed: int, log: Callable[[str], None]
 ) -> Search:
     """What was found, and beside it the cause that searched strokes speak for most without being sure, where together
     with the confirming strokes they are.
@@ -57,27 +57,27 @@ def with_one_in_doubt(
         known, fresh: as of ``confirmation``.
     """
     last, limit = found.steps[-1], LATER_P if found.found else FIRST_P
-    in_doubt = {
+    borderline = {
         cause: e.p_adjusted
         for cause, e in last.evidence.items()
-        if cause not in found.found and not stands(e, limit) and e.gain > 0 and e.p_adjusted < _IN_DOUBT_P
+        if cause not in found.found and not stands(e, limit) and e.gain > 0 and e.p_adjusted < _BORDERLINE_P
     }
-    if not in_doubt or len(found.found) == MOST_CAUSES:
+    if not borderline or len(found.found) == MAX_CAUSES:
         return found
     tried = [
         cause
-        for cause in sorted(in_doubt, key=lambda cause: in_doubt[cause])[:_MOST]
-        if not is_kin_of_what_suffices(cause, found.model, found.observable, searched, seed)
+        for cause in sorted(borderline, key=lambda cause: borderline[cause])[:_MAX]
+        if not is_kin_of_what_suffices(cause, found.model, found.observable, discovery_split, seed)
     ]
-    refits = refits_with(found.model, tried, found.observable, searched)
-    before = action_losses(found.model, searched)
+    refits = refits_with(found.model, tried, found.observable, discovery_split)
+    before = action_losses(found.model, discovery_split)
     error = float(before.mean())
-    losses = {cause: held_out_losses(refit, searched, seed) for cause, refit in refits.items()}
+    losses = {cause: held_out_losses(refit, discovery_split, seed) for cause, refit in refits.items()}
     size = {cause: float((before - each).mean()) for cause, each in losses.items()}
     losses = {c: each for c, each in losses.items() if size[c] >= enough(found.observable[c], error, found)}
     if not losses:
         return found
-    step = choose(last.evidence, losses, error, refits, searched, seed, lambda _: None)
+    step = choose(last.evidence, losses, error, refits, discovery_split, seed, lambda _: None)
     cause = step.chosen
     assert cause is not None
     confirmed_p = confirmation(refits[cause], cause, known, fresh, seed)

@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.contracts.covariates import Memory, StrokeEvent, advance, carried_paint, covariates, fresh_memory
+from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates, fresh_memory, paint_pickup
 from pentimento.diagnosis.strokes.design_ranges import Ranges
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, foretold_linear, ink
+from pentimento.diagnosis.strokes.predict import Model, ink, predicted_linear
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import resample_path
 from pentimento.robots.motion import timed_path
@@ -95,7 +95,7 @@ def columns_at(action: Action, state: State, measured: Measured) -> dict[str, fl
     row = {name: float(values[-1]) for name, values in measured.covariates.items()}
     start_s = state.clock_s + action.wait_s
     event = _event(action, start_s, measured)
-    told = covariates(state.memory, event) | carried_paint(state.memory, event)
+    told = covariates(state.memory, event) | paint_pickup(state.memory, event)
     known = {name: float(value) for name, value in told.items() if not isinstance(value, list)}
     known |= {"order": float(state.made), "t_start_s": start_s, "t_before_s": start_s}
     known["t_after_s"] = start_s + _duration_s(action)
@@ -145,7 +145,7 @@ def as_measured(
     below = strokes.pick(np.array(rows) - 1)
     seen = below.samples._replace(top_left_m=windows.top_left_m, pixels_per_m=windows.pixels_per_m, valid=windows.valid)
     below = replace(below, samples=seen)
-    wet = foretold_linear(ink(model, below), below)
+    wet = predicted_linear(ink(model, below), below)
     paper = strokes.samples.before_linear.numpy()[rows]
     before, painted = strokes.samples.before_linear.clone(), strokes.painted.copy()
     before[rows] = torch.as_tensor(wet, dtype=before.dtype)

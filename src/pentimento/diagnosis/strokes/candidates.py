@@ -25,12 +25,12 @@ _IDLE_P = 0.05
 """Beyond it a cause of the model is idle beside a new one: to stay asks for less than to come. Uneven ends, which stand
 in for a cause that moves the path, stay only as surely as one comes."""
 _SHORTLIST = 0.4  # of the best gain
-_MOST_REFITS, _MOST_KIN = 4, 2
+_MAX_REFITS, _MAX_KIN = 4, 2
 _LARGE = 2.0  # times what is typical
 _LEFT, _LEFT_TO_ITS_DRIVER, _LEFT_TO_THE_UNRELATED = 0.05, 0.1, 0.01
 """Of what a cause removes. A little is always left where an effect's true form is not the mechanism's; it is taken up
 by causes of the same driver first."""
-_LEAST_TAKEN_UP, _MOST_TAKEN_UP = -0.5, 3.0
+_MIN_PICKUP, _MAX_TAKEN_UP = -0.5, 3.0
 """Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified; where it is, what brings
 markers a little beyond the strokes back to their places. What is linear alone is a wrong scale, and no lens."""
 
@@ -68,13 +68,13 @@ def shortlist(
         return []
     best = max(standing, key=lambda cause: evidence[cause].gain)
     near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
-    near = sorted(near, key=lambda cause: -evidence[cause].gain)[:_MOST_REFITS]
+    near = sorted(near, key=lambda cause: -evidence[cause].gain)[:_MAX_REFITS]
     kin = [
         cause
         for cause, e in evidence.items()
         if observable[cause].site == observable[best].site and e.p_adjusted <= kin_limit and cause not in near
     ]
-    return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MOST_KIN]
+    return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MAX_KIN]
 
 
 def refits_with(
@@ -140,8 +140,8 @@ def with_that_of_refits(
 def is_physical(mechanism: Mechanism) -> bool:
     """Whether all of its quantities have signs that they can have; of a lens, whether they can be of one picture."""
     if isinstance(mechanism, LensDistortion):
-        at_edge, taken_up = map(float, mechanism.values)
-        return _LEAST_TAKEN_UP * at_edge**2 <= taken_up * at_edge <= _MOST_TAKEN_UP * at_edge**2
+        at_edge, picked_up = map(float, mechanism.values)
+        return _MIN_PICKUP * at_edge**2 <= picked_up * at_edge <= _MAX_TAKEN_UP * at_edge**2
     return has_its_signs(mechanism)
 
 
@@ -174,7 +174,7 @@ def can_leave_what_looks_like(other: Mechanism, mechanism: Mechanism) -> bool:
 
     What is the same for all strokes has no form that could lack anything.
     """
-    return displaces(other) == displaces(mechanism) and bool(other.told_by)
+    return displaces(other) == displaces(mechanism) and bool(other.informative_covariates)
 
 
 def left_by_form(other: Mechanism, mechanism: Mechanism) -> float:
@@ -185,7 +185,9 @@ def left_by_form(other: Mechanism, mechanism: Mechanism) -> float:
         return 0.0
     if other.driver == mechanism.driver:
         return _LEFT_TO_ITS_DRIVER
-    unrelated = mechanism.told_by and not set(other.told_by) & set(mechanism.told_by)
+    unrelated = mechanism.informative_covariates and not set(other.informative_covariates) & set(
+        mechanism.informative_covariates
+    )
     return _LEFT_TO_THE_UNRELATED if unrelated else _LEFT
 
 

@@ -14,13 +14,13 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from pentimento.diagnosis.choice import unconfirmed
 from pentimento.diagnosis.splits import Splits, split
 from pentimento.diagnosis.standard_errors import values_with_errors
-from pentimento.diagnosis.strokes.borderline import confirmation, with_one_in_doubt
+from pentimento.diagnosis.strokes.borderline import confirmation, with_one_borderline
 from pentimento.diagnosis.strokes.candidates import can_leave_what_looks_like, left_by_form
 from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit, tempered
 from pentimento.diagnosis.strokes.floor import Floor, noise_floor
 from pentimento.diagnosis.strokes.large_effects import find_large
-from pentimento.diagnosis.strokes.learned_residual import Habits, learn_habits
+from pentimento.diagnosis.strokes.learned_residual import LearnedResidual, learn_residual
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.misattribution import (
     curve_is_as_good,
@@ -36,7 +36,7 @@ from pentimento.diagnosis.strokes.modulator import generic
 from pentimento.diagnosis.strokes.path_covariates import covariates_shown
 from pentimento.diagnosis.strokes.predict import Model, action_losses, mean_squared_error, residual
 from pentimento.diagnosis.strokes.search import Search, search, settle
-from pentimento.diagnosis.temporal_drift import Wandering, wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -44,7 +44,7 @@ Array = NDArray[Any]
 _CONFIRMED_BESIDE_P, _SURE_P, _CERTAIN_P = 0.05, 0.01, 0.001
 _DRAWS = 1999
 _PASSES = 2
-_LEAST_GAIN, _LEAST_BESIDE = 0.02, 0.05
+_MIN_GAIN, _MIN_BESIDE = 0.02, 0.05
 """Of the gap on sealed strokes, and of the largest gain there of its kind, among what displaces the mark or among the
 others: what is worth less explains nothing, however sure it is. Where a cause's form is not quite right, another takes
 up a little of what it leaves. What is worth as little beside one of the other kind must be sure there."""
@@ -76,7 +76,7 @@ class Finding:
     values: dict[str, tuple[float, float]]
     """Each quantity with its standard error."""
     rivals: tuple[str, ...]
-    misnamed: bool = False
+    misattributed: bool = False
     """Whether it is no better than what has no name."""
     of_what_is_left: float = math.nan
     """What it removes as a share not of the gap but of what of this all other established causes leave; NaN where
@@ -92,7 +92,7 @@ class Diagnosis:
     splits: Splits
     measured: Measured
     """The strokes, with the tool's habits."""
-    habits: Habits
+    learned_residual: LearnedResidual
     search: Search
     extended: Model
     """The base with the established causes, fitted to all but the sealed strokes."""
@@ -101,7 +101,7 @@ class Diagnosis:
     established: tuple[Finding, ...]
     suspected: tuple[Finding, ...]
     floor: Floor | None
-    wanders: Wandering | None
+    drifts: TemporalDrift | None
     """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
     base_losses: Array
     """Of each sealed action, sRGB."""
@@ -145,28 +145,28 @@ def diagnose(
     for _ in range(_PASSES):
         before = found.found
         unfound = [m for cause, m in found.observable.items() if cause not in before]
-        habits, weighed = learn_habits(weighed, found.model, splits.discovery, unfound, seed)
+        learned_residual, weighed = learn_residual(weighed, found.model, splits.discovery, unfound, seed)
         weighed = tempered(weighed, found.model)
         found = search(found, weighed.pick(splits.discovery), seed, log)
         if found.found == before:
             break
     unsealed = np.sort(np.concatenate(splits[:2]))
     fresh = np.isin(np.unique(weighed.action[unsealed]), weighed.action[splits.confirmation])
-    searched, known = weighed.pick(splits.discovery), weighed.pick(unsealed)
-    found = with_one_in_doubt(settle(found, searched, seed, log), searched, known, fresh, seed, log)
-    found = _with_ends_for_what_trails(found, searched, weighed, seed, log)
+    discovery_split, known = weighed.pick(splits.discovery), weighed.pick(unsealed)
+    found = with_one_borderline(settle(found, discovery_split, seed, log), discovery_split, known, fresh, seed, log)
+    found = _with_ends_for_what_trails(found, discovery_split, weighed, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
     confirmed_p = {m.cause: confirmation(found.model, m.cause, known, fresh, seed) for m in named}
-    habits, weighed = habits.learnt_from_all(weighed, unsealed)
+    learned_residual, weighed = learned_residual.learnt_from_all(weighed, unsealed)
     measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
     test, known = measured.pick(splits.test), measured.pick(unsealed)
     lost = unconfirmed([m.cause for m in named], confirmed_p, _CONFIRMED_BESIDE_P)
     base = fit(found.base, known)
     extended = base if len(lost) == len(named) else fit(_without(found.model, lost, found.base), known)
-    wanders = wandering(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
+    drifts = temporal_drift(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
     floor = noise_floor(extended, test, seed) or noise_floor(extended, measured, seed)
-    if floor and wanders:
-        floor = floor.moved(-wanders.mse_of_repeats)
+    if floor and drifts:
+        floor = floor.moved(-drifts.mse_of_repeats)
     base_losses, extended_losses = action_losses(base, test), action_losses(extended, test)
 
     def above_floor(missed: float) -> float:
@@ -195,7 +195,7 @@ def diagnose(
         rest = _without(model, causes, base)
         return fit(rest, known) if any(m.cause in found.observable for m in rest.mechanisms) else base
 
-    def is_misnamed(finding: Finding) -> bool:
+    def is_misattributed(finding: Finding) -> bool:
         mechanism = found.observable[finding.cause]
         return (
             not shows_signature(mechanism, finding.values)
@@ -213,27 +213,29 @@ def diagnose(
         extended_losses = action_losses(extended, test)
         established = findings(extended)
     # Nor does what merely stands where something without a name belongs.
-    misnamed = [f.cause for f in established if is_misnamed(f)]
-    if misnamed:
-        log(f"no better than what has no name: {', '.join(misnamed)}")
-        extended = without(extended, misnamed)
+    misattributed = [f.cause for f in established if is_misattributed(f)]
+    if misattributed:
+        log(f"no better than what has no name: {', '.join(misattributed)}")
+        extended = without(extended, misattributed)
         extended_losses = action_losses(extended, test)
         established = findings(extended)
     # What is established itself is no other explanation of its neighbour.
     names_of = {f.cause for f in established}
     established = tuple(replace(f, rivals=tuple(r for r in f.rivals if r not in names_of)) for f in established)
     doubtful = [m for m in named if m.cause not in {f.cause for f in established}]
-    suspected = tuple(replace(finding(fit(extended.plus(m), known), m), misnamed=m.cause in misnamed) for m in doubtful)
+    suspected = tuple(
+        replace(finding(fit(extended.plus(m), known), m), misattributed=m.cause in misattributed) for m in doubtful
+    )
     left, strength, names = unexplained(extended, known, covariates_shown(known), seed)
     worth = generic(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]
     return Diagnosis(
-        splits, measured, habits, found, extended, base, established, suspected, floor, wanders, base_losses,
+        splits, measured, learned_residual, found, extended, base, established, suspected, floor, drifts, base_losses,
         extended_losses, tuple(left), strength, tuple(names),
     )  # fmt: skip
 
 
-def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, sealed: int) -> bool:
+def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, test_split: int) -> bool:
     """Whether it surely acts, with a sign that it can have, and is worth enough on sealed strokes: surely something,
     where it is little, or little beside another, and the confirming strokes are not all but certain of it.
 
@@ -252,26 +254,26 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
         if abs(value) < _SURELY_THERE * error:
             return False
     others = [f for f in established if f is not finding and can_leave_what_looks_like(found.observable[f.cause], its)]
-    sure = finding.confirmed_p <= _SURE_P and not others and sealed <= _FEW
+    sure = finding.confirmed_p <= _SURE_P and not others and test_split <= _FEW
     if sure and len(established) == 1:
         return finding.gain > 0
     beyond_doubt = finding.confirmed_p <= _CERTAIN_P and finding.gain_interval[0] > 0
-    least = _FAINT * _LEAST_GAIN if beyond_doubt else _LEAST_GAIN
-    if (finding.of_what_is_left if beyond_doubt else finding.gain) < least:
+    minimum = _FAINT * _MIN_GAIN if beyond_doubt else _MIN_GAIN
+    if (finding.of_what_is_left if beyond_doubt else finding.gain) < minimum:
         return False
     for f in others:  # forms leave little to what goes with nothing of theirs; that must be there beyond doubt
-        may_be_left = left_by_form(found.observable[f.cause], its) if beyond_doubt else _LEAST_BESIDE
-        if finding.gain < f.gain * min(may_be_left, _LEAST_BESIDE):
+        may_be_left = left_by_form(found.observable[f.cause], its) if beyond_doubt else _MIN_BESIDE
+        if finding.gain < f.gain * min(may_be_left, _MIN_BESIDE):
             return False
     if finding.confirmed_p <= _CERTAIN_P:
         return True
     largest = max(f.gain for f in established)
-    good = _GOOD_GAIN * largest if sure else max(_GOOD_GAIN, _LEAST_BESIDE * largest)
+    good = _GOOD_GAIN * largest if sure else max(_GOOD_GAIN, _MIN_BESIDE * largest)
     return finding.gain >= good or finding.gain_interval[0] > 0
 
 
 def _with_ends_for_what_trails(
-    found: Search, searched: Measured, measured: Measured, seed: int, log: Callable[[str], None]
+    found: Search, discovery_split: Measured, measured: Measured, seed: int, log: Callable[[str], None]
 ) -> Search:
     """What was found, with uneven ends in the place of a cause by which a mark trails, where they do as much.
 
@@ -280,7 +282,9 @@ def _with_ends_for_what_trails(
     for mechanism in found.model.mechanisms:
         if ends_do_as_much(mechanism, found.model, measured, seed):
             log(f"uneven ends do as much as {mechanism.cause}")
-            base, model = (with_uneven_ends(m, searched) for m in (found.base, found.model.without(mechanism.cause)))
+            base, model = (
+                with_uneven_ends(m, discovery_split) for m in (found.base, found.model.without(mechanism.cause))
+            )
             return replace(found, base=base, model=model)
     return found
 

@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.result import STROKES, Judged, Kind, Surveyed
-from pentimento.diagnosis.strokes.aliasing import ALIKE, Imitation
+from pentimento.diagnosis.strokes.aliasing import ALIKE, Aliasing
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.maps import ResidualMap
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.next_actions import Proposal
-from pentimento.diagnosis.strokes.predict import foretold
+from pentimento.diagnosis.strokes.predict import predicted
 from pentimento.diagnosis.strokes.screening import Survey
 from pentimento.diagnosis.strokes.user_baseline import Given
-from pentimento.diagnosis.temporal_drift import Wandering
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
 
 Array = NDArray[Any]
@@ -29,8 +29,8 @@ DIVERGING = "RdBu_r"
 _QUIET = "#8a8a86"
 _GREEN = "#4f7f4a"
 _PAGE_IN = 10.5
-_LEAST_BAR = 0.002  # of the base's error
-_LEAST_TOP = 4.0  # of correlations in standard errors: where chance ends
+_MIN_BAR = 0.002  # of the base's error
+_MIN_TOP = 4.0  # of correlations in standard errors: where chance ends
 _NEIGHBOURS = 7  # of a running mean
 _QUESTIONS = (BLUE, OCHRE, _GREEN, "#7a4f86", "#a33a3a", "#555555")
 
@@ -72,7 +72,7 @@ def mode_heat(survey: Surveyed, structured: set[tuple[str, str]]) -> bytes:
         figure = Figure(figsize=(max(2.6 + 0.52 * len(survey.covariates), _PAGE_IN), 6.4), layout="constrained")
         cells = figure.subplots(2, 1, sharex=True)
         strengths = (survey.base_strength, survey.extended_strength)
-        top = max(float(np.max(strengths, initial=0.0)), _LEAST_TOP)
+        top = max(float(np.max(strengths, initial=0.0)), _MIN_TOP)
         for axes, name, strength in zip(cells, ("base", "extended"), strengths, strict=True):
             image = axes.imshow(strength, cmap="viridis", vmin=0, vmax=top, aspect="auto")
             axes.set_yticks(range(len(survey.modes)), survey.modes)
@@ -116,9 +116,9 @@ def dependence(survey: Surveyed) -> bytes:
         return png(figure)
 
 
-def wandering_curve(wanders: Wandering) -> bytes:
+def drift_curve(drifts: TemporalDrift) -> bytes:
     """What wanders, action by action in the order of execution, and the mean of neighbours."""
-    amount = wanders.amount
+    amount = drifts.amount
     window = np.ones(_NEIGHBOURS)
     mean = np.convolve(amount, window, "same") / np.convolve(np.ones_like(amount), window, "same")
     with drawing():
@@ -127,11 +127,11 @@ def wandering_curve(wanders: Wandering) -> bytes:
         axes.axhline(0.0, color="#deded8", lw=1.0, zorder=1)
         axes.plot(amount, "o", color=_QUIET, ms=3.5, zorder=2)
         axes.plot(mean, color=OCHRE, lw=2.0, zorder=3)
-        axes.set(xlabel="order of execution", ylabel=wanders.mode, xlim=(-1, len(amount)))
+        axes.set(xlabel="order of execution", ylabel=drifts.mode, xlim=(-1, len(amount)))
         return png(figure)
 
 
-def imitation_heat(found: Imitation, named: Sequence[str]) -> bytes:
+def aliasing_heat(found: Aliasing, named: Sequence[str]) -> bytes:
     """The imitation matrix; named causes are set in bold."""
     count = max(len(found.causes), 2)
     with drawing():
@@ -171,7 +171,7 @@ def leave_one_out(diagnosis: Judged, given_mse: float | None = None, kind: Kind 
             bars.append((f"without\n{finding.cause}", low, high, colour, False))
         bars.append(("extended", 0.0, extended, BLUE, False))
         left = max(diagnosis.unexplained, key=lambda one: one.generic_gain, default=None)
-        if left is not None and left.generic_gain * extended > _LEAST_BAR * base:
+        if left is not None and left.generic_gain * extended > _MIN_BAR * base:
             generic = f"− generic:\n{left.mode} by\n{left.covariate}"
             bars.append((generic, extended * (1 - left.generic_gain), extended, _QUIET, True))
         if floor is not None:
@@ -195,20 +195,20 @@ def leave_one_out(diagnosis: Judged, given_mse: float | None = None, kind: Kind 
 
 def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     """Sealed strokes: photographs before and after, both models' foretelling, both errors."""
-    base, extended = (foretold(model, survey.sealed) for model in (diagnosis.base, diagnosis.extended))
-    return _stroke_sheet(survey.sealed, {"base": base, "extended": extended}, shown)
+    base, extended = (predicted(model, survey.test_split) for model in (diagnosis.base, diagnosis.extended))
+    return _stroke_sheet(survey.test_split, {"base": base, "extended": extended}, shown)
 
 
 def given_strokes(given: Given, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     """The same with a given model in the base's place."""
-    beside = {"given model": given.foretold, "extended": foretold(diagnosis.extended, survey.sealed)}
-    return _stroke_sheet(survey.sealed, beside, shown)
+    beside = {"given model": given.predicted, "extended": predicted(diagnosis.extended, survey.test_split)}
+    return _stroke_sheet(survey.test_split, beside, shown)
 
 
-def _stroke_sheet(sealed: Measured, models: Mapping[str, Array], shown: int) -> bytes:
+def _stroke_sheet(test_split: Measured, models: Mapping[str, Array], shown: int) -> bytes:
     """Strokes from the one where the second model is the most better than the first to where it is the least."""
     images = list(models.values())
-    after, valid = sealed.samples.after.numpy(), sealed.samples.valid.numpy() > 0
+    after, valid = test_split.samples.after.numpy(), test_split.samples.valid.numpy() > 0
     wrong = [np.square(image - after).mean(-1) for image in images]
     fall = ((wrong[0] - wrong[1]) * valid).sum((1, 2))
     order = np.argsort(-fall, kind="stable")
@@ -222,12 +222,12 @@ def _stroke_sheet(sealed: Measured, models: Mapping[str, Array], shown: int) -> 
         cells = figure.subplots(len(chosen), 6, squeeze=False, gridspec_kw={"height_ratios": heights})
         for row, b in zip(cells, chosen, strict=True):
             height, width = int(valid[b].any(1).sum()), int(valid[b].any(0).sum())
-            pictures = (sealed.samples.before.numpy()[b], after[b], images[0][b], images[1][b])
+            pictures = (test_split.samples.before.numpy()[b], after[b], images[0][b], images[1][b])
             for axes, picture in zip(row[:4], pictures, strict=True):
                 axes.imshow(np.clip(picture[:height, :width], 0, 1))
             for axes, error in zip(row[4:], wrong, strict=True):
                 image = axes.imshow(np.sqrt(error[b, :height, :width]), cmap=ERROR_COLOURS, vmin=0, vmax=top)
-            one = sealed.pick(np.array([b])).samples
+            one = test_split.pick(np.array([b])).samples
             path = one.view.to_pixels(one.path[..., 1:3])[0].numpy()
             row[0].plot(*path.T, color=OCHRE, lw=1.2)
             row[0].plot(*path[0], "o", color=OCHRE, ms=4)

@@ -48,10 +48,10 @@ _RANGE = (
         "mixing": (-2.5, 0.7),
     }
 )
-_MOST_OF_USUAL = 3.0
-_FARTHEST_ENDS, _MOST_UNEVEN = 0.5, 0.2
+_MAX_OF_USUAL = 3.0
+_FARTHEST_ENDS, _MAX_UNEVEN = 0.5, 0.2
 """Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
-_MOST_WIDENED = 3.0  # times what is typical
+_MAX_WIDENED = 3.0  # times what is typical
 _FLATTEST = 1e-6  # m of press: below it all presses count as one
 
 
@@ -116,13 +116,13 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
 
 
 def tempered(measured: Measured, model: Model) -> Measured:
-    """The strokes with weights: no action's error about the model counts as more than ``_MOST_OF_USUAL`` times the
+    """The strokes with weights: no action's error about the model counts as more than ``_MAX_OF_USUAL`` times the
     median (Huber 1964, by action): a single stroke that is wrong by ten times as much as others would say all.
     """
     plain = replace(measured, weight=np.ones(len(measured)))
     losses = action_losses(model, plain)
     _, action = np.unique(measured.action, return_inverse=True)
-    weight = np.minimum(_MOST_OF_USUAL * np.median(losses) / np.maximum(losses, 1e-30), 1.0)
+    weight = np.minimum(_MAX_OF_USUAL * np.median(losses) / np.maximum(losses, 1e-30), 1.0)
     return replace(measured, weight=weight[action])
 
 
@@ -174,8 +174,8 @@ def _bounds(model: Model) -> tuple[Array, Array]:
     low[ends], high[ends] = -_FARTHEST_ENDS * half_mm, _FARTHEST_ENDS * half_mm
     if any(isinstance(m, UnevenEnds) for m in model.mechanisms):
         uneven = model.columns_of(UnevenEnds.cause)
-        shift = _MOST_UNEVEN * half_mm * 1e-3 / UnevenEnds.quantities[0].typical
-        high[uneven] = shift, shift, _MOST_WIDENED, _MOST_WIDENED
+        shift = _MAX_UNEVEN * half_mm * 1e-3 / UnevenEnds.quantities[0].typical
+        high[uneven] = shift, shift, _MAX_WIDENED, _MAX_WIDENED
         low[uneven] = -high[uneven]
     return low, high
 

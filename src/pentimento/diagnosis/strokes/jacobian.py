@@ -24,13 +24,13 @@ from pentimento.diagnosis.strokes.predict import (
     Model,
     acts_on,
     at_pixels,
-    foretold_linear,
     gain_of_camera,
     ink_of,
     mark_px,
     marks_px,
     paint_at,
     paint_laid,
+    predicted_linear,
 )
 from pentimento.diagnosis.strokes.soft_edge import Imprint, change_of_coverage
 
@@ -43,7 +43,7 @@ _MARK_STEP = 1e-5
 
 def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
     """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
-    _, steepness = _srgb_and_slope(foretold_linear(laid, measured))
+    _, steepness = _srgb_and_slope(predicted_linear(laid, measured))
     return steepness * _slopes(laid, measured)[0]
 
 
@@ -62,7 +62,7 @@ def _change_of_photographs(
     model: Model, measured: Measured, amounts: Array, mark: Array, change_of_mark: Array
 ) -> Array:
     laid = ink_of(mark, model, measured)
-    linear = foretold_linear(laid, measured)
+    linear = predicted_linear(laid, measured)
     inked = np.flatnonzero(laid.imprint.segment >= 0)
     drawn = np.zeros_like(laid.imprint.coverage)
     drawn.ravel()[inked] = change_of_coverage(laid.imprint, change_of_mark[None], inked)[:, 0]
@@ -132,7 +132,7 @@ def _row_statistics(
     pixels = np.flatnonzero(inked)
 
     samples, valid = measured.samples, measured.samples.valid.numpy()
-    linear = foretold_linear(laid, measured, pixels)
+    linear = predicted_linear(laid, measured, pixels)
     srgb, steepness = _srgb_and_slope(linear)
     steepness *= at_pixels(valid, pixels)[:, None]
     by_coverage, by_paint = (steepness * slope for slope in _slopes(laid, measured, pixels))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import torch
 
-from pentimento.diagnosis.choice import Step, choose, without_unlikely
+from pentimento.diagnosis.choice import Step, choose, prune_unlikely
 from pentimento.diagnosis.score import Evidence
 from pentimento.diagnosis.strokes.candidates import (
     FIRST_P,
@@ -26,7 +26,7 @@ from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import fit
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.predict import Model, action_losses, identity
-from pentimento.diagnosis.strokes.search import MOST_CAUSES, Search
+from pentimento.diagnosis.strokes.search import MAX_CAUSES, Search
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, StrokeContext
 
 _LARGE_OF_MISFIT = 0.04
@@ -76,7 +76,7 @@ def find_large(
         base, model = plain, instead[step.chosen]
         error = float(losses[step.chosen].mean())
         gained[step.chosen] = before - error
-    while len(steps) < MOST_CAUSES:
+    while len(steps) < MAX_CAUSES:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken]
         evidence, at_start = weigh(model, candidates, measured, seed + len(steps))
@@ -171,7 +171,7 @@ def _large_step(
     losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
     if not losses:
         return None
-    losses = without_unlikely(losses, error, refits, measured)
+    losses = prune_unlikely(losses, error, refits, measured)
     step = choose(evidence, losses, error, refits, measured, seed, log)
     assert step.chosen is not None
     best = refits[step.chosen]

@@ -21,11 +21,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.random_effect import own_part
+from pentimento.diagnosis.random_effect import action_effect
 from pentimento.diagnosis.strokes.fit import steadied
 from pentimento.diagnosis.strokes.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, foretold, ink_of, mark_px, press_shares, residual
+from pentimento.diagnosis.strokes.predict import Model, ink_of, mark_px, predicted, press_shares, residual
 from pentimento.diagnosis.strokes.soft_edge import Imprint
 from pentimento.diagnosis.trees import Trees, cross_fitted, folds, grown, like_causes, said_at
 from pentimento.dynamics.strokes.simulation import Mechanism
@@ -45,7 +45,7 @@ _LEFT, _SINE = 0, 8
 
 
 @dataclass(frozen=True)
-class Habits:
+class LearnedResidual:
     """What was learnt, as seen from a model."""
 
     model: Model
@@ -59,7 +59,7 @@ class Habits:
     mirrored: bool
     """Whether left and right are one to them."""
 
-    def seen_from(self, model: Model) -> Habits:
+    def seen_from(self, model: Model) -> LearnedResidual:
         """The same, seen from a model that knows more paints: what is like causes does nothing to those."""
         new = model.nuisances - self.model.nuisances
         return replace(self, model=model, like_causes=np.insert(self.like_causes, [self.model.nuisances] * new, 0.0))
@@ -69,7 +69,7 @@ class Habits:
         pixels = _Pixels(self.model, measured, self.turned)
         return self._joined(measured, pixels, self._say(pixels))
 
-    def learnt_from_all(self, measured: Measured, rows: Array) -> tuple[Habits, Measured]:
+    def learnt_from_all(self, measured: Measured, rows: Array) -> tuple[LearnedResidual, Measured]:
         """Habits learnt once more, from all strokes with the indices ``rows`` by one set of trees, which knows more
         than sets that each learn from a part; and the strokes, of which those that are none of ``rows`` have these.
 
@@ -80,12 +80,12 @@ class Habits:
         pixels = _Pixels(self.model, bare, self.turned)
         left = pixels.along_slope(residual(self.model, measured))
         missing = pixels.along_slope(residual(self.model, bare))
-        missing -= own_part(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
+        missing -= action_effect(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
         trees = grown(self._told_of(pixels), missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
-        habits = replace(self, trees=(trees,))
-        habit = habits._joined(bare, pixels, habits._say(pixels)).habit
+        learned_residual = replace(self, trees=(trees,))
+        habit = learned_residual._joined(bare, pixels, learned_residual._say(pixels)).habit
         habit[rows] = measured.habit[rows]
-        return habits, replace(measured, habit=habit)
+        return learned_residual, replace(measured, habit=habit)
 
     def _told_of(self, pixels: _Pixels) -> Array:
         return one_sided(pixels.features) if self.mirrored else pixels.features
@@ -99,9 +99,9 @@ class Habits:
         return replace(measured, habit=habit - change_of_photographs(self.model, measured, self.like_causes))
 
 
-def learn_habits(
+def learn_residual(
     measured: Measured, model: Model, rows: Array, candidates: Sequence[Mechanism], seed: int
-) -> tuple[Habits, Measured]:
+) -> tuple[LearnedResidual, Measured]:
     """Habits of the strokes with the indices ``rows``, and all strokes with theirs instead of any that they had.
 
     Args:
@@ -120,7 +120,7 @@ def learn_habits(
     mirrored = bool((pixels.depth * (np.square(missing - both) - np.square(missing - said)))[learnt].sum() < 0)
     # Where a stroke as a whole came to lie, and how wide, is chance, and much of the noise. It shows once what is alike
     # is taken away.
-    missing -= own_part(missing - share * said, pixels.by_place_and_width, pixels.depth, pixels.stroke)
+    missing -= action_effect(missing - share * said, pixels.by_place_and_width, pixels.depth, pixels.stroke)
     features = one_sided(features) if mirrored else features
     trees, said, share = cross_fitted(features, missing, pixels.depth, fold, _TREES)
     full = model.plus(*candidates)
@@ -128,8 +128,8 @@ def learn_habits(
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
     columns = [full.columns_of(cause) for cause in unlike]
     amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
-    habits = Habits(full.without(*unlike), trees, share, amounts, turned, mirrored)
-    return habits, habits._joined(measured, pixels, said)
+    learned_residual = LearnedResidual(full.without(*unlike), trees, share, amounts, turned, mirrored)
+    return learned_residual, learned_residual._joined(measured, pixels, said)
 
 
 class _Pixels:
@@ -205,7 +205,7 @@ def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -
     """Changes [P] of the model's numbers that would do to the strokes ``rows`` what comes nearest to photographs
     [B, H, W, 3]; 0 of those quantities of mechanisms that come to no more than chance.
     """
-    after = torch.from_numpy((foretold(model, measured) + photographs).astype(np.float32))
+    after = torch.from_numpy((predicted(model, measured) + photographs).astype(np.float32))
     asked = replace(measured, samples=measured.samples._replace(after=after)).pick(rows)
     # What strokes leave open would be anything, and an absurdity on one that was not looked at.
     return like_causes(steadied(linearise(model, asked), model, _STEADIED), model.nuisances)

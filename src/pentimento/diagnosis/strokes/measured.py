@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts import images
-from pentimento.dynamics.strokes.paint_pickup import carried_paint
+from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
 from pentimento.dynamics.strokes.simulation import StrokeContext
@@ -50,7 +50,7 @@ class Measured:
     weight: Array
     """float64[B]: of each stroke's squared error in fits and tests; 1 unless ``fit.tempered`` has looked at them."""
     habit: Array
-    """float32[B, H, W, 3]: what is foretold beside what any model says (``habits``), sRGB."""
+    """float32[B, H, W, 3]: what is foretold beside what any model says (``learned_residual``), sRGB."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -92,7 +92,7 @@ def load_measured(table: pa.Table) -> Measured:
     painted = _painted(samples.before_linear.numpy())
     paint = mixes(samples.color.numpy(), _sessions(table), block)
     order = np.lexsort((np.asarray(table["order"].to_pylist()), np.asarray(table["session"].to_pylist())))
-    columns, paints = covariates_of(table) | carried_paint(table, samples), int(paint.max()) + 1
+    columns, paints = covariates_of(table) | paint_pickup(table, samples), int(paint.max()) + 1
     nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
     return Measured(
         samples, columns, paint, paints, block, np.argsort(order), painted, np.ones(len(samples.path)), nothing_learnt

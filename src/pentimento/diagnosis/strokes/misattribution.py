@@ -153,7 +153,7 @@ class _Leading(BristleLag):
 
 
 def curve_is_as_good(
-    mechanism: Mechanism, model: Model, rest: Model, known: Measured, sealed: Measured, seed: int
+    mechanism: Mechanism, model: Model, rest: Model, known: Measured, test_split: Measured, seed: int
 ) -> bool:
     """Whether a curve over what a cause does not go with does its work: in its place no more error is left, and beside
     it the cause has little left to do. (Of two effects that are there, each keeps its own.)
@@ -167,23 +167,24 @@ def curve_is_as_good(
     pairs = [(one.mode, one.covariate) for one in left]
 
     def with_curve(bare: Model) -> Array:
-        return action_losses(*modulated(bare, fit_modulator(bare, known, pairs, seed), sealed))
+        return action_losses(*modulated(bare, fit_modulator(bare, known, pairs, seed), test_split))
 
-    losses, instead = action_losses(model, sealed), with_curve(rest)
+    losses, instead = action_losses(model, test_split), with_curve(rest)
     if instead.mean() > losses.mean():
         return False
-    beside, alone = instead - with_curve(model), action_losses(rest, sealed) - losses
+    beside, alone = instead - with_curve(model), action_losses(rest, test_split) - losses
     return bool(beside.mean() < _LITTLE * alone.mean())
 
 
 def _foreign(mechanism: Mechanism, measured: Measured) -> dict[str, Array]:
     """What was recorded and the cause does not go with, [B] each."""
     columns = covariates_shown(measured)
-    own = [columns[name] for name in mechanism.told_by if name in columns and not _is_a_kind(name)]
+    own = [columns[name] for name in mechanism.informative_covariates if name in columns and not _is_a_kind(name)]
     return {
         name: values
         for name, values in columns.items()
-        if name not in mechanism.told_by and not any(_rank_correlation(values, each) > _THE_SAME for each in own)
+        if name not in mechanism.informative_covariates
+        and not any(_rank_correlation(values, each) > _THE_SAME for each in own)
     }
 
 

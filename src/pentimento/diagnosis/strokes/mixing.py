@@ -16,7 +16,7 @@ from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.predict import BASE, Model
 
 _START = -0.4
-_P, _LEAST = 0.01, 0.1
+_P, _MIN = 0.01, 0.1
 """How sure another mixing than in light must be, and what it must remove of the error."""
 
 
@@ -30,7 +30,7 @@ def mixed(model: Model, measured: Measured, seed: int) -> Model:
     plain = min(model, rival, key=lambda each: float(linearise(each, measured).energy.mean()))
     before = linearise(plain, measured).energy
     removed = before - linearise(other, measured).energy
-    sure = paired_p(removed, seed) < _P and removed.mean() >= _LEAST * before.mean()
+    sure = paired_p(removed, seed) < _P and removed.mean() >= _MIN * before.mean()
     return other if sure else plain
 
 

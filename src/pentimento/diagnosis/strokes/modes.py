@@ -30,10 +30,10 @@ Array = NDArray[Any]
 MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "blur")
 _DRAWS = 1999
 _P = 0.01
-_MOST = 6
+_MAX = 6
 _OUTLYING = 4
 """In usual deviations: beyond, a score counts as this much."""
-_LEAST_SEEN = 50.0
+_MIN_SEEN = 50.0
 """Times the usual variance: a mode that is seen less in a mark counts as this."""
 
 
@@ -125,7 +125,7 @@ def structure(
     whole = _strength(scores, weight, basis)
     found: list[Unexplained] = []
     left = scores
-    while len(found) < _MOST:
+    while len(found) < _MAX:
         observed = _strength(left, weight, basis)
         rng = np.random.default_rng([seed, 9, len(found)])
         orders = permuted_actions(action, _DRAWS, rng)
@@ -176,7 +176,7 @@ def _certainty(scores: Array, energy: Array) -> Array:
     """
     weight = np.empty_like(scores)
     for m, (score, own) in enumerate(zip(scores.T, energy.T, strict=True)):
-        by_pixels = np.minimum(np.median(own) / np.maximum(own, 1e-12), _LEAST_SEEN)
+        by_pixels = np.minimum(np.median(own) / np.maximum(own, 1e-12), _MIN_SEEN)
         expected = 1 / (1 + by_pixels)  # squares scatter by themselves: what is larger says less
         shapes = np.stack([np.ones_like(by_pixels), by_pixels], axis=1)
         shares, _ = nnls(shapes * expected[:, None], np.clip(np.square(score), 0, _OUTLYING**2) * expected)

@@ -114,7 +114,7 @@ class Generic(NamedTuple):
     """The same of each (mode, covariate) by itself."""
 
 
-def generic(model: Model, known: Measured, sealed: Measured, left: Sequence[Unexplained], seed: int) -> Generic:
+def generic(model: Model, known: Measured, test_split: Measured, left: Sequence[Unexplained], seed: int) -> Generic:
     """Fit a modulator to what is left unexplained and measure it on strokes that had no part in it.
 
     Args:
@@ -126,13 +126,13 @@ def generic(model: Model, known: Measured, sealed: Measured, left: Sequence[Unex
     """
     pairs = [(one.mode, one.covariate) for one in left]
     together = fit_modulator(model, known, pairs, seed)
-    before, losses = action_losses(model, sealed), action_losses(*modulated(model, together, sealed))
+    before, losses = action_losses(model, test_split), action_losses(*modulated(model, together, test_split))
     drawn = np.random.default_rng([seed, 15]).integers(0, len(losses), (_DRAWS, len(losses)))
     low, high = np.quantile(1 - losses[drawn].mean(1) / before[drawn].mean(1), [0.025, 0.975])
     alone = {}
     for pair in pairs:
         one = fit_modulator(model, known, [pair], seed)
-        alone[pair] = float(1 - action_losses(*modulated(model, one, sealed)).mean() / before.mean())
+        alone[pair] = float(1 - action_losses(*modulated(model, one, test_split)).mean() / before.mean())
     return Generic(together, losses, float(1 - losses.mean() / before.mean()), (float(low), float(high)), alone)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.schema import PATH, vector
 from pentimento.diagnosis.result import Judged
-from pentimento.diagnosis.strokes.aliasing import Columns, Imitation, columns_of, imitation, pairs_alike
+from pentimento.diagnosis.strokes.aliasing import Aliasing, Columns, aliasing, columns_of, pairs_alike
 from pentimento.diagnosis.strokes.candidate_actions import Action, as_measured, draw_sequence, in_turn, window_of
 from pentimento.diagnosis.strokes.design_ranges import Ranges, ranges_of
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
@@ -33,7 +33,7 @@ ACTIONS = 16
 _SEQUENCES = 24
 """Random ones; each turn takes its action from one of them."""
 _EXCHANGES = 10
-_LEAST_RISE = 1e-3
+_MIN_RISE = 1e-3
 _FOR_WAITING = 0.1
 """Of log det S: what waiting between strokes must be worth."""
 
@@ -47,11 +47,11 @@ class Proposal(NamedTuple):
     actions: tuple[Action, ...]
     question: tuple[Question, ...]
     """For each action, what it says most about."""
-    imitation: dict[tuple[str, str], tuple[float, float]]
+    aliasing: dict[tuple[str, str], tuple[float, float]]
     """Of each pair: so far, and as it will be with these actions."""
 
 
-def questions(diagnosis: Judged, found: Imitation) -> list[Question]:
+def questions(diagnosis: Judged, found: Aliasing) -> list[Question]:
     """What the next actions should decide.
 
     Named causes against their rivals and imitators; without any, the quantities of what is established; without that,
@@ -74,7 +74,7 @@ def questions(diagnosis: Judged, found: Imitation) -> list[Question]:
 
 def proposal_for(diagnosis: Diagnosis, seen: Survey, seed: int) -> Proposal:
     """The next strokes after a diagnosis; none where nothing is in question."""
-    asked = questions(diagnosis, seen.imitation)
+    asked = questions(diagnosis, seen.aliasing)
     if not asked:
         return Proposal((), (), {})
     wanted = {cause for question in asked for cause in question}
@@ -123,7 +123,7 @@ def best_of_turns(so_far: Array, says: Array, columns: Columns, asked: Sequence[
             total -= says[chosen[turn], turn]
             values = _worth(total + says[:, turn], columns, asked)
             best = int(np.argmax(values))
-            if values[best] > values[chosen[turn]] + _LEAST_RISE:
+            if values[best] > values[chosen[turn]] + _MIN_RISE:
                 chosen[turn], changed = best, True
             total += says[chosen[turn], turn]
         if not changed:
@@ -141,7 +141,7 @@ def alike(total: Array, columns: Columns, pair: tuple[str, str]) -> float:
     rest = [index for cause, index in columns.causes.items() if cause not in pair]
     held = Columns(np.concatenate([columns.nuisances, *rest]), {cause: columns.causes[cause] for cause in pair})
     nothing = np.zeros((1, len(total)))
-    return imitation(Statistics(total[None], nothing, nothing[:, 0]), held).of(*pair)
+    return aliasing(Statistics(total[None], nothing, nothing[:, 0]), held).of(*pair)
 
 
 def curvatures(

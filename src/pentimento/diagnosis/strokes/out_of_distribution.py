@@ -48,10 +48,10 @@ def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: 
     Raises:
         NotObservable: the table lacks a column that the extended model depends on.
     """
-    models = diagnosis.base, diagnosis.extended, diagnosis.habits.model
+    models = diagnosis.base, diagnosis.extended, diagnosis.learned_residual.model
     base, extended, seen_from = (applied(model, paints, outside)[0] for model in models)
     strokes = applied(diagnosis.base, paints, outside)[1]
-    strokes = diagnosis.habits.seen_from(seen_from).of(strokes)
+    strokes = diagnosis.learned_residual.seen_from(seen_from).of(strokes)
     floor = noise_floor(extended, strokes, seed) or diagnosis.floor
     before, after = float(action_losses(base, strokes).mean()), float(action_losses(extended, strokes).mean())
     if floor is None or before <= floor.mse:

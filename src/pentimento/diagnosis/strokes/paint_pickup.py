@@ -13,7 +13,7 @@ from pentimento.diagnosis.strokes.soft_edge import Imprint
 Array = NDArray[Any]
 
 
-def taken_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
+def picked_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
     """By how much the paint of a tool that takes up all that it crosses differs from its own, float32[B, H, W, 3].
 
     What is crossed is stirred in on the spot and carried along from there, by the renderer's law (``composition``).

@@ -4,7 +4,7 @@ A model is a base and any mechanisms of the vocabulary. The base is the thesis's
 amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration (GAP.md, rule 2):
 the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of each paint's colour, a power
 of light in which paint and ground mix, both ends a little beyond their command and wider. What is left of the mark's
-own shape comes with the strokes (``habits``).
+own shape comes with the strokes (``learned_residual``).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.diagnosis.batches import in_batches, one_openmp_thread
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.mixture import mixture
-from pentimento.diagnosis.strokes.paint_pickup import taken_up
+from pentimento.diagnosis.strokes.paint_pickup import picked_up
 from pentimento.diagnosis.strokes.soft_edge import LEVELS, Imprint, imprint
 from pentimento.dynamics.strokes.mechanisms.geometry import arc_m, bending_per_m, moved_ends, tangent
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, extended_mark
@@ -254,7 +254,9 @@ def paint_laid(model: Model, measured: Measured, made: Imprint) -> Array:
     laid = paint[:, 0].numpy().astype(np.float32)[:, None, None]
     if pickup is not None:
         below = samples.before_linear.numpy()
-        laid = laid + pickup.numpy().astype(np.float32)[..., None, None] * taken_up(made, laid, below, measured.painted)
+        laid = laid + pickup.numpy().astype(np.float32)[..., None, None] * picked_up(
+            made, laid, below, measured.painted
+        )
     return laid
 
 
@@ -267,7 +269,7 @@ def gain_of_camera(model: Model, measured: Measured) -> Array:
     return picture[..., 0].numpy().astype(np.float32)
 
 
-def foretold_linear(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
+def predicted_linear(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
     """The windows after the strokes, linear light float32[B, H, W, 3]; or those ``pixels``, [n, 3]."""
     below = at_pixels(measured.samples.before_linear.numpy(), pixels)
     coverage = at_pixels(laid.imprint.coverage, pixels)[..., None]
@@ -293,24 +295,24 @@ def paint_at(laid: Ink, pixels: Array | None) -> Array:
 
 def residual(model: Model, measured: Measured) -> Array:
     """Measured less foretold, sRGB float32[B, H, W, 3]; 0 in the padding."""
-    return (measured.samples.after.numpy() - foretold(model, measured)) * measured.samples.valid.numpy()[..., None]
+    return (measured.samples.after.numpy() - predicted(model, measured)) * measured.samples.valid.numpy()[..., None]
 
 
-def foretold(model: Model, measured: Measured) -> Array:
+def predicted(model: Model, measured: Measured) -> Array:
     """The photographs after the strokes, sRGB float32[B, H, W, 3]."""
     mark = mark_px(model, measured)
 
     def of(some: slice) -> Array:
-        return _foretold(model, measured.pick(some), mark[some])
+        return _predicted(model, measured.pick(some), mark[some])
 
     return np.concatenate(in_batches(of, len(measured), ROWS_AT_ONCE))
 
 
-def _foretold(model: Model, measured: Measured, mark: Array) -> Array:
+def _predicted(model: Model, measured: Measured, mark: Array) -> Array:
     laid = ink_of(mark, model, measured)
     changed = np.flatnonzero((laid.imprint.segment >= 0) | (laid.gain != 1))
     after = measured.samples.before.numpy().copy()
-    after.reshape(-1, 3)[changed] = linear_to_srgb(foretold_linear(laid, measured, changed))
+    after.reshape(-1, 3)[changed] = linear_to_srgb(predicted_linear(laid, measured, changed))
     return np.asarray(after + measured.habit)
 
 

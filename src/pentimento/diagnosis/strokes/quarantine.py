@@ -17,9 +17,9 @@ from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share, load
 
 _LISTED = 8
 _MANY_UNMARKED = 0.1
-_VISIBLE_SHARE, _LEAST_MARKED = 0.08, 0.0004
+_VISIBLE_SHARE, _MIN_MARKED = 0.08, 0.0004
 """A mark goes so far from paper to paint, in such a part of its window: pale pens mark little more."""
-_LEAST_INSIDE = 0.2
+_MIN_INSIDE = 0.2
 """Of a path's points: what must lie in the window that shows the stroke."""
 
 
@@ -71,7 +71,7 @@ def sound_rows(table: pa.Table) -> Sound:
         if not float(samples.path[0, :, 1:3].diff(dim=0).norm(dim=-1).sum()) > 0:
             bad[number] = "its path does not move"
             continue
-        if _inside(row) < _LEAST_INSIDE:
+        if _inside(row) < _MIN_INSIDE:
             bad[number] = "its path lies outside its window"
             continue
         said = _fingerprint(row)
@@ -93,7 +93,7 @@ def sound_rows(table: pa.Table) -> Sound:
 def _shows_a_mark(samples: StrokeSamples) -> bool:
     """Whether some part of the one window goes towards the paint's colour by more than noise would."""
     share = inked_share(samples.before, samples.after, samples.color[:, None, None])
-    return float(share.flatten().quantile(1 - _LEAST_MARKED)) > _VISIBLE_SHARE
+    return float(share.flatten().quantile(1 - _MIN_MARKED)) > _VISIBLE_SHARE
 
 
 def _inside(row: pa.Table) -> float:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
 from pentimento.diagnosis.score import project
-from pentimento.diagnosis.strokes.aliasing import Columns, Imitation, columns_of, imitation, information, with_all
+from pentimento.diagnosis.strokes.aliasing import Aliasing, Columns, aliasing, columns_of, information, with_all
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.jacobian import Statistics, linearise
 from pentimento.diagnosis.strokes.measured import Measured
@@ -44,10 +44,10 @@ class Survey(NamedTuple):
     """All that is drawn."""
 
     measured: Measured
-    sealed: Measured
+    test_split: Measured
     full: Model
     """The extended model with every other observable cause at no effect."""
-    imitation: Imitation
+    aliasing: Aliasing
     detectable: dict[str, float]
     """Smallest share of the error that a cause must remove to be found in four of five such collections."""
     base_strength: Array
@@ -75,9 +75,9 @@ def survey(diagnosis: Diagnosis) -> Survey:
     strengths = {name: mode_strength(values, covariates) for name, values in amounts.items()}
     return Survey(
         measured=measured,
-        sealed=measured.pick(diagnosis.splits.test),
+        test_split=measured.pick(diagnosis.splits.test),
         full=full,
-        imitation=imitation(statistics, columns),
+        aliasing=aliasing(statistics, columns),
         detectable=detectable(statistics, columns),
         base_strength=strengths["base"],
         extended_strength=strengths["extended"],

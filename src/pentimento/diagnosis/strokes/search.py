@@ -14,8 +14,8 @@ from pentimento.diagnosis.choice import (
     displacement_left,
     kin_of,
     paired_p,
+    prune_unlikely,
     told_by_one_of,
-    without_unlikely,
 )
 from pentimento.diagnosis.score import Evidence
 from pentimento.diagnosis.strokes.candidates import (
@@ -38,10 +38,10 @@ from pentimento.diagnosis.strokes.predict import Model, action_losses
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 _KIN_P = 0.05
-_LEAST_OF_FLOOR, _LEAST_OF_MISFIT = 0.01, 0.008
+_MIN_OF_FLOOR, _MIN_OF_MISFIT = 0.01, 0.008
 """Of the noise floor, and of the error above it: in a base that is wrong in many ways, something always looks a little
 like a cause."""
-MOST_CAUSES, _MOST_STEPS = 6, 9
+MAX_CAUSES, _MAX_STEPS = 6, 9
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         needless = {cause for cause in short if is_kin_of_what_suffices(cause, model, observable, measured, seed)}
         dismissed |= needless
         short = [cause for cause in short if cause not in needless]
-        if not short or number == MOST_CAUSES or len(steps) == _MOST_STEPS:
+        if not short or number == MAX_CAUSES or len(steps) == _MAX_STEPS:
             steps.append(Step(evidence, None, ()))
             break
         refits = refits_with(model, short, observable, measured, at_start)
@@ -111,12 +111,12 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         sure = {
             cause
             for cause in losses
-            if stands(fresh[cause], limit) and (fresh[cause].least_gain > 0 or removes_p[cause] < LATER_P)
+            if stands(fresh[cause], limit) and (fresh[cause].min_gain > 0 or removes_p[cause] < LATER_P)
         }
         if not sure:  # what was tried for the sake of a cause that is dismissed is not enough by itself
             dismissed |= {cause for cause in losses if stands(fresh[cause], limit) or cause in hidden}
             continue
-        losses = without_unlikely(losses, error, refits, measured)
+        losses = prune_unlikely(losses, error, refits, measured)
         step = choose(evidence, losses, error, refits, measured, seed, log)
         steps.append(step)
         assert step.chosen is not None
@@ -183,8 +183,14 @@ def _hidden_by_ends(
     shown, asked_for = covariates_shown(measured), []
     for candidate in candidates:
         if candidate.driver == UnevenEnds.driver:
-            of_kin = {name for kin in kin_of(candidate, list(observable.values())) for name in observable[kin].told_by}
-            own = {name: shown[name] for name in candidate.told_by if name in shown and name not in of_kin}
+            of_kin = {
+                name
+                for kin in kin_of(candidate, list(observable.values()))
+                for name in observable[kin].informative_covariates
+            }
+            own = {
+                name: shown[name] for name in candidate.informative_covariates if name in shown and name not in of_kin
+            }
             if own and of_kin and displacement_left(model, measured, own, seed)[0]:
                 asked_for.append(candidate.cause)
     return asked_for
@@ -196,4 +202,4 @@ def enough(mechanism: Mechanism, error: float, so_far: Search) -> float:
     """
     observable, floor = so_far.observable, so_far.floor
     left = [gain * left_by_form(observable[cause], mechanism) for cause, gain in so_far.gained.items()]
-    return max(_LEAST_OF_FLOOR * (floor or error), _LEAST_OF_MISFIT * (error - floor), *left)
+    return max(_MIN_OF_FLOOR * (floor or error), _MIN_OF_MISFIT * (error - floor), *left)

@@ -22,7 +22,7 @@ Array = NDArray[Any]
 class Given(NamedTuple):
     """On sealed strokes."""
 
-    foretold: Array
+    predicted: Array
     """sRGB float32[B, H, W, 3]"""
     losses: Array
     """Mean squared error of each action over its rows and their windows, sRGB, in the order of the actions' numbers."""
@@ -33,12 +33,12 @@ class Given(NamedTuple):
         return float(self.losses.mean())
 
 
-def given_on(parameters: Traj2StrokeParameters, sealed: Measured) -> Given:
+def given_on(parameters: Traj2StrokeParameters, test_split: Measured) -> Given:
     """What a given model foretells of strokes, and by how much it misses them."""
     from pentimento.dynamics.strokes.evaluation import predict_with  # imports Lightning, which takes seconds
 
-    foretold = predict_with(parameters, sealed.samples).numpy()
-    missed = (sealed.samples.after.numpy() - foretold) * sealed.samples.valid.numpy()[..., None]
-    _, group = np.unique(sealed.action, return_inverse=True)
-    losses = np.bincount(group, mean_squared_error(missed, sealed)) / np.bincount(group)
-    return Given(foretold, losses)
+    predicted = predict_with(parameters, test_split.samples).numpy()
+    missed = (test_split.samples.after.numpy() - predicted) * test_split.samples.valid.numpy()[..., None]
+    _, group = np.unique(test_split.action, return_inverse=True)
+    losses = np.bincount(group, mean_squared_error(missed, test_split)) / np.bincount(group)
+    return Given(predicted, losses)

@@ -66,9 +66,9 @@ def verdict(
     }
     if given_mse is not None:
         made["mse"]["given"] = given_mse
-    if diagnosis.wanders:
-        mode, p, mse, mse_of_repeats, _ = diagnosis.wanders
-        made["wanders"] = {"mode": mode, "p": p, "mse": mse, "mse_of_repeats": mse_of_repeats}
+    if diagnosis.drifts:
+        mode, p, mse, mse_of_repeats, _ = diagnosis.drifts
+        made["drifts"] = {"mode": mode, "p": p, "mse": mse, "mse_of_repeats": mse_of_repeats}
     known: dict[str, Any] = _without_nan(made)
     return known
 
@@ -93,10 +93,10 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
         said.append(f"Established: {named}. With that the error is {extended:.3g}.")
     else:
         said.append("No known cause is established.")
-    if doubtful := [finding.cause for finding in diagnosis.suspected if not finding.misnamed]:
+    if doubtful := [finding.cause for finding in diagnosis.suspected if not finding.misattributed]:
         said.append(f"Suspected, not confirmed on {kind.name} that had no part in the search: {', '.join(doubtful)}.")
-    if misnamed := [finding.cause for finding in diagnosis.suspected if finding.misnamed]:
-        said.append(f"No better than what has no name, and so not named: {', '.join(misnamed)}.")
+    if misattributed := [finding.cause for finding in diagnosis.suspected if finding.misattributed]:
+        said.append(f"No better than what has no name, and so not named: {', '.join(misattributed)}.")
     if diagnosis.floor is None:
         said.append("No action is repeated often enough, so the noise floor is unknown.")
     else:
@@ -106,9 +106,9 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
     if diagnosis.unexplained:
         said.append(_structured(diagnosis))
     else:
-        if wanders := diagnosis.wanders:
+        if drifts := diagnosis.drifts:
             said.append(
-                f"In the order of execution {wanders.mode} wanders, worth {wanders.mse:.3g}, and nothing that was "
+                f"In the order of execution {drifts.mode} wanders, worth {drifts.mse:.3g}, and nothing that was "
                 "recorded goes with it."
             )
         if diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
@@ -124,7 +124,9 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
 def _structured(diagnosis: Judged) -> str:
     """What the first of what is unexplained depends on, and what established causes say of that already."""
     mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
-    told = [mechanism.cause for mechanism in diagnosis.extended.mechanisms if covariate in mechanism.told_by]
+    told = [
+        mechanism.cause for mechanism in diagnosis.extended.mechanisms if covariate in mechanism.informative_covariates
+    ]
     known = "established" if diagnosis.suspected else "known"
     if told:
         beyond = f"beyond what is established of it ({', '.join(told)}); no other {known} cause explains that"

@@ -70,7 +70,7 @@ def write_diagnosis(
     log("drawing the report")
     seen = survey(found)
     proposal = proposal_for(found, seen, seed)
-    beside = None if given is None else given_on(given, seen.sealed)
+    beside = None if given is None else given_on(given, seen.test_split)
     actions = len(set(measured.action.tolist()))
     result = verdict(found, len(measured), actions, shifted, notes, beside and beside.mse)
     written = build_page(found, seen, proposal, result, beside)

@@ -51,7 +51,7 @@ EDGE_M = 0.0003
 _RIMS = 0.6
 """Width of the Gaussian by which material rises around the tool, in half-widths of the footprint."""
 _DEEP_M = 0.005
-_LEAST_RIMS = 0.02
+_MIN_RIMS = 0.02
 """Of what stays pressed: what rims must add up to at least. Else hardly any would raise towers."""
 _NOTHING_M = 1e-12
 _RADII = 100
@@ -206,7 +206,7 @@ def settle(model: AnalyticPush, scene: PushScene, contact: Contact, indentation_
     rims = (1 - contact.inside) * contact.heaped_m
     # Volume balance: what stays pressed down has come up.
     pressed = indentation_m.sum((1, 2))
-    rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), _LEAST_RIMS * pressed + _NOTHING_M))
+    rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), _MIN_RIMS * pressed + _NOTHING_M))
     lift = np.float32(number["end_pull"] * 1e-3) * contact.beyond_end
     lift += np.float32(number["end_lift"] * 1e-3)
     lift *= contact.peak

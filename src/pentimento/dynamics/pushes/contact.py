@@ -16,7 +16,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import Contact
 
 Array = NDArray[Any]
 
-_LEAST_PIXELS = np.float32(0.5)
+_MIN_PIXELS = np.float32(0.5)
 """What a tool touches at least, at the end of its travel."""
 _FAR = np.float32(30)
 """In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
@@ -108,7 +108,7 @@ def _resting(
     shift, aside, _, length, wider, end_radius = moved
     narrower, behind = np.float32(math.exp(-wider)), end_radius / (2 * length + end_radius)
     reach2 = np.float32(4) * end_radius * end_radius
-    area, sum_u, sum_v = _LEAST_PIXELS, np.float32(0), np.float32(0)
+    area, sum_u, sum_v = _MIN_PIXELS, np.float32(0), np.float32(0)
     for i in range(before.shape[0]):
         for j in range(before.shape[1]):
             u, v = along[i, j] - shift - length, across[i, j] - aside

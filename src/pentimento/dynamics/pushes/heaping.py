@@ -22,7 +22,7 @@ Array = NDArray[Any]
 _PITCH = 0.45
 """Half-widths of the footprint from step to step."""
 _FEWEST_STEPS = 4
-_MOST_STEPS = 12
+_MAX_STEPS = 12
 _WIDTHS = 3.0
 """Of the Gaussian by which material is laid around the contact: beyond, none is."""
 _FAR = np.float32(5)
@@ -33,7 +33,7 @@ _WIDEST = np.float32(2.6)
 """Half-widths of the footprint: no part of a tool counts further out."""
 _RADII = 64
 _TINY = np.float32(1e-12)
-_LEAST = np.float32(0.02)
+_MIN = np.float32(0.02)
 """Of what is laid at the sides: so much at least is laid anywhere."""
 
 
@@ -50,7 +50,7 @@ def heaped(sweep: Sweep, width_px: float, facing: float, stand_off: float) -> Ar
     kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / width_px) / 2)
     kernel = (kernel / kernel.sum()).astype(np.float32)
     pitch = _PITCH * sweep.fixed[4]
-    steps = np.clip(np.ceil(sweep.moved[:, 3] / pitch) + 1, _FEWEST_STEPS, _MOST_STEPS).astype(np.int64)
+    steps = np.clip(np.ceil(sweep.moved[:, 3] / pitch) + 1, _FEWEST_STEPS, _MAX_STEPS).astype(np.int64)
     laid = np.zeros_like(sweep.before)
     shape = np.array([facing, stand_off], dtype=np.float32)
     _heap(sweep.single(), kernel, shape, steps, laid)
@@ -195,8 +195,8 @@ def _lay(
         for j in range(width):
             ahead_m, aside_m, lowered = u[j] - u0, v[j] - v0, (first_m[j] - now_m[j]) * per_open
             away_m = np.float32(math.sqrt(ahead_m * ahead_m + aside_m * aside_m)) + half_width / 2
-            row[j] *= max(one - stand_off * row[j], _LEAST) / (one + lowered * lowered)
-            row[j] *= max(one + ahead * ahead_m / away_m, _LEAST)
+            row[j] *= max(one - stand_off * row[j], _MIN) / (one + lowered * lowered)
+            row[j] *= max(one + ahead * ahead_m / away_m, _MIN)
         if top <= i <= bottom:
             for j in range(first, last + 1):
                 weight[i, j] *= one - contact[i, j]

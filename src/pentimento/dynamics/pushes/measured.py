@@ -24,7 +24,7 @@ from pentimento.planning.pushes.holes import fill_holes
 
 _HIGHEST_M = 1.0
 """No slab on a table is as high, and no push as long: beyond it, numbers are in millimetres."""
-_MOST_HOLES = 0.5
+_MAX_HOLES = 0.5
 _NOT_COVARIATES = ("action_id", "height_per_unit_m")
 _LISTED = 8
 
@@ -149,7 +149,7 @@ def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
     tilted = _take_off_plane((before, after), window, row.get("table_plane"))
     for name, height in (("before", before), ("after", after)):
         holes = float(np.isnan(height).mean())
-        if holes > _MOST_HOLES:
+        if holes > _MAX_HOLES:
             raise ContractError(f"{holes:.0%} of its scan {name} are holes")
         if not abs(float(np.nanmedian(height))) < _HIGHEST_M:
             raise ContractError(

@@ -28,15 +28,15 @@ def hillshade(height_m: NDArray[Any], pixels_per_m: float) -> NDArray[np.uint8]:
 def comparison(
     before_m: NDArray[Any],
     measured_m: NDArray[Any],
-    foretold_m: NDArray[Any],
+    predicted_m: NDArray[Any],
     known: NDArray[np.bool_],
     pixels_per_m: float,
 ) -> NDArray[np.uint8]:
     """RGB uint8: a row for each of [N, H, W] pushes: before, measured, foretold, error (red: foretold too high)."""
     rows = []
-    for before, measured, foretold, seen in zip(before_m, measured_m, foretold_m, known, strict=True):
-        shaded = [_rgb(hillshade(height, pixels_per_m)) for height in (before, measured, foretold)]
-        rows.append(_beside([*shaded, _signed(np.where(seen, foretold - measured, 0.0))], axis=1))
+    for before, measured, predicted, seen in zip(before_m, measured_m, predicted_m, known, strict=True):
+        shaded = [_rgb(hillshade(height, pixels_per_m)) for height in (before, measured, predicted)]
+        rows.append(_beside([*shaded, _signed(np.where(seen, predicted - measured, 0.0))], axis=1))
     return _beside(rows, axis=0)
 
 

@@ -38,7 +38,7 @@ class TorchClay:
         with torch.no_grad():
             for first in range(0, len(actions), _AT_ONCE):
                 some = torch.from_numpy(np.asarray(actions[first : first + _AT_ONCE], dtype=np.float32))
-                made[first : first + _AT_ONCE] = self.foretold(height.expand(len(some), -1, -1), some).numpy()
+                made[first : first + _AT_ONCE] = self.predicted(height.expand(len(some), -1, -1), some).numpy()
         return made
 
     def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
@@ -46,7 +46,7 @@ class TorchClay:
         height = torch.from_numpy(np.array(height_m, dtype=np.float32)).requires_grad_(True)
         given = torch.from_numpy(np.array(action, dtype=np.float32)).requires_grad_(True)
         with torch.enable_grad():
-            made = self.foretold(height[None], given[None])[0]
+            made = self.predicted(height[None], given[None])[0]
 
         def pull(cotangent: Array) -> tuple[Array, FloatArray]:
             back = torch.from_numpy(np.ascontiguousarray(cotangent, dtype=np.float32))
@@ -55,7 +55,7 @@ class TorchClay:
 
         return made.detach().numpy(), pull
 
-    def foretold(self, height: Tensor, action: Tensor) -> Tensor:
+    def predicted(self, height: Tensor, action: Tensor) -> Tensor:
         """Heights [B, H, W] after actions [B, 5] upon heights [B, H, W]: what a robot carries, exported."""
         window = torch.tensor(self._window_m, dtype=torch.float32).expand(action.shape[0], 4)
         seen = to_pose(height, window, action, self._crop)

@@ -22,7 +22,7 @@ STATIONS = 9
 _DEPTHS = 12
 _DEEPEST = 1.5
 """Of the commanded depth: beyond, the force is that at this depth."""
-_LEAST_DEEPEST_M = 0.004
+_MIN_DEEPEST_M = 0.004
 _WIDEST = 1.15
 """Of the footprint's half-width: no tool reaches further."""
 _UNIT_M = 0.005
@@ -53,7 +53,7 @@ def resistance_of(
 
 def deepest_m(depth_m: Array) -> Array:
     """Down to where the force is told, of pushes of these depths [B]."""
-    return np.maximum(_DEEPEST * depth_m, _LEAST_DEEPEST_M)
+    return np.maximum(_DEEPEST * depth_m, _MIN_DEEPEST_M)
 
 
 def yielded(resistance: Array, deepest: Array, wanted_m: Array, give_m: float) -> Array:

@@ -22,7 +22,7 @@ from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linea
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, simulate
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters, read_parameters
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 
 OWN_CAUSES = ("path_scale", "path_offset")
 """Causes that are parameters of Traj2Stroke."""
@@ -38,7 +38,7 @@ class StrokeModel:
     mechanisms: tuple[Mechanism, ...]
     fitted: Mapping[str, Span]
     """Every column that the mechanisms read."""
-    pace: Pace
+    timing: LoopTiming
 
     def mark(self) -> Traj2Stroke:
         """The base, frozen."""
@@ -47,7 +47,7 @@ class StrokeModel:
 
 def base_model(parameters: Traj2StrokeParameters) -> StrokeModel:
     """A model that nothing extends."""
-    return StrokeModel(parameters, (), {}, Pace(0.0, 0.0))
+    return StrokeModel(parameters, (), {}, LoopTiming(0.0, 0.0))
 
 
 class MeasuredStrokes(NamedTuple):
@@ -113,13 +113,13 @@ def spans(names: Sequence[str], strokes: MeasuredStrokes) -> dict[str, Span]:
     return found
 
 
-def pace_of(covariates: Mapping[str, Tensor]) -> Pace:
+def timing_of(covariates: Mapping[str, Tensor]) -> LoopTiming:
     """Read off when photographs before strokes were taken and strokes began; 0 where that was not recorded."""
     if not {"t_start_s", "t_before_s", "since_reload"} <= set(covariates):
-        return Pace(0.0, 0.0)
+        return LoopTiming(0.0, 0.0)
     between, dipped = covariates["t_start_s"] - covariates["t_before_s"], covariates["since_reload"] == 0
     reach = _median(between[~dipped])
-    return Pace(reach, max(_median(between[dipped]) - reach, 0.0) if reach else 0.0)
+    return LoopTiming(reach, max(_median(between[dipped]) - reach, 0.0) if reach else 0.0)
 
 
 def _median(values: Tensor) -> float:
@@ -143,7 +143,7 @@ def model_files(model: StrokeModel) -> dict[str, Any]:
     fitted = {name: span._asdict() for name, span in model.fitted.items()}
     return {
         "parameters.json": asdict(model.parameters),
-        "mechanisms.json": {"mechanisms": mechanisms, "fitted": fitted, "pace": model.pace._asdict()},
+        "mechanisms.json": {"mechanisms": mechanisms, "fitted": fitted, "timing": model.timing._asdict()},
     }
 
 
@@ -158,12 +158,12 @@ def read_stroke_model(folder: Path) -> StrokeModel:
         stored = json.loads(path.read_text())
         mechanisms = tuple(_mechanism(entry) for entry in stored["mechanisms"])
         fitted = {name: Span(*map(_finite, (s["low"], s["mean"], s["high"]))) for name, s in stored["fitted"].items()}
-        pace = Pace(_finite(stored["pace"]["reach_s"]), _finite(stored["pace"]["dip_s"]))
+        timing = LoopTiming(_finite(stored["timing"]["reach_s"]), _finite(stored["timing"]["dip_s"]))
     except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
         raise ContractError(
             f"{path} does not say what extends a stroke model ({error!r}): make it with the stage diagnose_gap."
         ) from error
-    return StrokeModel(parameters, mechanisms, fitted, pace)
+    return StrokeModel(parameters, mechanisms, fitted, timing)
 
 
 def _mechanism(entry: Mapping[str, Any]) -> Mechanism:

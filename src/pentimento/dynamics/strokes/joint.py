@@ -22,7 +22,7 @@ from pentimento.dynamics.strokes.polish import polish
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, predict, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
-from pentimento.planning.fitted import Pace
+from pentimento.planning.fitted import LoopTiming
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def fit_jointly(
     causes: Sequence[Mechanism],
     training: MeasuredStrokes,
     validation: MeasuredStrokes,
-    pace: Pace,
+    timing: LoopTiming,
     config: TrainingConfig,
     log: Log,
 ) -> JointFit:
@@ -55,8 +55,8 @@ def fit_jointly(
     """
     mechanisms = [mechanism for mechanism in causes if mechanism.cause not in OWN_CAUSES]
 
-    def judged(foretold: Tensor) -> float:
-        return float(weighted_l1(foretold, validation.samples, config.ink_weight))
+    def judged(predicted: Tensor) -> float:
+        return float(weighted_l1(predicted, validation.samples, config.ink_weight))
 
     with torch.no_grad():
         before = judged(predict(Traj2Stroke(base), validation.samples))
@@ -64,15 +64,15 @@ def fit_jointly(
         return JointFit(base_model(base), False, (before, before))
     torch.manual_seed(config.seed)
     model = _Joint(_start(base, causes), mechanisms)
-    least, best = float("inf"), model.state_dict()
+    minimum, best = float("inf"), model.state_dict()
 
     def keep_best(epoch: int) -> None:
-        nonlocal least, best
+        nonlocal minimum, best
         with torch.no_grad():
             now = judged(model(validation))
         log("validation_l1", now, epoch)
-        if now < least:
-            least, best = now, {name: value.clone() for name, value in model.state_dict().items()}
+        if now < minimum:
+            minimum, best = now, {name: value.clone() for name, value in model.state_dict().items()}
 
     descend(model, lambda index: model(training.pick(index)), training.samples, config, log, keep_best)
     model.load_state_dict(best)
@@ -80,12 +80,12 @@ def fit_jointly(
     polish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
     if _squared_error(model, validation) < squared:
         keep_best(config.epochs)
-    if least >= before:
-        return JointFit(base_model(base), False, (before, least))
+    if minimum >= before:
+        return JointFit(base_model(base), False, (before, minimum))
     model.load_state_dict(best)
     fitted = tuple(type(m)(m.values.detach(), m.reference) for m in model.mechanisms())
     spanned = spans(columns_read(fitted, training), training)
-    return JointFit(StrokeModel(model.base.parameters_si(), fitted, spanned, pace), True, (before, least))
+    return JointFit(StrokeModel(model.base.parameters_si(), fitted, spanned, timing), True, (before, minimum))
 
 
 def _squared_error(model: _Joint, strokes: MeasuredStrokes) -> float:

@@ -24,11 +24,11 @@ Array = NDArray[Any]
 
 _PAPER = 0.9
 """Quantile of a window's pixels that is paper."""
-_LEAST_COVER = 0.3
+_MIN_COVER = 0.3
 """Of paint over paper: less is an edge, or noise."""
 
 
-def carried_paint(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
+def paint_pickup(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
     """Columns ``contracts.covariates.CARRIED`` of strokes, float64[B] each; none where no age of wet paint is recorded.
 
     Strokes of one load are those of one session and ``reload_id``; where loads are not recorded, each stroke begins
@@ -67,7 +67,7 @@ def _crossed(samples: StrokeSamples, paints: Array) -> tuple[Array, Array]:
     off = np.square((below - paper)[:, :, None] - cover[..., None] * towards).sum(-1)
     nearest = off.argmin(-1)  # [B, N]
     covered = np.take_along_axis(cover, nearest[..., None], -1)[..., 0]
-    covered = np.where(covered > _LEAST_COVER, covered, 0.0)
+    covered = np.where(covered > _MIN_COVER, covered, 0.0)
     weight = covered.sum(1)
     mean = (covered[..., None] * paints[nearest]).sum(1) / np.maximum(weight, 1e-9)[:, None]
     return covered.mean(1), mean

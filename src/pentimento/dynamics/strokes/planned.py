@@ -14,7 +14,7 @@ from torch import Tensor
 
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, extended_mark, full_at_most
-from pentimento.planning.fitted import Pace, Span
+from pentimento.planning.fitted import LoopTiming, Span
 from pentimento.planning.model import Array, Marks, Pull
 from pentimento.planning.strokes import Strokes
 from pentimento.robots.motion import ACCELERATION_M_S2
@@ -102,9 +102,9 @@ class TorchBrush:
         return self.model.fitted
 
     @property
-    def pace(self) -> Pace:
+    def timing(self) -> LoopTiming:
         """As recorded."""
-        return self.model.pace
+        return self.model.timing
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
         """See ``planning.model.Brush``. The way back may be gone once."""

@@ -73,7 +73,7 @@ class Mechanism:
     driver: ClassVar[str]
     """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
     quantities: ClassVar[tuple[Quantity, ...]]
-    told_by: ClassVar[tuple[str, ...]] = ()
+    informative_covariates: ClassVar[tuple[str, ...]] = ()
     """What is recorded of a stroke, or its path says, that its effect goes with; of motion
     within a stroke, nothing is.
     """

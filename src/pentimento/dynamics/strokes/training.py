@@ -134,7 +134,7 @@ def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stro
 
 def descend(
     model: torch.nn.Module,
-    foretell: Callable[[Tensor], Tensor],
+    predict: Callable[[Tensor], Tensor],
     samples: StrokeSamples,
     config: TrainingConfig,
     log: Log,
@@ -142,7 +142,7 @@ def descend(
 ) -> None:
     """Lower the weighted L1 over a model's parameters, by Adam with a rate that falls along half a cosine.
 
-    ``foretell`` gives the photographs [K, H, W, 3] that the model, as it is then, foretells of the samples with the
+    ``predict`` gives the photographs [K, H, W, 3] that the model, as it is then, foretells of the samples with the
     indices [K]. ``after_epoch(epoch)`` is called once an epoch's steps are made.
     """
     loader = DataLoader(
@@ -160,26 +160,26 @@ def descend(
             enable_progress_bar=False,
             enable_model_summary=False,
         )
-        trainer.fit(_Fit(model, foretell, samples, config, log, after_epoch), loader)
+        trainer.fit(_Fit(model, predict, samples, config, log, after_epoch), loader)
 
 
 class _Fit(lightning.LightningModule):
     def __init__(
         self,
         model: torch.nn.Module,
-        foretell: Callable[[Tensor], Tensor],
+        predict: Callable[[Tensor], Tensor],
         samples: StrokeSamples,
         config: TrainingConfig,
         log: Log,
         after_epoch: Callable[[int], None],
     ) -> None:
         super().__init__()
-        self.model, self.foretell, self.samples, self.config = model, foretell, samples, config
+        self.model, self.predict, self.samples, self.config = model, predict, samples, config
         self.report, self.after_epoch = log, after_epoch
         self.losses: list[float] = []
 
     def training_step(self, batch: list[Tensor], _: int) -> Tensor:
-        loss = weighted_l1(self.foretell(batch[0]), self.samples.pick(batch[0]), self.config.ink_weight)
+        loss = weighted_l1(self.predict(batch[0]), self.samples.pick(batch[0]), self.config.ink_weight)
         self.losses.append(float(loss.detach()))
         return loss
 

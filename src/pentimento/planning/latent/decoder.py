@@ -19,7 +19,7 @@ from pentimento.planning.latent.shapes import ShapePull
 
 Array = NDArray[np.float32]
 
-_LEAST_SPREAD = 1e-3
+_MIN_SPREAD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class HandDecoder:
     def spread(self) -> Array:
         """[L] the standard deviation of latents over the hand's strokes."""
         variance = self.latent_mean.var(0) + np.square(self.latent_deviation).mean(0)
-        return np.maximum(np.sqrt(variance), np.float32(_LEAST_SPREAD))
+        return np.maximum(np.sqrt(variance), np.float32(_MIN_SPREAD))
 
     def some(self, count: int, rng: np.random.Generator) -> Array:
         """Latents [count, L]: of one of the hand's strokes each, within what that stroke left open."""

@@ -85,7 +85,7 @@ def plan_in_hand(
     return strokes
 
 
-def foretell_drawing(strokes: ShapedStrokes, canvas: Array, scene: Scene, brush: PathBrush) -> Array:
+def predict_drawing(strokes: ShapedStrokes, canvas: Array, scene: Scene, brush: PathBrush) -> Array:
     """What the canvas [H, W, 3] (linear light) will look like after the strokes."""
     if len(strokes) == 0:
         return canvas

@@ -30,9 +30,9 @@ class Reach:
 
     def __post_init__(self) -> None:
         x_min, y_min, x_max, y_max = check_window(self.window_m)
-        for name, (least, most) in (("length_m", self.length_m), ("depth_m", self.depth_m)):
-            if not 0 <= least <= most:
-                raise ValueError(f"{name} is {least} to {most}; it must be 0 or more, and the least first.")
+        for name, (minimum, most) in (("length_m", self.length_m), ("depth_m", self.depth_m)):
+            if not 0 <= minimum <= most:
+                raise ValueError(f"{name} is {minimum} to {most}; it must be 0 or more, and the least first.")
         if self.travels and self.length_m[1] > min(x_max - x_min, y_max - y_min):
             raise ValueError(f"Pushes of {self.length_m[1]:g} m do not fit a window {list(self.window_m)} m.")
 

@@ -47,17 +47,17 @@ class SculptorConfig:
     """Plans drawn in each iteration of ``cross_entropy``."""
     elite: float
     """Share of the samples that the next iteration is drawn around."""
-    least_gain: float
+    min_gain: float
     """No action follows one that lowers the value by less than this share of what it was."""
     edge_m: float
     """Pushes start and end this far from the area's edge."""
     seed: int
 
     def __post_init__(self) -> None:
-        at_least(self, 0, "caution", "rounds", "guided", "iterations", "least_gain", "edge_m", "seed")
+        at_least(self, 0, "caution", "rounds", "guided", "iterations", "min_gain", "edge_m", "seed")
         at_least(self, 1, "horizon", "candidates")
         at_least(self, 2, "samples")
         above_zero(self, "elite")
-        for name in ("guided", "elite", "least_gain"):
+        for name in ("guided", "elite", "min_gain"):
             if getattr(self, name) > 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; it is a share, at most 1.")

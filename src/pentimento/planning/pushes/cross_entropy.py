@@ -33,18 +33,18 @@ def cross_entropy(
     x_min, y_min, x_max, y_max = reach.window_m
     ranges = [x_max - x_min, y_max - y_min, np.pi, np.ptp(reach.length_m), np.ptp(reach.depth_m)]
     mean, deviation = actions, np.tile(_SHARE * np.array(ranges), (len(actions), 1))
-    best, least = actions, foresight.value(foresight.roll_out(height_m, actions))
+    best, minimum = actions, foresight.value(foresight.roll_out(height_m, actions))
     kept = max(round(config.elite * config.samples), 2)
     for _ in range(config.iterations):
         noise = rng.normal(size=(config.samples, *actions.shape))
         drawn = np.stack([reach.keep_within(mean + deviation * sample) for sample in noise])
         values = np.array([foresight.value(foresight.roll_out(height_m, sample)) for sample in drawn])
         order = np.argsort(values, kind="stable")
-        if values[order[0]] < least:
-            best, least = drawn[order[0]], float(values[order[0]])
+        if values[order[0]] < minimum:
+            best, minimum = drawn[order[0]], float(values[order[0]])
         elite = drawn[order[:kept]]
         # Headings are kept within a turn: near its seam, take each elite's nearest turn to the mean's.
         elite[..., 2] = mean[:, 2] + np.remainder(elite[..., 2] - mean[:, 2] + np.pi, 2 * np.pi) - np.pi
         mean = _MEMORY * mean + (1 - _MEMORY) * elite.mean(axis=0)
         deviation = _MEMORY * deviation + (1 - _MEMORY) * elite.std(axis=0)
-    return best, least
+    return best, minimum

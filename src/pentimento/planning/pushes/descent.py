@@ -25,13 +25,13 @@ def descend(
     own = np.array([rates.place_m, rates.place_m, rates.theta_rad, rates.length_m, rates.depth_m])
     moved = actions / own  # Adam steps each number by its own rate
     adam = Adam([moved])
-    best, least = actions, np.inf
+    best, minimum = actions, np.inf
     for iteration in range(config.iterations + 1):
         now = moved * own
         value, gradient = foresight.value_and_gradient(height_m, now)
-        if value < least:
-            best, least = now, value
+        if value < minimum:
+            best, minimum = now, value
         if iteration < config.iterations:
             adam.step([gradient * own], [0.5 * (1 + np.cos(np.pi * iteration / config.iterations))])
             moved[:] = reach.keep_within(moved * own) / own
-    return best, least
+    return best, minimum

@@ -126,7 +126,7 @@ def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalS
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if imbalance(height * share + middle) < 0 else (low, middle)
-        return _least(lambda shift: cost(height, shift), low, floor_m) if low < floor_m else low
+        return _minimum(lambda shift: cost(height, shift), low, floor_m) if low < floor_m else low
 
     if np.ptp(share) == 0:
         return 0.0, best_shift(0.0)
@@ -138,11 +138,11 @@ def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalS
                 f"A definition of {settings.definition:g} outweighs a floor of {settings.floor:g}: the relief would "
                 "grow without end. Raise floor, or lower definition."
             )
-    height = _least(lambda height: cost(height, best_shift(height)), 0.0, 2 * most)
+    height = _minimum(lambda height: cost(height, best_shift(height)), 0.0, 2 * most)
     return height, best_shift(height)
 
 
-def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+def _minimum(cost: Callable[[float], float], low: float, high: float) -> float:
     """Where a convex function is least, by golden section."""
     for _ in range(_HALVINGS):
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)

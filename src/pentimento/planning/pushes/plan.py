@@ -104,4 +104,4 @@ def _helping(actions: FloatArray, height_m: Array, foresight: Foresight, config:
 
 
 def _helps(value: float, lower: float, config: SculptorConfig) -> bool:
-    return lower < value * (1 - config.least_gain)
+    return lower < value * (1 - config.min_gain)

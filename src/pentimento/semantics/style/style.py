@@ -19,7 +19,7 @@ from pentimento.semantics.style.earth_movers import best_partners, fair_prices, 
 Features = Callable[[Tensor], Tensor]
 """An image [H, W, 3] in linear light to a set [cells, D] of local features, differentiable."""
 
-_MOST = 256
+_MAX = 256
 """Cells in a pairing: its time grows with about their cube."""
 _FAIR_FOR = 10
 """Calls until prices are found anew: an image under optimisation moves little meanwhile."""
@@ -53,7 +53,7 @@ class StyleObjective:
             ContractError: the image is not finite.
         """
         cells = self._features(image)
-        count = min(len(cells), len(self._style), _MOST)
+        count = min(len(cells), len(self._style), _MAX)
         points, drawn = cells[self._drawn(len(cells), count)], self._drawn(len(self._style), count)
         others = self._style[drawn]
         ways = ways_between(points, others)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 STEP_M = 0.0004
 SINK_STEP_M = 0.00025
-LEAST_STEPS = 12
+MIN_STEPS = 12
 RESTING_STEPS = 8  # at the end of travel, in which the tool settles into what it has heaped up
 
 
@@ -26,13 +26,13 @@ class Gears:
     """Where the motors rest (x_m, y_m) and how far the driven side is off within its play, per axis."""
 
     rest_m: tuple[float, float] = (0.0, 0.0)
-    slack_m: tuple[float, float] = (0.0, 0.0)
+    execution_noise_m: tuple[float, float] = (0.0, 0.0)
 
 
 def commanded_line(action: Array, surface_m: float) -> Array:
     """Tip float64[M,3] x_m, y_m, z_m (above the table) of a push, `RESTING_STEPS` at its end included."""
     x_m, y_m, theta, length_m, depth_m = (float(v) for v in action)
-    steps = max(LEAST_STEPS, math.ceil(length_m / STEP_M), math.ceil(depth_m / SINK_STEP_M))
+    steps = max(MIN_STEPS, math.ceil(length_m / STEP_M), math.ceil(depth_m / SINK_STEP_M))
     s = np.concatenate([np.linspace(0.0, 1.0, steps + 1), np.ones(RESTING_STEPS)])
     return np.column_stack(
         [x_m + s * length_m * math.cos(theta), y_m + s * length_m * math.sin(theta), surface_m - s * depth_m]
@@ -50,20 +50,20 @@ def executed_line(
     """Where the tip goes for a command float64[M,3]; and the gears as they are left."""
     seat_m, contact_m = arm.repeatability_m * rng.standard_normal(2), arm.contact_error_m * rng.standard_normal()
     line = command.copy()
-    slack_m = [0.0, 0.0]
+    execution_noise_m = [0.0, 0.0]
     for axis in (0, 1):
         half_m = 0.5 * effects.tool_backlash * arm.backlash_m[axis]
         moved = np.diff(command[:, axis], prepend=gears.rest_m[axis])  # the way to the start counts
-        slack = gears.slack_m[axis]
+        execution_noise = gears.execution_noise_m[axis]
         for k, step_m in enumerate(moved):
-            slack = min(max(slack + step_m, -half_m), half_m)
-            line[k, axis] -= slack
-        slack_m[axis] = slack
+            execution_noise = min(max(execution_noise + step_m, -half_m), half_m)
+            line[k, axis] -= execution_noise
+        execution_noise_m[axis] = execution_noise
     from_centre = 2 * line[:, :2] / np.asarray(size_m) - 1  # -1..1
     sag = from_centre @ np.asarray(arm.offset_tilt_m) + 0.3 * arm.offset_m * (from_centre**2).sum(axis=1)
     line[:, 2] -= effects.height_offset * (arm.offset_m + sag) + contact_m
     line[:, :2] += seat_m
-    rest = Gears((float(command[-1, 0]), float(command[-1, 1])), (slack_m[0], slack_m[1]))
+    rest = Gears((float(command[-1, 0]), float(command[-1, 1])), (execution_noise_m[0], execution_noise_m[1]))
     return line, rest
 
 

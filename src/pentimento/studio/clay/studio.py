@@ -52,9 +52,9 @@ class ClayStudio:
 
     def in_world(self, world: ClayWorld) -> "ClayStudio":
         """A copy of this studio as it stands, in which the physics of another world (of the same slab) goes on."""
-        twin = copy.deepcopy(self)
-        twin._world = world
-        return twin
+        counterfactual = copy.deepcopy(self)
+        counterfactual._world = world
+        return counterfactual
 
     @property
     def size_m(self) -> tuple[float, float]:

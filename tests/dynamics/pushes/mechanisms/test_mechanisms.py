@@ -47,7 +47,7 @@ def test_the_vocabulary_is_that_of_gap_md() -> None:
 
 
 def test_what_tells_of_a_cause_are_columns_that_a_verdict_can_name(seen: PushScene) -> None:
-    told = {name for kind in VOCABULARY for name in kind.told_by}
+    told = {name for kind in VOCABULARY for name in kind.informative_covariates}
     assert told <= set(seen.covariates) | set(of_the_command(replace(seen, history_known=True, worked=seen.before)))
 
 

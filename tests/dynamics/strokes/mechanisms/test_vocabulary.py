@@ -218,12 +218,12 @@ def test_a_rectification_by_markers_keeps_these_at_their_places() -> None:
     assert float(edge[0]) == float(edge[2]) == 0 and float(edge[1]) < 0
 
 
-def through_lens(at_edge_m: float, taken_up_m: float) -> torch.Tensor:
+def through_lens(at_edge_m: float, pickup_m: float) -> torch.Tensor:
     """By how much the middle, a point half way to the edge and one at the edge are displaced outwards, m."""
     reference = {"x_m": 0.1, "y_m": 0.1, "half_m": 0.1}
     points = torch.tensor([[[[0.1, 0.1], [0.15, 0.1], [0.2, 0.1]]]], dtype=torch.float64)
     one = torch.ones(1, 1, 3, dtype=torch.float64)
-    lens = LensDistortion(torch.tensor([at_edge_m, taken_up_m], dtype=torch.float64), reference)
+    lens = LensDistortion(torch.tensor([at_edge_m, pickup_m], dtype=torch.float64), reference)
     return (lens.mark(Mark(points, one, one, one), context()).points_m - points)[0, 0, :, 0]
 
 

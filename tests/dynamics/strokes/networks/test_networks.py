@@ -21,7 +21,7 @@ from pentimento.dynamics.strokes.networks.fit import (
     fit_path_image_cnn,
     fit_refined,
     fit_trajectory_cnn,
-    foretold,
+    predicted,
 )
 from pentimento.dynamics.strokes.networks.frame import crop_around
 from pentimento.dynamics.strokes.networks.param2stroke import Param2Stroke, shape_numbers
@@ -63,7 +63,7 @@ def test_paper_and_paint_are_mixed_in_linear_light(made_by_truth: StrokeSamples)
 
 def test_before_the_u_net_learns_it_changes_nothing(made_by_truth: StrokeSamples) -> None:
     model = untrained(made_by_truth)["refined"].eval()
-    torch.testing.assert_close(foretold(model, made_by_truth), predict_with(TRUTH, made_by_truth), atol=1e-5, rtol=0)
+    torch.testing.assert_close(predicted(model, made_by_truth), predict_with(TRUTH, made_by_truth), atol=1e-5, rtol=0)
 
 
 def test_the_u_net_starts_at_zero_and_can_leave_it() -> None:
@@ -130,7 +130,7 @@ def test_a_network_learns_more_than_blank_paper(name: str, made_by_truth: Stroke
     assert not learnt.training
     error, nothing = (
         float(weighted_l1(image, made_by_truth, 2.0))
-        for image in (foretold(learnt, made_by_truth), made_by_truth.before)
+        for image in (predicted(learnt, made_by_truth), made_by_truth.before)
     )
     assert error < 0.6 * nothing
 
@@ -143,7 +143,7 @@ def test_the_u_net_takes_up_what_the_base_leaves(made_by_truth: StrokeSamples) -
     before = {name: value.clone() for name, value in narrow.state_dict().items()}
     learnt = fit_refined(narrow, made_by_truth, Setting(made_by_truth.path, MARGIN_M, CONFIG), _quiet)
     held = narrow.parameters_si()
-    error = weighted_l1(foretold(learnt, made_by_truth), made_by_truth, 2.0)
+    error = weighted_l1(predicted(learnt, made_by_truth), made_by_truth, 2.0)
     assert error < 0.7 * weighted_l1(predict_with(held, made_by_truth), made_by_truth, 2.0)
     assert all(torch.equal(value, before[name]) for name, value in narrow.state_dict().items())
 

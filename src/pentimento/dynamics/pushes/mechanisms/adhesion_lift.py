@@ -32,8 +32,8 @@ class AdhesionLift(Mechanism):
     cause = "adhesion_lift"
     site = "surface"
     driver = "retraction"
-    told_by = (_COLUMN, "dwell_s")
-    imitable = False
+    informative_covariates = (_COLUMN, "dwell_s")
+    aliasable = False
     quantities = (
         Quantity("lift_by_log_speed_m", "m", 0.0003),
         Quantity("lift_by_log_dwell_m", "m", 0.0003, signed=False),

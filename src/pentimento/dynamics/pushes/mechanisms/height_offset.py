@@ -14,7 +14,7 @@ class HeightOffset(Mechanism):
     cause = "height_offset"
     site = "command"
     driver = "place"
-    told_by = ("start_x_m", "start_y_m")
+    informative_covariates = ("start_x_m", "start_y_m")
     by_place = ("lower_to_the_right_m", "lower_to_the_top_m")
     quantities = (
         Quantity("lower_m", "m", 0.0005),

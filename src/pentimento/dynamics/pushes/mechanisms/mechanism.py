@@ -96,9 +96,9 @@ class Mechanism:
     driver: ClassVar[str]
     """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
     quantities: ClassVar[tuple[Quantity, ...]]
-    told_by: ClassVar[tuple[str, ...]] = ()
+    informative_covariates: ClassVar[tuple[str, ...]] = ()
     """What is recorded of a push, or its surface and path say, that its effect goes with."""
-    imitable: ClassVar[bool] = True
+    aliasable: ClassVar[bool] = True
     """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
     depends on: a column of the table, the hour, or the sign of a direction."""
     by_place: ClassVar[tuple[str, ...]] = ()

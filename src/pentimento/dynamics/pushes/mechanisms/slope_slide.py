@@ -20,7 +20,7 @@ _ANGLES = (0.6, 1.1, 1.9)
 """tan of the angles of repose."""
 _SWEEPS = 40
 """After these, what is left of the excess shows in no scan."""
-_LEAST = 0.5
+_MIN = 0.5
 """What the shares add up to at least, for all that is too steep runs off: a base that is wrong about steep walls asks
 for a part of it."""
 _WALL = np.float32(1e6)
@@ -35,7 +35,7 @@ class SlopeSlide(Mechanism):
     cause = "slope_slide"
     site = "surface"
     driver = "slope"
-    told_by = ("slope_below",)
+    informative_covariates = ("slope_below",)
     quantities = (
         Quantity("slid_to_31_degrees", "1", 1.0),
         Quantity("slid_to_48_degrees", "1", 1.0),
@@ -44,7 +44,7 @@ class SlopeSlide(Mechanism):
 
     @property
     def physical(self) -> bool:
-        return float(self.values.sum()) >= _LEAST
+        return float(self.values.sum()) >= _MIN
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
         height = scene.before + settled.lift_m + settled.rims_m - settled.indentation_m

@@ -34,7 +34,7 @@ class Springback(Mechanism):
     cause = "springback"
     site = "material"
     driver = "rest"
-    told_by = ("dwell_s",)
+    informative_covariates = ("dwell_s",)
     quantities = (
         Quantity("kept_by_compression", "1", 0.4),
         Quantity("kept_by_log_dwell", "1", 0.1),

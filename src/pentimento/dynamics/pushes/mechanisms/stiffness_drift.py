@@ -29,8 +29,8 @@ class StiffnessDrift(Mechanism):
     cause = "stiffness_drift"
     site = "command"
     driver = "session"
-    told_by = (*_TIME, *_TEMPERATURE)
-    imitable = False
+    informative_covariates = (*_TIME, *_TEMPERATURE)
+    aliasable = False
     quantities = (
         Quantity("by_half_session", "1", 0.15),
         Quantity("by_half_range_of_temperature", "1", 0.15),

@@ -18,8 +18,8 @@ class ToolBacklash(Mechanism):
     cause = "tool_backlash"
     site = "command"
     driver = "reversal"
-    told_by = ("heading_cos", "heading_sin")
-    imitable = False
+    informative_covariates = ("heading_cos", "heading_sin")
+    aliasable = False
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

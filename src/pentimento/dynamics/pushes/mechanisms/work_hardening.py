@@ -19,7 +19,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
 )
 
 _DEEP_M = 0.005
-_LEAST_SEEN = 0.02
+_MIN_SEEN = 0.02
 """Share of the pushes that must go where others went."""
 
 
@@ -29,7 +29,7 @@ class WorkHardening(Mechanism):
     cause = "work_hardening"
     site = "contact"
     driver = "history"
-    told_by = ("worked_below_m",)
+    informative_covariates = ("worked_below_m",)
     quantities = (
         Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),
         Quantity("harder", "1", 0.5, signed=False),
@@ -39,7 +39,7 @@ class WorkHardening(Mechanism):
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
         if not scene.history_known:
             raise NotObservable("the rows do not say when the material was smoothed (reset_id)")
-        if (scene.worked.max((1, 2)) > _DEEP_M / 10).mean() < _LEAST_SEEN:
+        if (scene.worked.max((1, 2)) > _DEEP_M / 10).mean() < _MIN_SEEN:
             raise NotObservable("hardly a push goes where an earlier one went since the material was smoothed")
         return {}
 

@@ -11,7 +11,7 @@ from pentimento.dynamics.strokes.mechanisms.geometry import SHAPE, canvas_direct
 from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
-_LEAST_WAY_M = 5e-5
+_MIN_WAY_M = 5e-5
 """By which an axis of hardly any play turns over."""
 _FROM_THE_START = 0.5
 """Share of the offset."""
@@ -23,7 +23,7 @@ class Backlash(Mechanism):
     cause = "backlash"
     site = "trajectory"
     driver = "reversal"
-    told_by = SHAPE
+    informative_covariates = SHAPE
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),
@@ -35,7 +35,7 @@ class Backlash(Mechanism):
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         step = context.path[..., 1:3].diff(dim=-2)
-        kept = torch.exp(-step.abs() / (self.values.abs() + _LEAST_WAY_M))
+        kept = torch.exp(-step.abs() / (self.values.abs() + _MIN_WAY_M))
         side = [_FROM_THE_START * torch.sign(step[..., 0, :])]
         for k in range(step.shape[-2]):
             side.append(side[-1] * kept[..., k, :] + torch.sign(step[..., k, :]) * (1 - kept[..., k, :]))

@@ -15,7 +15,7 @@ class BristleLag(Mechanism):
     cause = "bristle_lag"
     site = "trajectory"
     driver = "motion"
-    told_by = SHAPE
+    informative_covariates = SHAPE
     quantities = (Quantity("distance_m", "m", 0.003, signed=False),)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:

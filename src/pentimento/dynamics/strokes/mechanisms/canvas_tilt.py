@@ -19,7 +19,7 @@ class CanvasTilt(Mechanism):
     cause = "canvas_tilt"
     site = "width"
     driver = "place"
-    told_by = ("place_x_m", "place_y_m")
+    informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("x_m", "m of press at the edge", 0.0004),
         Quantity("y_m", "m of press at the edge", 0.0004),

@@ -15,7 +15,7 @@ class CurvatureWidth(Mechanism):
     cause = "curvature_width"
     site = "width"
     driver = "bend"
-    told_by = SHAPE
+    informative_covariates = SHAPE
     quantities = (Quantity("width_per_bend", "1", 0.2),)
 
     @classmethod

@@ -29,7 +29,7 @@ class DryingShift(Mechanism):
     cause = "drying_shift"
     site = "density"
     driver = "session"
-    told_by = SESSION
+    informative_covariates = SESSION
     quantities = (
         Quantity("density_per_half_session", "1", 0.15),
         Quantity("lightness_per_half_session", "1", 0.15),

@@ -15,7 +15,7 @@ class IlluminationGradient(Mechanism):
     cause = "illumination_gradient"
     site = "camera"
     driver = "place"
-    told_by = ("place_x_m", "place_y_m")
+    informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("paint_x", "1", 0.2),
         Quantity("paint_y", "1", 0.2),

@@ -17,7 +17,7 @@ class InkDepletion(Mechanism):
     cause = "ink_depletion"
     site = "density"
     driver = "load"
-    told_by = _COLUMNS
+    informative_covariates = _COLUMNS
     quantities = (
         Quantity("density_loss", "1/reference length", 0.3),
         Quantity("width_loss", "1/reference length", 0.15),

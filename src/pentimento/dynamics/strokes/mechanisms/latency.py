@@ -15,7 +15,7 @@ class Latency(Mechanism):
     cause = "latency"
     site = "trajectory"
     driver = "motion"
-    told_by = (*SHAPE, "speed_m_s")
+    informative_covariates = (*SHAPE, "speed_m_s")
     quantities = (Quantity("time_s", "s", 0.05, signed=False),)
 
     @classmethod

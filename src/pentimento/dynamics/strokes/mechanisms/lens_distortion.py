@@ -18,7 +18,7 @@ class LensDistortion(Mechanism):
     cause = "lens_distortion"
     site = "camera"
     driver = "view"
-    told_by = ("place_x_m", "place_y_m")
+    informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("at_edge_m", "m", 0.0005),
         Quantity("taken_up_at_edge_m", "m", 0.0005),
@@ -30,5 +30,5 @@ class LensDistortion(Mechanism):
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         at = relative_place(mark.points_m, self.reference)
-        cubic, taken_up = self.values
-        return mark._replace(points_m=mark.points_m + at * (cubic * at.square().sum(-1, keepdim=True) - taken_up))
+        cubic, picked_up = self.values
+        return mark._replace(points_m=mark.points_m + at * (cubic * at.square().sum(-1, keepdim=True) - picked_up))

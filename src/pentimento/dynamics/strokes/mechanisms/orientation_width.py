@@ -28,7 +28,7 @@ class OrientationWidth(Mechanism):
     cause = "orientation_width"
     site = "width"
     driver = "heading"
-    told_by = ("heading_cos", "heading_sin")
+    informative_covariates = ("heading_cos", "heading_sin")
     quantities = (
         Quantity("cos", "1", 0.2),
         Quantity("sin", "1", 0.2),

@@ -24,7 +24,7 @@ class PaperBleed(Mechanism):
     cause = "paper_bleed"
     site = "density"
     driver = "paper"
-    told_by = ("surface_level", *_AIR)
+    informative_covariates = ("surface_level", *_AIR)
     quantities = (
         *(Quantity(f"softening_{k + 1}", "1", 0.4) for k in range(_CONTRASTS)),
         Quantity("softening_by_humidity", "1", 0.4),

@@ -16,7 +16,7 @@ class PathScale(Mechanism):
     cause = "path_scale"
     site = "trajectory"
     driver = "extent"
-    told_by = SHAPE
+    informative_covariates = SHAPE
     quantities = (
         Quantity("x", "1", 0.05),
         Quantity("y", "1", 0.05),

@@ -16,7 +16,7 @@ class SpeedDensity(Mechanism):
     cause = "speed_density"
     site = "density"
     driver = "speed"
-    told_by = ("speed_m_s",)
+    informative_covariates = ("speed_m_s",)
     quantities = (
         Quantity("density_per_log_speed", "1", 0.2),
         Quantity("softening_per_log_speed", "1", 0.4),

@@ -15,7 +15,7 @@ class SpeedWidth(Mechanism):
     cause = "speed_width"
     site = "width"
     driver = "speed"
-    told_by = ("speed_m_s",)
+    informative_covariates = ("speed_m_s",)
     quantities = (Quantity("width_per_log_speed", "1", 0.2),)
 
     @classmethod

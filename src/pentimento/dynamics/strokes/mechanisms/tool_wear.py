@@ -16,7 +16,7 @@ class ToolWear(Mechanism):
     cause = "tool_wear"
     site = "width"
     driver = "session"
-    told_by = SESSION
+    informative_covariates = SESSION
     quantities = (
         Quantity("width_per_half_session", "1", 0.1),
         Quantity("ahead_at_half_session", "1", 0.05),

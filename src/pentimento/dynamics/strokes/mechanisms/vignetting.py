@@ -15,7 +15,7 @@ class Vignetting(Mechanism):
     cause = "vignetting"
     site = "camera"
     driver = "place"
-    told_by = ("place_x_m", "place_y_m")
+    informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("paint", "1", 0.2),
         Quantity("picture", "1", 0.05),

@@ -1,7 +1,7 @@
 """Paint that is still wet below is stirred in and carried along.
 
 Of paint of the age t, the share (p + q t / t0) / (1 + t / t0) mixes: p of the freshest, q of what has long been there,
-t0 the usual age of paint that strokes cross. What the tool has taken up since it was loaded (``carried_paint``), A,
+t0 the usual age of paint that strokes cross. What the tool has taken up since it was loaded (``paint_pickup``), A,
 makes the share 1 - exp(-k A) of the paint that it lays down, also where nothing lies below.
 """
 
@@ -21,7 +21,7 @@ class WetMixing(Mechanism):
     cause = "wet_mixing"
     site = "composite"
     driver = "paint below"
-    told_by = ("wet_age_s", CARRIED[0])
+    informative_covariates = ("wet_age_s", CARRIED[0])
     quantities = (
         Quantity("pickup_of_fresh", "1", 0.3),
         Quantity("pickup_of_old", "1", 0.3),
@@ -40,6 +40,6 @@ class WetMixing(Mechanism):
         known = torch.nan_to_num(age, nan=0.0)
         share = (self.values[0] + self.values[1] * known) / (1 + known)
         stirred = torch.where(torch.isfinite(age), share, 0.0)
-        amount, *taken_up = (column(context, name) for name in CARRIED)
+        amount, *picked_up = (column(context, name) for name in CARRIED)
         laid = 1 - torch.exp(-self.values[2] * amount)
-        return color + laid[..., None] * (torch.stack(taken_up, dim=-1) - color), stirred
+        return color + laid[..., None] * (torch.stack(picked_up, dim=-1) - color), stirred

@@ -84,7 +84,7 @@ def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig
     training, validation = split_by_action(samples, config.held_out, config.seed)
     best = _Best(network, lambda: laid(network(validation), validation), validation, config.ink_weight, log)
 
-    def foretell(index: Tensor) -> Tensor:
+    def predict(index: Tensor) -> Tensor:
         some = training.pick(index)
         return laid(network(some), some)
 
@@ -93,12 +93,12 @@ def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig
         coarse = round(_COARSE_SHARE * config.epochs)
         sharp -= coarse
         hazy = training._replace(after=_blurred(training.after))
-        descend(network, lambda index: _blurred(foretell(index)), hazy, replace(config, epochs=coarse), log)
-    descend(network, foretell, training, replace(config, epochs=sharp), log, best.after_epoch)
+        descend(network, lambda index: _blurred(predict(index)), hazy, replace(config, epochs=coarse), log)
+    descend(network, predict, training, replace(config, epochs=sharp), log, best.after_epoch)
     return best.taken()
 
 
-def foretold(network: Callable[[StrokeSamples], Tensor], samples: StrokeSamples) -> Tensor:
+def predicted(network: Callable[[StrokeSamples], Tensor], samples: StrokeSamples) -> Tensor:
     """The photographs that a trained network foretells, sRGB [B, H, W, 3]."""
     with torch.no_grad():
         return laid(network(samples), samples)
@@ -108,18 +108,18 @@ class _Best(Generic[AnyNetwork]):
     """A network as it was after the epoch that foretold the validation strokes best, the untrained one included."""
 
     def __init__(
-        self, network: AnyNetwork, foretell: Callable[[], Tensor], samples: StrokeSamples, ink_weight: float, log: Log
+        self, network: AnyNetwork, predict: Callable[[], Tensor], samples: StrokeSamples, ink_weight: float, log: Log
     ) -> None:
-        self.network, self.foretell, self.samples, self.ink_weight, self.log = (
-            network, foretell, samples, ink_weight, log,
+        self.network, self.predict, self.samples, self.ink_weight, self.log = (
+            network, predict, samples, ink_weight, log,
         )  # fmt: skip
-        self.least, self.state = self._judged(), self._copied()
+        self.minimum, self.state = self._judged(), self._copied()
 
     def after_epoch(self, epoch: int) -> None:
         now = self._judged()
         self.log("validation_l1", now, epoch)
-        if now < self.least:
-            self.least, self.state = now, self._copied()
+        if now < self.minimum:
+            self.minimum, self.state = now, self._copied()
 
     def taken(self) -> AnyNetwork:
         self.network.load_state_dict(self.state)
@@ -129,7 +129,7 @@ class _Best(Generic[AnyNetwork]):
         learning = self.network.training
         self.network.eval()
         with torch.no_grad():
-            now = float(weighted_l1(self.foretell(), self.samples, self.ink_weight))
+            now = float(weighted_l1(self.predict(), self.samples, self.ink_weight))
         self.network.train(learning)
         return now
 

@@ -59,8 +59,8 @@ class LearntImprint:
         """The photographs after strokes, sRGB [B, H, W, 3]."""
         pixels = _pixels_of(self.model, strokes)
         with torch.no_grad():
-            foretold = pixels.foretold if self.network is None else self.network(pixels, self.believed)
-        return foretold.view(strokes.samples.after.shape)
+            predicted = pixels.predicted if self.network is None else self.network(pixels, self.believed)
+        return predicted.view(strokes.samples.after.shape)
 
 
 def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float, seed: int, log: Log) -> LearntImprint:
@@ -80,16 +80,16 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
         _descend(network, pixels.pick(known), after[known], weight[known], steps, batch, log)
         return network.eval()
 
-    def weighted_l1(foretold: Tensor) -> float:
-        return float(((foretold - after).abs().mean(-1) * weight).sum() / weight.sum())
+    def weighted_l1(predicted: Tensor) -> float:
+        return float(((predicted - after).abs().mean(-1) * weight).sum() / weight.sum())
 
-    unseen = {share: pixels.foretold.clone() for share in _SHARES}
+    unseen = {share: pixels.predicted.clone() for share in _SHARES}
     for number in range(_FOLDS if len(set(samples.action.tolist())) >= _FEWEST else 0):
         network, out = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD), fold == number
         with torch.no_grad():
-            for share, foretold in unseen.items():
-                foretold[out] = network(pixels.pick(out), share)
-    errors = {share: weighted_l1(foretold) for share, foretold in unseen.items()}
+            for share, predicted in unseen.items():
+                predicted[out] = network(pixels.pick(out), share)
+    errors = {share: weighted_l1(predicted) for share, predicted in unseen.items()}
     believed = min(errors, key=lambda share: errors[share])
     network_of_all = learnt(fold >= 0, _FOLDS, _STEPS, _PIXELS) if believed > 0 else None
     return LearntImprint(model, network_of_all, believed, (errors[0.0], errors[believed]))
@@ -99,7 +99,7 @@ class _Pixels(NamedTuple):
     """Pixels of all strokes, in a row."""
 
     told: Tensor  # [n, F]
-    foretold: Tensor  # [n, 3] sRGB, by the model alone
+    predicted: Tensor  # [n, 3] sRGB, by the model alone
     share: Tensor  # [n] of the way from what was there to the paint that this is
     towards: Tensor  # [n, 3] the whole way, sRGB
     inside: Tensor  # [n] half-widths from the mark's edge: 1 on the path, 0 at the edge, negative beyond
@@ -111,14 +111,14 @@ class _Pixels(NamedTuple):
 def _pixels_of(model: StrokeModel, strokes: MeasuredStrokes) -> _Pixels:
     samples, base = strokes.samples, model.mark()
     with torch.no_grad():
-        foretold = predict_extended(base, model.mechanisms, strokes)
+        predicted = predict_extended(base, model.mechanisms, strokes)
         mark = full_at_most(extended_mark(base, model.mechanisms, strokes.context))
         told = about_path(Mark(*(values[:, 0] for values in mark)), samples)
     color = samples.color[:, None, None]
-    share = inked_share(samples.before, foretold, color).clamp(0.0, 1.0)
+    share = inked_share(samples.before, predicted, color).clamp(0.0, 1.0)
     told = told.flatten(0, 2)
     inside = 1 - told[:, _DISTANCE] / told[:, _HALF_WIDTH]
-    return _Pixels(told, foretold.reshape(-1, 3), share.flatten(), (color - samples.before).reshape(-1, 3), inside)
+    return _Pixels(told, predicted.reshape(-1, 3), share.flatten(), (color - samples.before).reshape(-1, 3), inside)
 
 
 class _Network(nn.Module):
@@ -154,7 +154,7 @@ class _Network(nn.Module):
         start = (_STEEP * pixels.inside).clamp(min=-_FARTHEST)
         now, then = torch.sigmoid(start), torch.sigmoid(start + believed * said[:, 0])
         more, less = (1 - pixels.share) * (then - now) / (1 - now), pixels.share * (then - now) / now
-        return pixels.foretold + torch.where(then > now, more, less)[:, None] * pixels.towards
+        return pixels.predicted + torch.where(then > now, more, less)[:, None] * pixels.towards
 
 
 def _descend(

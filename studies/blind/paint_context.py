@@ -32,7 +32,7 @@ class Disturbance:
     amount: float
 
 
-class Easel(Studio):
+class PaintContext(Studio):
     """A `Studio` under one seed. Recordings of another `realisation` differ in their sheets, fills, friction,
     seats and camera noise (what differs between two repeats of an action), not in the tool.
     """

@@ -58,7 +58,7 @@ def test_no_paths_dates_or_leftovers(files: dict[str, bytes]) -> None:
 
 def test_every_cause_is_on_the_leaderboard_once(written: Written) -> None:
     rows = re.findall(r'<th scope="row">(?:<b>)?(\w+)', leaderboard(written.diagnosis, written.survey))
-    seen = set(written.survey.imitation.causes) | set(written.diagnosis.search.not_observable)
+    seen = set(written.survey.aliasing.causes) | set(written.diagnosis.search.not_observable)
     assert sorted(rows) == sorted(seen - {UnevenEnds.cause})  # they are the base's
 
 
