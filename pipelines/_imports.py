@@ -1,6 +1,7 @@
 """What a file of the project imports, read from its syntax tree: imports inside functions count too."""
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -8,7 +9,9 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "src/pentimento").rglob("*.py"))
 PIPELINES = sorted((ROOT / "pipelines").rglob("*.py"))
 # Package data that is read when any code of the package runs: pattern by package of src/pentimento.
-PACKAGE_DATA = {"studio": "*.toml", "robots": "*.toml", "report": "*.css"}
+PACKAGE_DATA = {"studio": "*.toml", "robots": "*.toml"}
+TEMPLATES = ROOT / "src/pentimento/report/templates"
+_TEMPLATE_NAME = re.compile(r'"(?:templates/)?([\w/]+\.(?:html|css))"')
 
 
 def has_code(file: Path) -> bool:
@@ -62,4 +65,11 @@ def needed_files(stage: str) -> set[Path]:
         folder = ROOT / "src/pentimento" / package
         if any(file.is_relative_to(folder) for file in files):
             files |= set(folder.rglob(pattern))
-    return files
+    return files | named_templates(files)
+
+
+def named_templates(files: set[Path]) -> set[Path]:
+    """Return the page templates that the files name in double quotes, and those that these templates name."""
+    names = {name for file in files for name in _TEMPLATE_NAME.findall(file.read_text(encoding="utf-8"))}
+    found = {TEMPLATES / name for name in names if (TEMPLATES / name).is_file()}
+    return found if found <= files else found | named_templates(files | found)

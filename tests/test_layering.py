@@ -13,6 +13,7 @@ HEAVY = {
     "datasets",
     "diffusers",
     "dvc",
+    "jinja2",
     "lightning",
     "matplotlib",
     "mlflow",

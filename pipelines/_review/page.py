@@ -35,7 +35,7 @@ _LUCK = (
 def page(comparison: Comparison) -> str:
     """Return the page."""
     a, b = comparison.sides
-    style = resources.files("pentimento.report").joinpath("style.css").read_text(encoding="utf-8")
+    style = resources.files("pentimento.report").joinpath("templates/style.css").read_text(encoding="utf-8")
     same = [stage.name for stage in comparison.stages if stage.same]
     body = "".join(
         [

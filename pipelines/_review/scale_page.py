@@ -56,7 +56,7 @@ def text(plan: Plan) -> str:
 
 def page(plan: Plan) -> str:
     """Return the page."""
-    style = resources.files("pentimento.report").joinpath("style.css").read_text(encoding="utf-8")
+    style = resources.files("pentimento.report").joinpath("templates/style.css").read_text(encoding="utf-8")
     body = "".join(
         "<section>"
         + table(

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from studies.blind.paint_context import Disturbance, Mode, PaintContext
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
@@ -19,6 +18,7 @@ from studies.blind.collect import Recording, as_table, record_world
 from studies.blind.decoys import COLUMNS, draw_decoys
 from studies.blind.design import REPEATED, SINGLES, TIMES, Command, randomised, raster, view_of
 from studies.blind.make import Truth, commands_of, make_world, write_world
+from studies.blind.paint_context import Disturbance, Mode, PaintContext
 from studies.blind.strength import Strength, Trial, disturbances, measure
 from studies.blind.worlds import CAUSES, OUTSIDE, Outside, Sketch, sketch_world
 

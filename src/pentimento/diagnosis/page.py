@@ -54,7 +54,7 @@ def build_page(
 
 def html_page(said: str, sections: Sequence[str]) -> bytes:
     """The page from its sections, after a first sentence; all HTML."""
-    style = (files("pentimento.report") / "style.css").read_text(encoding="utf-8")
+    style = (files("pentimento.report") / "templates/style.css").read_text(encoding="utf-8")
     page = f"""<!doctype html>
 <html lang="en">
 <head>

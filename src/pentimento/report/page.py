@@ -84,7 +84,7 @@ def build_report(
 <meta name="color-scheme" content="light dark">
 <title>Pentimento: the report</title>
 <style>
-{_text("style.css")}</style>
+{_text("templates/style.css")}</style>
 </head>
 <body>
 {body}
