@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from benchmarks.planner import OURS, SIZE_M, STROKES, plain_adam, scene_of
-from pentimento.planning.initialise import random_strokes
-from pentimento.planning.planner import plan
+from pentimento.planning.strokes.initialise import random_strokes
+from pentimento.planning.strokes.planner import plan
 
 Way = Literal["thesis", "ours"]
 WAYS: tuple[Way, ...] = ("thesis", "ours")

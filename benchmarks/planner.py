@@ -31,16 +31,21 @@ from pentimento.control.painter import as_linear, paint
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
-from pentimento.planning.descent import half_cosine
-from pentimento.planning.initialise import random_strokes
-from pentimento.planning.paints import choose_paints, in_order
-from pentimento.planning.palette import PaletteChoice
-from pentimento.planning.planner import free_plan, plan
-from pentimento.planning.render_plan import faults, render_and_back, render_plan
-from pentimento.planning.scene import Scene, objective_for, scene_with
-from pentimento.planning.strokes import Strokes
-from pentimento.planning.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import (
+    ExecutionNoise,
+    LearningRates,
+    ObjectivesConfig,
+    PlannerConfig,
+)
+from pentimento.planning.strokes.descent import half_cosine
+from pentimento.planning.strokes.initialise import random_strokes
+from pentimento.planning.strokes.paints import choose_paints, in_order
+from pentimento.planning.strokes.palette import PaletteChoice
+from pentimento.planning.strokes.planner import free_plan, plan
+from pentimento.planning.strokes.render_plan import faults, render_and_back, render_plan
+from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
+from pentimento.planning.strokes.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.studio import Studio

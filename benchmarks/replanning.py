@@ -27,15 +27,15 @@ from pentimento.bundle.graphs import GraphBrush, Graphs, SemanticObjective
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.images import write_png
 from pentimento.control.painting_state import has_state, load_state
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.descent import descend
-from pentimento.planning.initialise import random_strokes
-from pentimento.planning.model import Brush, Objective
-from pentimento.planning.objective import PrintObjective, Term, WeightedObjective
-from pentimento.planning.render_plan import faults
-from pentimento.planning.scene import Scene, scene_with
-from pentimento.planning.strokes import with_color
-from pentimento.planning.target import fit_to_canvas, load_photograph
+from pentimento.planning.objectives import Objective, PrintObjective, Term, WeightedObjective
+from pentimento.planning.strokes.bezier import with_color
+from pentimento.planning.strokes.brush import Brush
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.descent import descend
+from pentimento.planning.strokes.initialise import random_strokes
+from pentimento.planning.strokes.render_plan import faults
+from pentimento.planning.strokes.scene import Scene, scene_with
+from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]

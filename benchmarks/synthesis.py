@@ -30,11 +30,11 @@ from pentimento.copainting.workers import Submit, gather, worker_pool
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.descent import optimise
-from pentimento.planning.fitted import LoopTiming
-from pentimento.planning.initialise import random_strokes
-from pentimento.planning.scene import scene_with
-from pentimento.planning.target import fit_to_canvas, load_photograph
+from pentimento.planning.strokes.brush import LoopTiming
+from pentimento.planning.strokes.descent import optimise
+from pentimento.planning.strokes.initialise import random_strokes
+from pentimento.planning.strokes.scene import scene_with
+from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.semantics.objective import SemanticObjective

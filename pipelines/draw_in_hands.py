@@ -22,15 +22,14 @@ from pentimento.control.painter import as_linear, observe
 from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.dynamics.strokes.extended import read_stroke_model
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
-from pentimento.handwriting.drawing import Drawing, draw_in_hand
-from pentimento.handwriting.path_brush import TorchPathBrush
-from pentimento.handwriting.writer_classifier import StrokeClassifier
-from pentimento.planning.latent.config import HandPlanConfig
-from pentimento.planning.latent.decoder import read_hand
-from pentimento.planning.latent.shapes import BezierShapes, Shapes
-from pentimento.planning.objective import PrintObjective
-from pentimento.planning.scene import Scene, scene_with
-from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.handwriting.drawing import Drawing, TorchPathBrush, draw_in_hand
+from pentimento.handwriting.evaluation import StrokeClassifier
+from pentimento.planning.objectives import PrintObjective
+from pentimento.planning.strokes.config import HandPlanConfig
+from pentimento.planning.strokes.latent import read_hand
+from pentimento.planning.strokes.scene import Scene, scene_with
+from pentimento.planning.strokes.shapes import BezierShapes, Shapes
+from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.semantics.encoder import Encoder

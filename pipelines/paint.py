@@ -25,13 +25,13 @@ from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel, base_model, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.memory import beyond_fit, foreseen
-from pentimento.planning.objective import PrintObjective
-from pentimento.planning.planner import plan
-from pentimento.planning.scene import Scene, scene_with
-from pentimento.planning.strokes import Strokes, to_planned
-from pentimento.planning.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.planning.objectives import PrintObjective
+from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.memory import beyond_fit, foreseen
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.scene import Scene, scene_with
+from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.driver import Robot
 from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, load_tool

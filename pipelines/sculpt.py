@@ -28,12 +28,11 @@ from pentimento.goals3d.measures import met, read_by
 from pentimento.goals3d.reading import LetterReader
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
+from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.planning.pushes.goal import GoalFit, GoalSettings, fit_goal
-from pentimento.planning.pushes.model import PushModel
-from pentimento.planning.pushes.objective import ClayObjective
 from pentimento.planning.pushes.plan import PushPlan, plan
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import Foresight, PushModel
 from pentimento.report.pictures import time_lapse
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.robots.sculpting import SculptingRobot

@@ -15,13 +15,11 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
-from pentimento.handwriting.figures import sheet
-from pentimento.handwriting.hand_files import generic_hand, hand_of
-from pentimento.handwriting.latent_map import drawn_map, flat_map, nearest_of_same_hand
-from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
+from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, nearest_of_same_hand, reconstruction_mm
+from pentimento.handwriting.figures import drawn_map, flat_map, sheet
 from pentimento.handwriting.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.handwriting.trajvae import Strokes, TrajVAE
-from pentimento.planning.latent.decoder import HandDecoder, write_hand
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, generic_hand, hand_of
+from pentimento.planning.strokes.latent import HandDecoder, write_hand
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run

@@ -17,10 +17,9 @@ import torch
 
 from pentimento.contracts.images import write_png
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated
-from pentimento.handwriting.figures import sheet, sheet_of_mended
+from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, reconstruction_mm
+from pentimento.handwriting.figures import drawn_map, flat_map, sheet, sheet_of_mended
 from pentimento.handwriting.gather import Gathered, gather
-from pentimento.handwriting.latent_map import drawn_map, flat_map
-from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.handwriting.repair import Limits
 from pentimento.handwriting.training import Course, TrajVAEConfig, pretrain
 from pipelines._io import write_json

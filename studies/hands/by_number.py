@@ -10,11 +10,10 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.handwriting.demonstrated import Demonstrated
-from pentimento.handwriting.sampling import sampled_strokes
 from pentimento.handwriting.training import TrajVAEConfig, fine_tune
 from pentimento.handwriting.trajvae import Strokes, TrajVAE
-from pentimento.handwriting.writer_classifier import difference_auc
 from studies.hands.held_out import own_and_others, unheard
+from studies.hands.sampling import difference_auc, sampled_strokes
 
 FloatArray = NDArray[np.float64]
 

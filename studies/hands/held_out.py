@@ -14,13 +14,11 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.handwriting.demonstrated import Demonstrated
-from pentimento.handwriting.hand_files import hand_of
-from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
-from pentimento.handwriting.sampling import in_standard_frame, sampled_strokes
+from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.handwriting.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.handwriting.trajvae import Strokes, TrajVAE
-from pentimento.handwriting.writer_classifier import difference_auc
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, hand_of
 from studies.hands.samplers import copies, gaussian
+from studies.hands.sampling import difference_auc, in_standard_frame, sampled_strokes
 
 FloatArray = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from pentimento.goals3d.measures import met, read_by
 from pentimento.goals3d.reading import LetterReader
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
+from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.planning.pushes.objective import ClayObjective
 from pentimento.robots.end_effectors import EndEffector
 from pentimento.robots.sculpting import SculptingRobot
 from studies.sculpting.clay import Settings, model_of, robot_with, settings

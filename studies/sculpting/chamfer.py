@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pentimento.contracts.frames import Window
-from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]

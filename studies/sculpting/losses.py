@@ -19,8 +19,8 @@ from pentimento.control.execute import Session
 from pentimento.control.sculptor import sculpt, seen_m
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
+from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.planning.pushes.objective import ClayObjective
 from studies.sculpting.clay import model_of, robot_with, settings
 
 ACTIONS = 50

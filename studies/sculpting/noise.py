@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from pentimento.contracts.atomic import atomic_write
 from pentimento.control.sculptor import reach_for, seen_m
 from pentimento.goals3d.sources import relief_of
-from pentimento.planning.pushes.actions import Reach
-from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.objectives import ClayObjective
+from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.planning.pushes.objective import ClayObjective
 from pentimento.planning.pushes.plan import plan
 from pentimento.planning.pushes.rollout import Foresight
 from studies.sculpting.clay import model_of, robot_with, settings

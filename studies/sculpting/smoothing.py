@@ -21,11 +21,10 @@ from pentimento.control.execute_push import execute_push
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import reach_for, seen_m
 from pentimento.goals3d.shading import photograph
+from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.planning.pushes.model import PushModel
-from pentimento.planning.pushes.objective import ClayObjective, Weights
 from pentimento.planning.pushes.plan import plan
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import Foresight, PushModel
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
 from studies.sculpting.chamfer import ChamferObjective

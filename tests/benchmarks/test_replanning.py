@@ -3,9 +3,9 @@
 import numpy as np
 
 from benchmarks.replanning import time_steps
-from pentimento.planning.model import Array
-from pentimento.planning.objective import PrintObjective
-from pentimento.planning.scene import scene_with
+from pentimento.planning.objectives import PrintObjective
+from pentimento.planning.strokes.brush import Array
+from pentimento.planning.strokes.scene import scene_with
 from tests.bundle.line_brush import SIDE_M, LineBrush, paint_context
 
 

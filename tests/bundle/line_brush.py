@@ -10,10 +10,21 @@ import numpy as np
 
 from pentimento.control.journaled_robot import JournaledRobot
 from pentimento.control.paint_context import PaintContext
-from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
-from pentimento.planning.model import Array, LoopTiming, Marks, Pull, Span
-from pentimento.planning.palette import PaletteChoice
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import (
+    Array,
+    LoopTiming,
+    Marks,
+    Pull,
+    Span,
+)
+from pentimento.planning.strokes.config import (
+    ExecutionNoise,
+    LearningRates,
+    ObjectivesConfig,
+    PlannerConfig,
+)
+from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.driver import Robot
 from pentimento.robots.strokes import shape_basis
 from pentimento.robots.tools import load_tool

@@ -27,8 +27,8 @@ from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.deploy.objective_graphs import style_graphs
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.model import Marks
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.style.features import LocalFeatures
 from pentimento.semantics.style.style import StyleObjective as TorchStyle

@@ -29,9 +29,14 @@ from pentimento.bundle.reader import (
 )
 from pentimento.contracts.codec import to_plain
 from pentimento.control.safety import envelope_for
-from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
-from pentimento.planning.fitted import LoopTiming
-from pentimento.planning.palette import PaletteChoice
+from pentimento.planning.strokes.brush import LoopTiming
+from pentimento.planning.strokes.config import (
+    ExecutionNoise,
+    LearningRates,
+    ObjectivesConfig,
+    PlannerConfig,
+)
+from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
 
 CANVAS_M = (0.06, 0.04)

@@ -8,8 +8,8 @@ import pytest
 
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import ContractError
-from pentimento.planning.config import PlannerConfig, StyleConfig
-from pentimento.planning.fitted import Span
+from pentimento.planning.strokes.brush import Span
+from pentimento.planning.strokes.config import PlannerConfig, StyleConfig
 from tests.bundle.tiny_bundle import PLANNER
 
 STYLED = replace(PLANNER, objectives=replace(PLANNER.objectives, style=StyleConfig(0.05, "a.png", "local", None)))

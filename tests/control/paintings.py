@@ -14,7 +14,7 @@ from pentimento.control.paint_context import as_linear, error
 from pentimento.control.painting_state import State
 from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.control.session import GOAL, LoopTiming, Sitting, begin, carry_on
-from pentimento.planning.memory import Start
+from pentimento.planning.strokes.memory import Start
 from pentimento.robots.driver import Robot
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
 

@@ -18,8 +18,8 @@ from pentimento.control.paint_context import (
     to_be_dipped,
 )
 from pentimento.control.painter import as_linear
-from pentimento.planning.memory import Start
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.memory import Start
 from pentimento.robots.dipping import needs_dip
 from pentimento.robots.tools import load_tool
 from tests.bundle.line_brush import SIDE_M, cross, paint_context

@@ -11,16 +11,16 @@ from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.fitted import LoopTiming, Span
-from pentimento.planning.memory import foreseen
-from pentimento.planning.planner import plan
-from pentimento.planning.scene import Scene, objective_for, scene_with
+from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.memory import foreseen
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
-from tests.planning.scenes import CONFIG, unheard
+from tests.planning.strokes.scenes import CONFIG, unheard
 
 MARKER = load_tool("marker")
 SQUARE_M = (0.1, 0.1)

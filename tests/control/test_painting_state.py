@@ -9,7 +9,7 @@ import pytest
 from pentimento.contracts.covariates import StrokeEvent, advance, fresh_memory
 from pentimento.contracts.errors import ContractError
 from pentimento.control.painting_state import State, load_state, save_state
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
 
 
 def _state() -> State:

@@ -13,7 +13,7 @@ from pentimento.contracts.tables import read_table
 from pentimento.control.commands import Control
 from pentimento.control.painting_state import State, load_state
 from pentimento.control.session import CANVAS, GOAL, NEXT, PREVIEW, RECORD, carry_on
-from pentimento.planning.strokes import to_planned
+from pentimento.planning.strokes.bezier import to_planned
 from tests.bundle.line_brush import POINTS, journaled_sheet, sheet
 from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, sitting
 

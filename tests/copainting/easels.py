@@ -7,8 +7,13 @@ from pentimento.copainting.evaluation.goal_plans import Medium, PaintContext
 from pentimento.copainting.scenes.ink_tones import InkTones
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
-from pentimento.planning.palette import PaletteChoice
+from pentimento.planning.strokes.config import (
+    ExecutionNoise,
+    LearningRates,
+    ObjectivesConfig,
+    PlannerConfig,
+)
+from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
 
 SIDE_PX = 32

@@ -12,8 +12,13 @@ from pentimento.copainting.synthesis.pairs import Setting
 from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.dynamics.strokes.extended import base_model, model_files
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
-from pentimento.planning.palette import PaletteChoice
+from pentimento.planning.strokes.config import (
+    ExecutionNoise,
+    LearningRates,
+    ObjectivesConfig,
+    PlannerConfig,
+)
+from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
 

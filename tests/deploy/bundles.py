@@ -19,7 +19,7 @@ from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.fitted import LoopTiming, Span
+from pentimento.planning.strokes.brush import LoopTiming, Span
 from pentimento.semantics.encoder import Encoder, new_model
 from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner

@@ -11,8 +11,8 @@ from pentimento.bundle.reader import open_bundle
 from pentimento.control.safety import envelope_for
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
 from pentimento.dynamics.pushes.planned import planned_clay
-from pentimento.planning.model import Marks
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
 from tests.bundle.tiny_bundle import CANVAS_M
 from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle

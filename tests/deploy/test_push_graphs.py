@@ -14,7 +14,7 @@ from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.planned import TorchClay, planned_clay
 from pentimento.dynamics.pushes.pose import Crop
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
-from pentimento.planning.pushes.model import PushModel as Seam
+from pentimento.planning.pushes.rollout import PushModel as Seam
 
 FACTS = PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 1)
 WINDOW = np.array([0.0, 0.0, 0.1, 0.08])

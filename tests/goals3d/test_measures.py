@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.goals3d.measures import met
-from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights
 
 GOAL = np.random.default_rng(0).normal(0.04, 1e-3, (20, 20)).astype(np.float32)
 OBJECTIVE = ClayObjective(GOAL, (0.0, 0.0, 0.02, 0.02), Weights(1.0, 1.0))

@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.handwriting.c3d_markers import C3D, read_c3d
 from pentimento.handwriting.gather import Source, gather, read_source
-from pentimento.handwriting.optitrack import OptiTrack, read_optitrack
-from pentimento.handwriting.quickdraw import read_quickdraw
+from pentimento.handwriting.json_recordings import read_quickdraw, read_tablet
+from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read_optitrack
 from pentimento.handwriting.recording import XY, Z
 from pentimento.handwriting.repair import Limits
 from pentimento.handwriting.svg_paths import flattened, read_svg
-from pentimento.handwriting.tablet import read_tablet
 
 KNOWN = OptiTrack("Canvas", "Pen", pen_length_m=0.15, tip_axis=(0.0, -1.0, 0.0), contact_m=2e-3)
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.handwriting.recording import PRESSURE, XY, Z
-from pentimento.handwriting.sigma_lognormal import Movement, trajectory
-from pentimento.handwriting.synthetic_writers import HANDS, MadeUpConfig, made_up_sessions
+from pentimento.handwriting.synthetic_writers import HANDS, MadeUpConfig, Movement, made_up_sessions, trajectory
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, -3.0])

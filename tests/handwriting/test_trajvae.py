@@ -9,11 +9,10 @@ import torch
 
 from pentimento.contracts.errors import ContractError
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
-from pentimento.handwriting.hand_files import generic_hand, hand_of
-from pentimento.handwriting.reconstruction import mean_stroke_mm, nearest_mm, reconstruction_mm
-from pentimento.handwriting.sampling import sampled_strokes
+from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.handwriting.training import fine_tune, pretrain
-from pentimento.handwriting.trajvae import Strokes, TrajVAE, sizes_m
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, generic_hand, hand_of, sizes_m
+from studies.hands.sampling import sampled_strokes
 from tests.handwriting.conftest import CONFIG, lengths_mm
 
 Parts = tuple[Demonstrated, Demonstrated]

@@ -12,12 +12,12 @@ for heavy in ("torch", "sklearn", "scipy", "skimage", "pandas", "matplotlib", "P
 from dataclasses import replace
 import numpy as np
 from pentimento.contracts.errors import ConfigError, ImageError
-from pentimento.planning.config import ObjectivesConfig, StyleConfig
-from pentimento.planning.palette import PaletteChoice
-from pentimento.planning.planner import plan
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import objective_for, scene_with
-from pentimento.planning.target import load_photograph
+from pentimento.planning.strokes.config import ObjectivesConfig, StyleConfig
+from pentimento.planning.strokes.palette import PaletteChoice
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import objective_for, scene_with
+from pentimento.planning.strokes.target import load_photograph
 from pentimento.robots.tools import load_tool
 import pentimento.control.painter
 from tests.bundle.line_brush import LineBrush, paint_context

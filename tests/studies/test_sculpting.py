@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.images import read_image, write_png
-from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights
 from studies.sculpting import page
 from studies.sculpting.chamfer import ChamferObjective
 

@@ -18,10 +18,9 @@ from pentimento.bundle.sampler import Networks, NoiseSchedule
 from pentimento.bundle.tokenizer import Tokenizer, read_tokenizer
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.planning.fitted import LoopTiming, Span
-from pentimento.planning.model import Marks, Pull
-from pentimento.planning.strokes import Strokes
-from pentimento.planning.target import fit_to_canvas
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import LoopTiming, Marks, Pull, Span
+from pentimento.planning.strokes.target import fit_to_canvas
 
 # Before it is imported, when it would write an identifier of this computer into the user's home.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
@@ -70,7 +69,7 @@ def _session(content: bytes, threads: int) -> Any:
 
 
 class GraphBrush:
-    """A stroke model of the bundle as a ``planning.model.Brush``."""
+    """A stroke model of the bundle as a ``planning.strokes.brush.Brush``."""
 
     def __init__(self, graphs: Graphs, name: str) -> None:
         """``name`` is one of the manifest's brushes, as settings name them."""
@@ -95,7 +94,7 @@ class GraphBrush:
         return self._facts.path_points
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
-        """See ``planning.model.Brush``."""
+        """See ``planning.strokes.brush.Brush``."""
         given = [array.copy() for array in strokes.arrays()]  # strokes are moved in place before the way back
         given += [inherited[column] for column in self._columns]
         made = self._graphs(f"{self._name}_marks", *given)
@@ -109,14 +108,14 @@ class GraphBrush:
         return Marks(points, radius, density, softness, paint, pickup), pull
 
     def gain(self, places_m: Array) -> Array | None:
-        """See ``planning.model.Brush``."""
+        """See ``planning.strokes.brush.Brush``."""
         if not self._facts.has_gain:
             return None
         return self._graphs(f"{self._name}_gain", places_m)[0]
 
 
 class SemanticObjective:
-    """How far the patch features of a picture are from a target's (thesis 4.4): a ``planning.model.Objective``."""
+    """How far the patch features of a picture are from a target's (thesis 4.4): a ``planning.objectives.Objective``."""
 
     def __init__(self, graphs: Graphs, target: Array, seed: int) -> None:
         """Hold the target, [H, W, 3] in linear light; views are drawn anew at each call, seeded."""
@@ -130,7 +129,7 @@ class SemanticObjective:
 
 
 class TextObjective:
-    """1 - cos of a picture and a caption, averaged over views (thesis 4.1): a ``planning.model.Objective``."""
+    """1 - cos of a picture and a caption, averaged over views (thesis 4.1): a ``planning.objectives.Objective``."""
 
     def __init__(self, graphs: Graphs, caption: str, shape: tuple[int, ...], seed: int) -> None:
         """For images of a height and width; views are drawn anew at each call, seeded."""
@@ -156,7 +155,7 @@ class _Looks:
 
 
 class PictureStyle:
-    """A picture's style by local features (thesis 4.2), a ``planning.scene.Style``."""
+    """A picture's style by local features (thesis 4.2), a ``planning.strokes.scene.Style``."""
 
     def __init__(self, graphs: Graphs, picture_srgb: NDArray[np.uint8], seed: int) -> None:
         """``seed`` is of the draws where pictures have too many cells to pair them all."""
@@ -178,7 +177,7 @@ class PictureStyle:
 class StyleObjective:
     """Earth Mover's Distance between the sets of local features of an image and of a style picture.
 
-    As ``semantics.style.style`` has it; a ``planning.model.Objective``.
+    As ``semantics.style.style`` has it; a ``planning.objectives.Objective``.
     """
 
     def __init__(self, graphs: Graphs, style: Array, seed: int) -> None:

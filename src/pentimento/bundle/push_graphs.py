@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.planning.pushes.model import Array, FloatArray, Pull
+from pentimento.planning.pushes.rollout import Array, FloatArray, Pull
 
 Ask = Callable[..., list[NDArray[Any]]]
 """A graph's answers by its name and arguments, as ``bundle.graphs.Graphs`` gives them."""

@@ -22,8 +22,8 @@ from pentimento.bundle.push_graphs import ClayFacts
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 from pentimento.control.safety import SafetyEnvelope, envelope_for
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.fitted import LoopTiming, Span
+from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.robots.tools import Tool, load_tool
 
 SCHEMA: Final = 1

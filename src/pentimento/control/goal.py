@@ -12,7 +12,7 @@ from pentimento.bundle.torch_noise import normal, seed_for
 from pentimento.control.compose_goal import keep_canvas
 from pentimento.control.paint_context import as_picture
 from pentimento.control.painter import as_linear
-from pentimento.planning.target import fit_to_canvas, fit_to_ink
+from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink
 from pentimento.robots.tools import Tool
 
 Picture = NDArray[np.uint8]

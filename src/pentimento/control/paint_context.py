@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
 from pentimento.contracts.covariates import Memory
 from pentimento.control.painter import as_linear, replan_rest
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.memory import Start
-from pentimento.planning.model import Brush
-from pentimento.planning.planner import plan
-from pentimento.planning.relocate import contributions
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import Scene, Style, objective_for
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import Brush
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.memory import Start
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.relocate import contributions
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import Scene, Style, objective_for
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]

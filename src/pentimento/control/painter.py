@@ -13,12 +13,12 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.execute import Session, execute
-from pentimento.planning.config import Log, PlannerConfig
-from pentimento.planning.descent import optimise
-from pentimento.planning.memory import Start
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import Scene
-from pentimento.planning.strokes import Strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.config import Log, PlannerConfig
+from pentimento.planning.strokes.descent import optimise
+from pentimento.planning.strokes.memory import Start
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import Scene
 from pentimento.robots.driver import Robot
 
 Array = NDArray[np.float32]

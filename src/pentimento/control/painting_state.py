@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.covariates import Memory
 from pentimento.control.checkpoint import Arrays, keep, kept
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
 
 FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]

@@ -28,9 +28,9 @@ from pentimento.control.painting_state import State, has_state, load_state
 from pentimento.control.progress import Progress
 from pentimento.control.safety import GuardedRobot, envelope_for
 from pentimento.control.session import GOAL, PLAN, LoopTiming, Sitting, begin, carry_on
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.memory import Start
-from pentimento.planning.target import load_photograph
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.memory import Start
+from pentimento.planning.strokes.target import load_photograph
 from pentimento.robots.rig import Rig
 
 Picture = NDArray[np.uint8]

@@ -29,10 +29,9 @@ from pentimento.control.progress import Progress as Shown
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import Array, Execution, Progress, Sculptor, seen_m
 from pentimento.control.sculpture_state import SculptureState, has_sculpture, load_sculpture, save_sculpture
+from pentimento.planning.objectives import Weights
 from pentimento.planning.pushes.config import PushRates, SculptorConfig
-from pentimento.planning.pushes.goal import GoalSettings, fit_goal
-from pentimento.planning.pushes.letters import sunken_letters
-from pentimento.planning.pushes.objective import Weights
+from pentimento.planning.pushes.goal import GoalSettings, fit_goal, sunken_letters
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.robots.sculpting import SculptingRobot
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot

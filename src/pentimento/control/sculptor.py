@@ -14,13 +14,11 @@ from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scan import Scan
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import execute_push, levelled_m, record_push
-from pentimento.planning.pushes.actions import Reach
-from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.objectives import ClayObjective
+from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
-from pentimento.planning.pushes.model import PushModel
-from pentimento.planning.pushes.objective import ClayObjective
 from pentimento.planning.pushes.plan import PushPlan, plan
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import Foresight, PushModel
 from pentimento.robots.end_effectors import EndEffector
 from pentimento.robots.sculpting import SculptingRobot
 

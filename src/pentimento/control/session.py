@@ -41,8 +41,8 @@ from pentimento.control.photo_checks import PATIENCE_S, Eyes
 from pentimento.control.recording import Recording
 from pentimento.control.visible_marks import share_seen
 from pentimento.control.watchdog import Watchdog
-from pentimento.planning.memory import Start
-from pentimento.planning.strokes import Strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.memory import Start
 from pentimento.robots.dipping import needs_dip
 from pentimento.robots.driver import Robot
 

@@ -41,7 +41,7 @@ from pentimento.deploy.tracing import IR_VERSION, OPSET
 from pentimento.dynamics.pushes.planned import planned_clay
 from pentimento.dynamics.pushes.push_model import PushModel
 from pentimento.dynamics.strokes.extended import StrokeModel
-from pentimento.planning.config import PlannerConfig
+from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 

@@ -23,7 +23,7 @@ STROKES = {
     "press_m": "m, at start, middle, end",
     "color": "linear light",
 }
-"""Fields of ``planning.strokes.Strokes`` in their order, with their units."""
+"""Fields of ``planning.strokes.bezier.Strokes`` in their order, with their units."""
 MARKS = {
     "points_m": "m, canvas frame",
     "radius_m": "m",
@@ -32,7 +32,7 @@ MARKS = {
     "paint": "linear light",
     "pickup": "1",
 }
-"""Fields of ``planning.model.Marks`` in their order. Colour goes in and comes out, so here it is paint."""
+"""Fields of ``planning.strokes.brush.Marks`` in their order. Colour goes in and comes out, so here it is paint."""
 
 _EXAMPLE_STROKES = 7  # unlike every other size of a stroke, so that the exporter takes it for none of them
 _COMPARED_WITH = (1, 2, 40)

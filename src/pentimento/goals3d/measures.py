@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.goals3d.reading import LetterReader
-from pentimento.planning.pushes.objective import ClayObjective
+from pentimento.planning.objectives import ClayObjective
 
 Array = NDArray[np.float32]
 

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.handwriting.standard import standardise
+from pentimento.handwriting.recording import standardise
 from pentimento.handwriting.trajvae import Strokes
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from pentimento.calibration.observe import CameraCalibration
@@ -13,12 +15,13 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.execute import Session, execute
 from pentimento.control.painter import as_linear, observe
-from pentimento.planning.config import Log
-from pentimento.planning.latent.config import HandPlanConfig
-from pentimento.planning.latent.planner import PathBrush, plan_in_hand, predict_drawing
-from pentimento.planning.latent.shapes import Shapes
-from pentimento.planning.latent.strokes import planned_strokes
-from pentimento.planning.scene import Scene
+from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.dynamics.strokes.simulation import StrokeContext, extended_mark, full_at_most
+from pentimento.planning.strokes.brush import Array, Marks
+from pentimento.planning.strokes.config import HandPlanConfig, Log
+from pentimento.planning.strokes.latent_planner import PathBrush, plan_in_hand, predict_drawing
+from pentimento.planning.strokes.scene import Scene
+from pentimento.planning.strokes.shapes import Shapes, planned_strokes
 from pentimento.robots.driver import Robot
 
 FloatArray = NDArray[np.float64]
@@ -62,3 +65,35 @@ def draw_in_hand(
 def _known(path: FloatArray) -> FloatArray:
     place = path[:, 1:3]
     return place[np.isfinite(place).all(axis=1)]
+
+
+class TorchPathBrush(TorchBrush):
+    """A stroke model as a ``planning.strokes.brush.Brush`` that also takes paths of any shape (``PathBrush``)."""
+
+    def path_marks(
+        self, paths: Array, color: Array, inherited: dict[str, Array]
+    ) -> tuple[Marks, Callable[[Marks], Array]]:
+        """See ``PathBrush``. Gradients treat times as constants. The pull-back may be called once."""
+        path = torch.tensor(paths, requires_grad=True)
+        columns = {name: torch.tensor(inherited[name])[None] for name in self.fitted}
+        with torch.enable_grad():
+            context = StrokeContext(path[None], columns)
+            mark = full_at_most(extended_mark(self.model.mark(), self.model.mechanisms, context))
+            paint, pickup = torch.tensor(color)[None], None
+            for mechanism in self.model.mechanisms:
+                paint, pickup = mechanism.composite(paint, pickup, context)
+            fields = [values[0] for values in (*mark, paint)]
+            wet = None if pickup is None else pickup[0]
+
+        def pull(cotangent: Marks) -> Array:
+            pairs = [
+                (field, torch.from_numpy(given))
+                for field, given in zip((*fields, wet), cotangent, strict=True)
+                if field is not None and field.requires_grad and given is not None
+            ]
+            outputs, cotangents = zip(*pairs, strict=True)
+            return torch.autograd.grad(outputs, path, cotangents)[0].numpy()
+
+        points, radius, density, softness, color_left = (f.detach().contiguous().numpy() for f in fields)
+        picked = None if wet is None else wet.detach().contiguous().numpy()
+        return Marks(points, radius, density, softness, color_left, picked), pull

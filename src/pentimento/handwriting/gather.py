@@ -14,14 +14,11 @@ import pyarrow as pa
 from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import arrow_schema
-from pentimento.handwriting.c3d_markers import C3D, read_c3d
-from pentimento.handwriting.optitrack import OptiTrack, read_optitrack
-from pentimento.handwriting.quickdraw import read_quickdraw
-from pentimento.handwriting.recording import PRESSURE, Recording
+from pentimento.handwriting.json_recordings import read_quickdraw, read_tablet
+from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read_optitrack
+from pentimento.handwriting.recording import PRESSURE, Recording, standardise
 from pentimento.handwriting.repair import Limits, Mended, mend_all
-from pentimento.handwriting.standard import standardise
 from pentimento.handwriting.svg_paths import read_svg
-from pentimento.handwriting.tablet import read_tablet
 
 
 @dataclass(frozen=True)

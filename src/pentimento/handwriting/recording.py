@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.errors import ContractError
+
 FloatArray = NDArray[np.float64]
 
 T: Final = 0
@@ -44,3 +46,55 @@ def recording(
         if values is not None:
             points[:, column] = values
     return Recording(session, hand, points)
+
+
+_CLOSED = 1e-9
+
+
+def standardise(points: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """A stroke at ``count`` equal steps of arc length in the standard frame, and where that frame lies in the source.
+
+    Args:
+        points: [K, 5] t_s, x_m, y_m, z_m, pressure; NaN is kept where a column is unknown.
+
+    Returns:
+        The points [count, 5], and x_m, y_m, theta_rad [3] of the standard frame in the source's. A stroke that ends
+        where it began keeps its heading.
+
+    Raises:
+        ContractError: fewer than two places, or fewer than two points are wanted.
+    """
+    even = resample(points, count)
+    chord = even[-1, XY] - even[0, XY]
+    theta = 0.0 if np.hypot(*chord) < _CLOSED else float(np.arctan2(chord[1], chord[0]))
+    transform = np.array([*even[0, XY], theta])
+    return np.column_stack([even[:, 0], turned(even[:, XY] - even[0, XY], -theta), even[:, 3:]]), transform
+
+
+def to_source(points: FloatArray, transform: FloatArray) -> FloatArray:
+    """Points [N, 5] of the standard frame, back in the source's."""
+    placed = turned(points[:, XY], float(transform[2])) + transform[:2]
+    return np.column_stack([points[:, 0], placed, points[:, 3:]])
+
+
+def resample(points: FloatArray, count: int) -> FloatArray:
+    """``points`` [K, 5] at ``count`` equal steps of arc length along x and y.
+
+    Raises:
+        ContractError: fewer than two places, or fewer than two points are wanted.
+    """
+    if count < 2:
+        raise ContractError(f"A stroke of {count} points has no direction; ask for two or more.")
+    step = np.linalg.norm(np.diff(points[:, XY], axis=0), axis=1)
+    moved = np.append(True, step > 0)
+    along = np.append(0.0, np.cumsum(step))[moved]
+    if len(along) < 2:
+        raise ContractError("A stroke that stays at one place cannot be resampled; refuse it before.")
+    at = np.linspace(0.0, along[-1], count)
+    return np.column_stack([np.interp(at, along, column) for column in points[moved].T])
+
+
+def turned(xy: FloatArray, theta_rad: float) -> FloatArray:
+    """Places [K, 2], turned about the origin to the left."""
+    cos, sin = np.cos(theta_rad), np.sin(theta_rad)
+    return xy @ np.array([[cos, sin], [-sin, cos]])

@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.handwriting.recording import PRESSURE, XY, Recording, T, Z
+from pentimento.handwriting.recording import (
+    PRESSURE,
+    XY,
+    Recording,
+    T,
+    Z,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

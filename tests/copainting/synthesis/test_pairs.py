@@ -23,9 +23,9 @@ from pentimento.copainting.synthesis.pairs import (
     sayable,
 )
 from pentimento.copainting.synthesis.partials import Partial
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import objective_for
-from pentimento.planning.target import fit_to_canvas
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import objective_for
+from pentimento.planning.strokes.target import fit_to_canvas
 from pentimento.robots.tools import load_tool
 from tests.copainting.painters import BRUSH, MARKER, PARTIALS, write_encoder, write_stroke_model
 

@@ -22,7 +22,7 @@ from pentimento.dynamics.pushes.analytic_correction import (
 from pentimento.dynamics.pushes.analytic_scene import scene_of
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
-from pentimento.planning.pushes.model import Array, FloatArray, Pull
+from pentimento.planning.pushes.rollout import Array, FloatArray, Pull
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, SIDE_M, blank
 
 WINDOW_M = np.array([0.0, 0.0, SIDE_M, SIDE_M])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.dynamics.pushes.planned import planned_clay, planned_members
-from pentimento.planning.pushes.model import PushModel
+from pentimento.planning.pushes.rollout import PushModel
 from tests.dynamics.pushes.conftest import Trained
 
 WINDOW = np.array([0.0, 0.0, 0.12, 0.12])

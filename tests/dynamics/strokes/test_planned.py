@@ -10,11 +10,11 @@ from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.planned import TorchBrush, planned_marks
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, simulate
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.fitted import LoopTiming, Span
-from pentimento.planning.memory import commanded
-from pentimento.planning.render_plan import render_and_back
-from pentimento.planning.scene import inherit, scene_with
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.memory import commanded
+from pentimento.planning.strokes.render_plan import render_and_back
+from pentimento.planning.strokes.scene import inherit, scene_with
 from pentimento.robots.tools import load_tool
 
 SIZE_M = (0.12, 0.08)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.frames import canvas_to_pixel, canvas_to_stroke, pixel_to_canvas
-from pentimento.planning.pushes.model import Pull
+from pentimento.planning.pushes.rollout import Pull
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]

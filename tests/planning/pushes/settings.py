@@ -1,8 +1,7 @@
 """A sculptor small enough for tests."""
 
-from pentimento.planning.pushes.actions import Reach
-from pentimento.planning.pushes.config import PushRates, SculptorConfig
-from pentimento.planning.pushes.objective import Weights
+from pentimento.planning.objectives import Weights
+from pentimento.planning.pushes.config import PushRates, Reach, SculptorConfig
 
 REACH = Reach((0.01, 0.01, 0.09, 0.09), (0.01, 0.03), (0.001, 0.008), width_m=0.012, travels=True)
 CONFIG = SculptorConfig(

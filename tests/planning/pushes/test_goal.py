@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.planning.pushes.goal import GoalError, GoalSettings, border_mask, fit_goal
+from pentimento.planning.pushes.goal import (
+    GoalError,
+    GoalSettings,
+    border_mask,
+    fit_goal,
+)
 
 SETTINGS = GoalSettings(volume=1.0, floor=100.0, definition=0.01, kept=1.0, reach_m=0.006, border=0.1)
 CLAY = np.random.default_rng(0).normal(0.04, 1e-4, (40, 40)).astype(np.float32)

@@ -12,7 +12,7 @@ for heavy in ("torch", "sklearn", "scipy", "skimage", "pandas", "matplotlib", "P
 import numpy as np
 import pentimento.control.sculptor
 from pentimento.planning.pushes.goal import GoalSettings, fit_goal
-from pentimento.planning.pushes.objective import ClayObjective
+from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.plan import plan
 from pentimento.planning.pushes.rollout import Foresight
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat

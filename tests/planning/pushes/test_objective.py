@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
-from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights
 
 WINDOW_M = (0.0, 0.0, 0.03, 0.02)
 K = 1000.0

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.planning.pushes.actions import ends
-from pentimento.planning.pushes.cross_entropy import cross_entropy
-from pentimento.planning.pushes.descent import descend
+from pentimento.planning.objectives import ClayObjective, Weights
+from pentimento.planning.pushes.config import ends
 from pentimento.planning.pushes.initialise import best_action, candidates
-from pentimento.planning.pushes.objective import ClayObjective, Weights
 from pentimento.planning.pushes.plan import PushPlan, foreseen, plan
+from pentimento.planning.pushes.refine import cross_entropy, descend
 from pentimento.planning.pushes.rollout import Foresight
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 from tests.planning.pushes.settings import CONFIG, REACH

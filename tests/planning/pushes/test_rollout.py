@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pentimento.planning.pushes.objective import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.rollout import Foresight
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, ImageError
-from pentimento.planning.config import ObjectivesConfig, StyleConfig
-from pentimento.planning.planner import plan
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import first_pass, objective_for
-from pentimento.planning.target import fit_to_canvas, load_photograph
+from pentimento.planning.strokes.config import ObjectivesConfig, StyleConfig
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import first_pass, objective_for
+from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.semantics.style.settings import PictureStyle, style_of
 from pipelines._config import load_section
-from tests.planning.scenes import CONFIG, scene, unheard
+from tests.planning.strokes.scenes import CONFIG, scene, unheard
 
 STYLE = StyleConfig(0.05, "retina", "local", None)
 SHAPE = (64, 96)

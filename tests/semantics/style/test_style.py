@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from pentimento.dynamics.strokes.photometry import linear_to_srgb
-from pentimento.planning.objective import PrintObjective
+from pentimento.planning.objectives import PrintObjective
 from pentimento.semantics.style.earth_movers import earth_movers_distance
 from pentimento.semantics.style.features import LocalFeatures
 from pentimento.semantics.style.style import StyleObjective

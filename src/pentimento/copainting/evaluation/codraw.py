@@ -19,8 +19,8 @@ from pentimento.copainting.evaluation.cases import plain_caption
 from pentimento.copainting.evaluation.goal_plans import PaintContext, draw_scene, laid_out, plan_goal, seen
 from pentimento.copainting.scenes.edits import without
 from pentimento.copainting.scenes.phrases import listed, phrase
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.robots.driver import Robot
 
 Picture = NDArray[np.uint8]

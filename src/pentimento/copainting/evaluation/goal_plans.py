@@ -15,12 +15,12 @@ from pentimento.contracts.ranges import above_zero
 from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
 from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.planner import plan
-from pentimento.planning.relocate import without_harmful
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import Scene, scene_with
-from pentimento.planning.strokes import Strokes, no_strokes
+from pentimento.planning.strokes.bezier import Strokes, no_strokes
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.relocate import without_harmful
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.semantics.style.settings import style_of
 

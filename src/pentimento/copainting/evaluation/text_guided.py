@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.copainting.evaluation.goal_plans import Drawn, PaintContext, predicted
-from pentimento.planning.descent import descend
-from pentimento.planning.initialise import random_strokes
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.strokes import with_color
+from pentimento.planning.strokes.bezier import with_color
+from pentimento.planning.strokes.descent import descend
+from pentimento.planning.strokes.initialise import random_strokes
+from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.objective import TextObjective
 from pentimento.semantics.style.torch_objective import TorchObjective

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.planning.config import Log, PlannerConfig
-from pentimento.planning.descent import descend
-from pentimento.planning.model import Objective
-from pentimento.planning.objective import Term, WeightedObjective
-from pentimento.planning.scene import Scene, objective_for
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.objectives import Objective, Term, WeightedObjective
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import Log, PlannerConfig
+from pentimento.planning.strokes.descent import descend
+from pentimento.planning.strokes.scene import Scene, objective_for
 
 Light = NDArray[np.float32]
 

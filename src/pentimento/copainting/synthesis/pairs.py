@@ -28,12 +28,12 @@ from pentimento.copainting.synthesis.guided_descent import Guidance, descend_gui
 from pentimento.copainting.synthesis.partials import Partial, PartialsConfig, partials
 from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.config import PlannerConfig
-from pentimento.planning.planner import plan
-from pentimento.planning.render_plan import render_plan
-from pentimento.planning.scene import Scene, inherit, scene_with
-from pentimento.planning.strokes import Strokes
-from pentimento.planning.target import fit_to_canvas
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import Scene, inherit, scene_with
+from pentimento.planning.strokes.target import fit_to_canvas
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.objective import SemanticObjective

@@ -24,7 +24,12 @@ from pentimento.contracts.errors import ContractError
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_file import model_as_json, model_from_json
 from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start
-from pentimento.planning.pushes.model import Array, FloatArray, Pull, PushModel
+from pentimento.planning.pushes.rollout import (
+    Array,
+    FloatArray,
+    Pull,
+    PushModel,
+)
 
 HIDDEN = ("adhesion_lift", "height_offset", "springback", "stiffness_drift", "tool_backlash", "work_hardening")
 """Causes that go with what a network of the constant pose is not told."""

@@ -9,7 +9,7 @@ from torch import Tensor
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop, to_canvas, to_pose
 from pentimento.dynamics.pushes.push_model import PushModel
-from pentimento.planning.pushes.model import Array, FloatArray, Pull
+from pentimento.planning.pushes.rollout import Array, FloatArray, Pull
 
 _AT_ONCE = 64
 

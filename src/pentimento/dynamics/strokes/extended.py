@@ -22,7 +22,7 @@ from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linea
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, simulate
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters, read_parameters
-from pentimento.planning.fitted import LoopTiming, Span
+from pentimento.planning.strokes.brush import LoopTiming, Span
 
 OWN_CAUSES = ("path_scale", "path_offset")
 """Causes that are parameters of Traj2Stroke."""

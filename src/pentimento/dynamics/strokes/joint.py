@@ -22,7 +22,7 @@ from pentimento.dynamics.strokes.polish import polish
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, predict, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
-from pentimento.planning.fitted import LoopTiming
+from pentimento.planning.strokes.brush import LoopTiming
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from torch import Tensor
 
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, extended_mark, full_at_most
-from pentimento.planning.fitted import LoopTiming, Span
-from pentimento.planning.model import Array, Marks, Pull
-from pentimento.planning.strokes import Strokes
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.brush import Array, LoopTiming, Marks, Pull, Span
 from pentimento.robots.motion import ACCELERATION_M_S2
 from pentimento.robots.strokes import press_basis, shape_basis
 from pentimento.robots.tools import Tool
@@ -42,12 +41,12 @@ def planned_marks(
 
     Args:
         middle_m, theta_rad, length_m, bend_m, press_m, color: [S, 2], three times [S], [S, 3] and [S, 3], as
-            ``planning.strokes.Strokes`` says.
+            ``planning.strokes.bezier.Strokes`` says.
         covariates: [S] of each column in ``model.fitted``.
 
     Returns:
-        The fields of ``planning.model.Marks`` in their order, with N = ``path_points``; without the last, pickup,
-        where no mechanism picks up paint.
+        The fields of ``planning.strokes.brush.Marks`` in their order, with N = ``path_points``. The last, pickup, is
+        left out where no mechanism picks up paint.
     """
     path = _geometry(path_points, middle_m, theta_rad, length_m, bend_m, press_m)[None]
     if model.mechanisms:  # the base knows neither times nor yaw
@@ -64,7 +63,7 @@ def planned_marks(
 def _geometry(
     points: int, middle_m: Tensor, theta_rad: Tensor, length_m: Tensor, bend_m: Tensor, press_m: Tensor
 ) -> Tensor:
-    """Paths [S, N, 5], times and yaw 0; ``planning.strokes.Strokes.paths`` is the same in numpy."""
+    """Paths [S, N, 5], times and yaw 0; ``planning.strokes.bezier.Strokes.paths`` is the same in numpy."""
     along_unit, across_unit = (torch.tensor(basis, dtype=middle_m.dtype) for basis in shape_basis(points))
     press_unit = torch.tensor(press_basis(points), dtype=middle_m.dtype)
     along, across = length_m[:, None] * along_unit, bend_m[:, None] * across_unit
@@ -77,7 +76,7 @@ def _geometry(
 
 
 def _commanded(path: Tensor, theta_rad: Tensor, tool: Tool) -> Tensor:
-    """Paths with yaw and times; ``planning.memory.commanded`` is the same in numpy."""
+    """Paths with yaw and times; ``planning.strokes.memory.commanded`` is the same in numpy."""
     step = path[..., 1:3].diff(dim=-2).norm(dim=-1)
     drawn = torch.cat([torch.zeros_like(step[..., :1]), step.cumsum(-1)], dim=-1)
     length = drawn[..., -1:].clamp(min=_SHORTEST_M)
@@ -90,7 +89,7 @@ def _commanded(path: Tensor, theta_rad: Tensor, tool: Tool) -> Tensor:
 
 
 class TorchBrush:
-    """A stroke model as a ``planning.model.Brush``, its gradients by autograd."""
+    """A stroke model as a ``planning.strokes.brush.Brush``, its gradients by autograd."""
 
     def __init__(self, model: StrokeModel, tool: Tool, path_points: int) -> None:
         self.model, self.tool, self.path_points = model, tool, path_points
@@ -107,7 +106,7 @@ class TorchBrush:
         return self.model.timing
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
-        """See ``planning.model.Brush``. The way back may be gone once."""
+        """See ``planning.strokes.brush.Brush``. The way back may be gone once."""
         middle, theta, length, bend, press, color = leaves = [
             torch.tensor(array, requires_grad=True) for array in strokes.arrays()
         ]
@@ -128,7 +127,7 @@ class TorchBrush:
         return Marks(points, radius, density, softness, paint, pickup[0] if pickup else None), pull
 
     def gain(self, places_m: Array) -> Array | None:
-        """See ``planning.model.Brush``: each place is seen as a picture of one pixel."""
+        """See ``planning.strokes.brush.Brush``: each place is seen as a picture of one pixel."""
         if not self._camera:
             return None
         places = torch.from_numpy(places_m)

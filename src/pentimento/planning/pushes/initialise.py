@@ -7,8 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.frames import pixel_to_canvas
-from pentimento.planning.pushes.actions import DEPTH, LENGTH, THETA, Reach
-from pentimento.planning.pushes.config import SculptorConfig
+from pentimento.planning.pushes.config import (
+    DEPTH,
+    LENGTH,
+    THETA,
+    Reach,
+    SculptorConfig,
+)
 from pentimento.planning.pushes.rollout import Foresight
 
 Array = NDArray[np.float32]

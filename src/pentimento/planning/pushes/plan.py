@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.planning.pushes.actions import Reach
-from pentimento.planning.pushes.config import SculptorConfig
-from pentimento.planning.pushes.cross_entropy import cross_entropy
-from pentimento.planning.pushes.descent import descend
+from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.initialise import best_action
+from pentimento.planning.pushes.refine import cross_entropy, descend
 from pentimento.planning.pushes.rollout import Foresight
 
 Array = NDArray[np.float32]

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.planning.config import PlannerConfig, StyleConfig
-from pentimento.planning.target import fit_to_canvas, load_photograph
+from pentimento.planning.strokes.config import PlannerConfig, StyleConfig
+from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.semantics.style.features import LocalFeatures
 from pentimento.semantics.style.style import Features, StyleObjective
 from pentimento.semantics.style.torch_objective import TorchObjective
@@ -25,7 +25,7 @@ def style_of(config: PlannerConfig) -> PictureStyle | None:
 
 
 class PictureStyle:
-    """A picture's style, a ``planning.scene.Style``."""
+    """A picture's style, a ``planning.strokes.scene.Style``."""
 
     def __init__(self, config: StyleConfig, seed: int) -> None:
         """``seed`` is of the draws where a picture has too many cells to pair them all."""

@@ -13,7 +13,7 @@ Array = NDArray[np.float32]
 
 
 class TorchObjective:
-    """A ``planning.model.Objective`` from a function of an image [H, W, 3] in linear light to a scalar."""
+    """A ``planning.objectives.Objective`` from a function of an image [H, W, 3] in linear light to a scalar."""
 
     def __init__(self, function: Callable[[Tensor], Tensor]) -> None:
         self._function = function

@@ -1,0 +1,211 @@
+"""Motion capture as OptiTrack's Motive exports it: rigid bodies of the canvas and of the pen (thesis 5.3.2).
+
+The pen's tip lies a measured length from the body's pivot. Where it is nearer to the canvas than a threshold, the pen
+draws. A body's own axes are x, y up, z; on the canvas that is our x, height and minus y.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.handwriting.recording import Recording, recording
+
+FloatArray = NDArray[np.float64]
+
+_METRES: Final = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
+_ROTATION: Final = ("X", "Y", "Z", "W")
+_POSITION: Final = ("X", "Y", "Z")
+
+
+@dataclass(frozen=True)
+class OptiTrack:
+    """What is not in the file."""
+
+    canvas: str
+    """Name of the canvas's rigid body."""
+    pen: str
+    pen_length_m: float
+    """From the pen body's pivot to the tip, as measured with a ruler."""
+    tip_axis: tuple[float, float, float]
+    """Direction of the tip in the pen body's own axes, e.g. [0, -1, 0]."""
+    contact_m: float
+    """The pen draws where its tip is lower than this over the canvas."""
+
+    def __post_init__(self) -> None:
+        above_zero(self, "pen_length_m", "contact_m")
+        if not np.linalg.norm(self.tip_axis) > 0:
+            raise ValueError(f"tip_axis is {list(self.tip_axis)}; it must point somewhere.")
+
+
+def read_optitrack(path: Path, session: str, hand: str, known: OptiTrack) -> list[Recording]:
+    """All strokes of a take. Frames in which a body is lost are NaN within a stroke.
+
+    Raises:
+        ContractError: the file is no such export, says no unit of length, or lacks one of the bodies.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ContractError(f"{path} cannot be read as a Motive export: {error}.") from error
+    to_m = _metres(rows, path)
+    head = next((n for n, row in enumerate(rows) if row[:2] == ["Frame", "Time (Seconds)"]), None)
+    if head is None or head < 4:
+        raise ContractError(f"{path} has no line `Frame,Time (Seconds),…` below its header; export it as CSV again.")
+    names, kinds, axes = rows[head - 3], rows[head - 1], rows[head]
+    data = [row for row in rows[head + 1 :] if row and row[0]]
+    t = _column(data, 1, path)
+    pen_at, pen_turn = _body(data, names, kinds, axes, known.pen, path)
+    canvas_at, canvas_turn = _body(data, names, kinds, axes, known.canvas, path)
+    axis = np.array(known.tip_axis) / np.linalg.norm(known.tip_axis)
+    tip = pen_at * to_m + known.pen_length_m * _turned(pen_turn, np.tile(axis, (len(t), 1)))
+    own = _turned(canvas_turn * np.array([-1.0, -1.0, -1.0, 1.0]), tip - canvas_at * to_m)
+    place, height = np.column_stack([own[:, 0], -own[:, 2]]), own[:, 1]
+    return strokes_in_contact(session, hand, place, t, height, known.contact_m)
+
+
+def _metres(rows: list[list[str]], path: Path) -> float:
+    first = rows[0] if rows else []
+    said = dict(zip(first[::2], first[1::2], strict=False))
+    unit = said.get("Length Units", "")
+    if unit.lower() not in _METRES:
+        raise ContractError(
+            f"{path} says {unit or 'nothing'!r} for its length units; export it with one of {', '.join(_METRES)}."
+        )
+    return _METRES[unit.lower()]
+
+
+def _body(
+    data: list[list[str]], names: list[str], kinds: list[str], axes: list[str], body: str, path: Path
+) -> tuple[FloatArray, FloatArray]:
+    """Positions [K, 3] in the file's unit, and quaternions [K, 4] as x, y, z, w."""
+
+    def columns(kind: str, wanted: tuple[str, ...]) -> FloatArray:
+        found = {
+            axis: n for n, axis in enumerate(axes) if n < min(len(names), len(kinds))
+            and names[n] == body and kinds[n] == kind
+        }  # fmt: skip
+        if not set(wanted) <= set(found):
+            present = sorted({name for name in names[2:] if name})
+            raise ContractError(f"{path} has no {kind} of a rigid body {body!r}; its bodies are {present}.")
+        return np.column_stack([_column(data, found[axis], path) for axis in wanted])
+
+    return columns("Position", _POSITION), columns("Rotation", _ROTATION)
+
+
+def _column(data: list[list[str]], number: int, path: Path) -> FloatArray:
+    """[K] numbers; NaN where a cell is empty, as where a body was lost."""
+    try:
+        return np.array([float(row[number]) if number < len(row) and row[number] else np.nan for row in data])
+    except ValueError as error:
+        raise ContractError(f"{path}, column {number + 1}: {error}; the export is damaged.") from error
+
+
+def _turned(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Vectors [K, 3], turned by unit quaternions [K, 4] (x, y, z, w)."""
+    along, w = quaternion[:, :3], quaternion[:, 3:]
+    twice = 2 * np.cross(along, vectors)
+    return np.asarray(vectors + w * twice + np.cross(along, twice))
+
+
+_C3D_METRES: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+
+
+@dataclass(frozen=True)
+class C3D:
+    """What is not in the file."""
+
+    canvas: tuple[str, str, str]
+    """Labels of three markers: at the canvas's origin, further along its x, and further along its y."""
+    raised_m: float
+    """Height of these markers' middles over the sheet."""
+    pen: tuple[str, str]
+    """Labels of the upper and the lower marker on the pen's axis."""
+    tip_m: float
+    """From the lower marker's middle along the axis to the tip, as measured with a ruler."""
+    contact_m: float
+    """The pen draws where its tip is lower than this over the sheet."""
+
+    def __post_init__(self) -> None:
+        above_zero(self, "contact_m")
+        at_least(self, 0, "raised_m", "tip_m")
+
+
+def read_c3d(path: Path, session: str, hand: str, known: C3D) -> list[Recording]:
+    """All strokes of a take. Frames in which a marker is lost are NaN within a stroke.
+
+    Raises:
+        ContractError: the file is no C3D, says no unit of length, or lacks one of the markers.
+        ConfigError: the extra is not installed.
+    """
+    try:
+        import c3d
+    except ImportError as error:
+        raise ConfigError(f"To read {path}, install the extra: pip install 'pentimento[c3d]' ({error}).") from error
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "No analog data")  # as it should be of markers alone
+            reader = c3d.Reader(io.BytesIO(path.read_bytes()))
+            labels = [label.strip() for label in reader.point_labels]
+            unit = str(reader.get("POINT:UNITS").string_value).strip().lower()
+            rate_hz = float(reader.point_rate)
+            frames = [points for _, points, _ in reader.read_frames()]
+    except Exception as error:  # the library lets through whatever a damaged file makes go wrong
+        raise ContractError(f"{path} cannot be read as C3D: {type(error).__name__}: {error}.") from error
+    if unit not in _C3D_METRES:
+        raise ContractError(f"{path} says {unit or 'nothing'!r} for its unit of length; it must be m, cm or mm.")
+    if not frames or not rate_hz > 0:
+        raise ContractError(f"{path} has {len(frames)} frames at {rate_hz} Hz; export the take again.")
+    points = np.stack(frames).astype(np.float64)  # [frames, markers, x y z residual cameras]
+    at_m = np.where(points[..., 3:4] < 0, np.nan, points[..., :3] * _C3D_METRES[unit])
+
+    def marker(label: str) -> FloatArray:
+        if label not in labels:
+            raise ContractError(f"{path} has no marker {label!r}; its markers are {sorted(labels)}.")
+        return np.asarray(at_m[:, labels.index(label)])
+
+    upper, lower = (marker(label) for label in known.pen)
+    tip = lower + known.tip_m * _unit(lower - upper)
+    origin, along_x, along_y = (marker(label) for label in known.canvas)
+    x = _unit(along_x - origin)
+    up = _unit(np.cross(x, along_y - origin))
+    own = np.stack([((tip - origin) * axis).sum(-1) for axis in (x, np.cross(up, x), up)], axis=-1)
+    height = own[:, 2] + known.raised_m
+    return strokes_in_contact(session, hand, own[:, :2], np.arange(len(own)) / rate_hz, height, known.contact_m)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    """Vectors [K, 3] of length 1; NaN where there is none."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, np.nan))
+
+
+def strokes_in_contact(
+    session: str, hand: str, place_m: FloatArray, t_s: FloatArray, height_m: FloatArray, contact_m: float
+) -> list[Recording]:
+    """A take's tip, at places [K, 2] and heights [K] over the canvas, cut into what it draws."""
+    return [
+        recording(session, hand, place_m[part], t_s[part], height_m[part]) for part in _contacts(height_m, contact_m)
+    ]  # fmt: skip
+
+
+def _contacts(height: FloatArray, contact_m: float) -> list[slice]:
+    """Runs of frames from the first in which the pen draws to the last before it is seen to be lifted."""
+    runs, begun, last = [], -1, -1
+    for frame, value in enumerate(height):
+        if value < contact_m:
+            begun, last = (frame if begun < 0 else begun), frame
+        elif np.isfinite(value) and begun >= 0:
+            runs.append(slice(begun, last + 1))
+            begun = -1
+    return [*runs, slice(begun, last + 1)] if begun >= 0 else runs

@@ -1,0 +1,182 @@
+"""Objectives of a plan: the print objective (thesis 4.3), and weighted sums (thesis 4.3.5, eq. 4.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.frames import Window, pixels_per_m
+from pentimento.render.reconstruction_loss import seen, squared_error, srgb_of
+
+Array = NDArray[np.float32]
+
+
+class Objective(Protocol):
+    """What a plan lowers."""
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The value for an image [H, W, 3] in linear light, and its gradient [H, W, 3]."""
+
+
+class PrintObjective:
+    """Mean squared difference in sRGB between an image and a target, averaged over viewing distances.
+
+    From farther off, the eye averages light over squares before it compares: 1 px is the thesis's (4.3), larger squares
+    see tone where a pixel sees only a black line on white.
+    """
+
+    def __init__(self, target: Array, distances_px: tuple[int, ...]) -> None:
+        """Hold what there is to see of ``target``, [H, W, 3] in linear light.
+
+        Raises:
+            ConfigError: the picture is smaller than a distance's square.
+        """
+        height, width = target.shape[:2]
+        if max(distances_px) > min(height, width):
+            raise ConfigError(
+                f"A viewing distance of {max(distances_px)} px is larger than the picture of {height} x {width} px: "
+                "lower the planner's distances_px or raise its pixels_per_m."
+            )
+        self._seen = [(distance, srgb_of(seen(target, distance))) for distance in distances_px]
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The value for an image [H, W, 3] in linear light, and its gradient, in the image's precision."""
+        gradient = np.zeros_like(image)
+        share = 1 / len(self._seen)
+        value = sum(
+            share * squared_error(image, target.astype(image.dtype, copy=False), distance, gradient, share)
+            for distance, target in self._seen
+        )
+        return float(value), gradient
+
+
+class Term(NamedTuple):
+    """One objective of a sum."""
+
+    name: str
+    weight: float
+    objective: Objective
+
+
+class WeightedObjective:
+    """Σ wᵢ · lᵢ over terms; the thesis's weights are 0 or 1, any from 0 on will do. A weight of 0 is not computed."""
+
+    def __init__(self, terms: tuple[Term, ...]) -> None:
+        """Hold the terms.
+
+        Raises:
+            ValueError: no weight is above 0, one is below, or two terms share a name.
+        """
+        names = [term.name for term in terms]
+        if len(set(names)) < len(names):
+            raise ValueError(f"Two of the objectives {names} share a name: their values could not be told apart.")
+        if not all(term.weight >= 0 for term in terms):
+            raise ValueError(f"The weights of {names} are {[term.weight for term in terms]}: each must be 0 or more.")
+        self._terms = tuple(term for term in terms if term.weight > 0)
+        if not self._terms:
+            raise ValueError(f"No objective of {names} has a weight above 0: there is nothing to plan for.")
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The sum for an image [H, W, 3] in linear light, and its gradient."""
+        total, gradient = 0.0, np.zeros_like(image)
+        for term in self._terms:
+            value, slope = term.objective(image)
+            total += term.weight * value
+            gradient += np.float32(term.weight) * slope
+        return total, gradient
+
+    def values(self, image: Array) -> dict[str, float]:
+        """Each term's value by name, not weighted: what to log."""
+        return {term.name: term.objective(image)[0] for term in self._terms}
+
+
+FloatArray = NDArray[np.float64]
+
+_MM = 1e3
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Of the two errors in the objective (thesis eq. 7.7)."""
+
+    error_3d: float
+    """Per mm²."""
+    visual: float
+    """Per squared slope: a slope of 1 rises as steeply as it goes on."""
+
+    def __post_init__(self) -> None:
+        if not (self.error_3d >= 0 and self.visual >= 0 and self.error_3d + self.visual > 0):
+            raise ValueError(f"The weights are {self.error_3d} and {self.visual}; each is 0 or more, one above 0.")
+
+
+class ClayObjective:
+    """w_3D ‖S' − S‖² + w_viz ‖∇S' − ∇S‖², means over pixels; S' the goal, ∇ central differences.
+
+    Slopes, not colours, are what a light makes visible, whatever light it is.
+    """
+
+    def __init__(self, goal_m: Array, window_m: Window, weights: Weights) -> None:
+        """Hold the goal, heights [H, W] in metres over ``window_m``.
+
+        Raises:
+            ContractError: the goal has a hole, or fewer than 3 pixels a side, or the window does not fit it.
+        """
+        if goal_m.ndim != 2 or min(goal_m.shape) < 3:
+            raise ContractError(f"A goal is a height map of at least 3 x 3 pixels, not of shape {goal_m.shape}.")
+        if not np.isfinite(goal_m).all():
+            raise ContractError("The goal has holes (NaN) or infinite heights; fill them before planning.")
+        self.goal_m = goal_m
+        self.weights = weights
+        self.pixels_per_m = pixels_per_m(goal_m.shape, window_m)
+
+    def error_3d_mm2(self, height_m: Array) -> FloatArray:
+        """Mean squared difference of height [...] of maps [..., H, W], mm²."""
+        difference = (height_m - self.goal_m) * _MM
+        return np.asarray(np.square(difference).mean(axis=(-2, -1), dtype=np.float64))
+
+    def visual_error(self, height_m: Array) -> FloatArray:
+        """Mean squared difference of slope [...] of maps [..., H, W], summed over both axes."""
+        right, up = _slopes(height_m - self.goal_m, self.pixels_per_m)
+        of_right = np.square(right).mean(axis=(-2, -1), dtype=np.float64)
+        return np.asarray(of_right + np.square(up).mean(axis=(-2, -1), dtype=np.float64))
+
+    def values(self, height_m: Array) -> FloatArray:
+        """The objective [...] of maps [..., H, W]."""
+        total = np.zeros(height_m.shape[:-2])
+        if self.weights.error_3d > 0:
+            total = total + self.weights.error_3d * self.error_3d_mm2(height_m)
+        if self.weights.visual > 0:
+            total = total + self.weights.visual * self.visual_error(height_m)
+        return total
+
+    def __call__(self, height_m: Array) -> tuple[float, Array]:
+        """The objective of one map [H, W], and its gradient [H, W] by the heights, per metre."""
+        difference = height_m - self.goal_m
+        gradient = (2 * self.weights.error_3d * _MM**2 / difference.size) * difference
+        right, up = _slopes(difference, self.pixels_per_m)
+        gradient += self.weights.visual * _slopes_back(right, up, difference.shape, self.pixels_per_m)
+        return float(self.values(height_m)), gradient.astype(height_m.dtype)
+
+
+def _slopes(height_m: Array, pixels_per_m: float) -> tuple[Array, Array]:
+    """Slope along x [..., H, W − 2] and along y [..., H − 2, W]; row 0 is the top, so y falls with the row."""
+    half = 0.5 * pixels_per_m
+    return (
+        half * (height_m[..., :, 2:] - height_m[..., :, :-2]),
+        half * (height_m[..., :-2, :] - height_m[..., 2:, :]),
+    )
+
+
+def _slopes_back(right: Array, up: Array, shape: tuple[int, ...], pixels_per_m: float) -> Array:
+    """The gradient [H, W] of the mean squares of both slopes by the heights."""
+    gradient = np.zeros(shape, right.dtype)
+    of_right, of_up = (pixels_per_m / slope.size * slope for slope in (right, up))  # 2 · half / size
+    gradient[:, 2:] += of_right
+    gradient[:, :-2] -= of_right
+    gradient[:-2, :] += of_up
+    gradient[2:, :] -= of_up
+    return gradient

@@ -1,0 +1,74 @@
+"""Gradient descent through a sequence of actions (thesis 7.3.5)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.planning.adam import Adam
+from pentimento.planning.pushes.config import Reach, SculptorConfig
+from pentimento.planning.pushes.rollout import Foresight
+
+Array = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+
+
+def descend(
+    actions: FloatArray, height_m: Array, foresight: Foresight, reach: Reach, config: SculptorConfig
+) -> tuple[FloatArray, float]:
+    """Actions [N, 5] moved down the value of what they make of clay [H, W], within reach, and that value.
+
+    They are where the value was least on the way, so never worse than they were.
+    """
+    rates = config.rates
+    own = np.array([rates.place_m, rates.place_m, rates.theta_rad, rates.length_m, rates.depth_m])
+    moved = actions / own  # Adam steps each number by its own rate
+    adam = Adam([moved])
+    best, minimum = actions, np.inf
+    for iteration in range(config.iterations + 1):
+        now = moved * own
+        value, gradient = foresight.value_and_gradient(height_m, now)
+        if value < minimum:
+            best, minimum = now, value
+        if iteration < config.iterations:
+            adam.step([gradient * own], [0.5 * (1 + np.cos(np.pi * iteration / config.iterations))])
+            moved[:] = reach.keep_within(moved * own) / own
+    return best, minimum
+
+
+_SHARE = 0.15
+"""Of each number's range: the first iteration's standard deviation; of an angle, of half a turn."""
+_MEMORY = 0.5
+"""Share of mean and deviation that an iteration leaves as they were: few elites alone would shrink it too soon."""
+
+
+def cross_entropy(
+    actions: FloatArray,
+    height_m: Array,
+    foresight: Foresight,
+    reach: Reach,
+    config: SculptorConfig,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, float]:
+    """The best sequence [N, 5] of all drawn about the given one, which is among them, and its value.
+
+    Each iteration draws ``samples`` sequences from independent normals and moves those to the best ``elite`` of them.
+    """
+    x_min, y_min, x_max, y_max = reach.window_m
+    ranges = [x_max - x_min, y_max - y_min, np.pi, np.ptp(reach.length_m), np.ptp(reach.depth_m)]
+    mean, deviation = actions, np.tile(_SHARE * np.array(ranges), (len(actions), 1))
+    best, minimum = actions, foresight.value(foresight.roll_out(height_m, actions))
+    kept = max(round(config.elite * config.samples), 2)
+    for _ in range(config.iterations):
+        noise = rng.normal(size=(config.samples, *actions.shape))
+        drawn = np.stack([reach.keep_within(mean + deviation * sample) for sample in noise])
+        values = np.array([foresight.value(foresight.roll_out(height_m, sample)) for sample in drawn])
+        order = np.argsort(values, kind="stable")
+        if values[order[0]] < minimum:
+            best, minimum = drawn[order[0]], float(values[order[0]])
+        elite = drawn[order[:kept]]
+        # Headings are kept within a turn: near its seam, take each elite's nearest turn to the mean's.
+        elite[..., 2] = mean[:, 2] + np.remainder(elite[..., 2] - mean[:, 2] + np.pi, 2 * np.pi) - np.pi
+        mean = _MEMORY * mean + (1 - _MEMORY) * elite.mean(axis=0)
+        deviation = _MEMORY * deviation + (1 - _MEMORY) * elite.std(axis=0)
+    return best, minimum

@@ -1,0 +1,196 @@
+"""From free colours to paints that a person mixes: which they are, and which each stroke takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
+from pentimento.contracts.errors import ConfigError
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.palette import (
+    PaletteChoice,
+    cluster_palette,
+    light_first,
+    nearest_paint,
+    picture_palette,
+)
+from pentimento.planning.strokes.render_plan import coverages, render_and_back, render_plan
+from pentimento.planning.strokes.scene import Scene, objective_for
+from pentimento.render.coverage import compiled
+from pentimento.robots.tools import Tool
+
+Array = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_COVER_PX = 80
+"""Width at which strokes are laid over each other to see which hides which."""
+
+
+@dataclass(frozen=True, eq=False)
+class Paints:
+    """Which paint each stroke takes."""
+
+    linear: Array
+    """[K, 3] linear light; ``optimise`` moves it in place where the paints are the plan's own."""
+    index: IntArray
+    """[S]."""
+
+    def srgb(self) -> FloatArray:
+        """[K, 3]."""
+        return np.clip(linear_to_srgb(self.linear.astype(np.float64)), 0.0, 1.0)
+
+    def dipped(self, strokes: Strokes) -> Strokes:
+        """The strokes in their paints."""
+        return strokes.colored(self.linear[self.index])
+
+
+def check_palette(choice: PaletteChoice, tool: Tool) -> None:
+    """Whether the paints are for this tool.
+
+    Raises:
+        ConfigError: a tool with its own ink is to be dipped, or one without is not.
+    """
+    if (choice.source == "ink") != (tool.color_srgb is not None):
+        brings = "its own ink: set palette.source to ink" if tool.color_srgb else "none: choose another palette.source"
+        raise ConfigError(f"The palette's source is {choice.source}, but the {tool.name} brings {brings}.")
+
+
+def choose_paints(strokes: Strokes, choice: PaletteChoice, seed: int) -> Paints:
+    """The paints of ``choice``, and for each stroke the one nearest to its colour in L*a*b*."""
+    colors = linear_to_srgb(strokes.color).astype(np.float64)
+    match choice.source:
+        case "plan":
+            covered = (strokes.length_m * (1e-3 + strokes.press_m.mean(1))).astype(np.float64)
+            palette, index = cluster_palette(colors, covered, choice.size or 1, seed)
+        case "picture":
+            palette = picture_palette(choice.picture or "", choice.size or 1, seed)
+            index = nearest_paint(colors, palette)
+        case "given":
+            palette = light_first(np.array(choice.colors_srgb))
+            index = nearest_paint(colors, palette)
+        case "ink":
+            raise AssertionError("A tool with its own ink takes no paints.")
+    return Paints(srgb_to_linear(palette.astype(np.float32)), index)
+
+
+def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConfig) -> tuple[Strokes, Paints]:
+    """The strokes in the order of painting, the paints from light to dark; see ``ordering``."""
+    palette = paints.srgb()
+    light = light_first(palette)
+    rank = np.array([int(np.flatnonzero((light == color).all(1))[0]) for color in palette])
+    index = rank[paints.index]
+    covers = coverages(strokes, scene, _COVER_PX)
+    order = sweep_order(covers, light[index], index, config.sweeps)
+    ordered = strokes.pick(order)
+    ordered.inherited = None  # it was another order in which they inherited it
+    return ordered, Paints(srgb_to_linear(light.astype(np.float32)), index[order])
+
+
+def repaint(
+    strokes: Strokes, paints: Paints, canvas: Array, scene: Scene, config: PlannerConfig
+) -> tuple[Strokes, Paints]:
+    """Strokes exchange their paint where the painting, not the stroke, gets better by it.
+
+    What an exchange changes is foretold to second order from the objective's gradient and from how much of the stroke
+    shows. The most promising are tried together, then half as many, and so on; what raises the objective is not done.
+    """
+    objective = objective_for(scene, config)
+    palette, srgb = linear_to_srgb(paints.linear), linear_to_srgb(strokes.color)
+    image, back = render_and_back(strokes, canvas, scene)
+    before, of_image = objective(image)
+    slope = back(of_image).color * _light_per_srgb(srgb)
+    covers = coverages(strokes, scene, _COVER_PX)
+    curvature = 2 / (3 * covers.shape[1]) * np.square(visible(covers)).sum(1)
+    step = palette - srgb[:, None]
+    change = (slope[:, None] * step).sum(-1) + 0.5 * curvature[:, None] * np.square(step).sum(-1)
+    promise, wanted = change.min(1), change.argmin(1)
+    candidates = np.argsort(promise, kind="stable")[: np.count_nonzero(promise < 0)]
+    while len(candidates) > 0:
+        index = paints.index.copy()
+        index[candidates] = wanted[candidates]
+        tried = Paints(paints.linear, index)
+        if objective(render_plan(tried.dipped(strokes), canvas, scene))[0] < before:
+            return tried.dipped(strokes), tried
+        candidates = candidates[: len(candidates) // 2]
+    return strokes, paints
+
+
+def _light_per_srgb(srgb: Array) -> Array:
+    """Slope of linear light over sRGB, elementwise."""
+    return np.where(srgb <= 0.04045, 1 / 12.92, 2.4 / 1.055 * ((srgb + 0.055) / 1.055) ** 1.4).astype(srgb.dtype)
+
+
+def sweep_order(covers: FloatArray, colors_srgb: FloatArray, paint: IntArray, sweeps: int) -> IntArray:
+    """The order [S] in which to make strokes, as indices into the order in which they lie now.
+
+    Args:
+        covers: [S, P] how much each stroke covers each pixel, 0 to 1.
+        colors_srgb: [S, 3] of the strokes.
+        paint: [S] which paint each takes, numbered from light to dark.
+        sweeps: at most so many times through the paints; 1 is from light to dark throughout.
+    """
+    shows = overlaps(covers, colors_srgb)
+    weights = np.unique(shows[shows > 0])
+    low, high = 0, len(weights)  # number of weakest overlaps that are given up
+    while low < high:
+        middle = (low + high) // 2
+        if _sweeps(shows, paint, weights[middle - 1] if middle else 0.0).max(initial=0) < sweeps:
+            high = middle
+        else:
+            low = middle + 1
+    sweep = _sweeps(shows, paint, weights[low - 1] if low else 0.0)
+    return np.lexsort((np.arange(len(paint)), paint, sweep))
+
+
+def overlaps(covers: FloatArray, colors_srgb: FloatArray) -> FloatArray:
+    """[S, S] how much it would show if stroke i lay over the later stroke j: seen overlap times colour difference²."""
+    difference = np.square(colors_srgb[:, None] - colors_srgb).sum(-1)
+    return np.triu(_seen_over(covers, visible(covers)) * difference, k=1)
+
+
+def visible(covers: FloatArray) -> FloatArray:
+    """[S, P] the share of each pixel's light that is each stroke's, under those that lie over it."""
+    shown = covers.copy()
+    left = np.ones_like(covers[0])
+    for s in range(len(covers) - 1, -1, -1):
+        shown[s] *= left
+        left *= 1 - covers[s]
+    return shown
+
+
+def paint_changes(paint: IntArray) -> int:
+    """How often the brush is washed."""
+    return int(np.count_nonzero(np.diff(paint)))
+
+
+@compiled
+def _sweeps(shows: FloatArray, paint: IntArray, given_up: float) -> IntArray:
+    """[S] the sweep of each stroke, where overlaps up to ``given_up`` do not count."""
+    sweep = np.zeros(len(paint), np.int64)
+    for i in range(len(paint)):
+        for j in range(i + 1, len(paint)):
+            if shows[i, j] > given_up:
+                sweep[j] = max(sweep[j], sweep[i] + (1 if paint[i] > paint[j] else 0))
+    return sweep
+
+
+@compiled
+def _seen_over(covers: FloatArray, shown: FloatArray) -> FloatArray:
+    """[S, S] covers @ shown.T, by pixel: few strokes cover one."""
+    total = np.zeros((len(covers), len(covers)))
+    here = np.empty(len(covers), np.int64)
+    for p in range(covers.shape[1]):
+        count = 0
+        for s in range(len(covers)):
+            if covers[s, p] > 0.0:
+                here[count] = s
+                count += 1
+        for i in range(count):
+            for j in range(i, count):
+                total[here[i], here[j]] += covers[here[i], p] * shown[here[j], p]
+    return total

@@ -1,0 +1,141 @@
+"""What the canvas will look like after a plan's strokes, and the way back from there: the chain rule in one place.
+
+strokes ─ brush ─→ marks ─ mishap ─→ pixels ─ render ─→ light ─ camera ─→ image
+        ←────────────────── gradients ───────────────────
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.planning.strokes.bezier import Strokes, no_strokes
+from pentimento.planning.strokes.brush import Marks
+from pentimento.planning.strokes.config import ExecutionNoise
+from pentimento.planning.strokes.scene import Scene, inherit
+from pentimento.render.kernel import render, render_backward
+
+Array = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+Back = Callable[[Array], Strokes]
+"""From ∂loss/∂image [H, W, 3] to ∂loss/∂strokes."""
+
+
+class Fault(NamedTuple):
+    """What befalls each stroke in execution."""
+
+    narrowing: Array
+    """[S, 1], the width that is left, as a share."""
+    shift_m: Array
+    """[S, 1, 2], canvas frame."""
+
+
+def expected_fault(strokes: int, execution_noise: ExecutionNoise) -> Fault:
+    """What befalls a stroke on average."""
+    narrowing = np.full((strokes, 1), 1 - execution_noise.thinning / 2, np.float32)
+    return Fault(narrowing, np.zeros((strokes, 1, 2), np.float32))
+
+
+def faults(strokes: int, execution_noise: ExecutionNoise, rng: np.random.Generator) -> Fault:
+    """One draw for each stroke."""
+    narrowing = 1 - execution_noise.thinning * rng.random((strokes, 1), dtype=np.float32)
+    return Fault(narrowing, execution_noise.shift_m * rng.standard_normal((strokes, 1, 2), dtype=np.float32))
+
+
+def render_plan(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault | None = None) -> Array:
+    """What the canvas [H, W, 3] (linear light) will look like after the strokes."""
+    return render_and_back(strokes, canvas, scene, fault)[0]
+
+
+def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault | None = None) -> tuple[Array, Back]:
+    """``render_plan``, and from an image's gradient to the strokes'; what strokes inherit is held as it is."""
+    if len(strokes) == 0:
+        return canvas, lambda _: no_strokes()
+    marks, pull = scene.brush.marks(strokes, _inherited(strokes, scene))
+    image, back = render_marks(marks, canvas, scene, fault)
+    return image, lambda of_image: pull(back(of_image))
+
+
+def render_marks(
+    marks: Marks, canvas: Array, scene: Scene, fault: Fault | None = None
+) -> tuple[Array, Callable[[Array], Marks]]:
+    """What the canvas will look like with these marks upon it, and from an image's gradient to the marks'."""
+    if fault is not None:
+        marks = marks._replace(
+            points_m=marks.points_m + fault.shift_m, radius_m=marks.radius_m * fault.narrowing
+        )  # fmt: skip
+    points_px, radius_px = in_pixels(marks, scene)
+    density, softness, color = marks.density[None], marks.softness[None], marks.color[None]
+    points, radius = points_px[None], radius_px[None]
+    pickup = None if marks.pickup is None else marks.pickup[None]
+    ground = canvas if pickup is None else np.concatenate([canvas, _wetness(scene)[..., None]], axis=-1)
+    light, fragments = render(points, radius, density, softness, color, ground[None], pickup, scene.threads)
+    image = light[0, ..., :3] if scene.gain is None else light[0, ..., :3] * scene.gain
+    below = None if pickup is None else image < 0  # strong pickup can take more than there is
+    if below is not None:
+        image = np.maximum(image, np.float32(0.0))
+
+    def back(of_image: Array) -> Marks:
+        if below is not None:
+            of_image = np.where(below, np.float32(0.0), of_image)
+        if scene.gain is not None:
+            of_image = of_image * scene.gain
+        of_light = of_image if pickup is None else np.concatenate([of_image, np.zeros_like(of_image[..., :1])], axis=-1)
+        found = render_backward(
+            points, radius, density, softness, color, fragments, of_light[None], pickup, scene.threads
+        )  # fmt: skip
+        per_m = np.float32(scene.pixels_per_m)
+        of_radius = found.radius[0] * per_m
+        return Marks(
+            found.points[0] * np.array([per_m, -per_m]),  # rows run down
+            of_radius if fault is None else of_radius * fault.narrowing,
+            found.density[0],
+            found.softness[0],
+            found.color[0],
+            None if found.pickup is None else found.pickup[0],
+        )
+
+    return image, back
+
+
+def marks_px(strokes: Strokes, scene: Scene) -> tuple[Array, Array, Marks]:
+    """Points [S, N, 2] (column, row) and radii [S, N] in the target's pixels, and the marks as the model gives them."""
+    marks, _ = scene.brush.marks(strokes, _inherited(strokes, scene))
+    return *in_pixels(marks, scene), marks
+
+
+def coverages(strokes: Strokes, scene: Scene, width_px: int) -> FloatArray:
+    """[S, P] how much each stroke alone covers each pixel of a picture ``width_px`` wide, 0 to 1."""
+    height, width = scene.target.shape[:2]
+    factor = max(width / width_px, 1.0)
+    shape = max(round(height / factor), 1), max(round(width / factor), 1)
+    points, radius, marks = marks_px(strokes, replace(scene, target=np.zeros((*shape, 3), np.float32)))
+    white, black = np.ones((len(strokes), 1, 3), np.float32), np.zeros((len(strokes), *shape, 3), np.float32)
+    alone, _ = render(
+        points[:, None], radius[:, None], marks.density[:, None], marks.softness[:, None], white, black
+    )  # fmt: skip
+    return alone[..., 0].reshape(len(strokes), -1).astype(np.float64)
+
+
+def _inherited(strokes: Strokes, scene: Scene) -> dict[str, Array]:
+    return inherit(strokes, scene) if strokes.inherited is None else dict(strokes.inherited)
+
+
+def in_pixels(marks: Marks, scene: Scene) -> tuple[Array, Array]:
+    """Points (column, row) and radii in the target's pixels; see ``contracts.frames``."""
+    per_m = np.float32(scene.pixels_per_m)
+    column = marks.points_m[..., 0] * per_m - np.float32(0.5)
+    row = (np.float32(scene.canvas_size_m[1]) - marks.points_m[..., 1]) * per_m - np.float32(0.5)
+    return np.stack([column, row], axis=-1), marks.radius_m * per_m
+
+
+def _wetness(scene: Scene) -> Array:
+    """[H, W], 0 to 1: where there is paint when the plan begins, from the canvas as it is remembered."""
+    height, width = scene.target.shape[:2]
+    ink = scene.start.memory.ink.astype(np.float32)
+    return np.asarray(cv2.resize(ink, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float32)

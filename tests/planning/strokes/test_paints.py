@@ -1,0 +1,155 @@
+"""Paints and the order of painting."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.colour import srgb_to_lab
+from pentimento.contracts.errors import ConfigError
+from pentimento.planning.strokes.paints import (
+    Paints,
+    choose_paints,
+    in_order,
+    overlaps,
+    paint_changes,
+    repaint,
+    sweep_order,
+    visible,
+)
+from pentimento.planning.strokes.palette import PaletteChoice, picture_palette
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.render_plan import coverages
+from tests.planning.strokes.scenes import (
+    CONFIG,
+    INK,
+    WHITE,
+    loss,
+    scene,
+    strokes_at,
+    unheard,
+)
+
+FOUR = ((0.9, 0.9, 0.85), (0.7, 0.2, 0.2), (0.2, 0.5, 0.3), (0.1, 0.1, 0.1))
+
+
+def random_layers(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    covers = np.zeros((30, 50))
+    for cover in covers:
+        start = rng.integers(0, 40)
+        cover[start : start + rng.integers(2, 12)] = 1.0
+    paint = rng.integers(0, 4, 30)
+    return covers, np.array(FOUR)[paint], paint
+
+
+def composed(covers: np.ndarray, colors: np.ndarray, order: np.ndarray) -> np.ndarray:
+    image = np.ones((covers.shape[1], 3))
+    for s in order:
+        image += covers[s][:, None] * (colors[s] - image)
+    return image
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_with_sweeps_enough_the_picture_stays_and_paint_changes_fall(seed: int) -> None:
+    covers, colors, paint = random_layers(seed)
+    order = sweep_order(covers, colors, paint, sweeps=30)
+    np.testing.assert_allclose(composed(covers, colors, order), composed(covers, colors, np.arange(30)))
+    assert paint_changes(paint[order]) < paint_changes(paint)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_fewer_sweeps_change_the_picture_more_and_the_paint_less(seed: int) -> None:
+    covers, colors, paint = random_layers(seed)
+    as_laid = composed(covers, colors, np.arange(30))
+    error, changes = [], []
+    for sweeps in (1, 2, 30):
+        order = sweep_order(covers, colors, paint, sweeps)
+        assert sorted(order) == list(range(30))
+        falls = np.count_nonzero(np.diff(paint[order]) < 0)  # from a darker paint back to a lighter one
+        assert falls <= sweeps - 1
+        error.append(np.square(composed(covers, colors, order) - as_laid).mean())
+        changes.append(paint_changes(paint[order]))
+    assert error[0] > error[2]
+    assert changes == sorted(changes)
+
+
+def test_visible_shares_and_the_canvas_make_up_each_pixel() -> None:
+    covers = np.random.default_rng(0).uniform(0, 1, (6, 10))
+    np.testing.assert_allclose(visible(covers).sum(0) + np.prod(1 - covers, axis=0), 1)
+
+
+def test_an_overlap_shows_only_from_below_to_above_and_between_colours() -> None:
+    covers, colors = np.ones((3, 4)), np.array([[1.0, 1, 1], [0, 0, 0], [0, 0, 0]])
+    shows = overlaps(covers, colors)
+    np.testing.assert_allclose(shows, [[0, 0, 12], [0, 0, 0], [0, 0, 0]])  # the second lies hidden under the third
+
+
+def test_a_strokes_coverage_is_its_area() -> None:
+    """ρ(1 − d/R)^c integrates to 2Rρ/(c + 1) across the path, and to 2πR²ρ/((c + 1)(c + 2)) round both ends."""
+    places = np.random.default_rng(0).uniform((0.04, 0.03), (0.08, 0.05), (200, 2))
+    covers = coverages(strokes_at(*((float(x), float(y)) for x, y in places)), scene(), 60)
+    assert covers.shape == (200, 60 * 40)
+    radius, density, softness = 3e-3, 0.95, 0.2  # at contact 2 mm, and 1 mm of press
+    ends = 2 * np.pi * radius**2 / ((softness + 1) * (softness + 2))
+    area_m2 = density * (2 * radius / (softness + 1) * 0.02 + ends)
+    assert covers.sum(1).mean() * (0.12 / 60) ** 2 == pytest.approx(area_m2, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("choice", "count"),
+    [
+        (PaletteChoice("plan", 3, None, None), 3),
+        (PaletteChoice("picture", 4, "chelsea", None), 4),
+        (PaletteChoice("given", None, None, FOUR), 4),
+    ],
+)
+def test_every_palette_runs_from_light_to_dark_and_paints_the_plan(choice: PaletteChoice, count: int) -> None:
+    palette = plan(WHITE, scene(), 24, replace(CONFIG, palette=choice), unheard)[1]
+    assert len(palette) <= count
+    assert (np.diff(srgb_to_lab(palette)[:, 0]) <= 1e-9).all()
+    if choice.colors_srgb is not None:
+        np.testing.assert_allclose(palette, sorted(FOUR, key=lambda c: -srgb_to_lab(np.array(c))[0]), atol=1e-6)
+
+
+def test_a_pictures_palette_is_its_colours() -> None:
+    palette = picture_palette("chelsea", 5, 0)
+    assert palette.shape == (5, 3)
+    assert (palette[:, 0] > palette[:, 2]).mean() > 0.7  # a ginger cat
+
+
+def test_repainting_lowers_the_loss_and_never_raises_it() -> None:
+    strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
+    choice = PaletteChoice("given", None, None, ((0.8, 0.25, 0.25), (0.25, 0.66, 0.35)))
+    paints = choose_paints(strokes, choice, 0)
+    wrong = Paints(paints.linear, 1 - paints.index)
+    before = wrong.dipped(strokes)
+    after, chosen = repaint(before, wrong, WHITE, scene(), CONFIG)
+    assert loss(after, WHITE) < loss(before, WHITE)
+    again, _ = repaint(after, chosen, WHITE, scene(), CONFIG)
+    assert loss(again, WHITE) <= loss(after, WHITE)
+
+
+def test_ordering_keeps_each_strokes_colour() -> None:
+    strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
+    paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]))
+    ordered, sorted_paints = in_order(paints.dipped(strokes), paints, scene(), replace(CONFIG, sweeps=1))
+    np.testing.assert_allclose(sorted_paints.linear[sorted_paints.index], ordered.color, rtol=1e-5)
+    np.testing.assert_allclose(ordered.color[:, 0], [0.8, 0.8, 0.1, 0.1], rtol=1e-5)
+
+
+def test_a_palette_that_does_not_fit_is_a_sentence() -> None:
+    with pytest.raises(ConfigError, match=r"source is plan, but the marker brings its own ink: .*ink"):
+        plan(WHITE, scene("marker"), 5, CONFIG, unheard)
+    with pytest.raises(ConfigError, match=r"source is ink, but the round_brush brings none"):
+        plan(WHITE, scene(), 5, INK, unheard)
+    for wrong, sentence in (
+        (("plan", None, None, None), r"^size is None; a palette from plan takes size"),
+        (("given", 3, None, FOUR), r"^size is 3; a palette from given takes colors_srgb"),
+        (("ink", None, "chelsea", None), r"^picture is 'chelsea'; .* takes nothing else"),
+        (("plan", 0, None, None), r"^size is 0; it must be 1"),
+        (("given", None, None, ((2.0, 0.0, 0.0),)), r"^colors_srgb has \[2\.0"),
+        (("given", None, None, ()), r"^colors_srgb is empty"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            PaletteChoice(*wrong)  # type: ignore[arg-type]
