@@ -17,7 +17,8 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
 from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.diagnosis.strokes.aliasing import Aliasing, aliasing_of, in_short
+from pentimento.diagnosis.experiment_design import Aliasing, in_short
+from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
@@ -70,7 +71,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> tuple[pa.Table, float]:
-    """The strokes, and the largest imitation among causes that their design allows (GAP.md, rule 8)."""
+    """The strokes, and the largest imitation among causes that their design allows (docs/diagnosis.md §11)."""
     tool = load_tool(tool_name)
     robot = VirtualRobot(Studio(load_world(world), config.seed))
     found = _aliasing(tool, robot.canvas_size_m, config)

@@ -17,9 +17,9 @@ import numpy as np
 import studies.blind.make as strokes
 import studies.blind_pushes.make as pushes
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.result import Judged
 from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import load_measured
+from pentimento.diagnosis.verdict import Judged
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from studies.blind.collect import as_table, record_world
 from studies.blind.design import view_of

@@ -1,4 +1,4 @@
-"""A rival of the gap finder: causes by the likelihood of pixels, as if each erred by itself (GAP.md, rule 1).
+"""A rival of the gap finder: causes by the likelihood of pixels, as if each erred by itself (docs/diagnosis.md §1).
 
 At the fitted base, forward selection by the Bayesian information criterion (Schwarz 1978) on the quadratic model of
 the squared error: n log(error) + k log(n) over all n pixel values. It has the same base and the same candidates as
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, identity
+from pentimento.diagnosis.strokes.model import Model, identity
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable
 
 Array = NDArray[Any]

@@ -1,4 +1,4 @@
-"""The blind table's series of worlds, and the seeds that nobody can choose (GAP.md, "Blind tests")."""
+"""The blind table's series of worlds, and the seeds that nobody can choose (docs/blind_tests.md)."""
 
 from __future__ import annotations
 

@@ -20,11 +20,10 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for
-from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, survey
 from pentimento.diagnosis.strokes.quarantine import sound_rows
-from pentimento.diagnosis.strokes.screening import survey
-from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.diagnosis.strokes.write import gap_closed_on, paints_of
+from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from studies.blind.pixelwise import named_by_pixels
 

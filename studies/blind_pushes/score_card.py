@@ -1,4 +1,4 @@
-"""The rows of the blind table of pushes from the lines of its worlds (GAP.md, "Blind tests")."""
+"""The rows of the blind table of pushes from the lines of its worlds (docs/blind_pushes.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The series of worlds of the blind table of pushes (GAP.md, "Blind tests")."""
+"""The series of worlds of the blind table of pushes (docs/blind_pushes.md)."""
 
 from __future__ import annotations
 

@@ -18,8 +18,7 @@ from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
 from pentimento.diagnosis.pushes.write import usable
-from pentimento.diagnosis.result import PUSHES
-from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.diagnosis.verdict import PUSHES, verdict
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
 

@@ -8,17 +8,12 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.choice import (
-    Step,
-    by_what_is_left,
-    most_parsimonious,
-    prune_redundant,
-    prune_unlikely,
-    unconfirmed,
-)
+from pentimento.diagnosis.score import Step, most_parsimonious, unconfirmed
+from pentimento.diagnosis.strokes.choice import by_what_is_left, prune_redundant, prune_unlikely
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.predict import Model, action_losses, identity, predicted
+from pentimento.diagnosis.strokes.model import Model, identity
+from pentimento.diagnosis.strokes.predict import action_losses, predicted
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.random_effect import action_effect
+from pentimento.diagnosis.boosting import action_effect
 
 ROW = np.repeat(np.arange(6), 80)
 

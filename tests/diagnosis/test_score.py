@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import kstest
 from wildboottest.wildboottest import WildboottestCL
 
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import (
     explained,
     held_out_gains,
@@ -15,7 +16,6 @@ from pentimento.diagnosis.score import (
     score_tests,
     weighed,
 )
-from pentimento.diagnosis.strokes.jacobian import Statistics
 
 BOTH = (information, scatter)
 

@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.splits import split
+from pentimento.diagnosis.evaluation import split
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 
 

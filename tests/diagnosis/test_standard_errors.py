@@ -8,13 +8,12 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.standard_errors import covariance, values_with_errors
-from pentimento.diagnosis.strokes.fit import first_model, fit
-from pentimento.diagnosis.strokes.jacobian import Statistics
+from pentimento.diagnosis.gauss_newton import Statistics, covariance
+from pentimento.diagnosis.strokes.fit import first_model, fit, values_with_errors
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.modes import MODES, AllModes
-from pentimento.diagnosis.strokes.modulator import Modulation
-from pentimento.diagnosis.strokes.predict import Model, identity, ink, predicted_linear
+from pentimento.diagnosis.strokes.model import Model, identity
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation
+from pentimento.diagnosis.strokes.predict import ink, predicted_linear
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth

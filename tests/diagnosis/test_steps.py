@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from pentimento.diagnosis.steps import damped_step, promised
-from pentimento.diagnosis.strokes.jacobian import Statistics
+from pentimento.diagnosis.gauss_newton import Statistics, damped_step, promised
 
 NUMBERS = 5
 FREE = np.full(NUMBERS, -np.inf), np.full(NUMBERS, np.inf)

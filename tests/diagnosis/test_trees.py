@@ -10,8 +10,8 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.utils._openmp_helpers import _openmp_effective_n_threads
 from threadpoolctl import threadpool_limits
 
-from pentimento.diagnosis import trees
-from pentimento.diagnosis.trees import cross_fitted, said_at
+from pentimento.diagnosis import boosting
+from pentimento.diagnosis.boosting import cross_fitted, said_at
 
 
 def drawn(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -55,7 +55,7 @@ def test_they_take_one_thread_whatever_was_set(monkeypatch: pytest.MonkeyPatch) 
             threads.append(_openmp_effective_n_threads())
             return super().predict(*given)
 
-    monkeypatch.setattr(trees, "HistGradientBoostingRegressor", Counting)
+    monkeypatch.setattr(boosting, "HistGradientBoostingRegressor", Counting)
     features, missing, fold = drawn(3)
     with threadpool_limits(2, "openmp"):
         cross_fitted(features, missing, np.ones(1200), fold, 2)

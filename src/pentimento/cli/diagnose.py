@@ -100,8 +100,7 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
     from pentimento.contracts.tables import read_table
 
     with workshop("diagnose"):
-        from pentimento.diagnosis.strokes.rounds import diagnose_in_rounds
-        from pentimento.diagnosis.strokes.write import write_diagnosis
+        from pentimento.diagnosis.strokes.write import diagnose_in_rounds, write_diagnosis
         from pentimento.dynamics.strokes.traj2stroke import read_parameters
     checked = read_table(arguments.rows, CONTRACT)
     given = None if arguments.base is None else read_parameters(arguments.base)

@@ -1,9 +1,9 @@
 """What to draw to learn a tool: a design in which no cause of an error can hide behind another.
 
 Place, heading, length, bend, press, speed, yaw, paint, dips, pauses and order are drawn jointly at random: in raster
-order with a dip for each row, causes imitate each other almost perfectly (GAP.md, rule 8). Some actions are repeated on
-other sheets, at the same place, on blank paper and freshly dipped, so that their repeats differ by noise and by slow
-drifts alone (rule 6). A share of the others is laid over paint of their sheet.
+order with a dip for each row, causes imitate each other almost perfectly (docs/diagnosis.md §11). Some actions are
+repeated on other sheets, at the same place, on blank paper and freshly dipped, so that their repeats differ by noise
+and by slow drifts alone (rule 6). A share of the others is laid over paint of their sheet.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Place, direction, length, depth, speed, dwell and retract speed are drawn jointly at random. The material is
 smoothed after every few pushes, so that pushes meet fresh and worked material alike; a share of them is aimed at
 what was pressed before. Some actions are repeated, each time as the first push into freshly smoothed material, so
-that their repeats differ by noise and by slow drifts alone (GAP.md, rules 6 and 8).
+that their repeats differ by noise and by slow drifts alone (docs/diagnosis.md §7, §11).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A collection before any of its strokes is made: its commands, drawn on its sheets as wide as the tool is said to be.
 
-What strokes can tell apart is a property of their design (GAP.md, rule 8), and it is cheaper to change a design than to
-collect again. A rehearsal has every column that the recording will have and that follows from commands alone.
+What strokes can tell apart is a property of their design (docs/diagnosis.md §11), and it is cheaper to change a design
+than to collect again. A rehearsal has every column that the recording will have and that follows from commands alone.
 """
 
 from __future__ import annotations

@@ -9,18 +9,25 @@ al. 2019). The smallest p over all candidates gives the adjusted one (min-P: Wes
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.strokes.jacobian import Statistics
+from pentimento.diagnosis.gauss_newton import Statistics
 
 Array = NDArray[Any]
 
 _RIDGE = 1e-6
 _FOLDS = 6
 _DRAWS, _RESAMPLED = 4999, 999
+Scale = Callable[[Array, Array], Array]
+"""From a candidate's projected slope [n, Q] and curvature [n, Q, Q] of each action to what its scores' sum is measured
+by, [Q, Q]."""
+_SIGN_FLIPS = 4999
+_WORSE_P, _CONFIRMED_P = 0.05, 0.4
+_NEARLY = 0.95  # of what the best one removes
 
 
 class Evidence(NamedTuple):
@@ -36,11 +43,6 @@ class Evidence(NamedTuple):
     """95 %."""
     min_gain: float
     """At 5 %, one-sided."""
-
-
-Scale = Callable[[Array, Array], Array]
-"""From a candidate's projected slope [n, Q] and curvature [n, Q, Q] of each action to what its scores' sum is measured
-by, [Q, Q]."""
 
 
 def information(slope: Array, curvature: Array) -> Array:
@@ -217,3 +219,59 @@ def mean_and_bounds(values: Array, draws: int, seed: int) -> tuple[float, tuple[
 def _ridged(curvature: Array) -> Array:
     diagonal = np.diag(curvature)
     return curvature + np.diag(_RIDGE * diagonal + 1e-15)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of the search."""
+
+    evidence: dict[str, Evidence]
+    """Of every candidate at the model so far; gains as shares of the error at that point."""
+    chosen: str | None
+    rivals: tuple[str, ...]
+    """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
+
+
+def most_parsimonious(
+    evidence: dict[str, Evidence],
+    losses: Mapping[str, Array],
+    error: float,
+    quantities: Mapping[str, int],
+    seed: int,
+    log: Callable[[str], None],
+) -> Step:
+    """The cause with the fewest quantities of those whose refit leaves no more error than the best one's, by losses [n]
+    of each; the others are its rivals.
+
+    What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
+    causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
+    removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
+    right, and a spare quantity takes up what the form lacks.
+    """
+    minimum = min(losses, key=lambda cause: float(losses[cause].mean()))
+    nearly = error - _NEARLY * (error - float(losses[minimum].mean()))
+    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[minimum], seed) >= _WORSE_P]
+    chosen = min(tied, key=lambda c: (quantities[c], float(losses[c].mean())))
+    rivals = tuple(cause for cause in tied if cause != chosen)
+    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
+    return Step(evidence, chosen, rivals)
+
+
+def unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float], beside_p: float) -> list[str]:
+    """Causes, in the order in which they were found, that rows which were not searched do not confirm.
+
+    For the first they must only speak. For a further one they must speak clearly (p of at most ``beside_p``): what the
+    form of the first lacks looks like something.
+    """
+    limits = [_CONFIRMED_P, *[beside_p] * len(found)]
+    return [cause for cause, limit in zip(found, limits, strict=False) if confirmed_p[cause] > limit]
+
+
+def paired_p(differences: Array, seed: int) -> float:
+    """One-sided p that the mean of ``differences`` [n] is not above 0: sign flips of what is left after centring."""
+    n = len(differences)
+    signs = np.random.default_rng([seed, 5]).choice((-1.0, 1.0), (_SIGN_FLIPS, n))
+    observed = differences.mean() / max(differences.std(), 1e-300)
+    flipped = signs * differences
+    drawn = flipped.mean(1) / np.maximum(flipped.std(1), 1e-300)
+    return float((1 + (drawn >= observed).sum()) / (_SIGN_FLIPS + 1))

@@ -16,12 +16,13 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, read_table
+from pentimento.diagnosis.experiment_design import sentences
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.strokes.aliasing import aliasing_of, sentences
+from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.predict import identity
+from pentimento.diagnosis.strokes.model import identity
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY as OF_PUSHES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as OF_STROKES

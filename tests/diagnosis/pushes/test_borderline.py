@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.choice import Step
 from pentimento.diagnosis.pushes.borderline import confirmations, with_one_borderline
 from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.search import Search, observable_causes
-from pentimento.diagnosis.score import Evidence
+from pentimento.diagnosis.score import Evidence, Step
 from pentimento.dynamics.pushes.analytic import first_model
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
-from pentimento.diagnosis.choice import Step
+from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.pushes.diagnose import _can_deny, _min_error, _only_surely_denied, _sure, diagnose
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.result import PUSHES
-from pentimento.diagnosis.score import Evidence
-from pentimento.diagnosis.strokes.diagnose import Finding
-from pentimento.diagnosis.strokes.floor import Floor
-from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.diagnosis.score import Evidence, Step
+from pentimento.diagnosis.verdict import PUSHES, Finding, verdict
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
 from tests.diagnosis.pushes.conftest import LOST, Played

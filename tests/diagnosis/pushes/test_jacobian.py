@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.pushes import jacobian
 from pentimento.diagnosis.pushes.fit import equalised
 from pentimento.diagnosis.pushes.jacobian import action_losses, linearise, linearise_rows, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.modes import MODES, AllModes, mode_scores
-from pentimento.diagnosis.strokes.jacobian import Statistics
 from pentimento.dynamics.pushes.analytic import first_model
 from pentimento.dynamics.pushes.analytic_scene import from_way
 from tests.dynamics.pushes.played_pushes import played

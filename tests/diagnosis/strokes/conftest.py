@@ -9,8 +9,7 @@ import pytest
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.next_actions import Proposal, proposal_for
-from pentimento.diagnosis.strokes.screening import Survey, survey
+from pentimento.diagnosis.strokes.next_actions import Proposal, Survey, proposal_for, survey
 from pentimento.diagnosis.strokes.write import write_diagnosis
 
 

@@ -5,19 +5,18 @@ import pyarrow as pa
 import pytest
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.aliasing import (
+from pentimento.diagnosis.experiment_design import (
     Aliasing,
     Columns,
     aliasing,
-    aliasing_of,
-    design,
     in_short,
     information,
     pairs_alike,
     sentences,
 )
+from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.strokes.aliasing import aliasing_of, design
 from pentimento.diagnosis.strokes.fit import first_model
-from pentimento.diagnosis.strokes.jacobian import Statistics
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.choice import Step
-from pentimento.diagnosis.strokes.borderline import confirmation, with_one_borderline
+from pentimento.diagnosis.score import Step
 from pentimento.diagnosis.strokes.candidates import FIRST_P, weigh
 from pentimento.diagnosis.strokes.fit import fit
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, identity
-from pentimento.diagnosis.strokes.search import Search
+from pentimento.diagnosis.strokes.model import Model, identity
+from pentimento.diagnosis.strokes.search import Search, confirmation, with_one_borderline
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.path_scale import PathScale
 from tests.diagnosis.strokes.test_large_effects import strokes_of

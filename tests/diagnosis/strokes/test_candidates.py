@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import Evidence
 from pentimento.diagnosis.strokes import candidates
 from pentimento.diagnosis.strokes.candidates import (
@@ -19,11 +20,10 @@ from pentimento.diagnosis.strokes.candidates import (
     with_that_of_refits,
     without_idle,
 )
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
-from pentimento.diagnosis.strokes.jacobian import Statistics
 from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.strokes.predict import WIDTHS, Model, identity, predicted
+from pentimento.diagnosis.strokes.model import WIDTHS, Model, UnevenEnds, identity
+from pentimento.diagnosis.strokes.predict import predicted
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.latency import Latency

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.diagnose import Finding, _is_of_use, _without
-from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.diagnose import _is_of_use, _without
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.strokes.predict import Model, identity
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
 from pentimento.diagnosis.strokes.search import Search
+from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset

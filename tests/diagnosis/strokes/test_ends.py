@@ -2,7 +2,7 @@
 
 import torch
 
-from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.model import UnevenEnds
 from pentimento.dynamics.strokes.simulation import StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 

@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.strokes import figures
-from pentimento.diagnosis.strokes.aliasing import Aliasing
-from pentimento.diagnosis.strokes.maps import canvas_map, places_known, stroke_map
-from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.path_covariates import covariates_shown
-from pentimento.diagnosis.strokes.screening import Survey, detectable, mode_strength
-from pentimento.diagnosis.temporal_drift import TemporalDrift
+from pentimento.diagnosis import figures
+from pentimento.diagnosis.experiment_design import Aliasing, detectable
+from pentimento.diagnosis.residual_structure import TemporalDrift, mode_strength
+from pentimento.diagnosis.strokes import report
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
+from pentimento.diagnosis.strokes.next_actions import Survey
+from pentimento.diagnosis.strokes.report import canvas_map, places_known, stroke_map
 from tests.diagnosis.strokes.conftest import Written
 
 
@@ -27,12 +27,12 @@ def drawn(png: bytes) -> np.ndarray:
     "draw",
     [
         lambda w: figures.leave_one_out(w.diagnosis),
-        lambda w: figures.strokes(w.diagnosis, w.survey),
+        lambda w: report.strokes(w.diagnosis, w.survey),
         lambda w: figures.mode_heat(w.survey, {("width", "press_m")}),
         lambda w: figures.dependence(w.survey),
         lambda w: figures.drift_curve(TemporalDrift("width", 0.001, 1e-5, 1e-5, np.sin(np.arange(60) / 4))),
         lambda w: figures.aliasing_heat(w.survey.aliasing, ["ink_depletion"]),
-        lambda w: figures.proposal_lines(w.proposal, w.survey),
+        lambda w: report.proposal_lines(w.proposal, w.survey),
     ],
     ids=["leave_one_out", "strokes", "modes", "dependence", "temporal_drift", "aliasing", "next actions"],
 )
@@ -102,8 +102,9 @@ def test_strength_is_the_root_of_n_times_the_correlation() -> None:
 
 def test_twice_the_strokes_find_half_the_effect(written: Written) -> None:
     """What can be found falls as 1 / n: doubling every action doubles what is known of everything."""
+    from pentimento.diagnosis.gauss_newton import Statistics
     from pentimento.diagnosis.strokes.aliasing import columns_of
-    from pentimento.diagnosis.strokes.jacobian import Statistics, linearise
+    from pentimento.diagnosis.strokes.jacobian import linearise
 
     full = written.survey.full
     statistics = linearise(full, written.measured)
@@ -130,4 +131,4 @@ def test_causes_that_are_not_seen_leave_holes_in_the_matrix() -> None:
 def test_photographs_on_the_sheet_are_those_of_sealed_strokes(written: Written) -> None:
     survey: Survey = written.survey
     assert len(survey.test_split) == len(written.diagnosis.splits.test)
-    assert drawn(figures.strokes(written.diagnosis, survey, shown=1)).shape[0] > 150
+    assert drawn(report.strokes(written.diagnosis, survey, shown=1)).shape[0] > 150

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pentimento.diagnosis.boosting import like_causes
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import projected
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import fit, held, steadied, tempered
-from pentimento.diagnosis.strokes.jacobian import Statistics, linearise
+from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, action_losses, identity
-from pentimento.diagnosis.trees import like_causes
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
+from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed
 from tests.diagnosis.strokes.test_large_effects import strokes_of

@@ -6,11 +6,11 @@ import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.candidates import is_large
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.large_effects import _far, find_large
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.predict import Model, identity, predicted
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
+from pentimento.diagnosis.strokes.predict import predicted
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset

@@ -11,16 +11,8 @@ from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.learned_residual import in_the_mirror, learn_residual, one_sided
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.predict import (
-    BASE,
-    WIDTHS,
-    Model,
-    identity,
-    ink,
-    mean_squared_error,
-    predicted,
-    residual,
-)
+from pentimento.diagnosis.strokes.model import BASE, WIDTHS, Model, identity
+from pentimento.diagnosis.strokes.predict import ink, mean_squared_error, predicted, residual
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.speed_density import SpeedDensity

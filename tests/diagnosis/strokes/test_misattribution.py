@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.misattribution import (
@@ -19,9 +18,9 @@ from pentimento.diagnosis.strokes.misattribution import (
     trails_both_ways,
     trails_by_another_power,
 )
-from pentimento.diagnosis.strokes.modes import MODES, AllModes
-from pentimento.diagnosis.strokes.modulator import Modulation
-from pentimento.diagnosis.strokes.predict import Model, action_losses, identity, ink, predicted, predicted_linear
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation
+from pentimento.diagnosis.strokes.predict import action_losses, ink, predicted, predicted_linear
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.geometry import delayed, speed_m_s, trailing
 from pentimento.dynamics.strokes.mechanisms.latency import Latency

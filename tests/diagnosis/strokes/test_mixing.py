@@ -7,10 +7,10 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.fit import first_model, fit
+from pentimento.diagnosis.strokes.fit import first_model, fit, mixed
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.mixing import mixed
-from pentimento.diagnosis.strokes.predict import BASE, Model, ink, predicted_linear
+from pentimento.diagnosis.strokes.model import BASE, Model
+from pentimento.diagnosis.strokes.predict import ink, predicted_linear
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.strokes.mixture import mixture, slopes_of_mixture
+from pentimento.diagnosis.strokes.soft_edge import mixture, slopes_of_mixture
 
 
 def test_paint_mixes_in_linear_light_until_told_otherwise() -> None:

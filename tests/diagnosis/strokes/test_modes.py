@@ -8,12 +8,12 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.residual_structure import permuted_actions, structure
 from pentimento.diagnosis.strokes.fit import first_model, fit
-from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, permuted_actions, structure, unexplained
-from pentimento.diagnosis.strokes.modulator import Modulation
-from pentimento.diagnosis.strokes.path_covariates import covariates_shown
-from pentimento.diagnosis.strokes.predict import Model, ink, predicted_linear
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown, load_measured
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation, unexplained
+from pentimento.diagnosis.strokes.predict import ink, predicted_linear
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
 """In typical sizes, at one standard deviation of the temperature."""

@@ -8,10 +8,13 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.residual_structure import Unexplained
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, Unexplained
-from pentimento.diagnosis.strokes.modulator import (
+from pentimento.diagnosis.strokes.model import BASE, Model
+from pentimento.diagnosis.strokes.modes import (
+    MODES,
+    AllModes,
     Curve,
     Generic,
     Modulation,
@@ -20,7 +23,7 @@ from pentimento.diagnosis.strokes.modulator import (
     generic,
     modulated,
 )
-from pentimento.diagnosis.strokes.predict import BASE, Model, ink, mark_px, predicted_linear, residual
+from pentimento.diagnosis.strokes.predict import ink, mark_px, predicted_linear, residual
 
 NOISE = 0.02
 KNOWN, TEST_SPLIT = np.arange(54), np.arange(54, 72)

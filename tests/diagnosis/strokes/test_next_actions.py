@@ -8,15 +8,15 @@ import pytest
 
 from pentimento.contracts.covariates import CARRIED
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.aliasing import Aliasing, columns_of
-from pentimento.diagnosis.strokes.candidate_actions import Action, draw_sequence, in_turn, state_after
-from pentimento.diagnosis.strokes.design_ranges import ranges_of
-from pentimento.diagnosis.strokes.diagnose import Finding
+from pentimento.diagnosis.experiment_design import Aliasing, alike, questions, worth
+from pentimento.diagnosis.strokes.aliasing import columns_of
+from pentimento.diagnosis.strokes.candidate_actions import Action, draw_sequence, in_turn, ranges_of, state_after
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.jacobian import linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.next_actions import Proposal, alike, as_table, curvatures, propose, questions, worth
-from pentimento.diagnosis.strokes.predict import Model, identity
+from pentimento.diagnosis.strokes.model import Model, identity
+from pentimento.diagnosis.strokes.next_actions import Proposal, as_table, curvatures, propose
+from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from tests.diagnosis.strokes.conftest import Written
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.leaderboard import leaderboard
-from pentimento.diagnosis.page import build_page
-from pentimento.diagnosis.strokes.diagnose import Finding
-from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.page import leaderboard
+from pentimento.diagnosis.strokes.model import UnevenEnds
 from pentimento.diagnosis.strokes.next_actions import Proposal
-from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.diagnosis.strokes.report import build_page
+from pentimento.diagnosis.verdict import Finding, verdict
 from tests.diagnosis.strokes.conftest import Written
 from tests.report.test_page import read, without_pictures
 

@@ -8,17 +8,12 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.jacobian import linearise, linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.model import BASE, PRESSES, Model, UnevenEnds, identity, interpolate
 from pentimento.diagnosis.strokes.predict import (
-    BASE,
-    PRESSES,
-    Model,
-    identity,
     ink,
-    interpolate,
     mark_px,
     marks_px,
     mean_squared_error,

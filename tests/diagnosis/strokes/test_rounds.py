@@ -11,7 +11,7 @@ import pytest
 
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.strokes.rounds import diagnose_in_rounds
+from pentimento.diagnosis.strokes.write import diagnose_in_rounds
 
 
 def with_humidity(table: pa.Table, value: float | None) -> pa.Table:

@@ -4,12 +4,11 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.choice import Step
+from pentimento.diagnosis.score import Step
 from pentimento.diagnosis.strokes.candidates import displaces, weigh
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.strokes.predict import identity
+from pentimento.diagnosis.strokes.model import UnevenEnds, identity
 from pentimento.diagnosis.strokes.search import Search, _hidden_by_ends, enough, is_kin_of_what_suffices, settle
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency

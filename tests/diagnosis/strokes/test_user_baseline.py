@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.page import build_page
-from pentimento.diagnosis.strokes import figures
+from pentimento.diagnosis.strokes import report
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.user_baseline import Given, given_on
-from pentimento.diagnosis.strokes.verdict import verdict
+from pentimento.diagnosis.strokes.report import build_page
+from pentimento.diagnosis.strokes.write import Given, given_on
+from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.evaluation import predict_with, score_model
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from tests.diagnosis.strokes.conftest import Written
@@ -64,5 +64,5 @@ def test_the_page_shows_what_it_foretells(written: Written, given: Given) -> Non
     assert pages[1]["figures/leave_one_out.png"] != pages[0]["figures/leave_one_out.png"]
     assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]
     blank = given._replace(predicted=np.ones_like(given.predicted))
-    drawn = figures.given_strokes(blank, written.diagnosis, written.survey)
+    drawn = report.given_strokes(blank, written.diagnosis, written.survey)
     assert drawn != pages[1]["figures/given_strokes.png"]

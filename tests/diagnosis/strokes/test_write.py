@@ -11,12 +11,10 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.ends import UnevenEnds
 from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.strokes.model_file import read_model
-from pentimento.diagnosis.strokes.out_of_distribution import applied, gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.model import UnevenEnds, read_model
 from pentimento.diagnosis.strokes.predict import residual
-from pentimento.diagnosis.strokes.write import write_diagnosis
+from pentimento.diagnosis.strokes.write import applied, gap_closed_on, paints_of, write_diagnosis
 from tests.diagnosis.strokes.conftest import Written
 
 

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import combine_pvalues
 
-from pentimento.diagnosis.choice import Step, paired_p
 from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.search import MAX_CAUSES, Search, could_be_the_base
-from pentimento.diagnosis.score import projected
+from pentimento.diagnosis.score import Step, paired_p, projected
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 
 Array = NDArray[Any]

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.stats import combine_pvalues
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.diagnosis.choice import paired_p, unconfirmed
+from pentimento.diagnosis.evaluation import Floor
+from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.pushes.borderline import confirmations, with_one_borderline
 from pentimento.diagnosis.pushes.fit import equalised, fit, fit_without
 from pentimento.diagnosis.pushes.floor import floor_of_test_split, floor_while_searching
@@ -29,11 +30,9 @@ from pentimento.diagnosis.pushes.misattribution import (
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, unexplained
 from pentimento.diagnosis.pushes.search import Search, observable_causes, search
 from pentimento.diagnosis.pushes.splits import Parts, split_pushes
-from pentimento.diagnosis.standard_errors import covariance
-from pentimento.diagnosis.strokes.diagnose import Finding
-from pentimento.diagnosis.strokes.floor import Floor
-from pentimento.diagnosis.strokes.modes import Unexplained
-from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
+from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained, temporal_drift
+from pentimento.diagnosis.score import paired_p, unconfirmed
+from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, typical
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pentimento.contracts.frames import canvas_to_pixel
+from pentimento.diagnosis.figures import ResidualMap
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.jacobian import MM
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.next_pushes import PushProposal
 from pentimento.diagnosis.pushes.screening import PushSurvey
-from pentimento.diagnosis.strokes.maps import ResidualMap
 from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
 
 Array = NDArray[Any]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.gauss_newton import damped_step, promised
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, mean_squared_error, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.steps import damped_step, promised
 from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
 from pentimento.dynamics.pushes.analytic_scene import from_way
 

@@ -1,4 +1,4 @@
-"""The noise floor of pushes: what even a perfect model would miss, read off repeated actions (GAP.md, rule 6)."""
+"""The noise floor of pushes: what even a perfect model would miss, read off repeated actions (docs/diagnosis.md §7)."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.evaluation import FEWEST, Floor, floor_of, spreads
 from pentimento.diagnosis.pushes.jacobian import action_losses, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.noise import error_by_noise
-from pentimento.diagnosis.strokes.floor import FEWEST, Floor, floor_of, spreads
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 
 Array = NDArray[Any]
 
 
 def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:
-    """What even a perfect model would miss, weighted as errors are, from repeated actions (GAP.md, rule 6), mm²; None
-    where none is repeated.
+    """What even a perfect model would miss, weighted as errors are, from repeated actions (docs/diagnosis.md §7), mm²;
+    None where none is repeated.
 
     Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
     """

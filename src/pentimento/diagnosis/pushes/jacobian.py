@@ -1,4 +1,4 @@
-"""How what the analytic model foretells changes with each of its numbers, summed up by action (GAP.md, rule 3).
+"""How what the analytic model foretells changes with each of its numbers, summed up by action (docs/diagnosis.md §3).
 
 Differences, each from the stage on at which its number acts: what a number of the surface does needs no second look at
 the contact.
@@ -16,8 +16,8 @@ from numba import get_num_threads
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.batches import in_batches
+from pentimento.diagnosis.gauss_newton import Statistics, by_action
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.strokes.jacobian import Statistics, by_action
 from pentimento.dynamics.pushes.analytic import BASE, CONTACT, HEAP, KEPT, AnalyticPush, heap, keep, settle, touch
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 

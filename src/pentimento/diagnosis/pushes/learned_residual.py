@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.boosting import Trees, action_effect, cross_fitted, folds, grown, like_causes
 from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.noise import by_scatter
-from pentimento.diagnosis.random_effect import action_effect
-from pentimento.diagnosis.trees import Trees, cross_fitted, folds, grown, like_causes
 from pentimento.dynamics.pushes.analytic import AnalyticPush, keep, settle, touch
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 from pentimento.dynamics.pushes.spread import spread

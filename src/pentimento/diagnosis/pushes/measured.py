@@ -66,7 +66,7 @@ class MeasuredPushes:
 
 
 def measure(samples: PushSamples, half_width_m: float | None = None) -> MeasuredPushes:
-    """Measured pushes with windows about each, ``before`` denoised (GAP.md, rule 5).
+    """Measured pushes with windows about each, ``before`` denoised (docs/diagnosis.md §3).
 
     Args:
         half_width_m: of the footprint; by default read off these pushes.

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 
 from scipy.stats import chi2
 
-from pentimento.diagnosis.choice import paired_p
 from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
+from pentimento.diagnosis.score import paired_p
 from pentimento.dynamics.pushes.analytic import AnalyticPush, identity
 from pentimento.dynamics.pushes.mechanisms import LOOKALIKES, Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable

@@ -1,6 +1,6 @@
 """Ways in which the whole change of a push can differ, and what they depend on when no cause explains it.
 
-The clay modes of GAP.md (rule 7): depth, footprint width, shift along and across, rim height, smoothing, volume.
+The clay modes of docs/diagnosis.md §9: depth, footprint width, shift along and across, rim height, smoothing, volume.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.strokes.modes import Unexplained, structure
+from pentimento.diagnosis.residual_structure import Unexplained, structure
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled

@@ -16,12 +16,11 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.schema import vector
+from pentimento.diagnosis.experiment_design import Columns, Question, alike, best_of_turns, questions, says_most_about
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.screening import PushSurvey, columns_of
-from pentimento.diagnosis.strokes.aliasing import Columns
-from pentimento.diagnosis.strokes.next_actions import Question, alike, best_of_turns, questions, says_most_about
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
 

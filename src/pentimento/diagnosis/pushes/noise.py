@@ -2,8 +2,8 @@
 
 An arm that comes to its place within a third of a millimetre misses flat material by less than the wall of an old
 groove, and a scanner sees a wall worse than what lies flat. Repeats tell how large both are on the surfaces that they
-met, and so does a floor that is read off them (GAP.md, rule 6); on other surfaces the same noise is worth more, or
-less.
+met, and so does a floor that is read off them (docs/diagnosis.md §7); on other surfaces the same noise is worth more,
+or less.
 """
 
 from __future__ import annotations

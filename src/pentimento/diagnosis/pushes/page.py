@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from pentimento.diagnosis.leaderboard import leaderboard
-from pentimento.diagnosis.page import html_page, lead, section, temporal_drift
+from pentimento.diagnosis import figures as drawn
+from pentimento.diagnosis.experiment_design import ALIKE, sentences
+from pentimento.diagnosis.page import html_page, lead, leaderboard, section, temporal_drift
 from pentimento.diagnosis.pushes import figures
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.next_pushes import PushProposal
 from pentimento.diagnosis.pushes.screening import PushSurvey
-from pentimento.diagnosis.result import PUSHES
-from pentimento.diagnosis.strokes import figures as drawn
-from pentimento.diagnosis.strokes.aliasing import ALIKE, sentences
+from pentimento.diagnosis.verdict import PUSHES
 from pentimento.report.html import Album, table
 from pentimento.report.wording import count
 

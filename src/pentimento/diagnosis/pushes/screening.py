@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.experiment_design import Aliasing, Columns, aliasing, detectable
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.jacobian import linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, covariates_shown, mode_scores
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.strokes.aliasing import Aliasing, Columns, aliasing
-from pentimento.diagnosis.strokes.screening import Dependence, dependences, detectable, mode_strength, standing
+from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, standing
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.choice import Step, most_parsimonious, paired_p
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.pushes.fit import fit, fit_without
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.score import Evidence, information, scatter, weighed
-from pentimento.diagnosis.strokes.jacobian import Statistics
+from pentimento.diagnosis.score import Evidence, Step, information, most_parsimonious, paired_p, scatter, weighed
 from pentimento.dynamics.pushes.analytic import AnalyticPush, identity
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable

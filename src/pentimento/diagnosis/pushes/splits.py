@@ -1,4 +1,4 @@
-"""Which pushes are searched for causes, and which are sealed until the end (GAP.md, rule 4, but for one thing).
+"""Which pushes are searched for causes, and which are sealed until the end (docs/diagnosis.md §2, but for one thing).
 
 The rule sets a fifth aside to confirm what is found, apart from what is sealed. Here the sealed ones confirm: pushes
 differ from their repeats by their depth most of all, so that a tool's backlash or what hardens below needs many to be
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.splits import Actions, split
+from pentimento.diagnosis.evaluation import Actions, split
 
 Array = NDArray[Any]
 

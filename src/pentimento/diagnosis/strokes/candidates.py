@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.choice import paired_p
-from pentimento.diagnosis.score import Evidence, held_out_gains, mean_and_bounds, weighed, with_each
-from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.score import Evidence, held_out_gains, mean_and_bounds, paired_p, weighed, with_each
 from pentimento.diagnosis.strokes.fit import fit, held, steadied
-from pentimento.diagnosis.strokes.jacobian import Statistics, linearise
+from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, action_losses, mark_px
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds
+from pentimento.diagnosis.strokes.predict import action_losses, mark_px
 from pentimento.dynamics.strokes.mechanisms.lens_distortion import LensDistortion
 from pentimento.dynamics.strokes.simulation import Mechanism
 

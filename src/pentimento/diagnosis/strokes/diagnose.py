@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,17 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.diagnosis.choice import unconfirmed
-from pentimento.diagnosis.splits import Splits, split
-from pentimento.diagnosis.standard_errors import values_with_errors
-from pentimento.diagnosis.strokes.borderline import confirmation, with_one_borderline
+from pentimento.diagnosis.evaluation import Floor, Splits, split
+from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained, temporal_drift
+from pentimento.diagnosis.score import unconfirmed
 from pentimento.diagnosis.strokes.candidates import can_leave_what_looks_like, left_by_form
-from pentimento.diagnosis.strokes.ends import UnevenEnds
-from pentimento.diagnosis.strokes.fit import first_model, fit, tempered
-from pentimento.diagnosis.strokes.floor import Floor, noise_floor
+from pentimento.diagnosis.strokes.fit import first_model, fit, mixed, tempered, values_with_errors
 from pentimento.diagnosis.strokes.large_effects import find_large
 from pentimento.diagnosis.strokes.learned_residual import LearnedResidual, learn_residual
-from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
 from pentimento.diagnosis.strokes.misattribution import (
     curve_is_as_good,
     ends_do_as_much,
@@ -30,13 +26,11 @@ from pentimento.diagnosis.strokes.misattribution import (
     trails_by_another_power,
     with_uneven_ends,
 )
-from pentimento.diagnosis.strokes.mixing import mixed
-from pentimento.diagnosis.strokes.modes import MODES, Unexplained, mode_scores, unexplained
-from pentimento.diagnosis.strokes.modulator import generic
-from pentimento.diagnosis.strokes.path_covariates import covariates_shown
-from pentimento.diagnosis.strokes.predict import Model, action_losses, mean_squared_error, residual
-from pentimento.diagnosis.strokes.search import Search, search, settle
-from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds
+from pentimento.diagnosis.strokes.modes import MODES, generic, mode_scores, unexplained
+from pentimento.diagnosis.strokes.predict import action_losses, mean_squared_error, noise_floor, residual
+from pentimento.diagnosis.strokes.search import Search, confirmation, search, settle, with_one_borderline
+from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -60,29 +54,6 @@ _SURELY_THERE = 2.0
 """Standard errors of a cause's only quantity."""
 _SMALLEST_GAP = 0.1
 """Of the gap, a resampled one, and of the error, the gap itself: what is smaller is no measure for anything."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One cause, with what it is worth on sealed strokes."""
-
-    cause: str
-    p_adjusted: float
-    confirmed_p: float
-    gain: float
-    """Share that it removes of the base's error above the floor; of strokes a tenth of the error counts as such at
-    least, of pushes all of it where nothing is above."""
-    gain_interval: tuple[float, float]
-    values: dict[str, tuple[float, float]]
-    """Each quantity with its standard error."""
-    rivals: tuple[str, ...]
-    misattributed: bool = False
-    """Whether it is no better than what has no name."""
-    of_what_is_left: float = math.nan
-    """What it removes as a share not of the gap but of what of this all other established causes leave; NaN where
-    nothing but the gap was asked for."""
-    missed_without: float = math.nan
-    """Mean squared error that the model leaves on sealed strokes without it; NaN where that is not known."""
 
 
 @dataclass(frozen=True)

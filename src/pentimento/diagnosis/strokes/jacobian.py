@@ -6,23 +6,19 @@ numbers of a row share one pass over its pixels.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.diagnosis.batches import in_batches
+from pentimento.diagnosis.gauss_newton import Statistics, by_action
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.mixture import mixture, slopes_of_mixture
+from pentimento.diagnosis.strokes.model import BASE, SLABS, WIDTHS, Model, acts_on
 from pentimento.diagnosis.strokes.predict import (
-    BASE,
     ROWS_AT_ONCE,
-    SLABS,
-    WIDTHS,
     Ink,
-    Model,
-    acts_on,
     at_pixels,
     gain_of_camera,
     ink_of,
@@ -32,7 +28,7 @@ from pentimento.diagnosis.strokes.predict import (
     paint_laid,
     predicted_linear,
 )
-from pentimento.diagnosis.strokes.soft_edge import Imprint, change_of_coverage
+from pentimento.diagnosis.strokes.soft_edge import Imprint, change_of_coverage, mixture, slopes_of_mixture
 
 Array = NDArray[Any]
 
@@ -77,21 +73,6 @@ def _change_of_photographs(
         if gain is not None:
             change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
     return np.asarray(change, dtype=np.float32)
-
-
-class Statistics(NamedTuple):
-    """All that tests, held-out gains, bootstraps and designs need of n actions (GAP.md, rule 3).
-
-    Per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
-    """
-
-    curvature: Array  # [n, P, P] J^T J
-    slope: Array  # [n, P] J^T r
-    energy: Array  # [n] r^T r
-
-    def of(self, columns: Array) -> Statistics:
-        """Of some of the numbers alone."""
-        return Statistics(self.curvature[:, columns][:, :, columns], self.slope[:, columns], self.energy)
 
 
 def linearise(model: Model, measured: Measured) -> Statistics:
@@ -243,14 +224,6 @@ def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[t
                 gain = (gain_of_camera(up, measured) - gain_of_camera(down, measured)) / (2 * _COLOR_STEP)
             changes.append((int(at), paint, gain))
     return changes
-
-
-def by_action(values: Array, action: Array) -> Array:
-    """Means over the rows of each action, in the order of the actions' numbers."""
-    _, group, count = np.unique(action, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(count), *values.shape[1:]))
-    np.add.at(sums, group, values)
-    return sums / count.reshape(-1, *[1] * (values.ndim - 1))
 
 
 def _slopes(laid: Ink, measured: Measured, pixels: Array | None = None) -> tuple[Array, Array]:

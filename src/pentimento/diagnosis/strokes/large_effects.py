@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import torch
 
-from pentimento.diagnosis.choice import Step, choose, prune_unlikely
-from pentimento.diagnosis.score import Evidence
+from pentimento.diagnosis.score import Evidence, Step
 from pentimento.diagnosis.strokes.candidates import (
     FIRST_P,
     LATER_P,
@@ -22,10 +21,11 @@ from pentimento.diagnosis.strokes.candidates import (
     with_that_of_refits,
     without_idle,
 )  # fmt: skip
-from pentimento.diagnosis.strokes.ends import UnevenEnds
+from pentimento.diagnosis.strokes.choice import choose, prune_unlikely
 from pentimento.diagnosis.strokes.fit import fit
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, action_losses, identity
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
+from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.diagnosis.strokes.search import MAX_CAUSES, Search
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, StrokeContext
 

@@ -3,12 +3,12 @@
 Boosted trees learn it, pixel by pixel, from where a pixel lies about its place of the path, the press there and how it
 changes, how far it is to the stroke's ends, and how a tool that is turned lies to its way: nothing else that a cause
 depends on (no speed, time, load, heading on the canvas, bend, length, place). Two things keep them from learning an
-effect instead (GAP.md, rule 9). What they say of a stroke was learnt from others (cross-fitting; Chernozhukov et al.
-2018), and what of it looks, over all strokes and beyond chance, like any of the causes is left in the residual, so that
-this cause's score does not change: only the misfit about it falls. They learn twice: where each stroke as a whole came
-to lie and how wide is chance, hides what is alike, and is known better once that has been learnt. Of a tool that draws
-its left as it draws its right, which the first trees tell, they then see one half, twice as often. Sealed strokes have
-no part in any of it, and are told in the end by trees that learn from all others at once.
+effect instead (docs/diagnosis.md §4). What they say of a stroke was learnt from others (cross-fitting; Chernozhukov et
+al. 2018), and what of it looks, over all strokes and beyond chance, like any of the causes is left in the residual, so
+that this cause's score does not change: only the misfit about it falls. They learn twice: where each stroke as a whole
+came to lie and how wide is chance, hides what is alike, and is known better once that has been learnt. Of a tool that
+draws its left as it draws its right, which the first trees tell, they then see one half, twice as often. Sealed
+strokes have no part in any of it, and are told in the end by trees that learn from all others at once.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.random_effect import action_effect
+from pentimento.diagnosis.boosting import Trees, action_effect, cross_fitted, folds, grown, like_causes, said_at
 from pentimento.diagnosis.strokes.fit import steadied
 from pentimento.diagnosis.strokes.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model, ink_of, mark_px, predicted, press_shares, residual
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.predict import ink_of, mark_px, predicted, press_shares, residual
 from pentimento.diagnosis.strokes.soft_edge import Imprint
-from pentimento.diagnosis.trees import Trees, cross_fitted, folds, grown, like_causes, said_at
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]

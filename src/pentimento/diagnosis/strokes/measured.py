@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts import images
+from pentimento.contracts.covariates import CARRIED
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
@@ -186,7 +187,7 @@ def _painted(before_linear: Array) -> Array:
 
 def _denoised(image: Array) -> Array:
     """A photograph [H, W, 3] less its pixel noise, edges kept: noise in `before` would pass for an effect of the paint
-    below (GAP.md, rule 5).
+    below (docs/diagnosis.md §3).
     """
     grey = image.mean(-1)
     # Immerkaer's estimate: a mask that no plane and no straight edge excites.
@@ -195,3 +196,32 @@ def _denoised(image: Array) -> Array:
     if noise < 1e-4:
         return image
     return np.asarray(cv2.bilateralFilter(image.astype(np.float32), 5, 4 * noise * 1.7, 1.5), dtype=np.float32)
+
+
+def covariates_shown(measured: Measured) -> dict[str, Array]:
+    """Recorded ones and those of the path that are known of all strokes and vary, float64[B] each; of paint that is
+    carried along, how much, and not its colour's channels.
+    """
+    recorded = {name: values for name, values in measured.covariates.items() if name not in CARRIED[1:]}
+    known = {name: values for name, values in recorded.items() if np.isfinite(values).all() and np.ptp(values) > 1e-9}
+    return known | path_covariates(measured)
+
+
+def path_covariates(measured: Measured) -> dict[str, Array]:
+    """Those that vary, float64[B] each."""
+    path = measured.samples.path.double().numpy()
+    steps = np.hypot(*np.diff(path[..., 1:3], axis=1).transpose(2, 0, 1))
+    chord = path[:, -1, 1:3] - path[:, 0, 1:3]
+    heading = np.arctan2(chord[:, 1], chord[:, 0])
+    found = {
+        "length_m": steps.sum(1),
+        "press_m": np.maximum(-path[..., 3], 0).mean(1),
+        "heading_cos": np.cos(heading),
+        "heading_sin": np.sin(heading),
+        "place_x_m": path[..., 1].mean(1),
+        "place_y_m": path[..., 2].mean(1),
+    }
+    duration = path[:, -1, 0] - path[:, 0, 0]
+    if np.isfinite(duration).all() and (duration > 0).all():
+        found["speed_m_s"] = found["length_m"] / duration
+    return {name: values for name, values in found.items() if np.ptp(values) > 1e-6}

@@ -21,16 +21,13 @@ import torch
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from pentimento.diagnosis.choice import paired_p
-from pentimento.diagnosis.standard_errors import values_with_errors
+from pentimento.diagnosis.score import paired_p
 from pentimento.diagnosis.strokes.candidates import FIRST_P, held_out_losses
-from pentimento.diagnosis.strokes.ends import UnevenEnds
-from pentimento.diagnosis.strokes.fit import fit
-from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, mode_scores, unexplained
-from pentimento.diagnosis.strokes.modulator import fit_modulator, modulated
-from pentimento.diagnosis.strokes.path_covariates import covariates_shown
-from pentimento.diagnosis.strokes.predict import Model, action_losses, identity
+from pentimento.diagnosis.strokes.fit import fit, values_with_errors
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, fit_modulator, mode_scores, modulated, unexplained
+from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.geometry import speed_m_s
 from pentimento.dynamics.strokes.mechanisms.latency import Latency

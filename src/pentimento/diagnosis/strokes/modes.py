@@ -10,16 +10,20 @@ next is looked for: what merely goes along with it (time with wear, temperature 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import nnls
+from torch import Tensor
 
+from pentimento.diagnosis.residual_structure import Unexplained, structure
+from pentimento.diagnosis.score import folds
 from pentimento.diagnosis.strokes.jacobian import linearise_rows
-from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model
+from pentimento.diagnosis.strokes.measured import Measured, path_covariates
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.dynamics.strokes.mechanisms.bleeding import bleed
 from pentimento.dynamics.strokes.mechanisms.geometry import tangent
 from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeContext
@@ -28,13 +32,12 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 Array = NDArray[Any]
 
 MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "blur")
+_KNOTS = (0.0, 1 / 3, 2 / 3, 1.0)
+"""Quantiles of the covariate."""
+_RIDGES = (0.01, 0.1, 1.0, 10.0)
+"""Of each curve's own curvature; beside them no modulation at all."""
+_STEPS = 2
 _DRAWS = 1999
-_P = 0.01
-_MAX = 6
-_OUTLYING = 4
-"""In usual deviations: beyond, a score counts as this much."""
-_MIN_SEEN = 50.0
-"""Times the usual variance: a mode that is seen less in a mark counts as this."""
 
 
 class AllModes(Mechanism):
@@ -65,16 +68,6 @@ class AllModes(Mechanism):
         return bleed(moved, blur.expand_as(mark.radius_m), torch.zeros_like(mark.radius_m))
 
 
-class Unexplained(NamedTuple):
-    """A mode that still depends on a covariate."""
-
-    mode: str
-    covariate: str
-    p: float
-    generic_gain: float
-    """Share of the error that a quadratic of the covariate in this mode would remove, to second order."""
-
-
 def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array, float]:
     """Each row's residual in each mode, in typical sizes, [B, M]; the modes' own energies [B, M]; and the mean error
     of the rows.
@@ -95,124 +88,232 @@ def unexplained(
     return structure(MODES, *mode_scores(model, measured), columns, measured.action, seed)
 
 
-def structure(
-    modes: Sequence[str],
-    scores: Array,
-    energy: Array,
-    error: float,
-    columns: Mapping[str, Array],
-    action: Array,
-    seed: int,
-) -> tuple[list[Unexplained], Array, list[str]]:
-    """``unexplained`` for amounts of any modes.
+class Modulation(Mechanism):
+    """Marks with their modes changed by an amount of each stroke's own, ``modulation_<mode>`` among the covariates, and
+    by one for all, ``values``; both in the quantities' units.
+    """
+
+    cause: ClassVar[str] = "modulation"
+    site = "density"
+    driver = "anything"
+    quantities = AllModes.quantities
+
+    @property
+    def idle(self) -> bool:
+        """Never: each stroke has its own amount."""
+        return False
+
+    def mark(self, mark: Mark, context: StrokeContext) -> Mark:
+        zero = torch.zeros_like(context.path[..., 0, 0])
+        amplitude, width, tangential, normal, x, y, blur = (
+            (context.covariates.get(_column(mode), zero) + value)[..., None]
+            for mode, value in zip(MODES, self.values, strict=True)
+        )
+        along = tangent(context.path)
+        across = torch.stack([-along[..., 1], along[..., 0]], dim=-1)
+        shift = tangential[..., None] * along + normal[..., None] * across
+        moved = mark._replace(
+            points_m=mark.points_m + shift + torch.stack([x, y], dim=-1),
+            radius_m=mark.radius_m * torch.exp(width),
+            density=mark.density * torch.exp(amplitude),
+        )
+        still: Tensor = torch.zeros_like(mark.radius_m)
+        # The base's edge may be harder than the hardest that bleeding knows; without blur it stays as it is.
+        return bleed(moved, blur.expand_as(still), still)._replace(softness=mark.softness * torch.exp(blur))
+
+
+class Curve(NamedTuple):
+    """One mode over one covariate."""
+
+    mode: str
+    covariate: str
+    knots: Array
+    """[K] rising."""
+    amounts: Array
+    """[K] at the knots, in the mode's typical sizes, 0 on average over the strokes that it was fitted to: what is the
+    same for all is the base's. Level beyond the first and the last."""
+
+
+class Modulator(NamedTuple):
+    """Curves that add up where they are of one mode; none if nothing holds on blocks left out."""
+
+    curves: tuple[Curve, ...]
+
+    def amounts(self, measured: Measured) -> Array:
+        """Of each stroke in each mode, typical sizes, [B, M]; nothing where a covariate is unknown."""
+        found = np.zeros((len(measured), len(MODES)))
+        for curve in self.curves:
+            found[:, MODES.index(curve.mode)] += (
+                _hats(_covariate(measured, curve.covariate), curve.knots) @ curve.amounts
+            )
+        return found
+
+
+class Generic(NamedTuple):
+    """What a modulator is worth on sealed strokes."""
+
+    modulator: Modulator
+    losses: Array
+    """Mean squared error of each sealed action with it, sRGB."""
+    gain: float
+    """Share of the model's error on sealed strokes that it removes; below 0 where it harms."""
+    gain_interval: tuple[float, float]
+    """95 %, by resampling actions."""
+    gain_of: dict[tuple[str, str], float]
+    """The same of each (mode, covariate) by itself."""
+
+
+def generic(model: Model, known: Measured, test_split: Measured, left: Sequence[Unexplained], seed: int) -> Generic:
+    """Fit a modulator to what is left unexplained and measure it on strokes that had no part in it.
 
     Args:
-        modes: names, [M].
-        scores: amount of each mode in each row's residual, in typical sizes, [B, M].
-        energy: what one typical size of each is worth in the row's error, [B, M].
-        error: mean over the rows.
-        columns: what the modes may depend on, [B] each, without gaps.
-        action: rows of one value repeat one command, [B].
-        seed: of the permutations.
+        model: the extended one, fitted to ``known``.
+        known: with weights, as in fits.
+        sealed: without.
+        left: what depends on what, the strongest first.
+        seed: of folds and resampling.
     """
-    names = list(columns)
-    if not names:
-        return [], np.zeros((len(modes), 0)), []
-    scores, weight, spread = levelled(scores, energy)
-    root = np.sqrt(weight)
-    lines = np.stack([_standard(c) for c in columns.values()])  # [C, B]
-    basis = np.stack([lines, np.stack([_standard(line**2) for line in lines])])
-    whole = _strength(scores, weight, basis)
-    found: list[Unexplained] = []
-    left = scores
-    while len(found) < _MAX:
-        observed = _strength(left, weight, basis)
-        rng = np.random.default_rng([seed, 9, len(found)])
-        orders = permuted_actions(action, _DRAWS, rng)
-        largest = np.array([_strength(left[order], weight[order], basis).max() for order in orders])
-        limit = np.quantile(largest, 1 - _P)
-        c = int(np.argmax(observed.max(0)))
-        standing = np.flatnonzero(observed[:, c] >= limit)
-        if not len(standing):
-            break
-        # Neighbouring modes answer to one cause: the one by which it would explain most of the picture.
-        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[:, c].T) / error for m in standing]
-        m = int(standing[int(np.argmax(gains))])
-        p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
-        found.append(Unexplained(modes[m], names[c], p, float(max(gains))))
-        one = np.column_stack([np.ones(len(left)), basis[:, c].T])
-        left = np.stack([left[:, m] - one @ _least_squares(one, left[:, m], root[:, m]) for m in range(len(modes))], 1)
-    return found, np.sqrt(whole), names
+    pairs = [(one.mode, one.covariate) for one in left]
+    together = fit_modulator(model, known, pairs, seed)
+    before, losses = action_losses(model, test_split), action_losses(*modulated(model, together, test_split))
+    drawn = np.random.default_rng([seed, 15]).integers(0, len(losses), (_DRAWS, len(losses)))
+    low, high = np.quantile(1 - losses[drawn].mean(1) / before[drawn].mean(1), [0.025, 0.975])
+    alone = {}
+    for pair in pairs:
+        one = fit_modulator(model, known, [pair], seed)
+        alone[pair] = float(1 - action_losses(*modulated(model, one, test_split)).mean() / before.mean())
+    return Generic(together, losses, float(1 - losses.mean() / before.mean()), (float(low), float(high)), alone)
 
 
-def levelled(scores: Array, energy: Array) -> tuple[Array, Array, Array]:
-    """Scores [B, M] about their median, in their usual deviation, outliers clipped; their weights [B, M], 1 on average;
-    and the usual deviations [M].
+def modulated(model: Model, modulator: Modulator, measured: Measured) -> tuple[Model, Measured]:
+    """The model with the modulator, and the strokes with the amounts that it reads: what ``residual`` and
+    ``action_losses`` take.
     """
-    scores = scores - np.median(scores, axis=0)
-    spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
-    scores = scores / spread
-    weight = _certainty(scores, energy)
-    root = np.sqrt(weight)
-    return np.clip(scores * root, -_OUTLYING, _OUTLYING) / root, weight, spread
+    typical = np.array([quantity.typical for quantity in Modulation.quantities])
+    amounts = modulator.amounts(measured) * typical
+    columns = {_column(mode): amounts[:, m] for m, mode in enumerate(MODES)}
+    nothing = torch.zeros(len(MODES), dtype=torch.float64)
+    return model.plus(Modulation(nothing, {})), replace(measured, covariates=measured.covariates | columns)
 
 
-def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Array:
-    """Row indices [draws, B] with whole actions exchanged for others of as many rows: repeats of one command are alike,
-    and taken apart they would make what they share look surer than it is.
+def fit_modulator(model: Model, measured: Measured, pairs: Sequence[tuple[str, str]], seed: int) -> Modulator:
+    """Curves for pairs of mode and covariate, by Gauss-Newton at the model and a ridge.
+
+    The ridge is the one whose curves, fitted to the other blocks, foretell left-out actions best; where none foretells
+    them better than no curve, there is none.
     """
-    rows = [np.flatnonzero(action == number) for number in np.unique(action)]
-    order = np.tile(np.arange(len(action)), (draws, 1))
-    for size in sorted({len(own) for own in rows}):
-        alike = np.stack([own for own in rows if len(own) == size])
-        exchanged = rng.permuted(np.tile(np.arange(len(alike)), (draws, 1)), axis=1)
-        order[:, alike] = alike[exchanged]
-    return order
-
-
-def _certainty(scores: Array, energy: Array) -> Array:
-    """Weights of scores [B, M]: one over their variance, which is one for all, as actions differ, and one that falls
-    with the mode's own energy, as the noise of pixels does; how much of each, their squares say.
-    """
-    weight = np.empty_like(scores)
-    for m, (score, own) in enumerate(zip(scores.T, energy.T, strict=True)):
-        by_pixels = np.minimum(np.median(own) / np.maximum(own, 1e-12), _MIN_SEEN)
-        expected = 1 / (1 + by_pixels)  # squares scatter by themselves: what is larger says less
-        shapes = np.stack([np.ones_like(by_pixels), by_pixels], axis=1)
-        shares, _ = nnls(shapes * expected[:, None], np.clip(np.square(score), 0, _OUTLYING**2) * expected)
-        weight[:, m] = 1 / np.maximum(shapes @ shares, 1e-6)
-    return weight / weight.mean(0)
-
-
-def _strength(scores: Array, weight: Array, basis: Array) -> Array:
-    """How strongly each mode goes with each covariate, or with its square, chi-squared [M, C], by weighted correlation.
-
-    Args:
-        scores, weight: [B, M].
-        basis: [2, C, B] each covariate, and its square.
-    """
-    total, weighed = weight.sum(0), weight * scores
-    mean = weighed.sum(0) / total
-    spread = (weighed * scores).sum(0) - total * mean**2  # [M]
-    at, with_scores = np.split(basis @ np.hstack([weight, weighed]), 2, axis=-1)  # [2, C, M]
-    own = np.square(basis) @ weight - at**2 / total
-    strength: Array = np.square(with_scores - at * mean) / np.maximum(own * spread, 1e-12)
-    return strength.max(0).T * len(scores)
-
-
-def _least_squares(basis: Array, values: Array, root_weight: Array) -> Array:
-    """Coefficients [K] of [B, K] for values [B] with these roots of weights."""
-    found: Array = np.linalg.lstsq(basis * root_weight[:, None], values * root_weight, rcond=None)[0]
+    empty = Modulator(())
+    columns = {name: _covariate(measured, name) for _, name in pairs}
+    shapes = [(mode, name, _knots_of(columns[name])) for mode, name in pairs]
+    shapes = [shape for shape in shapes if len(shape[2]) > 1]
+    if not shapes:
+        return empty
+    design, average = _design(shapes, columns)
+    found, ridge = empty, None
+    theta = np.zeros(design.shape[-1])
+    for step in range(_STEPS):
+        curvature, slope = _by_curves(*modulated(model, found, measured), design)
+        if step == 0:
+            ridge = _best_ridge(curvature, slope, measured, seed)
+            if ridge is None:
+                return empty
+            hold = np.diag(curvature.sum(0)).copy()
+        theta = theta + _solved(curvature.sum(0), slope.sum(0), ridge * hold, theta)
+        better = _modulator(shapes, theta, average)
+        if _loss(model, better, measured) >= _loss(model, found, measured):
+            break  # too far from linear: what was found before stands
+        found = better
     return found
 
 
-def _generic_gain(amount: Array, energy: Array, basis: Array) -> float:
-    """Mean error that a quadratic of the covariate would remove, to second order."""
-    fitted = basis @ _least_squares(basis, amount, np.sqrt(energy))
-    return float((energy * (amount**2 - (amount - fitted) ** 2)).mean())
+def _loss(model: Model, modulator: Modulator, measured: Measured) -> float:
+    return float(action_losses(*modulated(model, modulator, measured)).mean())
 
 
-def _standard(values: Array) -> Array:
-    centred = values - values.mean(0)
-    result: Array = centred / np.maximum(centred.std(0), 1e-12)
-    return result
+def _column(mode: str) -> str:
+    return f"modulation_{mode}"
+
+
+def _covariate(measured: Measured, name: str) -> Array:
+    """[B]; NaN where unknown."""
+    known = measured.covariates | path_covariates(measured)
+    return known.get(name, np.full(len(measured), np.nan))
+
+
+def _knots_of(values: Array) -> Array:
+    known = values[np.isfinite(values)]
+    return np.unique(np.quantile(known, _KNOTS)) if len(known) else np.zeros(0)
+
+
+def _hats(values: Array, knots: Array) -> Array:
+    """How much of the amount at each knot counts at the values, [B, K]: linear between, level beyond; 0 for NaN."""
+    at = np.clip(np.nan_to_num(values, nan=knots[0]), knots[0], knots[-1])
+    left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
+    share = (at - knots[left]) / (knots[left + 1] - knots[left])
+    hats = np.zeros((len(values), len(knots)))
+    rows = np.arange(len(values))
+    hats[rows, left], hats[rows, left + 1] = 1 - share, share
+    hats[~np.isfinite(values)] = 0.0
+    return hats
+
+
+def _design(shapes: Sequence[tuple[str, str, Array]], columns: dict[str, Array]) -> tuple[Array, Array]:
+    """[B, M, P]: what each curve's amounts at its knots do to each stroke's modes, about the average stroke of which
+    its covariate is known; and [P], what they do to that one.
+    """
+    size = sum(len(knots) for _, _, knots in shapes)
+    rows = len(columns[shapes[0][1]])
+    design, average, at = np.zeros((rows, len(MODES), size)), np.zeros(size), 0
+    for mode, name, knots in shapes:
+        known, own = np.isfinite(columns[name]), slice(at, at + len(knots))
+        hats = _hats(columns[name], knots)
+        average[own] = hats[known].mean(0)
+        design[:, MODES.index(mode), own] = np.where(known[:, None], hats - average[own], 0.0)
+        at += len(knots)
+    return design, average
+
+
+def _by_curves(model: Model, measured: Measured, design: Array) -> tuple[Array, Array]:
+    """J^T J [B, P, P] and J^T r [B, P] of the curves' amounts; rows of one action share one vote."""
+    curvature, slope, _ = linearise_rows(model, measured)
+    m = len(MODES)
+    _, group, count = np.unique(measured.action, return_inverse=True, return_counts=True)
+    vote = 1 / count[group]
+    of_modes = curvature[:, -m:, -m:] * vote[:, None, None]
+    return (
+        np.einsum("bmp,bmn,bnq->bpq", design, of_modes, design),
+        np.einsum("bmp,bm->bp", design, slope[:, -m:] * vote[:, None]),
+    )
+
+
+def _solved(curvature: Array, slope: Array, hold: Array, theta: Array) -> Array:
+    """The step that minimises the quadratic with the ridge on all of theta."""
+    held = curvature + np.diag(hold + 1e-9 * np.diag(curvature).max() + 1e-15)
+    step: Array = np.linalg.solve(held, slope - hold * theta)
+    return step
+
+
+def _best_ridge(curvature: Array, slope: Array, measured: Measured, seed: int) -> float | None:
+    fold = folds(measured.block, seed)
+    gains = dict.fromkeys(_RIDGES, 0.0)
+    nothing = np.zeros(slope.shape[1])
+    for k in np.unique(fold):
+        out = fold == k
+        if out.all():
+            continue
+        fitted, held = curvature[~out].sum(0), curvature[out].sum(0)
+        for ridge in _RIDGES:
+            step = _solved(fitted, slope[~out].sum(0), ridge * np.diag(fitted), nothing)
+            gains[ridge] += float(2 * slope[out].sum(0) @ step - step @ held @ step)
+    best = max(gains, key=lambda ridge: gains[ridge])
+    return best if gains[best] > 0 else None
+
+
+def _modulator(shapes: Sequence[tuple[str, str, Array]], theta: Array, average: Array) -> Modulator:
+    """Curves from amounts at knots [P] about those of the average stroke [P]."""
+    curves, at = [], 0
+    for mode, name, knots in shapes:
+        own = slice(at, at + len(knots))
+        curves.append(Curve(mode, name, knots, theta[own] - average[own] @ theta[own]))
+        at += len(knots)
+    return Modulator(tuple(curves))

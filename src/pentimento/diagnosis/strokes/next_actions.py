@@ -17,28 +17,43 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.schema import PATH, vector
-from pentimento.diagnosis.result import Judged
-from pentimento.diagnosis.strokes.aliasing import Aliasing, Columns, aliasing, columns_of, pairs_alike
-from pentimento.diagnosis.strokes.candidate_actions import Action, as_measured, draw_sequence, in_turn, window_of
-from pentimento.diagnosis.strokes.design_ranges import Ranges, ranges_of
+from pentimento.diagnosis.experiment_design import (
+    Aliasing,
+    Question,
+    aliasing,
+    alike,
+    best_of_turns,
+    detectable,
+    questions,
+    says_most_about,
+    worth,
+)
+from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, standing
+from pentimento.diagnosis.strokes.aliasing import columns_of, with_all
+from pentimento.diagnosis.strokes.candidate_actions import (
+    Action,
+    Ranges,
+    as_measured,
+    draw_sequence,
+    in_turn,
+    ranges_of,
+    window_of,
+)
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
-from pentimento.diagnosis.strokes.jacobian import Statistics, linearise_rows
-from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.predict import Model
-from pentimento.diagnosis.strokes.screening import Survey
+from pentimento.diagnosis.strokes.jacobian import linearise, linearise_rows
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.modes import MODES, mode_scores
+from pentimento.diagnosis.strokes.predict import residual
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 
 Array = NDArray[Any]
 
 ACTIONS = 16
 _SEQUENCES = 24
 """Random ones; each turn takes its action from one of them."""
-_EXCHANGES = 10
-_MIN_RISE = 1e-3
 _FOR_WAITING = 0.1
 """Of log det S: what waiting between strokes must be worth."""
-
-Question = tuple[str, ...]
-"""Causes to be told apart, or one whose quantities are to be known better."""
 
 
 class Proposal(NamedTuple):
@@ -49,27 +64,6 @@ class Proposal(NamedTuple):
     """For each action, what it says most about."""
     aliasing: dict[tuple[str, str], tuple[float, float]]
     """Of each pair: so far, and as it will be with these actions."""
-
-
-def questions(diagnosis: Judged, found: Aliasing) -> list[Question]:
-    """What the next actions should decide.
-
-    Named causes against their rivals and imitators; without any, the quantities of what is established; without that,
-    the cause that the strokes spoke for most against what imitates it, or against the second.
-    """
-    named = {f.cause: f.rivals for f in (*diagnosis.established, *diagnosis.suspected)}
-    known = set(found.causes)
-    seen = {c: tuple(r for r in rivals if r in known) for c, rivals in named.items() if c in known}
-    pairs: list[Question] = list(pairs_alike(found, seen))
-    if pairs:
-        return pairs
-    if seen:
-        return [(cause,) for cause in seen]
-    evidence = diagnosis.search.steps[-1].evidence if diagnosis.search.steps else {}
-    strongest = [cause for _, cause in sorted((e.p, cause) for cause, e in evidence.items() if cause in known)]
-    if len(strongest) < 2:
-        return []
-    return list(pairs_alike(found, {strongest[0]: ()})) or [(strongest[0], strongest[1])]
 
 
 def proposal_for(diagnosis: Diagnosis, seen: Survey, seed: int) -> Proposal:
@@ -107,41 +101,6 @@ def propose(model: Model, measured: Measured, asked: Sequence[Question], seed: i
     about = tuple(says_most_about(total, one, columns, asked) for one in gathered)
     pairs = [(q[0], q[1]) for q in asked if len(q) == 2]
     return Proposal(tuple(actions), about, {p: (alike(so_far, columns, p), alike(total, columns, p)) for p in pairs})
-
-
-def best_of_turns(so_far: Array, says: Array, columns: Columns, asked: Sequence[Question]) -> list[int]:
-    """For each turn, which sequence's action: one after another the best, then exchanged while anything improves."""
-    turns = range(says.shape[1])
-    chosen: list[int] = []
-    total = so_far.copy()
-    for turn in turns:
-        chosen.append(int(np.argmax(_worth(total + says[:, turn], columns, asked))))
-        total += says[chosen[turn], turn]
-    for _ in range(_EXCHANGES):
-        changed = False
-        for turn in turns:
-            total -= says[chosen[turn], turn]
-            values = _worth(total + says[:, turn], columns, asked)
-            best = int(np.argmax(values))
-            if values[best] > values[chosen[turn]] + _MIN_RISE:
-                chosen[turn], changed = best, True
-            total += says[chosen[turn], turn]
-        if not changed:
-            break
-    return chosen
-
-
-def worth(total: Array, columns: Columns, asked: Sequence[Question]) -> float:
-    """Sum of log det S over the questions' causes, for a curvature [P, P] summed over all actions."""
-    return float(_worth(total[None], columns, asked)[0])
-
-
-def alike(total: Array, columns: Columns, pair: tuple[str, str]) -> float:
-    """Largest canonical correlation of two causes' derivatives without the part of everything else in the model."""
-    rest = [index for cause, index in columns.causes.items() if cause not in pair]
-    held = Columns(np.concatenate([columns.nuisances, *rest]), {cause: columns.causes[cause] for cause in pair})
-    nothing = np.zeros((1, len(total)))
-    return aliasing(Statistics(total[None], nothing, nothing[:, 0]), held).of(*pair)
 
 
 def curvatures(
@@ -188,25 +147,55 @@ def as_table(proposal: Proposal, measured: Measured) -> pa.Table:
     )
 
 
-def _worth(totals: Array, columns: Columns, asked: Sequence[Question]) -> Array:
-    """The same for curvatures [M, P, P]: [M]. log det of a Schur complement is a difference of two."""
-    everything = np.arange(totals.shape[1])
-    of_all = _log_det(totals, everything)
-    worth = np.zeros(len(totals))
-    for cause in (cause for question in asked for cause in question):
-        worth += of_all - _log_det(totals, np.setdiff1d(everything, columns.causes[cause]))
-    return worth
+class Survey(NamedTuple):
+    """All that is drawn."""
+
+    measured: Measured
+    test_split: Measured
+    full: Model
+    """The extended model with every other observable cause at no effect."""
+    aliasing: Aliasing
+    detectable: dict[str, float]
+    """Smallest share of the error that a cause must remove to be found in four of five such collections."""
+    base_strength: Array
+    """[modes, covariates] of the base's residual, correlation times the root of the number of strokes."""
+    extended_strength: Array
+    covariates: tuple[str, ...]
+    modes: tuple[str, ...]
+    dependence: tuple[Dependence, ...]
+    base_residual: Array
+    """[B, H, W] of all strokes, measured less foretold, mean over the channels; NaN outside the windows."""
+    extended_residual: Array
 
 
-def _log_det(totals: Array, index: Array) -> Array:
-    """Of parts of [M, P, P], [M]; a hundred-millionth more on the diagonal, for what nothing depends on."""
-    own = np.maximum(np.einsum("mpp->mp", totals)[:, index], 1e-150)  # whose square is still a number
-    scaled = totals[:, index][:, :, index] / np.sqrt(own[:, :, None] * own[:, None, :])
-    log_det: Array = np.linalg.slogdet(scaled + 1e-8 * np.eye(len(index)))[1] + np.log(own).sum(1)
-    return log_det
+def survey(diagnosis: Diagnosis) -> Survey:
+    """Look at base and extended model over all strokes."""
+    measured = diagnosis.measured
+    full = with_all(diagnosis.extended, measured, VOCABULARY)
+    statistics = linearise(full, measured)
+    columns = columns_of(full)
+    covariates = covariates_shown(measured)
+    amounts = {
+        name: standing(mode_scores(model, measured)[0])
+        for name, model in (("base", diagnosis.base), ("extended", diagnosis.extended))
+    }
+    strengths = {name: mode_strength(values, covariates) for name, values in amounts.items()}
+    return Survey(
+        measured=measured,
+        test_split=measured.pick(diagnosis.splits.test),
+        full=full,
+        aliasing=aliasing(statistics, columns),
+        detectable=detectable(statistics, columns),
+        base_strength=strengths["base"],
+        extended_strength=strengths["extended"],
+        covariates=tuple(covariates),
+        modes=MODES,
+        dependence=dependences(MODES, amounts["base"], amounts["extended"], covariates, strengths, measured.action),
+        base_residual=_signed(diagnosis.base, measured),
+        extended_residual=_signed(diagnosis.extended, measured),
+    )
 
 
-def says_most_about(total: Array, says: Array, columns: Columns, asked: Sequence[Question]) -> Question:
-    """The question on which most is lost without the action."""
-    lost = [worth(total, columns, [q]) - worth(total - says, columns, [q]) for q in asked]
-    return asked[int(np.argmax(lost))]
+def _signed(model: Model, measured: Measured) -> Array:
+    rest = residual(model, measured).mean(-1)
+    return np.where(measured.samples.valid.numpy() > 0, rest, np.nan)

@@ -1,4 +1,4 @@
-"""Which rows of a strokes table can be used: bad ones are left out and counted (GAP.md, verdict)."""
+"""Which rows of a strokes table can be used: bad ones are left out and counted (docs/diagnosis.md §13)."""
 
 from __future__ import annotations
 

@@ -29,6 +29,8 @@ _THINNEST_PX = 0.05
 _NARROWEST_PX = 0.25
 _FIELDS = 5
 """Of a mark's points: column, row, radius, density, edge."""
+_DARKEST = 1e-3
+"""Linear light that a power is taken of at least."""
 
 
 class Imprint(NamedTuple):
@@ -171,3 +173,65 @@ def _chain(by_mark: Array, segment: Array, along: Array, pixels: Array, stroke: 
             for p in range(changes.shape[1]):
                 changes[i, p] += of_start * start[f, p] + of_end * end[f, p]
     return changes
+
+
+def mixture(below: Array, paint: Array, coverage: Array, power: float) -> Array:
+    """Paint over what is below it: linear light, by a mean of its ``power``; what is to be mixed is not quite black."""
+    if power == 1:
+        return np.asarray(below + coverage * (paint - below))
+    raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
+    mixed: Array = np.maximum(raised + coverage * (laid - raised), _DARKEST**power) ** np.float32(1 / power)
+    return mixed
+
+
+def slopes_of_mixture(below: Array, paint: Array, coverage: Array, power: float) -> tuple[Array, Array]:
+    """Derivatives of ``mixture`` by coverage and by paint."""
+    if power == 1:
+        return paint - below, np.broadcast_to(coverage, below.shape)
+    mixed = mixture(below, paint, coverage, power)
+    raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
+    steepness = mixed ** np.float32(1 - power)
+    of_paint = coverage * steepness * np.maximum(paint, _DARKEST) ** np.float32(power - 1)
+    return steepness * (laid - raised) / np.float32(power), of_paint
+
+
+def picked_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
+    """By how much the paint of a tool that takes up all that it crosses differs from its own, float32[B, H, W, 3].
+
+    What is crossed is stirred in on the spot and carried along from there, by the renderer's law (``composition``).
+
+    Args:
+        paint: [B, 1, 1, 3] linear light, the tool's own.
+        below: [B, H, W, 3] what is there before.
+        painted: [B, H, W] how much paint that is, 0 to 1.
+    """
+    change = np.zeros_like(below)
+    for b in np.flatnonzero((painted * made.coverage).sum((1, 2)) > 0):
+        _take_up(made.segment[b], made.coverage[b], paint[b, 0, 0], below[b], painted[b], change[b])
+    return change
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _take_up(segment: Array, coverage: Array, paint: Array, below: Array, painted: Array, change: Array) -> None:
+    """Fill ``change`` [H, W, 3] of one stroke."""
+    height, width = segment.shape
+    passed = np.zeros(segment.max() + 1)
+    sums = np.zeros((len(passed), 3))
+    for row in range(height):
+        for column in range(width):
+            k = segment[row, column]
+            if k >= 0:
+                covered = max(coverage[row, column], 0.0)
+                passed[k] += covered
+                for c in range(3):
+                    change[row, column, c] = painted[row, column] * (below[row, column, c] - paint[c])
+                    sums[k, c] += covered * change[row, column, c]
+    for k in range(1, len(passed)):
+        passed[k] += passed[k - 1]
+        sums[k] += sums[k - 1]
+    for row in range(height):
+        for column in range(width):
+            k = segment[row, column]
+            if k >= 0:
+                for c in range(3):
+                    change[row, column, c] += sums[k, c] / max(passed[k], 1e-6)

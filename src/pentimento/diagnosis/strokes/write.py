@@ -5,25 +5,34 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.page import build_page
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.model_file import model_as_json
-from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for
-from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.model import Model, model_as_json
+from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, survey
+from pentimento.diagnosis.strokes.predict import action_losses, mean_squared_error, noise_floor
 from pentimento.diagnosis.strokes.quarantine import sound_rows
-from pentimento.diagnosis.strokes.screening import survey
-from pentimento.diagnosis.strokes.user_baseline import given_on
-from pentimento.diagnosis.strokes.verdict import NEXT_ACTIONS, verdict
+from pentimento.diagnosis.strokes.report import build_page
+from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import NotObservable
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+
+Array = NDArray[Any]
+
+STROKES = "strokes"
+"""Folder of the table with the rows that were added."""
 
 
 def write_diagnosis(
@@ -92,3 +101,134 @@ def _usable(table: pa.Table, whose: str) -> tuple[Measured, list[str]]:
 
 def _json(content: object) -> bytes:
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+def diagnose_in_rounds(
+    table: pa.Table,
+    out: Path,
+    rounds: int,
+    diagnosed: Callable[[pa.Table, str | None], Diagnosis],
+    made: Callable[[pa.Table, pa.Table, int], pa.Table],
+    log: Callable[[str], None],
+) -> pa.Table:
+    """Diagnose a table, and while an established cause has rivals add strokes to it, at most ``rounds`` times.
+
+    What is in ``out`` in the end is of the last diagnosis, and the table that it is of is in ``out/strokes``, if it
+    grew.
+
+    Args:
+        table: rows of the strokes contract.
+        out: where ``diagnosed`` writes.
+        rounds: at most.
+        diagnosed: diagnoses a table with a note on how it grew, and writes what it found.
+        made: rows for proposed actions (as in ``next_actions.parquet``), given the table so far and the round's number.
+        log: gets a line for each round and for why there is no other.
+
+    Returns:
+        The table of the last diagnosis.
+    """
+    found = diagnosed(table, None)
+    recorded = table.num_rows
+    for number in range(1, rounds + 1):
+        rivals = _open_questions(found)
+        if not rivals:
+            log("No established cause has rivals: no more strokes are needed.")
+            break
+        actions = pq.read_table(out / NEXT_ACTIONS)
+        if actions.num_rows == 0:
+            log("No strokes are proposed that could tell the rivals apart.")
+            break
+        log(f"Round {number}: {actions.num_rows} strokes to tell {', '.join(rivals)}.")
+        rows = made(actions, table, number)
+        if lost := _not_recorded(rows, table):
+            log(f"The robot does not record {', '.join(lost)}: what depends on that cannot be asked any more.")
+        table = pa.concat_tables([table, rows])
+        card = f"# Strokes of a diagnosis\n\n{recorded} rows as they were given, {table.num_rows - recorded} added.\n"
+        write_table(out / STROKES, table, CONTRACT, card)
+        count = f"{number} round" + ("s" if number > 1 else "")
+        found = diagnosed(table, f"{table.num_rows - recorded} of the strokes were made as proposed, in {count}.")
+    return table
+
+
+def _open_questions(found: Diagnosis) -> list[str]:
+    """Established causes with rivals. Who has since been established beside a cause stands in nobody's place."""
+    named = {finding.cause for finding in found.established}
+    pairs = [(finding.cause, rival) for finding in found.established for rival in finding.rivals]
+    return [f"{cause} from {rival}" for cause, rival in pairs if rival not in named]
+
+
+def _not_recorded(rows: pa.Table, table: pa.Table) -> list[str]:
+    """Columns that say something in the table and nothing in new rows, identities left out."""
+    return [
+        name
+        for name in table.schema.names
+        if not name.endswith("_id") and rows[name].null_count == rows.num_rows and table[name].null_count < len(table)
+    ]
+
+
+def paints_of(measured: Measured) -> Array:
+    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that each session mixed anew is
+    there as often.
+    """
+    _, first = np.unique(measured.paint, return_index=True)
+    paints: Array = measured.samples.color.double().numpy()[first].round(3)
+    return paints
+
+
+def applied(model: Model, paints: Array, measured: Measured) -> tuple[Model, Measured]:
+    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean
+    offset of the model's mixes of its colour; a colour that the model has not seen gets none.
+
+    Args:
+        paints: [K, 3] sRGB, those that the model's colour offsets belong to.
+    """
+    same = (paints_of(measured)[:, None] == paints.round(3)).all(-1)
+    own = same @ model.color_offset / np.maximum(same.sum(1, keepdims=True), 1)
+    offsets = np.concatenate([model.color_offset, own])
+    return replace(model, color_offset=offsets), replace(
+        measured, paint=len(paints) + measured.paint, paints=len(offsets)
+    )
+
+
+def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: int) -> float | None:
+    """(base - extended) / (base - floor) on an outside table; the floor is its own where it repeats actions.
+
+    None where no floor is known, or where the base has no gap there.
+
+    Raises:
+        NotObservable: the table lacks a column that the extended model depends on.
+    """
+    models = diagnosis.base, diagnosis.extended, diagnosis.learned_residual.model
+    base, extended, seen_from = (applied(model, paints, outside)[0] for model in models)
+    strokes = applied(diagnosis.base, paints, outside)[1]
+    strokes = diagnosis.learned_residual.seen_from(seen_from).of(strokes)
+    floor = noise_floor(extended, strokes, seed) or diagnosis.floor
+    before, after = float(action_losses(base, strokes).mean()), float(action_losses(extended, strokes).mean())
+    if floor is None or before <= floor.mse:
+        return None
+    return (before - after) / (before - floor.mse)
+
+
+class Given(NamedTuple):
+    """On sealed strokes."""
+
+    predicted: Array
+    """sRGB float32[B, H, W, 3]"""
+    losses: Array
+    """Mean squared error of each action over its rows and their windows, sRGB, in the order of the actions' numbers."""
+
+    @property
+    def mse(self) -> float:
+        """Over actions."""
+        return float(self.losses.mean())
+
+
+def given_on(parameters: Traj2StrokeParameters, test_split: Measured) -> Given:
+    """What a given model foretells of strokes, and by how much it misses them."""
+    from pentimento.dynamics.strokes.evaluation import predict_with  # imports Lightning, which takes seconds
+
+    predicted = predict_with(parameters, test_split.samples).numpy()
+    missed = (test_split.samples.after.numpy() - predicted) * test_split.samples.valid.numpy()[..., None]
+    _, group = np.unique(test_split.action, return_inverse=True)
+    losses = np.bincount(group, mean_squared_error(missed, test_split)) / np.bincount(group)
+    return Given(predicted, losses)

@@ -10,8 +10,8 @@ A tool with corners reaches further at its diagonals; arm and slab give way to w
 m s is less where a wall is in the way and more over an old groove. What lies above E in ``before`` is pressed down: the
 model depends on the state. A share of it stays as an indentation; its volume lies around the groove as the tool heaps
 it up (``heaping``), and where the tool lifts off it may leave a peak. A blur ends it. All of these numbers are the
-base's nuisances (GAP.md, rule 2): free, so that no cause can explain a plain miscalibration. Mechanisms change the
-motion, what stays, or the surface.
+base's nuisances (docs/diagnosis.md §3): free, so that no cause can explain a plain miscalibration. Mechanisms change
+the motion, what stays, or the surface.
 """
 
 from __future__ import annotations

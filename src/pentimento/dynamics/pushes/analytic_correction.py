@@ -6,7 +6,7 @@ which way it goes, when, and after what, is hidden from it. Established causes t
     after = network(S, a) + analytic(S, a; all causes) - analytic(S, a; the others),
 
 both analytic models fitted to the same pushes, so that what a network learns of such causes on average cancels out.
-Only what lowers the error on pushes that neither has seen is worth keeping (GAP.md, rule 9).
+Only what lowers the error on pushes that neither has seen is worth keeping (docs/diagnosis.md §4).
 """
 
 from __future__ import annotations

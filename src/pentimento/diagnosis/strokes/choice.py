@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.score import Evidence
-from pentimento.diagnosis.standard_errors import values_with_errors
-from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.modes import MODES, mode_scores, structure
-from pentimento.diagnosis.strokes.path_covariates import covariates_shown
-from pentimento.diagnosis.strokes.predict import Model
+from pentimento.diagnosis.residual_structure import structure
+from pentimento.diagnosis.score import Evidence, Step, most_parsimonious
+from pentimento.diagnosis.strokes.fit import values_with_errors
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.modes import MODES, mode_scores
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_DRAWS = 4999
-_WORSE_P, _CONFIRMED_P = 0.05, 0.4
-_NEARLY = 0.95  # of what the best one removes
 _ALL_BUT = 0.99  # of what a cause removes that has more quantities
 _SURE = 4.5  # standard errors of a quantity that one cause has beyond another
 _MINOR = 0.5
@@ -30,42 +26,6 @@ _DISPLACED = ("tangential", "normal")
 """Modes that tell apart causes that move a mark."""
 _MAX_OF_IT = 0.5
 """Of what the best one removes: what its kin must remove to take its place."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """One round of the search."""
-
-    evidence: dict[str, Evidence]
-    """Of every candidate at the model so far; gains as shares of the error at that point."""
-    chosen: str | None
-    rivals: tuple[str, ...]
-    """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
-
-
-def most_parsimonious(
-    evidence: dict[str, Evidence],
-    losses: Mapping[str, Array],
-    error: float,
-    quantities: Mapping[str, int],
-    seed: int,
-    log: Callable[[str], None],
-) -> Step:
-    """The cause with the fewest quantities of those whose refit leaves no more error than the best one's, by losses [n]
-    of each; the others are its rivals.
-
-    What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
-    causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
-    removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
-    right, and a spare quantity takes up what the form lacks.
-    """
-    minimum = min(losses, key=lambda cause: float(losses[cause].mean()))
-    nearly = error - _NEARLY * (error - float(losses[minimum].mean()))
-    tied = [c for c in losses if losses[c].mean() <= nearly or paired_p(losses[c] - losses[minimum], seed) >= _WORSE_P]
-    chosen = min(tied, key=lambda c: (quantities[c], float(losses[c].mean())))
-    rivals = tuple(cause for cause in tied if cause != chosen)
-    log(f"{chosen}: error {losses[chosen].mean():.3g}" + (f", rivals {', '.join(rivals)}" if rivals else ""))
-    return Step(evidence, chosen, rivals)
 
 
 def choose(
@@ -214,23 +174,3 @@ def _in_typical_sizes(refit: Model, measured: Measured) -> dict[str, tuple[float
     last = refit.mechanisms[-1]
     found, typical = values_with_errors(refit, last, measured), {q.name: q.typical for q in last.quantities}
     return {name: (value / typical[name], error / typical[name]) for name, (value, error) in found.items()}
-
-
-def unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float], beside_p: float) -> list[str]:
-    """Causes, in the order in which they were found, that rows which were not searched do not confirm.
-
-    For the first they must only speak. For a further one they must speak clearly (p of at most ``beside_p``): what the
-    form of the first lacks looks like something.
-    """
-    limits = [_CONFIRMED_P, *[beside_p] * len(found)]
-    return [cause for cause, limit in zip(found, limits, strict=False) if confirmed_p[cause] > limit]
-
-
-def paired_p(differences: Array, seed: int) -> float:
-    """One-sided p that the mean of ``differences`` [n] is not above 0: sign flips of what is left after centring."""
-    n = len(differences)
-    signs = np.random.default_rng([seed, 5]).choice((-1.0, 1.0), (_DRAWS, n))
-    observed = differences.mean() / max(differences.std(), 1e-300)
-    flipped = signs * differences
-    drawn = flipped.mean(1) / np.maximum(flipped.std(1), 1e-300)
-    return float((1 + (drawn >= observed).sum()) / (_DRAWS + 1))

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from pentimento.diagnosis.batches import one_openmp_thread
-from pentimento.diagnosis.strokes.jacobian import Statistics
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.render.threads import in_threads
 
 Array = NDArray[Any]
 
 _FOLDS = 3
 _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 64, 30, 0.18, 255
-_RIDGE = 1e-4
-_SURE = 3.5
+_CAUSE_RIDGE = 1e-4
+_SURE_OF_CAUSE = 3.5
 """Standard errors. What goes with something that no tree is told (speed, time, the sheet) is no habit. Where habits
 look like it by a chance of the design, that must go with them: with all else gone, it would stand out.
 """
@@ -105,12 +105,12 @@ def like_causes(statistics: Statistics, nuisances: int) -> Array:
     beyond the first ``nuisances`` that come to no more than chance.
     """
     curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
-    ridged = curvature + np.diag(_RIDGE * np.diag(curvature) + 1e-15)
+    ridged = curvature + np.diag(_CAUSE_RIDGE * np.diag(curvature) + 1e-15)
     inverse = np.linalg.pinv(ridged, hermitian=True)
     amounts = inverse @ slope
     # An action is one witness (White 1980): what it asks for beyond what all do.
     own = (statistics.slope - statistics.curvature @ amounts) @ inverse
-    sure = np.abs(amounts) > _SURE * np.sqrt(np.square(own).sum(0))
+    sure = np.abs(amounts) > _SURE_OF_CAUSE * np.sqrt(np.square(own).sum(0))
     sure[:nuisances] = True
     amounts = np.zeros_like(slope)
     amounts[sure] = np.linalg.lstsq(ridged[np.ix_(sure, sure)], slope[sure], rcond=None)[0]
@@ -119,3 +119,24 @@ def like_causes(statistics: Statistics, nuisances: int) -> Array:
 
 def _bins(features: Array, edges: Array) -> Array:
     return np.stack([np.searchsorted(edge, column) for edge, column in zip(edges, features.T, strict=True)], axis=1)
+
+
+def action_effect(values: Array, by: Array, weight: Array, row: Array) -> Array:
+    """Of ``values`` of pixels what combinations of ``by``, another for each row, come nearest to, [n].
+
+    Args:
+        values: [n].
+        by: [n, K]: how each pixel changes with K numbers of its row.
+        weight: [n] of each pixel's squared error.
+        row: [n], which row it is of.
+    """
+    rows = int(row.max()) + 1
+
+    def summed(columns: Array) -> Array:
+        return np.stack([np.bincount(row, column, rows) for column in columns.T], axis=1)
+
+    pairs = weight[:, None, None] * by[:, :, None] * by[:, None, :]
+    curvature = summed(pairs.reshape(len(by), -1)).reshape(rows, by.shape[1], by.shape[1])
+    slope = summed((weight * values)[:, None] * by)
+    amounts = np.linalg.pinv(curvature, hermitian=True) @ slope[..., None]
+    return np.asarray((by * amounts[row, :, 0]).sum(1))

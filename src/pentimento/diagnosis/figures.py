@@ -1,9 +1,9 @@
-"""The report's figures as PNG bytes; equal data give equal bytes."""
+"""What verdict, leaderboard and figures need of a diagnosis, whatever was diagnosed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,17 +11,10 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.result import STROKES, Judged, Kind, Surveyed
-from pentimento.diagnosis.strokes.aliasing import ALIKE, Aliasing
-from pentimento.diagnosis.strokes.diagnose import Diagnosis
-from pentimento.diagnosis.strokes.maps import ResidualMap
-from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.next_actions import Proposal
-from pentimento.diagnosis.strokes.predict import predicted
-from pentimento.diagnosis.strokes.screening import Survey
-from pentimento.diagnosis.strokes.user_baseline import Given
-from pentimento.diagnosis.temporal_drift import TemporalDrift
-from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
+from pentimento.diagnosis.experiment_design import ALIKE, Aliasing
+from pentimento.diagnosis.residual_structure import Dependence, TemporalDrift
+from pentimento.diagnosis.verdict import STROKES, Judged, Kind
+from pentimento.report.figures import BLUE, INK, OCHRE, drawing, png
 
 Array = NDArray[Any]
 
@@ -32,7 +25,49 @@ _PAGE_IN = 10.5
 _MIN_BAR = 0.002  # of the base's error
 _MIN_TOP = 4.0  # of correlations in standard errors: where chance ends
 _NEIGHBOURS = 7  # of a running mean
-_QUESTIONS = (BLUE, OCHRE, _GREEN, "#7a4f86", "#a33a3a", "#555555")
+
+
+class Surveyed(Protocol):
+    """See ``diagnosis.strokes.screening.Survey``."""
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Ways in which a row can differ as a whole."""
+
+    @property
+    def aliasing(self) -> Aliasing:
+        """Which causes the rows can tell apart."""
+
+    @property
+    def detectable(self) -> Mapping[str, float]:
+        """Smallest share of the error that each cause must remove to be found."""
+
+    @property
+    def base_strength(self) -> Array:
+        """[modes, covariates]"""
+
+    @property
+    def extended_strength(self) -> Array:
+        """[modes, covariates]"""
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """What modes may depend on."""
+
+    @property
+    def dependence(self) -> tuple[Dependence, ...]:
+        """The strongest pairs."""
+
+
+class ResidualMap(NamedTuple):
+    """Mean and worst residual at each place; NaN where nothing was seen."""
+
+    mean: Array
+    """[H, W]"""
+    worst: Array
+    """[H, W] the residual of largest size."""
+    extent: tuple[float, float, float, float]
+    """left, right, bottom, top."""
 
 
 def residual_maps(
@@ -190,82 +225,6 @@ def leave_one_out(diagnosis: Judged, given_mse: float | None = None, kind: Kind 
         axes.set_ylabel(f"mean squared error, {kind.unit}")
         axes.margins(y=0.12)
         axes.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
-        return png(figure)
-
-
-def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
-    """Sealed strokes: photographs before and after, both models' foretelling, both errors."""
-    base, extended = (predicted(model, survey.test_split) for model in (diagnosis.base, diagnosis.extended))
-    return _stroke_sheet(survey.test_split, {"base": base, "extended": extended}, shown)
-
-
-def given_strokes(given: Given, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
-    """The same with a given model in the base's place."""
-    beside = {"given model": given.predicted, "extended": predicted(diagnosis.extended, survey.test_split)}
-    return _stroke_sheet(survey.test_split, beside, shown)
-
-
-def _stroke_sheet(test_split: Measured, models: Mapping[str, Array], shown: int) -> bytes:
-    """Strokes from the one where the second model is the most better than the first to where it is the least."""
-    images = list(models.values())
-    after, valid = test_split.samples.after.numpy(), test_split.samples.valid.numpy() > 0
-    wrong = [np.square(image - after).mean(-1) for image in images]
-    fall = ((wrong[0] - wrong[1]) * valid).sum((1, 2))
-    order = np.argsort(-fall, kind="stable")
-    chosen = order[np.unique(np.linspace(0, len(order) - 1, shown).round().astype(int))]
-    top = shared_top([np.sqrt(w[b][valid[b]]) for b in chosen for w in wrong])
-    titles = ("before", "after", *models, *(f"|error| {name}" for name in models))
-    heights = [valid[b].any(1).sum() / valid[b].any(0).sum() for b in chosen]
-    cell = 1.8
-    with drawing():
-        figure = Figure(figsize=(6 * cell + 1.2, cell * sum(heights) + 0.5), layout="constrained")
-        cells = figure.subplots(len(chosen), 6, squeeze=False, gridspec_kw={"height_ratios": heights})
-        for row, b in zip(cells, chosen, strict=True):
-            height, width = int(valid[b].any(1).sum()), int(valid[b].any(0).sum())
-            pictures = (test_split.samples.before.numpy()[b], after[b], images[0][b], images[1][b])
-            for axes, picture in zip(row[:4], pictures, strict=True):
-                axes.imshow(np.clip(picture[:height, :width], 0, 1))
-            for axes, error in zip(row[4:], wrong, strict=True):
-                image = axes.imshow(np.sqrt(error[b, :height, :width]), cmap=ERROR_COLOURS, vmin=0, vmax=top)
-            one = test_split.pick(np.array([b])).samples
-            path = one.view.to_pixels(one.path[..., 1:3])[0].numpy()
-            row[0].plot(*path.T, color=OCHRE, lw=1.2)
-            row[0].plot(*path[0], "o", color=OCHRE, ms=4)
-            row[0].set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
-            for axes in row:
-                axes.set_xticks([])
-                axes.set_yticks([])
-                for side in axes.spines.values():
-                    side.set(visible=True, color="#d5d5d0", linewidth=0.6)
-        for axes, title in zip(cells[0], titles, strict=True):
-            axes.set_title(title)
-        figure.colorbar(image, ax=list(cells[:, 5]), label="sRGB", extend="max", shrink=0.8)
-        return png(figure)
-
-
-def proposal_lines(proposal: Proposal, survey: Survey) -> bytes:
-    """The proposed strokes over the recorded ones, numbered, in the colour of the question they answer."""
-    questions = list(dict.fromkeys(proposal.question))
-    recorded = survey.measured.samples.path[..., 1:3].double().numpy() * 1e3
-    with drawing():
-        figure = Figure(figsize=(9.0, 5.6), layout="constrained")
-        axes = figure.add_subplot()
-        for path in recorded:
-            axes.plot(*path.T, color="#deded8", lw=0.9, zorder=1)
-        for number, (action, question) in enumerate(zip(proposal.actions, proposal.question, strict=True), 1):
-            colour = _QUESTIONS[questions.index(question) % len(_QUESTIONS)]
-            xy = action.path[:, 1:3] * 1e3
-            axes.plot(*xy.T, color=colour, lw=2.2, zorder=3, ls="-" if not action.reload else (0, (4, 1)))
-            axes.annotate(
-                "", xy[-1], xy[-4], arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.5, "shrinkA": 0}, zorder=3
-            )
-            axes.annotate(str(number), xy[0], (3, 3), textcoords="offset points", fontsize=9, color=colour, zorder=4)
-        for number, question in enumerate(questions):
-            axes.plot([], [], color=_QUESTIONS[number % len(_QUESTIONS)], lw=2.2, label=" | ".join(question))
-        if any(action.reload for action in proposal.actions):
-            axes.plot([], [], color=_QUIET, lw=2.2, ls=(0, (4, 1)), label="dip first")
-        axes.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize=9)
         return png(figure)
 
 

@@ -1,17 +1,133 @@
-"""The verdict: what was found, as numbers and as a paragraph that a person can read (schema 1)."""
+"""What verdict, leaderboard and figures need of a diagnosis, whatever was diagnosed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
 
-from pentimento.diagnosis.result import STROKES, Judged, Kind
-from pentimento.diagnosis.strokes.diagnose import Finding
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.evaluation import Floor
+from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained
+from pentimento.diagnosis.score import Step
+
+Array = NDArray[Any]
 
 SCHEMA = 1
 NEXT_ACTIONS = "next_actions.parquet"
-_SHOWN = 12
+_MAX_UNEXPLAINED = 12
+
+
+class Kind(NamedTuple):
+    """What the rows are."""
+
+    name: str
+    """Of the table, and of its rows in a sentence."""
+    unit: str
+    """Of mean squared errors."""
+
+
+STROKES = Kind("strokes", "sRGB")
+PUSHES = Kind("pushes", "mm²")
+
+
+class Searched(Protocol):
+    """See ``diagnosis.strokes.search.Search``."""
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """Rounds of the search."""
+
+    @property
+    def not_observable(self) -> dict[str, str]:
+        """Causes that could not be looked for, and why."""
+
+
+class Told(Protocol):
+    """A mechanism of strokes or of pushes."""
+
+    cause: ClassVar[str]
+
+    @property
+    def informative_covariates(self) -> tuple[str, ...]:
+        """Columns that its effect goes with."""
+
+
+class Extended(Protocol):
+    """A model with the established causes."""
+
+    @property
+    def mechanisms(self) -> Sequence[Told]:
+        """One for each cause."""
+
+
+class Judged(Protocol):
+    """See ``diagnosis.strokes.diagnose.Diagnosis``."""
+
+    @property
+    def extended(self) -> Extended:
+        """The base with the established causes."""
+
+    @property
+    def search(self) -> Searched:
+        """How causes were found."""
+
+    @property
+    def established(self) -> tuple[Finding, ...]:
+        """Causes."""
+
+    @property
+    def suspected(self) -> tuple[Finding, ...]:
+        """Causes."""
+
+    @property
+    def floor(self) -> Floor | None:
+        """None where no action is repeated."""
+
+    @property
+    def drifts(self) -> TemporalDrift | None:
+        """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
+
+    @property
+    def base_losses(self) -> Array:
+        """Of each sealed action."""
+
+    @property
+    def extended_losses(self) -> Array:
+        """Of each sealed action."""
+
+    @property
+    def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
+        """Share, and 95 % of it."""
+
+    @property
+    def unexplained(self) -> tuple[Unexplained, ...]:
+        """What is left."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause, with what it is worth on sealed strokes."""
+
+    cause: str
+    p_adjusted: float
+    confirmed_p: float
+    gain: float
+    """Share that it removes of the base's error above the floor; of strokes a tenth of the error counts as such at
+    least, of pushes all of it where nothing is above."""
+    gain_interval: tuple[float, float]
+    values: dict[str, tuple[float, float]]
+    """Each quantity with its standard error."""
+    rivals: tuple[str, ...]
+    misattributed: bool = False
+    """Whether it is no better than what has no name."""
+    of_what_is_left: float = math.nan
+    """What it removes as a share not of the gap but of what of this all other established causes leave; NaN where
+    nothing but the gap was asked for."""
+    missed_without: float = math.nan
+    """Mean squared error that the model leaves on sealed strokes without it; NaN where that is not known."""
 
 
 def verdict(
@@ -52,7 +168,7 @@ def verdict(
         "established": [_entry(finding) for finding in diagnosis.established],
         "suspected": [_entry(finding) for finding in diagnosis.suspected],
         "gap_closed": {"test": closed and closed[0], "ci": closed and list(closed[1]), "shifted": shifted},
-        "unexplained": [left._asdict() for left in diagnosis.unexplained[:_SHOWN]],
+        "unexplained": [left._asdict() for left in diagnosis.unexplained[:_MAX_UNEXPLAINED]],
         "floor_reached": None if floor is None else floor.interval[0] <= extended <= floor.interval[1],
         "next_actions": NEXT_ACTIONS,
         "sentence": " ".join(
