@@ -20,8 +20,14 @@ from pentimento.dynamics.strokes.evaluation import mean_iou, predict_with
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended, timing_of
 from pentimento.dynamics.strokes.joint import fit_jointly
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from pentimento.dynamics.strokes.networks.coverage import laid
-from pentimento.dynamics.strokes.networks.fit import (
+from pentimento.dynamics.strokes.paint_pickup import paint_pickup
+from pentimento.dynamics.strokes.polyline import blank, fit_polyline
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.training import TrainingConfig, train, weighted_l1
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
+from studies.stroke_models.as_commanded import is_pressed, train_unscaled
+from studies.stroke_models.networks.coverage import laid
+from studies.stroke_models.networks.fit import (
     Setting,
     fit_param2stroke,
     fit_path_image_cnn,
@@ -29,14 +35,8 @@ from pentimento.dynamics.strokes.networks.fit import (
     fit_trajectory_cnn,
     predicted,
 )
-from pentimento.dynamics.strokes.networks.soft_edge import fit_imprint
-from pentimento.dynamics.strokes.networks.stamp import fit_stamp
-from pentimento.dynamics.strokes.paint_pickup import paint_pickup
-from pentimento.dynamics.strokes.polyline import blank, fit_polyline
-from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
-from pentimento.dynamics.strokes.training import TrainingConfig, train, weighted_l1
-from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
-from studies.stroke_models.as_commanded import is_pressed, train_unscaled
+from studies.stroke_models.networks.soft_edge import fit_soft_edge
+from studies.stroke_models.networks.stamp import fit_stamp
 
 Predict = Callable[[MeasuredStrokes], Tensor]
 
@@ -133,7 +133,7 @@ class Training:
                 trained = _of(lambda strokes: predict_extended(mark, model.mechanisms, strokes), said)
             case "imprint":
                 model, said = self.extended()
-                learnt = fit_imprint(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
+                learnt = fit_soft_edge(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
                 trained = _of(learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.believed})
             case _:
                 raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")

@@ -23,7 +23,7 @@ from pentimento.bundle.graphs import (
     tokenizer,
 )
 from pentimento.bundle.reader import Bundle, GraphEntry, open_bundle
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.deploy.objective_graphs import style_graphs
 from pentimento.dynamics.strokes.planned import TorchBrush
@@ -66,7 +66,7 @@ def some_strokes(count: int) -> tuple[Strokes, dict[str, Array]]:
     )  # fmt: skip
     inherited = {"ink_since_reload_m": rng.uniform(0, 0.1, count), "wet_age_s": rng.uniform(1, 300, count)}
     inherited["wet_age_s"][::2] = np.nan
-    inherited |= {name: rng.uniform(0, 1, count) for name in CARRIED}
+    inherited |= {name: rng.uniform(0, 1, count) for name in PICKUP_COLUMNS}
     return Strokes(*(a.astype(np.float32) for a in arrays)), {n: v.astype(np.float32) for n, v in inherited.items()}
 
 

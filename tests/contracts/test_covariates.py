@@ -17,7 +17,7 @@ from pentimento.contracts.covariates import (
     drawn_length_m,
     fresh_memory,
     new_sheet,
-    taken_along,
+    pickup_step,
     wet_age_s,
     without_canvas,
 )
@@ -177,15 +177,15 @@ def test_a_new_sheet_is_blank_but_the_tool_is_the_same() -> None:
 
 def test_paint_that_is_crossed_is_taken_up_evenly_and_mixes_by_amount() -> None:
     blue, yellow, own = np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0]), RED
-    middle, first = taken_along(np.zeros(4), 0.4, blue, 0.0, own)
+    middle, first = pickup_step(np.zeros(4), 0.4, blue, 0.0, own)
     np.testing.assert_allclose(middle, [0.2, *blue])  # half of it, halfway
     np.testing.assert_allclose(first, [0.4, *(0.4 * blue)])
-    middle, second = taken_along(first, 0.8, yellow, 0.0, own)
+    middle, second = pickup_step(first, 0.8, yellow, 0.0, own)
     np.testing.assert_allclose(middle, [0.8, *(0.5 * blue + 0.5 * yellow)])
     np.testing.assert_allclose(second[0], 1.2)
-    dry, _ = taken_along(np.zeros(4), 0.8, yellow, 1e9, own)
+    dry, _ = pickup_step(np.zeros(4), 0.8, yellow, 1e9, own)
     assert dry[0] < 1e-3
-    nothing, state = taken_along(np.zeros(4), 0.8, yellow, math.nan, own)
+    nothing, state = pickup_step(np.zeros(4), 0.8, yellow, math.nan, own)
     np.testing.assert_array_equal(nothing, [0.0, *own])
     assert not state.any()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.copainting.goal.planner import save_goal_planner
 from pentimento.deploy.bundle import Asking, ClayConfig, DeployConfig, Models, SettingConfig, write_bundle
 from pentimento.dynamics.pushes.param2deform import Param2Deform
@@ -50,7 +50,7 @@ def stroke_model() -> StrokeModel:
     )
     parameters = Traj2StrokeParameters((1.01, 0.99), (1e-4, -1e-4), 0.3, 1e-3, 0.2, 0.9)
     fitted = {"ink_since_reload_m": Span(0.0, 0.05, 0.1), "wet_age_s": Span(1.0, 60.0, 300.0)}
-    fitted |= {name: Span(0.0, 0.3, 1.0) for name in CARRIED}
+    fitted |= {name: Span(0.0, 0.3, 1.0) for name in PICKUP_COLUMNS}
     return StrokeModel(parameters, mechanisms, fitted, LoopTiming(2.0, 5.0))
 
 

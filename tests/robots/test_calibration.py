@@ -10,7 +10,7 @@ import pytest
 
 from pentimento.contracts.errors import CalibrationError
 from pentimento.robots.calibration import (
-    LARGEST_RESIDUAL,
+    MAX_RESIDUAL,
     Calibration,
     calibrated,
     digest_of,
@@ -55,9 +55,9 @@ def test_anything_else_is_refused(change: dict[str, object], sentence: str) -> N
         require_fresh(dataclasses.replace(TOUCH, **change), RIG, NOW_S, DAY_S)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", LARGEST_RESIDUAL)
+@pytest.mark.parametrize("kind", MAX_RESIDUAL)
 def test_each_kind_has_its_own_limit(kind: str) -> None:
-    limit, _ = LARGEST_RESIDUAL[kind]  # type: ignore[index]
+    limit, _ = MAX_RESIDUAL[kind]  # type: ignore[index]
     at_limit = dataclasses.replace(TOUCH, kind=kind, residual=limit)  # type: ignore[arg-type]
     require_fresh(at_limit, RIG, NOW_S, DAY_S)
     with pytest.raises(CalibrationError, match="calibrate again"):

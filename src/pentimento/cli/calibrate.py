@@ -19,7 +19,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.markers import DICTIONARY, SIDE_M, markers_around
 from pentimento.control.open_robot import machine_of
 from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.robots.calibration import LARGEST_RESIDUAL, Calibration, Kind, require_fresh
+from pentimento.robots.calibration import MAX_RESIDUAL, Calibration, Kind, require_fresh
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
@@ -79,7 +79,7 @@ def yes_at_terminal(question: str) -> bool:
 
 def told(found: Calibration) -> str:
     """A calibration as a sentence."""
-    limit, unit = LARGEST_RESIDUAL[found.kind]
+    limit, unit = MAX_RESIDUAL[found.kind]
     return f"The {found.kind} calibration leaves {found.residual:.3g} {unit} (at most {limit:g} {unit} are allowed)."
 
 

@@ -27,7 +27,7 @@ Footprint = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray, FloatA
 CELL_M: Final = 0.002
 DEFAULT_MARK_WIDTH_M: Final = 0.004
 """Width of a mark where the tool's nominal width is not known."""
-CARRIED: Final = ("carried_share", "carried_red", "carried_green", "carried_blue")
+PICKUP_COLUMNS: Final = ("carried_share", "carried_red", "carried_green", "carried_blue")
 """What a tool has taken up since it was loaded, and the colour of that in linear light: its own where nothing was."""
 _SETTING_S: Final = 60.0
 """Age at which paint is taken up half as readily as fresh paint."""
@@ -68,7 +68,7 @@ class Memory:
     color: FloatArray
     """[rows, columns, 3], linear light: of the paint that was last laid there; 0 where blank."""
     carried: FloatArray
-    """[4]: what the tool has taken up since it was loaded (`taken_along`)."""
+    """[4]: what the tool has taken up since it was loaded (`pickup_step`)."""
 
 
 def fresh_memory(
@@ -146,18 +146,18 @@ def _after(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> Memory:
         painted_at_s=painted_at_s,
         ink=ink,
         color=color,
-        carried=_taken_along(loaded, memory, stroke, footprint)[1],
+        carried=_pickup_step(loaded, memory, stroke, footprint)[1],
     )
 
 
 def paint_pickup(memory: Memory, stroke: StrokeEvent) -> dict[str, float]:
-    """Columns `CARRIED` for a stroke that is about to be made: which paint the tool carries in its middle."""
+    """Columns `PICKUP_COLUMNS` for a stroke that is about to be made: which paint the tool carries in its middle."""
     loaded = _dipped(memory) if stroke.dip else memory
-    told, _ = _taken_along(loaded, memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
-    return dict(zip(CARRIED, told.tolist(), strict=True))
+    told, _ = _pickup_step(loaded, memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
+    return dict(zip(PICKUP_COLUMNS, told.tolist(), strict=True))
 
 
-def _taken_along(
+def _pickup_step(
     loaded: Memory, memory: Memory, stroke: StrokeEvent, footprint: Footprint
 ) -> tuple[FloatArray, FloatArray]:
     rows, columns, covered, _ = footprint
@@ -167,7 +167,7 @@ def _taken_along(
     crossed = (over[..., None] * memory.color).sum((0, 1)) / max(over.sum(), 1e-12)
     share = float(over.sum() / max(place.sum(), 1e-12))
     own = srgb_to_linear(np.asarray(stroke.color_srgb, dtype=np.float64))
-    return taken_along(loaded.carried, share, crossed, _wet_age_s(memory, footprint, stroke.t_start_s), own)
+    return pickup_step(loaded.carried, share, crossed, _wet_age_s(memory, footprint, stroke.t_start_s), own)
 
 
 def _covariates(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> dict[str, int | float | list[float]]:
@@ -259,10 +259,10 @@ def _resampled(points: FloatArray, spacing_m: float) -> FloatArray:
     return np.stack([np.interp(at, along, points[:, i]) for i in range(5)], axis=1)
 
 
-def taken_along(
+def pickup_step(
     state: FloatArray, share: float, crossed: FloatArray, age_s: float, own: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What a tool carries in the middle of a stroke, [4] as `CARRIED` says, and its state after it.
+    """What a tool carries in the middle of a stroke, [4] as `PICKUP_COLUMNS` says, and its state after it.
 
     Args:
         state: [4] taken up so far since the tool was loaded: how much, and that times its colour; zeros for none.

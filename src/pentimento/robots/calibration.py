@@ -22,7 +22,7 @@ from pentimento.robots.rig import Rig
 
 Kind = Literal["lens", "canvas", "colour", "touch"]
 
-LARGEST_RESIDUAL: Final[Mapping[Kind, tuple[float, str]]] = {
+MAX_RESIDUAL: Final[Mapping[Kind, tuple[float, str]]] = {
     "lens": (1.0, "px"),
     "canvas": (2.0, "px"),
     "colour": (4.0, "ΔE2000"),
@@ -44,7 +44,7 @@ class Calibration:
     made_from: str
     """Digest of the photographs or touches that it was computed from."""
     residual: float
-    """What the fit leaves, in the unit of LARGEST_RESIDUAL: pixels (RMS), mean ΔE2000, metres (greatest)."""
+    """What the fit leaves, in the unit of MAX_RESIDUAL: pixels (RMS), mean ΔE2000, metres (greatest)."""
     values: dict[str, Any]
     """The result: numbers, and lists of numbers, by name."""
 
@@ -104,7 +104,7 @@ def require_fresh(calibration: Calibration, rig: Rig, now_unix_s: float, max_age
         raise CalibrationError(
             f"{what} is {age_s / 3600:.1f} h old and at most {max_age_s / 3600:.1f} h are allowed; calibrate again."
         )
-    limit, unit = LARGEST_RESIDUAL[calibration.kind]
+    limit, unit = MAX_RESIDUAL[calibration.kind]
     if not (math.isfinite(calibration.residual) and 0 <= calibration.residual <= limit):
         raise CalibrationError(
             f"{what} leaves {calibration.residual:.3g} {unit} and at most {limit:g} {unit} are allowed; "

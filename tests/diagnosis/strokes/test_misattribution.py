@@ -94,12 +94,12 @@ class TrailsByAPower(Mechanism):
 
     cause = "trails_by_a_power"
     site = "trajectory"
-    driver = "motion"
+    driving_covariate = "motion"
     quantities = BristleLag.quantities
 
     @property
-    def idle(self) -> bool:
-        return False
+    def active(self) -> bool:
+        return True
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         distance_m = 0.002 * (speed_m_s(context.path) / 0.05) ** self.values[0]
@@ -148,7 +148,7 @@ class DrawnInwards(Mechanism):
 
     cause = "drawn_inwards"
     site = "trajectory"
-    driver = "motion"
+    driving_covariate = "motion"
     quantities = 3 * BristleLag.quantities
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.experiment_design import Aliasing, alike, questions, worth
 from pentimento.diagnosis.strokes.aliasing import columns_of
@@ -149,7 +149,7 @@ def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
 def test_paint_that_carries_is_asked_by_crossing_it(strokes: Measured) -> None:
     """On blank paper nothing can be said of it; where strokes are known to cross, the proposal crosses."""
     age = np.where(np.arange(len(strokes)) % 3 == 0, 20.0, np.nan)
-    clean = {name: np.zeros(len(strokes)) for name in CARRIED}
+    clean = {name: np.zeros(len(strokes)) for name in PICKUP_COLUMNS}
     wet = replace(strokes, covariates=strokes.covariates | {"wet_age_s": age} | clean)
     kinds = {kind.cause: kind for kind in VOCABULARY}
     model = first_model(wet).plus(identity(kinds["wet_mixing"], wet.context))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.errors import ContractError
 from pentimento.dynamics.strokes.extended import (
     LoopTiming,
@@ -131,7 +131,8 @@ def test_only_what_a_mechanism_reads_is_spanned(made_by_truth: StrokeSamples) ->
         for kind in (InkDepletion, DryingShift, WetMixing, CanvasTilt)
     }
     assert read == {
-        InkDepletion: ["ink_since_reload_m"], DryingShift: ["t_start_s"], WetMixing: sorted((*CARRIED, "wet_age_s")),
+        InkDepletion: ["ink_since_reload_m"], DryingShift: ["t_start_s"],
+        WetMixing: sorted((*PICKUP_COLUMNS, "wet_age_s")),
         CanvasTilt: [],
     }  # fmt: skip
     assert spans(["wet_age_s"], strokes)["wet_age_s"] == Span(20.0, 30.5, 41.0)  # of what is known

@@ -4,7 +4,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT, example_table
@@ -45,7 +45,7 @@ def table_of(below: list[Paint | None], colors: list[Paint], loads: list[int]) -
 def carried(table: pa.Table) -> NDArray[np.float64]:
     """[B, 4]"""
     told = paint_pickup(table, load_samples(table, 24, 1000.0, 1.0))
-    return np.stack([told[name] for name in CARRIED], axis=1)
+    return np.stack([told[name] for name in PICKUP_COLUMNS], axis=1)
 
 
 def test_half_of_a_stroke_over_fresh_paint_is_taken_up_and_kept_until_the_next_load() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.contracts.covariates import CARRIED, fresh_memory
+from pentimento.contracts.covariates import PICKUP_COLUMNS, fresh_memory
 from pentimento.dynamics.strokes.extended import StrokeModel, base_model
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.planned import TorchBrush, planned_marks
@@ -25,7 +25,7 @@ REFERENCE = {
     "half": 30.0, "spread": 1.0, "usual_age_s": 60.0, "oldest_s": 600.0, "bending_per_m": 50.0, "air": 0.0,
 } | {f"share_{k + 1}": 0.1 for k in range(5)}  # fmt: skip
 COLUMNS = (
-    "since_reload", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "t_after_s", "order", *CARRIED,
+    "since_reload", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "t_after_s", "order", *PICKUP_COLUMNS,
 )  # fmt: skip
 FITTED = {name: Span(0.0, 1.0, 1e3) for name in (*COLUMNS, "surface_level", "humidity", "humidity_rel")}
 

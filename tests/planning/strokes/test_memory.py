@@ -5,7 +5,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from pentimento.contracts.covariates import CARRIED, fresh_memory
+from pentimento.contracts.covariates import PICKUP_COLUMNS, fresh_memory
 from pentimento.control.execute import Session, execute_stroke
 from pentimento.dynamics.strokes.extended import StrokeModel, base_model
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
@@ -40,7 +40,7 @@ BRUSH = load_tool("round_brush")
 PARAMETERS = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 2e-3, 0.2, 0.9)
 WIDE = Span(-1e6, 0.0, 1e6)
 ALL = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "order")
-PAINT = (*ALL, *CARRIED)
+PAINT = (*ALL, *PICKUP_COLUMNS)
 RED, BLUE = np.array([0.5, 0.1, 0.1], np.float32), np.array([0.1, 0.1, 0.5], np.float32)
 WHITE = np.ones((200, 300, 3), np.float32)
 START = Start(fresh_memory(SIZE_M, BRUSH.nominal_width_m), 0.0, 0)
@@ -189,7 +189,7 @@ def test_paint_that_was_crossed_is_laid_on_blank_paper_until_the_next_dip() -> N
     assert share[0] == 0 and share[1] > 0.2  # of itself, in its middle: half
     np.testing.assert_allclose(share[2:5], 2 * share[1], rtol=1e-5)
     np.testing.assert_array_equal(share[5:], 0)
-    mixed = np.stack([seen[name] for name in CARRIED[1:]], axis=1)
+    mixed = np.stack([seen[name] for name in PICKUP_COLUMNS[1:]], axis=1)
     np.testing.assert_allclose(mixed[1:5], strokes.color[[0] * 4], rtol=1e-4)
     np.testing.assert_allclose(mixed[[0, 5, 6]], strokes.color[[0, 5, 6]], rtol=1e-4)
     dirty, clean = (

@@ -29,7 +29,7 @@ class AllModes(Mechanism):
 
     cause: ClassVar[str] = "modes"
     site = "command"
-    driver = "anything"
+    driving_covariate = "anything"
     quantities = (
         Quantity("depth", "1", 0.1),
         Quantity("width", "1", 0.1),

@@ -37,7 +37,7 @@ class Scatter(Mechanism):
 
     cause: ClassVar[str] = "scatter"
     site = "command"
-    driver = "nothing"
+    driving_covariate = "nothing"
     quantities = (Quantity("along", "m", 0.0003), Quantity("across", "m", 0.0003), Quantity("lower", "m", 0.0003))
 
     def motion(self, motion: Motion, scene: PushScene) -> Motion:

@@ -228,7 +228,7 @@ def _enough(
     """
     minimum = left.get(mechanism.cause, 0.0)
     for found, gain in gained.items():
-        alike = observable[found].driver == mechanism.driver
+        alike = observable[found].driving_covariate == mechanism.driving_covariate
         minimum = max(minimum, gain * (_BESIDE_SAME_DRIVER if alike else _BESIDE))
     return minimum
 

@@ -183,7 +183,7 @@ def left_by_form(other: Mechanism, mechanism: Mechanism) -> float:
     """
     if not can_leave_what_looks_like(other, mechanism):
         return 0.0
-    if other.driver == mechanism.driver:
+    if other.driving_covariate == mechanism.driving_covariate:
         return _LEFT_TO_ITS_DRIVER
     unrelated = mechanism.informative_covariates and not set(other.informative_covariates) & set(
         mechanism.informative_covariates

@@ -87,7 +87,7 @@ def kin_of(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
     return [
         other.cause
         for other in others
-        if other.driver == mechanism.driver
+        if other.driving_covariate == mechanism.driving_covariate
         and set(other.informative_covariates) != set(mechanism.informative_covariates)
     ]
 

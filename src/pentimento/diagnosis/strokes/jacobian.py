@@ -188,16 +188,16 @@ def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
     both, for no effect is where a form may have a kink.
     """
     drawing = [m for m in model.mechanisms if "mark" in acts_on(m)]
-    busy = [m for m in drawing if not m.idle]
+    busy = [m for m in drawing if m.active]
     of_base = np.array([i for i, name in enumerate(BASE) if name not in (*SLABS, "mixing")])
     number = np.concatenate([of_base, *(model.columns_of(m.cause) for m in busy)])
     steps = _MARK_STEP * np.eye(len(model.vector))
     marks = marks_px(model, busy, model.vector + np.insert(steps[number], 0, 0.0, axis=0), measured)
     parts = [(number, (marks[1:] - marks[0]) / _MARK_STEP)]
     for mechanism in drawing:
-        if mechanism.idle:
+        if not mechanism.active:
             number = model.columns_of(mechanism.cause)
-            with_it = [m for m in drawing if m is mechanism or not m.idle]
+            with_it = [m for m in drawing if m is mechanism or m.active]
             both = model.vector + np.concatenate([steps[number], -steps[number]])
             up, down = np.split(marks_px(model, with_it, both, measured), 2)
             parts.append((number, (up - down) / (2 * _MARK_STEP)))

@@ -118,7 +118,9 @@ def _instead_of_ends(
     missed, at_best = left(plain), left(uneven)
     if missed - at_best < _LARGE_OF_MISFIT * (missed - floor):
         return {}
-    alike = [cause for cause, mechanism in observable.items() if mechanism.driver == UnevenEnds.driver]
+    alike = [
+        cause for cause, mechanism in observable.items() if mechanism.driving_covariate == UnevenEnds.driving_covariate
+    ]
     instead = refits_with(plain, alike, observable, measured)
     removed = {cause: missed - left(refit) for cause, refit in instead.items()}
     instead = {c: refit for c, refit in instead.items() if removed[c] >= _ALL_BUT * (missed - at_best)}

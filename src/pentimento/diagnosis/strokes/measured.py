@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts import images
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
@@ -202,7 +202,7 @@ def covariates_shown(measured: Measured) -> dict[str, Array]:
     """Recorded ones and those of the path that are known of all strokes and vary, float64[B] each; of paint that is
     carried along, how much, and not its colour's channels.
     """
-    recorded = {name: values for name, values in measured.covariates.items() if name not in CARRIED[1:]}
+    recorded = {name: values for name, values in measured.covariates.items() if name not in PICKUP_COLUMNS[1:]}
     known = {name: values for name, values in recorded.items() if np.isfinite(values).all() and np.ptp(values) > 1e-9}
     return known | path_covariates(measured)
 

@@ -103,7 +103,7 @@ class Model:
     @property
     def at_work(self) -> tuple[Mechanism, ...]:
         """The mechanisms that change anything."""
-        return tuple(m for m in self.mechanisms if not m.idle)
+        return tuple(m for m in self.mechanisms if m.active)
 
     def columns_of(self, cause: str) -> Array:
         """Where a mechanism's quantities stand among all numbers."""
@@ -185,7 +185,7 @@ class UnevenEnds(Mechanism):
 
     cause = "uneven_ends"
     site = "trajectory"
-    driver = "motion"
+    driving_covariate = "motion"
     quantities = (
         Quantity("start_m", "m", 0.0005),
         Quantity("end_m", "m", 0.0005),

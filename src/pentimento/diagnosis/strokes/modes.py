@@ -95,13 +95,13 @@ class Modulation(Mechanism):
 
     cause: ClassVar[str] = "modulation"
     site = "density"
-    driver = "anything"
+    driving_covariate = "anything"
     quantities = AllModes.quantities
 
     @property
-    def idle(self) -> bool:
-        """Never: each stroke has its own amount."""
-        return False
+    def active(self) -> bool:
+        """Always: each stroke has an amount of its own."""
+        return True
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         zero = torch.zeros_like(context.path[..., 0, 0])

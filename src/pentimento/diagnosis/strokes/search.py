@@ -183,7 +183,7 @@ def _hidden_by_ends(
         return []
     shown, asked_for = covariates_shown(measured), []
     for candidate in candidates:
-        if candidate.driver == UnevenEnds.driver:
+        if candidate.driving_covariate == UnevenEnds.driving_covariate:
             of_kin = {
                 name
                 for kin in kin_of(candidate, list(observable.values()))

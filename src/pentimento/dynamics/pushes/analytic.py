@@ -90,7 +90,7 @@ class AnalyticPush:
     @property
     def at_work(self) -> tuple[Mechanism, ...]:
         """The mechanisms that change anything."""
-        return tuple(m for m in self.mechanisms if not m.idle)
+        return tuple(m for m in self.mechanisms if m.active)
 
     def plus(self, *mechanisms: Mechanism) -> AnalyticPush:
         """With more mechanisms."""

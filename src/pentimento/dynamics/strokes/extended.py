@@ -24,7 +24,7 @@ from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, sim
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters, read_parameters
 from pentimento.planning.strokes.brush import LoopTiming, Span
 
-OWN_CAUSES = ("path_scale", "path_offset")
+BASE_CAUSES = ("path_scale", "path_offset")
 """Causes that are parameters of Traj2Stroke."""
 _PAINTED = 0.15
 """Difference from the paper, linear light, at which a pixel counts as wholly painted."""

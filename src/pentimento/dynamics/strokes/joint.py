@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from pentimento.dynamics.strokes.evaluation import mean_squared_error
 from pentimento.dynamics.strokes.extended import (
-    OWN_CAUSES,
+    BASE_CAUSES,
     MeasuredStrokes,
     StrokeModel,
     base_model,
@@ -53,7 +53,7 @@ def fit_jointly(
     marks can be made to fit by chance. Scale and offset start where the diagnosis saw them, at none where it did not:
     those of the base had to make up for what the causes now say.
     """
-    mechanisms = [mechanism for mechanism in causes if mechanism.cause not in OWN_CAUSES]
+    mechanisms = [mechanism for mechanism in causes if mechanism.cause not in BASE_CAUSES]
 
     def judged(predicted: Tensor) -> float:
         return float(weighted_l1(predicted, validation.samples, config.ink_weight))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from pentimento.contracts.covariates import CARRIED, taken_along
+from pentimento.contracts.covariates import PICKUP_COLUMNS, pickup_step
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples
 
@@ -29,7 +29,7 @@ _MIN_COVER = 0.3
 
 
 def paint_pickup(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
-    """Columns ``contracts.covariates.CARRIED`` of strokes, float64[B] each; none where no age of wet paint is recorded.
+    """The pickup columns of strokes (``PICKUP_COLUMNS``), float64[B] each; {} where no age of wet paint is recorded.
 
     Strokes of one load are those of one session and ``reload_id``; where loads are not recorded, each stroke begins
     with a clean tool. Strokes that were left out of the table are not accounted for.
@@ -43,14 +43,14 @@ def paint_pickup(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
     paints = np.unique(srgb_to_linear(samples.color).double().numpy().round(3), axis=0)
     share, crossed = _crossed(samples, paints)
     own = srgb_to_linear(samples.color).double().numpy()
-    told = np.empty((len(order), len(CARRIED)))
+    told = np.empty((len(order), len(PICKUP_COLUMNS)))
     state, held = np.zeros(4), None
     for row in np.lexsort((order, np.unique(sessions, return_inverse=True)[1])):
         load = (sessions[row], loads[row] if loads[row] is not None else f"row {row}")
         if load != held:
             state, held = np.zeros(4), load
-        told[row], state = taken_along(state, float(share[row]), crossed[row], float(age_s[row]), own[row])
-    return dict(zip(CARRIED, told.T, strict=True))
+        told[row], state = pickup_step(state, float(share[row]), crossed[row], float(age_s[row]), own[row])
+    return dict(zip(PICKUP_COLUMNS, told.T, strict=True))
 
 
 def _crossed(samples: StrokeSamples, paints: Array) -> tuple[Array, Array]:

@@ -70,8 +70,9 @@ class Mechanism:
     cause: ClassVar[str]
     """Its name in the vocabulary."""
     site: ClassVar[Site]
-    driver: ClassVar[str]
-    """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
+    driving_covariate: ClassVar[str]
+    """The covariate that the effect depends on. Causes with the same driving covariate are aliased where their assumed
+    forms are not exact."""
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
     """What is recorded of a stroke, or its path says, that its effect goes with; of motion
@@ -85,9 +86,9 @@ class Mechanism:
         self.values, self.reference = values, reference
 
     @property
-    def idle(self) -> bool:
-        """Whether it changes nothing, so that it need not be asked."""
-        return not bool(self.values.any())
+    def active(self) -> bool:
+        """Whether a quantity differs from zero, so that the mechanism changes the prediction."""
+        return bool(self.values.any())
 
     @property
     def coherent(self) -> bool:

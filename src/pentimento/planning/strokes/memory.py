@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.covariates import (
-    CARRIED,
+    PICKUP_COLUMNS,
     Memory,
     StrokeEvent,
     covariates_and_advance,
@@ -34,7 +34,7 @@ Array = NDArray[np.float32]
 
 _FORESEEN = (
     "since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "wet_age_s", "order", "t_start_s", "t_after_s",
-    *CARRIED,
+    *PICKUP_COLUMNS,
 )  # fmt: skip
 _SHORTEST_M = 1e-9
 _NEARLY = 0.02
@@ -114,7 +114,7 @@ def foreseen(strokes: Commanded, tool: Tool, brush: Brush, start: Start, names: 
     paths = commanded(strokes, tool, brush.path_points).astype(np.float64)
     colors = linear_to_srgb(strokes.color.astype(np.float64))
     timing, clock_s, memory = brush.timing, start.clock_s, start.memory
-    carries = not {*CARRIED}.isdisjoint(wanted)
+    carries = not {*PICKUP_COLUMNS}.isdisjoint(wanted)
     if "wet_age_s" not in wanted and not carries:
         memory = without_canvas(memory)
     rows = []

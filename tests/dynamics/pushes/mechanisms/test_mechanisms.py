@@ -54,7 +54,7 @@ def test_what_tells_of_a_cause_are_columns_that_a_verdict_can_name(seen: PushSce
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
 def test_at_zero_nothing_changes(kind: type[Mechanism], seen: PushScene, base: AnalyticPush) -> None:
     still = with_values(kind, seen, *[0.0] * len(kind.quantities))
-    assert still.idle
+    assert not still.active
     assert np.array_equal(base.plus(still).change(seen), base.change(seen))
 
 

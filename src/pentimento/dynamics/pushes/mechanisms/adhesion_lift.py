@@ -31,7 +31,7 @@ class AdhesionLift(Mechanism):
 
     cause = "adhesion_lift"
     site = "surface"
-    driver = "retraction"
+    driving_covariate = "retraction"
     informative_covariates = (_COLUMN, "dwell_s")
     aliasable = False
     quantities = (

@@ -15,7 +15,7 @@ class ClosedStart(Mechanism):
 
     cause = "closed_start"
     site = "command"
-    driver = "place"
+    driving_covariate = "place"
     quantities = (Quantity("less_deep_m", "m", 0.0005, signed=False),)
 
     @classmethod

@@ -18,7 +18,7 @@ class FarField(Mechanism):
 
     cause = "far_field"
     site = "surface"
-    driver = "distance"
+    driving_covariate = "distance"
     quantities = (Quantity("share", "1", 0.2, signed=False),)
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:

@@ -13,7 +13,7 @@ class HeightOffset(Mechanism):
 
     cause = "height_offset"
     site = "command"
-    driver = "place"
+    driving_covariate = "place"
     informative_covariates = ("start_x_m", "start_y_m")
     by_place = ("lower_to_the_right_m", "lower_to_the_top_m")
     quantities = (

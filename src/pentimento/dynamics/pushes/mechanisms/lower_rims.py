@@ -17,7 +17,7 @@ class LowerRims(Mechanism):
 
     cause = "lower_rims"
     site = "surface"
-    driver = "volume"
+    driving_covariate = "volume"
     quantities = (Quantity("share", "1", 0.2),)
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:

@@ -93,8 +93,9 @@ class Mechanism:
     cause: ClassVar[str]
     """Its name in the vocabulary."""
     site: ClassVar[Site]
-    driver: ClassVar[str]
-    """What its effect goes with. Causes of one driver imitate one another where their forms are not quite right."""
+    driving_covariate: ClassVar[str]
+    """The covariate that the effect depends on. Causes with the same driving covariate are aliased where their assumed
+    forms are not exact."""
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
     """What is recorded of a push, or its surface and path say, that its effect goes with."""
@@ -114,9 +115,9 @@ class Mechanism:
         return ()
 
     @property
-    def idle(self) -> bool:
-        """Whether it changes nothing, so that it need not be asked."""
-        return not bool(np.any(self.values))
+    def active(self) -> bool:
+        """Whether a quantity differs from zero, so that the mechanism changes the prediction."""
+        return bool(np.any(self.values))
 
     @property
     def physical(self) -> bool:

@@ -23,7 +23,7 @@ class Sinking(Mechanism):
 
     cause = "sinking"
     site = "command"
-    driver = "rest"
+    driving_covariate = "rest"
     quantities = (Quantity("by_log_dwell", "1", 0.05),)
 
     @classmethod

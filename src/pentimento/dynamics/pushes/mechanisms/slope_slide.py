@@ -34,7 +34,7 @@ class SlopeSlide(Mechanism):
 
     cause = "slope_slide"
     site = "surface"
-    driver = "slope"
+    driving_covariate = "slope"
     informative_covariates = ("slope_below",)
     quantities = (
         Quantity("slid_to_31_degrees", "1", 1.0),

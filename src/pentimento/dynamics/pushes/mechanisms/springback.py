@@ -33,7 +33,7 @@ class Springback(Mechanism):
 
     cause = "springback"
     site = "material"
-    driver = "rest"
+    driving_covariate = "rest"
     informative_covariates = ("dwell_s",)
     quantities = (
         Quantity("kept_by_compression", "1", 0.4),

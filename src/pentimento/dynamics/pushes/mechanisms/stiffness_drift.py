@@ -28,7 +28,7 @@ class StiffnessDrift(Mechanism):
 
     cause = "stiffness_drift"
     site = "command"
-    driver = "session"
+    driving_covariate = "session"
     informative_covariates = (*_TIME, *_TEMPERATURE)
     aliasable = False
     quantities = (

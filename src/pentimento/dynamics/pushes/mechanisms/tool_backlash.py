@@ -17,7 +17,7 @@ class ToolBacklash(Mechanism):
 
     cause = "tool_backlash"
     site = "command"
-    driver = "reversal"
+    driving_covariate = "reversal"
     informative_covariates = ("heading_cos", "heading_sin")
     aliasable = False
     quantities = (

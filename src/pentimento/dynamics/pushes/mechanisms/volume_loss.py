@@ -16,7 +16,7 @@ class VolumeLoss(Mechanism):
 
     cause = "volume_loss"
     site = "surface"
-    driver = "volume"
+    driving_covariate = "volume"
     quantities = (
         Quantity("lost_share", "1", 0.3, signed=False),
         Quantity("lost_by_volume", "1/usual volume", 0.2),

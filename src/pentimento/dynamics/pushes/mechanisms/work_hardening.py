@@ -28,7 +28,7 @@ class WorkHardening(Mechanism):
 
     cause = "work_hardening"
     site = "contact"
-    driver = "history"
+    driving_covariate = "history"
     informative_covariates = ("worked_below_m",)
     quantities = (
         Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),

@@ -22,7 +22,7 @@ class Backlash(Mechanism):
 
     cause = "backlash"
     site = "trajectory"
-    driver = "reversal"
+    driving_covariate = "reversal"
     informative_covariates = SHAPE
     quantities = (
         Quantity("x_m", "m", 0.0005),

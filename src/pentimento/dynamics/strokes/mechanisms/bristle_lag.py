@@ -14,7 +14,7 @@ class BristleLag(Mechanism):
 
     cause = "bristle_lag"
     site = "trajectory"
-    driver = "motion"
+    driving_covariate = "motion"
     informative_covariates = SHAPE
     quantities = (Quantity("distance_m", "m", 0.003, signed=False),)
 

@@ -18,7 +18,7 @@ class CanvasTilt(Mechanism):
 
     cause = "canvas_tilt"
     site = "width"
-    driver = "place"
+    driving_covariate = "place"
     informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("x_m", "m of press at the edge", 0.0004),

@@ -14,7 +14,7 @@ class CurvatureWidth(Mechanism):
 
     cause = "curvature_width"
     site = "width"
-    driver = "bend"
+    driving_covariate = "bend"
     informative_covariates = SHAPE
     quantities = (Quantity("width_per_bend", "1", 0.2),)
 

@@ -28,7 +28,7 @@ class DryingShift(Mechanism):
 
     cause = "drying_shift"
     site = "density"
-    driver = "session"
+    driving_covariate = "session"
     informative_covariates = SESSION
     quantities = (
         Quantity("density_per_half_session", "1", 0.15),

@@ -14,7 +14,7 @@ class IlluminationGradient(Mechanism):
 
     cause = "illumination_gradient"
     site = "camera"
-    driver = "place"
+    driving_covariate = "place"
     informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("paint_x", "1", 0.2),

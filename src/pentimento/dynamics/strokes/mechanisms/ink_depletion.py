@@ -16,7 +16,7 @@ class InkDepletion(Mechanism):
 
     cause = "ink_depletion"
     site = "density"
-    driver = "load"
+    driving_covariate = "load"
     informative_covariates = _COLUMNS
     quantities = (
         Quantity("density_loss", "1/reference length", 0.3),

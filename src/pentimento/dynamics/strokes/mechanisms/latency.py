@@ -14,7 +14,7 @@ class Latency(Mechanism):
 
     cause = "latency"
     site = "trajectory"
-    driver = "motion"
+    driving_covariate = "motion"
     informative_covariates = (*SHAPE, "speed_m_s")
     quantities = (Quantity("time_s", "s", 0.05, signed=False),)
 

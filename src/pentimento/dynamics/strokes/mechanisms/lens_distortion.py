@@ -17,11 +17,11 @@ class LensDistortion(Mechanism):
 
     cause = "lens_distortion"
     site = "camera"
-    driver = "view"
+    driving_covariate = "view"
     informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("at_edge_m", "m", 0.0005),
-        Quantity("taken_up_at_edge_m", "m", 0.0005),
+        Quantity("absorbed_at_edge_m", "m", 0.0005),
     )
 
     @classmethod

@@ -27,7 +27,7 @@ class OrientationWidth(Mechanism):
 
     cause = "orientation_width"
     site = "width"
-    driver = "heading"
+    driving_covariate = "heading"
     informative_covariates = ("heading_cos", "heading_sin")
     quantities = (
         Quantity("cos", "1", 0.2),

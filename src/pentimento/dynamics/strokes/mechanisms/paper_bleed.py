@@ -23,7 +23,7 @@ class PaperBleed(Mechanism):
 
     cause = "paper_bleed"
     site = "density"
-    driver = "paper"
+    driving_covariate = "paper"
     informative_covariates = ("surface_level", *_AIR)
     quantities = (
         *(Quantity(f"softening_{k + 1}", "1", 0.4) for k in range(_CONTRASTS)),

@@ -12,7 +12,7 @@ class PathOffset(Mechanism):
 
     cause = "path_offset"
     site = "trajectory"
-    driver = "frame"
+    driving_covariate = "frame"
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

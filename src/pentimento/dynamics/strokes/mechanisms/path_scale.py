@@ -15,7 +15,7 @@ class PathScale(Mechanism):
 
     cause = "path_scale"
     site = "trajectory"
-    driver = "extent"
+    driving_covariate = "extent"
     informative_covariates = SHAPE
     quantities = (
         Quantity("x", "1", 0.05),

@@ -13,7 +13,7 @@ class SpeedBleed(Mechanism):
 
     cause = "speed_bleed"
     site = "density"
-    driver = "speed"
+    driving_covariate = "speed"
     informative_covariates = ("speed_m_s",)
     quantities = (Quantity("softening_per_log_speed", "1", 0.4), Quantity("spreading_per_log_speed", "1", 0.1))
     signature = ("softening_per_log_speed",)

@@ -15,7 +15,7 @@ class SpeedDensity(Mechanism):
 
     cause = "speed_density"
     site = "density"
-    driver = "speed"
+    driving_covariate = "speed"
     informative_covariates = ("speed_m_s",)
     quantities = (
         Quantity("density_per_log_speed", "1", 0.2),

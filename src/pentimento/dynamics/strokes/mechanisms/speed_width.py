@@ -14,7 +14,7 @@ class SpeedWidth(Mechanism):
 
     cause = "speed_width"
     site = "width"
-    driver = "speed"
+    driving_covariate = "speed"
     informative_covariates = ("speed_m_s",)
     quantities = (Quantity("width_per_log_speed", "1", 0.2),)
 

@@ -15,7 +15,7 @@ class ToolWear(Mechanism):
 
     cause = "tool_wear"
     site = "width"
-    driver = "session"
+    driving_covariate = "session"
     informative_covariates = SESSION
     quantities = (
         Quantity("width_per_half_session", "1", 0.1),

@@ -14,7 +14,7 @@ class Vignetting(Mechanism):
 
     cause = "vignetting"
     site = "camera"
-    driver = "place"
+    driving_covariate = "place"
     informative_covariates = ("place_x_m", "place_y_m")
     quantities = (
         Quantity("paint", "1", 0.2),

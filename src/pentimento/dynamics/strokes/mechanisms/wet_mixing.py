@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.contracts.covariates import CARRIED
+from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.dynamics.strokes.mechanisms.geometry import column
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 
@@ -20,8 +20,8 @@ class WetMixing(Mechanism):
 
     cause = "wet_mixing"
     site = "composite"
-    driver = "paint below"
-    informative_covariates = ("wet_age_s", CARRIED[0])
+    driving_covariate = "paint below"
+    informative_covariates = ("wet_age_s", PICKUP_COLUMNS[0])
     quantities = (
         Quantity("pickup_of_fresh", "1", 0.3),
         Quantity("pickup_of_old", "1", 0.3),
@@ -40,6 +40,6 @@ class WetMixing(Mechanism):
         known = torch.nan_to_num(age, nan=0.0)
         share = (self.values[0] + self.values[1] * known) / (1 + known)
         stirred = torch.where(torch.isfinite(age), share, 0.0)
-        amount, *picked_up = (column(context, name) for name in CARRIED)
+        amount, *picked_up = (column(context, name) for name in PICKUP_COLUMNS)
         laid = 1 - torch.exp(-self.values[2] * amount)
         return color + laid[..., None] * (torch.stack(picked_up, dim=-1) - color), stirred

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from pentimento.dynamics.strokes.networks.coverage import measured_coverage
-from pentimento.dynamics.strokes.networks.frame import Crop, crop_around, cut, local_paths, place
 from pentimento.dynamics.strokes.samples import StrokeSamples
+from studies.stroke_models.networks.coverage import measured_coverage
+from studies.stroke_models.networks.frame import Crop, crop_around, cut, local_paths, place
 
 _QUANTILES = tuple(k / 10 for k in range(2, 9))
 _SHORTEST_M = 2e-3

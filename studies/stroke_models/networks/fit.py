@@ -10,16 +10,16 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
-from pentimento.dynamics.strokes.networks import param2stroke, trajectory_cnn
-from pentimento.dynamics.strokes.networks.coverage import CoverageModel, laid, press_range
-from pentimento.dynamics.strokes.networks.frame import Crop, crop_around
-from pentimento.dynamics.strokes.networks.param2stroke import Param2Stroke
-from pentimento.dynamics.strokes.networks.path_image import PathImageCnn
-from pentimento.dynamics.strokes.networks.refined import RefinedTraj2Stroke
-from pentimento.dynamics.strokes.networks.trajectory_cnn import TrajectoryCnn
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, split_by_action, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
+from studies.stroke_models.networks import param2stroke, trajectory_cnn
+from studies.stroke_models.networks.coverage import CoverageModel, laid, press_range
+from studies.stroke_models.networks.frame import Crop, crop_around
+from studies.stroke_models.networks.param2stroke import Param2Stroke
+from studies.stroke_models.networks.path_image import PathImageCnn
+from studies.stroke_models.networks.refined import RefinedTraj2Stroke
+from studies.stroke_models.networks.trajectory_cnn import TrajectoryCnn
 
 Model = TypeVar("Model", bound=CoverageModel)
 AnyNetwork = TypeVar("AnyNetwork", bound=nn.Module)

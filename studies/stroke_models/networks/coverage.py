@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from pentimento.dynamics.strokes.autograd import render_strokes
-from pentimento.dynamics.strokes.networks.frame import local_paths
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share
+from studies.stroke_models.networks.frame import local_paths
 
 _UNIT_M = 0.02
 """Positions go into networks in such units."""

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
-from pentimento.dynamics.strokes.networks.coverage import CoverageModel, PressRange, numbers_of, unmirrored
-from pentimento.dynamics.strokes.networks.frame import Crop, place
 from pentimento.dynamics.strokes.samples import StrokeSamples
+from studies.stroke_models.networks.coverage import CoverageModel, PressRange, numbers_of, unmirrored
+from studies.stroke_models.networks.frame import Crop, place
 
 COARSER = 4
 """Times by which the bilinear upscaler enlarges; the crop's sides are multiples of it."""

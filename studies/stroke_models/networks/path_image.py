@@ -9,10 +9,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.dynamics.strokes.networks.coverage import CoverageModel, PressRange, drawn, unmirrored
-from pentimento.dynamics.strokes.networks.frame import crop_around, local_paths, place
-from pentimento.dynamics.strokes.networks.unet import COARSER, UNet
 from pentimento.dynamics.strokes.samples import StrokeSamples
+from studies.stroke_models.networks.coverage import CoverageModel, PressRange, drawn, unmirrored
+from studies.stroke_models.networks.frame import crop_around, local_paths, place
+from studies.stroke_models.networks.unet import COARSER, UNet
 
 _LINE_PX, _EDGE = 1.5, 0.3
 _OPACITY = 0.8

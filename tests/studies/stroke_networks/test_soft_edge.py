@@ -8,10 +8,10 @@ import torch
 
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
-from pentimento.dynamics.strokes.networks import soft_edge as imprint
-from pentimento.dynamics.strokes.networks.soft_edge import fit_imprint
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.training import predicted_ink, weighted_l1
+from studies.stroke_models.networks import soft_edge as imprint
+from studies.stroke_models.networks.soft_edge import fit_soft_edge
 from tests.dynamics.strokes.conftest import TRUTH
 
 
@@ -37,7 +37,7 @@ def _alone(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
 
 def test_it_lays_what_the_model_takes_too_much(made_by_truth: StrokeSamples) -> None:
     model, strokes = _fading(made_by_truth)
-    learnt = fit_imprint(model, strokes, 2.0, 0, _quiet)
+    learnt = fit_soft_edge(model, strokes, 2.0, 0, _quiet)
     assert learnt.network is not None
     assert learnt.unseen_l1[1] < learnt.unseen_l1[0]
     alone = _alone(model, strokes)
@@ -48,7 +48,7 @@ def test_it_lays_what_the_model_takes_too_much(made_by_truth: StrokeSamples) -> 
 def test_it_inks_what_lies_beyond_a_mark_that_is_too_thin(made_by_truth: StrokeSamples) -> None:
     thin = replace(TRUTH, thickness_at_contact_m=0.5 * TRUTH.thickness_at_contact_m, softness=0.01)
     model, strokes = base_model(thin), MeasuredStrokes(made_by_truth, {})
-    learnt = fit_imprint(model, strokes, 2.0, 0, _quiet)
+    learnt = fit_soft_edge(model, strokes, 2.0, 0, _quiet)
     inked, alone = (predicted_ink(made_by_truth, image) for image in (learnt(strokes), _alone(model, strokes)))
     missed = made_by_truth.ink & ~alone
     assert missed.sum() > 100 and (inked & missed).sum() > 0.5 * missed.sum()
@@ -56,7 +56,7 @@ def test_it_inks_what_lies_beyond_a_mark_that_is_too_thin(made_by_truth: StrokeS
 
 def test_where_nothing_is_left_the_model_stays_as_it_is(made_by_truth: StrokeSamples) -> None:
     model, strokes = base_model(TRUTH), MeasuredStrokes(made_by_truth, {})
-    learnt = fit_imprint(model, strokes, 2.0, 0, _quiet)
+    learnt = fit_soft_edge(model, strokes, 2.0, 0, _quiet)
     assert learnt.network is None
     torch.testing.assert_close(learnt(strokes), _alone(model, strokes))
 
@@ -64,12 +64,12 @@ def test_where_nothing_is_left_the_model_stays_as_it_is(made_by_truth: StrokeSam
 def test_repeats_of_few_actions_say_nothing_of_others(made_by_truth: StrokeSamples) -> None:
     few = made_by_truth._replace(action=made_by_truth.action % 19)
     model, strokes = _fading(few)
-    assert fit_imprint(model, strokes, 2.0, 0, _quiet).network is None
+    assert fit_soft_edge(model, strokes, 2.0, 0, _quiet).network is None
 
 
 def test_the_same_seed_learns_the_same(made_by_truth: StrokeSamples) -> None:
     model, strokes = _fading(made_by_truth)
-    first, again = (fit_imprint(model, strokes, 2.0, 3, _quiet)(strokes) for _ in range(2))
+    first, again = (fit_soft_edge(model, strokes, 2.0, 3, _quiet)(strokes) for _ in range(2))
     torch.testing.assert_close(first, again, atol=0, rtol=0)
 
 

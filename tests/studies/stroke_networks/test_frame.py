@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.dynamics.strokes.networks.frame import crop_around, cut, frames_of, local_paths, place
 from pentimento.dynamics.strokes.samples import StrokeSamples
+from studies.stroke_models.networks.frame import crop_around, cut, frames_of, local_paths, place
 
 
 def test_a_path_starts_at_the_origin_and_ends_on_the_x_axis(made_by_truth: StrokeSamples) -> None:

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from pentimento.dynamics.strokes.mechanisms.geometry import arc_m, at_lengths, bending_per_m
-from pentimento.dynamics.strokes.networks.coverage import drawn
-from pentimento.dynamics.strokes.networks.frame import frames_of, local_paths, places_of
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.traj2stroke import Mark
+from studies.stroke_models.networks.coverage import drawn
+from studies.stroke_models.networks.frame import frames_of, local_paths, places_of
 
 _SHORTEST_M = 1e-9
 _GENTLE_PER_M = 30.0

@@ -7,7 +7,10 @@ import torch
 from torch import Tensor
 
 from pentimento.dynamics.strokes.evaluation import predict_with
-from pentimento.dynamics.strokes.networks.coverage import (
+from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.training import TrainingConfig, weighted_l1
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
+from studies.stroke_models.networks.coverage import (
     CoverageModel,
     PressRange,
     laid,
@@ -15,7 +18,7 @@ from pentimento.dynamics.strokes.networks.coverage import (
     numbers_of,
     press_range,
 )
-from pentimento.dynamics.strokes.networks.fit import (
+from studies.stroke_models.networks.fit import (
     Setting,
     fit_param2stroke,
     fit_path_image_cnn,
@@ -23,16 +26,13 @@ from pentimento.dynamics.strokes.networks.fit import (
     fit_trajectory_cnn,
     predicted,
 )
-from pentimento.dynamics.strokes.networks.frame import crop_around
-from pentimento.dynamics.strokes.networks.param2stroke import Param2Stroke, shape_numbers
-from pentimento.dynamics.strokes.networks.path_image import PathImageCnn
-from pentimento.dynamics.strokes.networks.refined import RefinedTraj2Stroke
-from pentimento.dynamics.strokes.networks.stamp import fit_stamp
-from pentimento.dynamics.strokes.networks.trajectory_cnn import TrajectoryCnn
-from pentimento.dynamics.strokes.networks.unet import UNet
-from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import TrainingConfig, weighted_l1
-from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
+from studies.stroke_models.networks.frame import crop_around
+from studies.stroke_models.networks.param2stroke import Param2Stroke, shape_numbers
+from studies.stroke_models.networks.path_image import PathImageCnn
+from studies.stroke_models.networks.refined import RefinedTraj2Stroke
+from studies.stroke_models.networks.stamp import fit_stamp
+from studies.stroke_models.networks.trajectory_cnn import TrajectoryCnn
+from studies.stroke_models.networks.unet import UNet
 from tests.dynamics.strokes.conftest import TRUTH
 
 MARGIN_M = 0.008

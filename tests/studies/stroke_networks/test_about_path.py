@@ -2,9 +2,9 @@
 
 import torch
 
-from pentimento.dynamics.strokes.networks.about_path import NAMES, about_path, nearest, odd
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
+from studies.stroke_models.networks.about_path import NAMES, about_path, nearest, odd
 from tests.dynamics.strokes.conftest import TRUTH
 
 

@@ -19,11 +19,11 @@ import torch
 from torch import Tensor, nn
 
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, predict_extended
-from pentimento.dynamics.strokes.networks.about_path import NAMES, about_path, odd
 from pentimento.dynamics.strokes.samples import inked_share
 from pentimento.dynamics.strokes.simulation import extended_mark, full_at_most
 from pentimento.dynamics.strokes.training import Log
 from pentimento.dynamics.strokes.traj2stroke import Mark
+from studies.stroke_models.networks.about_path import NAMES, about_path, odd
 
 _FOLDS = 3
 _FEWEST = 50
@@ -43,7 +43,7 @@ _REPORTED = 100
 
 
 @dataclass(frozen=True)
-class LearntImprint:
+class SoftEdgeModel:
     """A stroke model with its causes, which stays as it is, and what was learnt beside it."""
 
     model: StrokeModel
@@ -63,7 +63,9 @@ class LearntImprint:
         return predicted.view(strokes.samples.after.shape)
 
 
-def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float, seed: int, log: Log) -> LearntImprint:
+def fit_soft_edge(
+    model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float, seed: int, log: Log
+) -> SoftEdgeModel:
     """Lower the weighted L1 (thesis 5.3.4) of a model's strokes, by pixels drawn at random.
 
     ``log`` gets ``weighted_l1`` of the pixels of some steps.
@@ -92,7 +94,7 @@ def fit_imprint(model: StrokeModel, strokes: MeasuredStrokes, ink_weight: float,
     errors = {share: weighted_l1(predicted) for share, predicted in unseen.items()}
     believed = min(errors, key=lambda share: errors[share])
     network_of_all = learnt(fold >= 0, _FOLDS, _STEPS, _PIXELS) if believed > 0 else None
-    return LearntImprint(model, network_of_all, believed, (errors[0.0], errors[believed]))
+    return SoftEdgeModel(model, network_of_all, believed, (errors[0.0], errors[believed]))
 
 
 class _Pixels(NamedTuple):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from pentimento.dynamics.strokes.networks.coverage import CoverageModel, drawn, unmirrored
-from pentimento.dynamics.strokes.networks.frame import crop_around, frames_of, place
-from pentimento.dynamics.strokes.networks.unet import COARSER, UNet
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke
+from studies.stroke_models.networks.coverage import CoverageModel, drawn, unmirrored
+from studies.stroke_models.networks.frame import crop_around, frames_of, place
+from studies.stroke_models.networks.unet import COARSER, UNet
 
 
 class RefinedTraj2Stroke(CoverageModel):
