@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from pentimento.contracts.errors import EnvelopeViolation
-from pentimento.control.safety import GuardedRobot, SafetyEnvelope, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.tools import load_tool
 
 CANVAS_M = (0.3, 0.2)

@@ -254,7 +254,9 @@ def _in_paints(
         result[name] = {"loss": loss, "paint_changes": changes, "seconds": seconds}
         if execute:
             robot = VirtualRobot(Studio(load_world("round_brush"), seed))
-            painting = paint(robot, scene, strokes, colors, STROKES, False, OURS, _unheard)
+            painting = paint(
+                robot, scene, strokes, palette_srgb=colors, batch=STROKES, replan=False, config=OURS, log=_unheard
+            )
             executed = objective(as_linear(painting.photos[-1]))[0]
             result[name] |= {"executed": executed, "gap": executed - loss}
     return result

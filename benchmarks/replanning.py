@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pentimento.bundle.graphs import GraphBrush, Graphs, SemanticObjective
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.images import write_png
-from pentimento.control.painting_state import has_state, load_state
+from pentimento.control.checkpoint import has_state, load_state
 from pentimento.planning.objectives import Objective, PrintObjective, Term, WeightedObjective
 from pentimento.planning.strokes.bezier import with_color
 from pentimento.planning.strokes.brush import Brush

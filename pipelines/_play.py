@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.copainting.evaluation.answers import Asking, ask
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
 from pentimento.copainting.evaluation.goal_plans import PaintContext

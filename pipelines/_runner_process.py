@@ -5,31 +5,39 @@ import sys
 from pathlib import Path
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.control.commands import Control
 from pentimento.control.commission import Wanted
-from pentimento.control.progress import Progress
+from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
 from pentimento.control.run_sculpture import clay_commission_of, run_sculpture
 
 HEAVY = ("torch", "sklearn", "skimage", "diffusers", "transformers")
-"""What a robot's computer has not. SciPy is not among them: where it is installed, Numba looks at it."""
+"""What a robot's computer has not."""
 
 
 def paint(arguments: argparse.Namespace) -> None:
     """Paint into `--out`, as `pentimento run` does."""
     wanted = Wanted("words", arguments.words) if arguments.picture is None else Wanted("picture", arguments.picture)
     commission = commission_of(
-        arguments.bundle, arguments.setting, "virtual", False, wanted, arguments.strokes, None, arguments.seed
+        arguments.bundle, wanted, setting=arguments.setting, strokes=arguments.strokes, seed=arguments.seed
     )
-    run(commission, arguments.out, False, arguments.out, _nobody, None, Control(), Progress())
+    run(
+        commission,
+        arguments.out,
+        resume=False,
+        calibration=arguments.out,
+        ask=_nobody,
+        page=None,
+        control=Control(),
+        progress=Progress(),
+    )
 
 
 def sculpt(arguments: argparse.Namespace) -> None:
     """Sculpt into `--out`, likewise."""
     commission = clay_commission_of(
-        arguments.bundle, arguments.material, None, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+        arguments.bundle, arguments.material, arguments.letter, actions=arguments.pushes, seed=arguments.seed
     )
-    run_sculpture(commission, arguments.out, False, Control(), Progress())
+    run_sculpture(commission, arguments.out, resume=False, control=Control(), progress=Progress())
 
 
 def end_lean() -> None:

@@ -16,7 +16,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.diagnosis.experiment_design import Aliasing, in_short
 from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model

@@ -18,8 +18,9 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, write_plan
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.tables import read_table
+from pentimento.control.guard import GuardedRobot
 from pentimento.control.painter import as_linear, observe
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.safety import envelope_for
 from pentimento.dynamics.strokes.extended import read_stroke_model
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
 from pentimento.handwriting.drawing import Drawing, TorchPathBrush, draw_in_hand

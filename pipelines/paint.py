@@ -20,8 +20,9 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.ranges import at_least
 from pentimento.control.execute import Session, execute
+from pentimento.control.guard import GuardedRobot
 from pentimento.control.painter import Image, Painting, as_linear, observe, paint, predict
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.safety import envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel, base_model, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
@@ -132,11 +133,11 @@ def main(arguments: argparse.Namespace) -> None:
                 _robot(tool, setting, config.seed),
                 scene,
                 strokes,
-                palette,
-                config.batch,
-                kind == "with",
-                setting.planner,
-                partial(_log_as, run, kind),
+                palette_srgb=palette,
+                batch=config.batch,
+                replan=kind == "with",
+                config=setting.planner,
+                log=partial(_log_as, run, kind),
             )
 
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
@@ -197,8 +198,8 @@ def _plot(
     """The plan as a drawing for a pen plotter, through the same safety envelope."""
     plotter = SvgPlotter(path, canvas_size_m)
     execute(
-        GuardedRobot(plotter, envelope_for(tool, canvas_size_m)), tool, strokes, palette,
-        fresh_memory(canvas_size_m, tool.nominal_width_m), Session("plot", 0.0),
+        GuardedRobot(plotter, envelope_for(tool, canvas_size_m)), tool, strokes, palette_srgb=palette,
+        memory=fresh_memory(canvas_size_m, tool.nominal_width_m), session=Session("plot", 0.0),
     )  # fmt: skip
     plotter.close()
 
@@ -261,7 +262,8 @@ def _execution_errors(
     if extended.mechanisms:
         strokes, palette = plan(as_linear(blank), scenes["base"], config.strokes, setting.planner, _unheard)
         painting = paint(
-            new_robot(), scenes["base"], strokes, palette, config.batch, False, setting.planner, _unheard
+            new_robot(), scenes["base"], strokes, palette_srgb=palette, batch=config.batch, replan=False,
+            config=setting.planner, log=_unheard,
         )  # fmt: skip
         difference = to_float(painting.predicted) - to_float(painting.photos[-1])
         error["base"] = float(np.square(difference).mean())

@@ -13,8 +13,8 @@ from typing import Any
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
+from pentimento.control.checkpoint import load_sculpture
 from pentimento.control.run_sculpture import HEIGHTS, SUMMARY
-from pentimento.control.sculpture_state import load_sculpture
 from pentimento.goals3d.shading import photograph
 from pipelines import _runner_process
 from pipelines._config import load_section

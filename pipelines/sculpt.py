@@ -131,8 +131,9 @@ def main(arguments: argparse.Namespace) -> None:
             fit = _goal(wanted, height, setting, config, robot)
             predicted = _predicted(height, fit, members, end_effector, robot, config, number)
             made = sculpt(
-                robot, end_effector, arguments.material, fit.height_m, members, config.planner, config.execution,
-                config.actions, session, number, partial(_log_as, run, name),
+                robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
+                config=config.planner, execution=config.execution, count=config.actions, session=session, item=number,
+                log=partial(_log_as, run, name),
             )  # fmt: skip
             _pictures(folder, window_m, fit, predicted, made)
             rows += made.rows

@@ -21,7 +21,8 @@ from pentimento.contracts.plan import PlannedStroke
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points

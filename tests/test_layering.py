@@ -25,7 +25,6 @@ HEAVY |= {
     "pydantic",
     "pytorch_lightning",
     "rich",
-    "scipy",
     "skimage",
     "sklearn",
     "torch",

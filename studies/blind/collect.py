@@ -20,7 +20,8 @@ from pentimento.contracts.plan import PlannedStroke
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.control.execute import Session, execute_stroke
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import Tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.world import World
@@ -83,7 +84,9 @@ def record_world(
         paint_context.read_out(window_in_camera(calibration, window_m))
         photo_before = robot.photo()
         planned = PlannedStroke(command.path, np.array(command.color_srgb), command.dip)
-        memory, executed = execute_stroke(robot, tool, planned, palette_srgb, memory, session)
+        memory, executed = execute_stroke(
+            robot, tool, planned, palette_srgb=palette_srgb, memory=memory, session=session
+        )
         robot.wait(command.wait_s)
         photo_after = robot.photo()
         before, after = (

@@ -56,8 +56,9 @@ def main(arguments: argparse.Namespace) -> None:
         reach_m = REACH_M[number]
         fit = fit_goal(relief, height, replace(setting.fit, reach_m=reach_m, kept=arguments.kept))
         made = sculpt(
-            robot, end_effector, arguments.material, fit.height_m, members, given.planner, given.execution,
-            given.sculpt.actions, Session("alphabet", robot.clock_s), number, _unheard,
+            robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
+            config=given.planner, execution=given.execution, count=given.sculpt.actions,
+            session=Session("alphabet", robot.clock_s), item=number, log=_unheard,
         )  # fmt: skip
         objective = ClayObjective(fit.height_m, scan.window_m, given.planner.weights)
         said: dict[str, Any] = met(objective, made.heights_m, made.first.foreseen_m[-1])
@@ -76,8 +77,8 @@ def _again(robot: SculptingRobot, end_effector: EndEffector, actions: list[list[
     scan = robot.scan()
     for action in actions:
         scan = execute_push(
-            robot, end_effector, np.array(action), scan,
-            end_effector.speed_m_s, given.execution.dwell_s, given.execution.retract_speed_m_s,
+            robot, end_effector, np.array(action), before=scan, speed_m_s=end_effector.speed_m_s,
+            dwell_s=given.execution.dwell_s, retract_speed_m_s=given.execution.retract_speed_m_s,
         ).after  # fmt: skip
 
 

@@ -42,8 +42,8 @@ def main(arguments: argparse.Namespace) -> None:
     # Both go on to the end: what fifty actions do is the question, not when to stop.
     execution, config = replace(given.execution, patience=ACTIONS), replace(given.planner, min_gain=0.0)
     made = sculpt(
-        robot, end_effector, arguments.material, fit.height_m, members, config, execution, ACTIONS,
-        Session("losses", robot.clock_s), 0, lambda *_: None,
+        robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, config=config,
+        execution=execution, count=ACTIONS, session=Session("losses", robot.clock_s), item=0, log=lambda *_: None,
     )  # fmt: skip
     objective = ClayObjective(fit.height_m, scan.window_m, config.weights)
     said = {

@@ -75,7 +75,15 @@ def _smoothed(name: str, arguments: argparse.Namespace, given: Settings) -> tupl
     robot.change_tool(edge)
     scan = robot.scan()
     for poke in LINE_M:
-        scan = execute_push(robot, edge, poke, scan, edge.speed_m_s, 0.5, given.execution.retract_speed_m_s).after
+        scan = execute_push(
+            robot,
+            edge,
+            poke,
+            before=scan,
+            speed_m_s=edge.speed_m_s,
+            dwell_s=0.5,
+            retract_speed_m_s=given.execution.retract_speed_m_s,
+        ).after
     robot = GuardedSculptingRobot(raw, push_envelope_for(tool, raw.area_m))
     robot.change_tool(tool)
     scan = robot.scan()
@@ -92,7 +100,15 @@ def _smoothed(name: str, arguments: argparse.Namespace, given: Settings) -> tupl
         if action is None:
             heights.append(heights[-1])
             continue
-        scan = execute_push(robot, tool, action, scan, tool.speed_m_s, 0.5, given.execution.retract_speed_m_s).after
+        scan = execute_push(
+            robot,
+            tool,
+            action,
+            before=scan,
+            speed_m_s=tool.speed_m_s,
+            dwell_s=0.5,
+            retract_speed_m_s=given.execution.retract_speed_m_s,
+        ).after
         heights.append(seen_m(scan)[0])
     return np.stack(heights), scan.window_m
 

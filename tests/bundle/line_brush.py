@@ -8,22 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pentimento.control.journaled_robot import JournaledRobot
-from pentimento.control.paint_context import PaintContext
+from pentimento.control.journal import JournaledRobot
+from pentimento.control.painter import PaintContext
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import (
-    Array,
-    LoopTiming,
-    Marks,
-    Pull,
-    Span,
-)
-from pentimento.planning.strokes.config import (
-    ExecutionNoise,
-    LearningRates,
-    ObjectivesConfig,
-    PlannerConfig,
-)
+from pentimento.planning.strokes.brush import Array, LoopTiming, Marks, Pull, Span
+from pentimento.planning.strokes.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
 from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.driver import Robot
 from pentimento.robots.strokes import shape_basis

@@ -22,7 +22,8 @@ from pentimento.bundle.graphs import (
     noise_schedule,
     tokenizer,
 )
-from pentimento.bundle.reader import Bundle, GraphEntry, open_bundle
+from pentimento.bundle.manifest import GraphEntry
+from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.deploy.objective_graphs import style_graphs
@@ -153,7 +154,7 @@ def test_a_picture_gives_a_style_at_the_sizes_that_were_deployed() -> None:
     style = PictureStyle(styles(), bytes_srgb, 0)
     assert style.picture((32, 32)).shape == (32, 32, 3)
     assert style.objective((32, 32))(picture(9, 32, 32))[0] > 0
-    with pytest.raises(ConfigError, match="of 32 x 32 px and was asked for 20 x 20 px"):
+    with pytest.raises(ConfigError, match="of 32 x 32 px, not of 20 x 20 px"):
         style.objective((20, 20))
     with pytest.raises(ContractError, match="not finite"):
         style.objective((32, 32))(np.full((32, 32, 3), np.nan, np.float32))

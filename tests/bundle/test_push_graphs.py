@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pentimento.bundle.graphs import Graphs
-from pentimento.bundle.push_graphs import GraphClay
+from pentimento.bundle.graphs import GraphClay, Graphs
 from pentimento.bundle.reader import open_bundle
 from tests.bundle.tiny_bundle import write_tiny_bundle
 from tests.control.sculpting_bundle import FACTS, add_clay

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import numpy_helper
 
-from pentimento.bundle.reader import LARGEST_FILE_BYTES, MANIFEST, BundleError, Manifest, open_bundle
+from pentimento.bundle.manifest import Manifest
+from pentimento.bundle.reader import MANIFEST, MAX_FILE_BYTES, BundleError, open_bundle
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import load_tool
@@ -264,9 +265,9 @@ def test_a_version_that_the_manifest_announces_must_be_known_here(bundle: Path) 
 
 def test_files_larger_than_any_graph_may_be_are_not_even_read(bundle: Path) -> None:
     files = json.loads((bundle / MANIFEST).read_text())["files"]
-    files[SEMANTIC]["bytes"] = LARGEST_FILE_BYTES + 1
+    files[SEMANTIC]["bytes"] = MAX_FILE_BYTES + 1
     change(bundle, files=files)
-    with pytest.raises(BundleError, match="are the most"):
+    with pytest.raises(BundleError, match="are the maximum"):
         open_bundle(bundle)
 
 
@@ -303,8 +304,8 @@ def test_an_envelope_wider_than_the_robots_own_is_refused(bundle: Path) -> None:
         ({"schema": 2}, "schema 2 and this version reads 1"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown are \['more'\]"),
-        ({"brushes": {}}, "speaks of 'pen'"),
-        ({"models": {}}, "speaks of 'stroke_marker'"),
+        ({"brushes": {}}, "refers to 'pen'"),
+        ({"models": {}}, "refers to 'stroke_marker'"),
         ({"opset": 20.0}, "of type int"),
     ],
 )
@@ -327,7 +328,7 @@ def test_a_graph_that_differed_too_much_is_refused(bundle: Path) -> None:
     graphs = json.loads((bundle / MANIFEST).read_text())["graphs"]
     graphs["semantic"]["parity"] = {"y": 2e-4}
     change(bundle, graphs=graphs)
-    with pytest.raises(BundleError, match="differs from what it came from"):
+    with pytest.raises(BundleError, match="differs from its model"):
         open_bundle(bundle)
 
 

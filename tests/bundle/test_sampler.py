@@ -10,8 +10,7 @@ import torch
 from diffusers import AutoencoderKL, DDIMScheduler
 from transformers import CLIPConfig, CLIPModel
 
-from pentimento.bundle.sampler import Networks, NoiseSchedule, complete
-from pentimento.bundle.torch_noise import normal, seed_for
+from pentimento.bundle.sampler import Networks, NoiseSchedule, complete, normal, seed_for
 from pentimento.contracts.errors import ContractError
 from pentimento.copainting.goal.planner import (
     GoalPlanner,
@@ -92,8 +91,8 @@ def test_goals_are_those_of_the_pipeline(prediction: Prediction, text_guidance: 
     latent = SIDE // planner.vae_scale_factor
     noise = np.concatenate([normal((1, 4, latent, latent), seed_for(seed, i)) for i in range(len(CAPTIONS))])
     ours = complete(
-        _networks(planner), _schedule(planner), _canvases(), _tokens(planner, CAPTIONS), _tokens(planner, [""]),
-        noise, steps, 1.5, text_guidance,
+        _networks(planner), _schedule(planner), _canvases(), tokens=_tokens(planner, CAPTIONS),
+        no_words=_tokens(planner, [""]), noise=noise, steps=steps, image_guidance=1.5, text_guidance=text_guidance,
     )  # fmt: skip
     difference = np.abs(ours.astype(int) - theirs.astype(int))
     assert difference.max() <= 1  # of 255: a value on the edge between two may fall to either side
@@ -118,7 +117,8 @@ def test_latents_are_those_of_the_pipeline_to_rounding(prediction: Prediction) -
 
     complete(
         Networks(networks.read, networks.encode, networks.predict, decode, networks.scaling), _schedule(planner),
-        _canvases(), _tokens(planner, CAPTIONS), _tokens(planner, [""]), noise, 8, 1.5, 3.0,
+        _canvases(), tokens=_tokens(planner, CAPTIONS), no_words=_tokens(planner, [""]), noise=noise, steps=8,
+        image_guidance=1.5, text_guidance=3.0,
     )  # fmt: skip
     assert np.linalg.norm(found[0] - theirs) <= 1e-4 * np.linalg.norm(theirs)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.bundle.torch_noise import normal, seed_for
+from pentimento.bundle.sampler import normal, seed_for
 from pentimento.contracts.errors import ContractError
 from pentimento.copainting.seeds import generator_for
 

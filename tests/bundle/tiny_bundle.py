@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from onnx import TensorProto, helper, numpy_helper
 from onnx.parser import parse_model
 
-from pentimento.bundle.reader import (
-    MANIFEST,
+from pentimento.bundle.manifest import (
     BrushFacts,
     EncoderFacts,
     FileEntry,
@@ -27,6 +26,7 @@ from pentimento.bundle.reader import (
     Setting,
     WordsFacts,
 )
+from pentimento.bundle.reader import MANIFEST
 from pentimento.contracts.codec import to_plain
 from pentimento.control.safety import envelope_for
 from pentimento.planning.strokes.brush import LoopTiming

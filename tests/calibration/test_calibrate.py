@@ -25,7 +25,8 @@ from pentimento.contracts.colour import delta_e_2000, srgb_to_lab, srgb_to_linea
 from pentimento.contracts.errors import CalibrationError
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.photo import Photo
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.calibration import calibrated, read_calibration, require_fresh
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot

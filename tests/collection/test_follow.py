@@ -11,7 +11,8 @@ from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import load_tool

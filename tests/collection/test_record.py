@@ -18,7 +18,8 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
 from pentimento.control.execute import Session, execute_stroke
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
@@ -47,7 +48,7 @@ def test_a_stroke_in_the_studio_goes_through_a_file_and_back(tmp_path: Path) -> 
         xyz_yaw = np.zeros((32, 4))
         xyz_yaw[:, 0], xyz_yaw[:, 1], xyz_yaw[:, 2] = np.linspace(0.12, 0.17, 32), y_m, -0.002
         stroke = PlannedStroke(timed_path(xyz_yaw, 0.06), PALETTE[0], dip=order == 0)
-        memory, executed = execute_stroke(robot, tool, stroke, PALETTE, memory, session)
+        memory, executed = execute_stroke(robot, tool, stroke, palette_srgb=PALETTE, memory=memory, session=session)
         after = robot.photo()
         window = snap_window(window_around(stroke.path, 0.015), (0, 0, *robot.canvas_size_m), (400, 600))
         rows.append(
@@ -102,7 +103,12 @@ def test_images_that_do_not_belong_together_are_refused() -> None:
     xyz_yaw[:, 0], xyz_yaw[:, 1] = np.linspace(0.1, 0.12, 8), 0.1
     stroke = PlannedStroke(timed_path(xyz_yaw, 0.06), PALETTE[0], dip=True)
     _, executed = execute_stroke(
-        robot, tool, stroke, PALETTE, fresh_memory(robot.canvas_size_m), Session("s", robot.clock_s)
+        robot,
+        tool,
+        stroke,
+        palette_srgb=PALETTE,
+        memory=fresh_memory(robot.canvas_size_m),
+        session=Session("s", robot.clock_s),
     )
     window = np.array([0.09, 0.09, 0.13, 0.11])
     image = rectify(photo, calibration, window, PER_M)

@@ -11,7 +11,8 @@ from pentimento.collection.rehearse import rehearse
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.studio import Studio

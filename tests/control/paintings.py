@@ -9,11 +9,14 @@ import numpy as np
 
 from pentimento.contracts.colour import to_float
 from pentimento.contracts.images import read_image
-from pentimento.control.commands import Control
-from pentimento.control.paint_context import as_linear, error
-from pentimento.control.painting_state import State
-from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.control.session import GOAL, LoopTiming, Sitting, begin, carry_on
+from pentimento.control.checkpoint import PaintingState
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.open_robot import RobotTraits
+from pentimento.control.painter import as_linear, objective_value
+from pentimento.control.person import Control
+from pentimento.control.pictures import GOAL
+from pentimento.control.safety import envelope_for
+from pentimento.control.session import PaintingSession, begin, resume
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.driver import Robot
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
@@ -21,36 +24,40 @@ from tests.bundle.line_brush import SIDE_M, cross, paint_context
 STROKES, BATCH = 14, 4
 
 
-def sitting(
+def session_of(
     robot: Robot,
     folder: Path,
     control: Control | None = None,
-    tell: Callable[[State], None] = lambda _: None,
+    on_state: Callable[[PaintingState], None] = lambda _: None,
+    *,
     reach_s: float = 60.0,
-) -> Sitting:
-    """Who paints with a robot, guarded anew, in a folder."""
+) -> PaintingSession:
+    """A session with a newly guarded robot in a folder."""
     own = paint_context()
     guarded = GuardedRobot(robot, envelope_for(own.tool, (SIDE_M, SIDE_M)))
-    timing = LoopTiming(batch=BATCH, reach_s=reach_s, sees=True, clock_goes_on=True)
-    return Sitting(guarded, own, timing, folder, Control() if control is None else control, tell)
+    traits = RobotTraits(has_camera=True, clock_persists=True, reach_s=reach_s)
+    control = Control() if control is None else control
+    return PaintingSession(guarded, traits, own, BATCH, folder, control, on_state)
 
 
-def begun(robot: Robot, folder: Path) -> State:
-    """A painting that is planned, with no stroke made."""
-    return begin(sitting(robot, folder), cross, STROKES, lambda _name, _value, _step: None)
+def begun(robot: Robot, folder: Path) -> PaintingState:
+    """A painting that is planned, without an executed stroke."""
+    return begin(session_of(robot, folder), cross, STROKES, log=lambda _name, _value, _step: None)
 
 
-def finished(robot: Robot, folder: Path) -> State:
-    """A painting taken up and brought to its end."""
-    state = carry_on(sitting(robot, folder))
-    assert state.phase == "done", state.sentence
+def finished(robot: Robot, folder: Path) -> PaintingState:
+    """A painting resumed and finished."""
+    state = resume(session_of(robot, folder))
+    assert state.phase == "done", state.message
     return state
 
 
-def error_of(state: State, folder: Path) -> float:
-    """How far the canvas is from the goal, as a share of blank paper's distance."""
+def error_of(state: PaintingState, folder: Path) -> float:
+    """The canvas's objective as a fraction of blank paper's."""
     goal = read_image(folder / GOAL)
     blank = np.full_like(goal, round(255 * float(np.median(to_float(goal)))))
-    start = Start(state.memory, state.clock_s, state.made)
+    start = Start(state.memory, state.clock_s, state.executed)
     own = paint_context()
-    return error(own, as_linear(state.canvas), goal, start) / error(own, as_linear(blank), goal, start)
+    return objective_value(own, as_linear(state.canvas), goal, start) / objective_value(
+        own, as_linear(blank), goal, start
+    )

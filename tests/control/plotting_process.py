@@ -1,4 +1,4 @@
-"""Test support: a painting on a plotter at a port, in a process of its own."""
+"""Test support: a painting on a plotter at a port, in its own process."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import sys
 import time
 from pathlib import Path
 
-from pentimento.control.commands import Control
+from pentimento.control.checkpoint import PaintingState
+from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotHandle, open_robot
-from pentimento.control.painting_state import State
-from pentimento.control.safety import GuardedRobot, envelope_for
-from pentimento.control.session import LoopTiming, Sitting, begin, carry_on
+from pentimento.control.person import Control
+from pentimento.control.safety import envelope_for
+from pentimento.control.session import PaintingSession, begin, resume
 from pentimento.robots.calibration import Calibration, write_calibration
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
@@ -38,30 +39,30 @@ UP_MM, PAPER_MM = -5.0, -10.0
 
 
 def opened(folder: Path, port: str) -> RobotHandle:
-    """The plotter at a port, by a touch calibration of now."""
+    """The plotter at a port, with a current touch calibration."""
     rig_file = folder / "small.toml"
     rig_file.write_text(RIG.format(port=port))
     touch = Calibration("touch", load_rig(rig_file).digest, time.time(), "a test", 0.0, {"surface": [0.0, 0.0, 0.0]})
     write_calibration(folder / "calibration", touch)
     return open_robot(
-        str(rig_file), load_tool("marker"), (SIDE_M, SIDE_M), folder, 1, True, folder / "calibration", lambda _: None
+        str(rig_file), load_tool("marker"), (SIDE_M, SIDE_M), folder=folder, seed=1, execute=True,
+        calibration=folder / "calibration", ask=lambda _: None,
     )  # fmt: skip
 
 
-def paint(folder: Path, robot: RobotHandle, strokes: int) -> State:
-    """Begin or take up a painting, to its end; prints each stroke that is begun."""
+def paint(folder: Path, robot: RobotHandle, strokes: int) -> PaintingState:
+    """Begin or resume a painting, and finish it; prints the number of each stroke that begins."""
     own = paint_context()
     guarded = GuardedRobot(robot.robot, envelope_for(own.tool, (SIDE_M, SIDE_M)))
-    timing = LoopTiming(4, robot.reach_s, robot.sees, robot.clock_goes_on)
 
-    def tell(state: State) -> None:
-        if state.begun:
-            print(state.made, flush=True)
+    def on_state(state: PaintingState) -> None:
+        if state.pending:
+            print(state.executed, flush=True)
 
-    sitting = Sitting(guarded, own, timing, folder, Control(), tell)
+    session = PaintingSession(guarded, robot.traits, own, 4, folder, Control(), on_state)
     if not (folder / "state.npz").exists():
-        begin(sitting, cross, strokes, lambda _name, _value, _step: None)
-    return carry_on(sitting)
+        begin(session, cross, strokes, log=lambda _name, _value, _step: None)
+    return resume(session)
 
 
 if __name__ == "__main__":

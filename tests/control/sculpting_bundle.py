@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pentimento.bundle.push_graphs import ClayFacts
+from pentimento.bundle.manifest import ClayFacts
 from pentimento.bundle.reader import MANIFEST
 from pentimento.contracts.codec import to_plain
 from pentimento.contracts.frames import pixel_to_canvas

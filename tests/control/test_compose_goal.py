@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pentimento.control.compose_goal import keep_canvas
+from pentimento.control.goal import keep_canvas
 
 SIDE, PLACE_PX = 48, 4.0
 

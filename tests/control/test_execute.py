@@ -10,7 +10,8 @@ from pentimento.contracts.errors import ContractError, EnvelopeViolation
 from pentimento.contracts.photo import Photo
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.execute import ExecutionError, Session, execute, execute_stroke
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import Tool, load_tool
@@ -79,7 +80,9 @@ def run(
     strokes: list[PlannedStroke], tool: str = "round_brush", memory: Memory | None = None
 ) -> tuple[Memory, list[str]]:
     robot = FakeRobot()
-    memory, measured = execute(robot, load_tool(tool), strokes, PALETTE, memory or fresh_memory(CANVAS_M), SESSION)
+    memory, measured = execute(
+        robot, load_tool(tool), strokes, palette_srgb=PALETTE, memory=memory or fresh_memory(CANVAS_M), session=SESSION
+    )
     assert len(measured) == len(strokes)
     for path, stroke in zip(measured, strokes, strict=True):
         assert path == pytest.approx(stroke.path + 1e-4)
@@ -132,8 +135,8 @@ def test_memory_advances_once_a_stroke() -> None:
 def test_a_stroke_says_when_it_began_and_what_it_found() -> None:
     """t_start counts from the session's start and follows wipe, dip and travel."""
     robot, tool, memory = FakeRobot(), load_tool("round_brush"), fresh_memory(CANVAS_M)
-    memory, first = execute_stroke(robot, tool, planned(), PALETTE, memory, SESSION)
-    memory, second = execute_stroke(robot, tool, planned(), PALETTE, memory, SESSION)
+    memory, first = execute_stroke(robot, tool, planned(), palette_srgb=PALETTE, memory=memory, session=SESSION)
+    memory, second = execute_stroke(robot, tool, planned(), palette_srgb=PALETTE, memory=memory, session=SESSION)
     assert first.event.dip and not second.event.dip
     assert first.event.t_start_s == pytest.approx(WIPE_S + DIP_S + TRAVEL_S)
     duration_s = float(planned().path[-1, 0])
@@ -148,7 +151,14 @@ def test_an_error_says_which_stroke_and_what_was_done() -> None:
     strokes = [planned(y_m=0.05 + 0.01 * i) for i in range(6)]
     robot = FakeRobot(breaks_at=3)
     with pytest.raises(ExecutionError, match=r"Stroke 3 of 6 failed: the arm's joint 3 is hot\.") as caught:
-        execute(robot, load_tool("round_brush"), strokes, PALETTE, fresh_memory(CANVAS_M), SESSION)
+        execute(
+            robot,
+            load_tool("round_brush"),
+            strokes,
+            palette_srgb=PALETTE,
+            memory=fresh_memory(CANVAS_M),
+            session=SESSION,
+        )
     error = caught.value
     assert isinstance(error.__cause__, RuntimeError)
     assert error.stroke == 3 and len(error.measured) == 3
@@ -160,7 +170,14 @@ def test_after_an_error_the_rest_is_painted_as_if_nothing_had_happened() -> None
     strokes = [planned(RED), planned(BLUE), planned(BLUE)]
     robot = FakeRobot(breaks_at=1)
     with pytest.raises(ExecutionError) as caught:
-        execute(robot, load_tool("round_brush"), strokes, PALETTE, fresh_memory(CANVAS_M), SESSION)
+        execute(
+            robot,
+            load_tool("round_brush"),
+            strokes,
+            palette_srgb=PALETTE,
+            memory=fresh_memory(CANVAS_M),
+            session=SESSION,
+        )
     rest = strokes[caught.value.stroke :]
     memory, calls = run(rest, memory=caught.value.memory)
     assert calls[2:] == ["wipe", "dip 1", "move", "move"]
@@ -174,7 +191,7 @@ def test_a_guarded_robot_stops_at_the_stroke_that_leaves_the_envelope() -> None:
     robot = GuardedRobot(fake, envelope_for(tool, CANVAS_M))
     strokes = [planned(), planned(press_m=0.006), planned()]
     with pytest.raises(ExecutionError, match=r"Stroke 1 of 3 failed: .*press depth .* -0.006 m") as caught:
-        execute(robot, tool, strokes, PALETTE, fresh_memory(CANVAS_M), SESSION)
+        execute(robot, tool, strokes, palette_srgb=PALETTE, memory=fresh_memory(CANVAS_M), session=SESSION)
     assert isinstance(caught.value.__cause__, EnvelopeViolation)
     assert fake.moves == 1
 
@@ -186,12 +203,19 @@ def test_a_colour_that_is_not_there_is_refused_before_anything_moves() -> None:
             robot,
             load_tool("flat_brush"),
             [planned(), planned(np.full(3, 0.5))],
-            PALETTE,
-            fresh_memory(CANVAS_M),
-            SESSION,
+            palette_srgb=PALETTE,
+            memory=fresh_memory(CANVAS_M),
+            session=SESSION,
         )
     with pytest.raises(ContractError, match="not the marker's own"):
-        execute(robot, load_tool("marker"), [planned(RED)], PALETTE, fresh_memory(CANVAS_M), SESSION)
+        execute(
+            robot,
+            load_tool("marker"),
+            [planned(RED)],
+            palette_srgb=PALETTE,
+            memory=fresh_memory(CANVAS_M),
+            session=SESSION,
+        )
     assert robot.calls == []
 
 

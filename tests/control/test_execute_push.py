@@ -24,7 +24,9 @@ def scan(height_m: np.ndarray, plane: tuple[float, float, float] = (0.0, 0.0, 0.
 
 def test_the_depth_counts_from_the_surface_at_the_start_as_it_is_now() -> None:
     for y_m, surface_m in ((0.08, 0.045), (0.02, 0.040)):
-        push = aimed_push(BALL, np.array([0.05, y_m, 0, 0.01, 0.005]), scan(STEP), 0.02, 0.5, 0.05)
+        push = aimed_push(
+            BALL, np.array([0.05, y_m, 0, 0.01, 0.005]), scan(STEP), speed_m_s=0.02, dwell_s=0.5, retract_speed_m_s=0.05
+        )
         assert_allclose(push.surface_m, surface_m)
 
 
@@ -33,7 +35,9 @@ def test_a_tilted_table_is_levelled_first() -> None:
     y_m = 0.1 - (np.arange(50) + 0.5) * 0.002
     tilted = scan(0.04 + 0.02 * x_m[None, :] - 0.01 * y_m[:, None] + 0.003, (0.02, -0.01, 0.003))
     assert_allclose(levelled_m(tilted), 0.04, atol=1e-12)
-    assert_allclose(aimed_push(BALL, ACTION, tilted, 0.02, 0.0, 0.05).surface_m, 0.04)
+    assert_allclose(
+        aimed_push(BALL, ACTION, tilted, speed_m_s=0.02, dwell_s=0.0, retract_speed_m_s=0.05).surface_m, 0.04
+    )
     unknown = replace(tilted, table_plane=np.full(3, np.nan))
     assert levelled_m(unknown) is unknown.height_m
 
@@ -42,17 +46,21 @@ def test_a_start_in_a_hole_or_outside_is_refused() -> None:
     holed = STEP.copy()
     holed[14:36, 14:36] = np.nan
     with pytest.raises(ContractError, match="hole"):
-        aimed_push(BALL, ACTION, scan(holed), 0.02, 0.0, 0.05)
+        aimed_push(BALL, ACTION, scan(holed), speed_m_s=0.02, dwell_s=0.0, retract_speed_m_s=0.05)
     with pytest.raises(ContractError, match="outside"):
-        aimed_push(BALL, ACTION + np.array([0.1, 0, 0, 0, 0]), scan(STEP), 0.02, 0.0, 0.05)
+        aimed_push(
+            BALL, ACTION + np.array([0.1, 0, 0, 0, 0]), scan(STEP), speed_m_s=0.02, dwell_s=0.0, retract_speed_m_s=0.05
+        )
 
 
 def test_a_row_says_what_was_commanded_and_seen() -> None:
     robot = virtual_sculpting_robot("foam", 64, seed=1)
     robot.change_tool(BALL)
     robot.wait(100.0)
-    executed = execute_push(robot, BALL, ACTION, robot.scan(), 0.02, 0.5, 0.05)
-    row = record_push(Session("s", 50.0), 3, 7, BALL, "foam", executed)
+    executed = execute_push(
+        robot, BALL, ACTION, before=robot.scan(), speed_m_s=0.02, dwell_s=0.5, retract_speed_m_s=0.05
+    )
+    row = record_push(Session("s", 50.0), 3, 7, end_effector=BALL, material="foam", executed=executed)
     assert_allclose(row["action"], ACTION)
     assert (row["order"], row["action_id"], row["tool"], row["material"], row["kind"]) == (3, 7, "ball", "foam", "push")
     seen = decode_height_m(row["after"]["bytes"], row["height_per_unit_m"])
@@ -64,6 +72,10 @@ def test_a_row_says_what_was_commanded_and_seen() -> None:
 def test_scans_that_differ_in_size_make_no_row() -> None:
     robot = virtual_sculpting_robot("foam", 64, seed=1)
     robot.change_tool(BALL)
-    executed = execute_push(robot, BALL, ACTION, robot.scan(), 0.02, 0.5, 0.05)
-    with pytest.raises(ContractError, match="scan both alike"):
-        record_push(Session("s", 0.0), 0, 0, BALL, "foam", replace(executed, before=scan(STEP)))
+    executed = execute_push(
+        robot, BALL, ACTION, before=robot.scan(), speed_m_s=0.02, dwell_s=0.5, retract_speed_m_s=0.05
+    )
+    with pytest.raises(ContractError, match="with one shape and window"):
+        record_push(
+            Session("s", 0.0), 0, 0, end_effector=BALL, material="foam", executed=replace(executed, before=scan(STEP))
+        )

@@ -13,13 +13,13 @@ import pytest
 
 from pentimento.contracts.photo import Photo
 from pentimento.control import session
-from pentimento.control.faults import PaintingFault
-from pentimento.control.painting_state import State, load_state
-from pentimento.control.safety import StoppedError
-from pentimento.control.session import carry_on
+from pentimento.control.camera import PaintingFault
+from pentimento.control.checkpoint import PaintingState, load_state
+from pentimento.control.guard import StoppedError
+from pentimento.control.session import resume
 from tests.bundle.line_brush import sheet
 from tests.control.faulty import FaultyRobot, Frozen, black, shifted, slid, with_a_hand
-from tests.control.paintings import STROKES, begun, error_of, finished, sitting
+from tests.control.paintings import STROKES, begun, error_of, finished, session_of
 
 AT = 5
 """The stroke at which the fault comes."""
@@ -37,22 +37,22 @@ def robot(tmp_path: Path) -> FaultyRobot:
 
 def _fails(
     robot: FaultyRobot, folder: Path, error: type[BaseException], kind: str | None = None, **more: Any
-) -> tuple[BaseException, State]:
+) -> tuple[BaseException, PaintingState]:
     with pytest.raises(error) as raised:
-        carry_on(sitting(robot, folder, **more))
+        resume(session_of(robot, folder, **more))
     if kind is not None:
         assert isinstance(raised.value, PaintingFault) and raised.value.kind == kind
     state = load_state(folder)
-    assert state.phase == "stopped" and state.sentence == str(raised.value)
+    assert state.phase == "stopped" and state.message == str(raised.value)
     assert robot.lifts and time.monotonic() - robot.lifts[-1] < 10  # the last command was a lift
     return raised.value, state
 
 
-def _mended(robot: FaultyRobot, folder: Path) -> State:
+def _mended(robot: FaultyRobot, folder: Path) -> PaintingState:
     robot.on_move = lambda _number, path: path
     robot.on_photo = lambda photo: photo
     done = finished(robot, folder)
-    assert AT <= done.made <= STROKES and error_of(done, folder) < 0.65
+    assert AT <= done.executed <= STROKES and error_of(done, folder) < 0.65
     return done
 
 
@@ -68,7 +68,7 @@ def test_link_lost(robot: FaultyRobot, tmp_path: Path) -> None:
 
     robot.on_move = lose
     _, state = _fails(robot, tmp_path, OSError)
-    assert state.made == AT - 1 and state.begun
+    assert state.executed == AT - 1 and state.pending
     assert any(0 <= lifted - lost_s < WITHIN_S for lifted in robot.lifts)
     _mended(robot, tmp_path)
 
@@ -96,9 +96,9 @@ def test_pictures_that_cannot_be_trusted(
     assert told in str(error)
     # A picture that stays is known by the next one; after all others nothing moved any more.
     after = 1 if isinstance(look, Frozen) else 0
-    assert state.made == AT - 1 + after and robot.moves == AT + after
+    assert state.executed == AT - 1 + after and robot.moves == AT + after
     assert (
-        _mended(robot, tmp_path).made == robot.moves
+        _mended(robot, tmp_path).executed == robot.moves
     )  # the stroke before the fault was seen to be made, and not made again
 
 
@@ -111,7 +111,7 @@ def test_a_hand_that_goes_away_is_waited_for(robot: FaultyRobot, tmp_path: Path)
         return with_a_hand(photo) if 6 <= seen < 12 else photo
 
     robot.on_photo = hand
-    assert finished(robot, tmp_path).made == robot.moves
+    assert finished(robot, tmp_path).executed == robot.moves
     assert seen > 12 + robot.moves - 6
 
 
@@ -127,7 +127,7 @@ def test_markers_that_are_covered_for_a_while_are_waited_for(robot: FaultyRobot,
         return photo
 
     robot.on_photo = covered
-    assert finished(robot, tmp_path).made == robot.moves
+    assert finished(robot, tmp_path).executed == robot.moves
 
 
 def test_paint_run_out(robot: FaultyRobot, tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_paint_run_out(robot: FaultyRobot, tmp_path: Path) -> None:
 
     robot.on_move = dry
     error, state = _fails(robot, tmp_path, PaintingFault, "no mark")
-    assert "no mark" in str(error) and state.made == AT - 1  # the three that left none are made again
+    assert "no mark" in str(error) and state.executed == AT - 1  # the three that left none are made again
     assert robot.moves == AT + 2
     _mended(robot, tmp_path)
 
@@ -159,34 +159,34 @@ def test_late_heartbeat(robot: FaultyRobot, tmp_path: Path) -> None:
 
     robot.on_move, robot.lift = hang, lift  # type: ignore[method-assign]
     error, state = _fails(robot, tmp_path, StoppedError, reach_s=reach_s)
-    assert f"stroke {AT} took longer" in str(error) and state.begun
+    assert f"stroke {AT} took longer" in str(error) and state.pending
     late = min(lifted - stuck_s for lifted in robot.lifts if lifted > stuck_s)
     longest_stroke_s = 1.5  # 50 mm at 60 mm/s, and its ends
     assert reach_s < late < reach_s + 1.5 * longest_stroke_s + WITHIN_S
     robot.lift = lambda: None  # type: ignore[method-assign]
     robot.on_move = lambda _number, path: path
-    assert finished(robot, tmp_path).made >= AT
+    assert finished(robot, tmp_path).executed >= AT
 
 
 def test_disk_full(robot: FaultyRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real, full = session.save_state, False
 
-    def save(folder: Path, state: State) -> None:
+    def save(folder: Path, state: PaintingState) -> None:
         nonlocal full
-        full = full or (state.made == AT - 1 and not state.begun)
+        full = full or (state.executed == AT - 1 and not state.pending)
         if full:
             raise OSError(28, "No space left on device")
         real(folder, state)
 
     monkeypatch.setattr(session, "save_state", save)
     with pytest.raises(OSError, match="No space") as raised:
-        carry_on(sitting(robot, tmp_path))
+        resume(session_of(robot, tmp_path))
     assert "could not be written down" in raised.value.__notes__[0]
     assert robot.moves == AT - 1 and robot.lifts
     monkeypatch.setattr(session, "save_state", real)
     state = load_state(tmp_path)
-    assert state.made == AT - 2 and state.begun  # the last that the disk took: the stroke was on its way
-    assert _mended(robot, tmp_path).made == robot.moves
+    assert state.executed == AT - 2 and state.pending  # the last that the disk took: the stroke was on its way
+    assert _mended(robot, tmp_path).executed == robot.moves
 
 
 def test_interrupted_by_a_person_at_the_keyboard(robot: FaultyRobot, tmp_path: Path) -> None:
@@ -197,6 +197,6 @@ def test_interrupted_by_a_person_at_the_keyboard(robot: FaultyRobot, tmp_path: P
 
     robot.on_move = interrupt
     with pytest.raises(KeyboardInterrupt):
-        carry_on(sitting(robot, tmp_path))
+        resume(session_of(robot, tmp_path))
     assert load_state(tmp_path).phase == "stopped" and robot.lifts
     _mended(robot, tmp_path)

@@ -5,7 +5,7 @@ import pytest
 
 from pentimento.bundle.sampler import Networks, NoiseSchedule
 from pentimento.bundle.tokenizer import END, START, Tokenizer
-from pentimento.control.goal import goal_from_picture, goal_from_words
+from pentimento.control.goal import GoalSampling, goal_from_picture, goal_from_words
 from pentimento.robots.tools import load_tool
 
 SIDE, STEP = 32, 8
@@ -19,7 +19,7 @@ def _canvas(height: int, width: int) -> np.ndarray:
 
 
 def _networks(answers: np.ndarray | None) -> Networks:
-    """Latents are pictures averaged over squares; the network foretells ``answers``, or the canvas as it sees it."""
+    """Latents are pictures averaged over squares; the network predicts ``answers``, or the canvas as it sees it."""
     return Networks(
         read=lambda tokens: tokens[..., None].astype(np.float32),
         encode=lambda picture: picture.reshape(len(picture), 3, SIDE // STEP, STEP, SIDE // STEP, STEP).mean((3, 5)),
@@ -31,10 +31,14 @@ def _networks(answers: np.ndarray | None) -> Networks:
     )
 
 
+def _sampling(text_guidance: float, seed: int) -> GoalSampling:
+    return GoalSampling(SIDE, 3, STEP, 4, 1.0, text_guidance, seed)
+
+
 def _asked(canvas: np.ndarray, answers: np.ndarray | None) -> np.ndarray:
     return goal_from_words(
-        "a b", canvas, _networks(answers), SCHEDULE, WORDS, SIDE, (3, STEP), 4, (1.0, 1.0), seed=3
-    )  # fmt: skip
+        "a b", canvas, _networks(answers), schedule=SCHEDULE, tokenizer=WORDS, sampling=_sampling(1.0, 3)
+    )
 
 
 def test_a_picture_is_cut_to_the_canvas_and_to_the_tones_of_a_pen() -> None:
@@ -93,7 +97,7 @@ def test_the_seed_is_the_goals(guidance: float) -> None:
 
     canvas = _canvas(SIDE, SIDE)
     made = [
-        goal_from_words("a", canvas, networks(), SCHEDULE, WORDS, SIDE, (3, STEP), 4, (1.0, guidance), seed)
+        goal_from_words("a", canvas, networks(), schedule=SCHEDULE, tokenizer=WORDS, sampling=_sampling(guidance, seed))
         for seed in (1, 1, 2)
     ]
     assert np.array_equal(made[0], made[1]) and not np.array_equal(made[0], made[2])

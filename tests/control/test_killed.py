@@ -12,7 +12,7 @@ import pytest
 
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.control.painting_state import load_state
+from pentimento.control.checkpoint import load_state
 from pentimento.control.session import RECORD
 from pipelines._imports import ROOT
 from tests.bundle.line_brush import journaled_sheet
@@ -36,8 +36,8 @@ def test_killed_three_times_and_finished(tmp_path: Path) -> None:
         assert process.wait() == -signal.SIGKILL
         process.stdout.close()
     before = load_state(tmp_path)
-    assert 8 <= before.made < STROKES
+    assert 8 <= before.executed < STROKES
     done = finished(journaled_sheet(tmp_path), tmp_path)
-    assert done.sessions == 4 and len(done.left) == 0 and error_of(done, tmp_path) < 0.65
+    assert done.sessions == 4 and len(done.remaining) == 0 and error_of(done, tmp_path) < 0.65
     recorded = read_table(tmp_path / RECORD, CONTRACT)
-    assert not recorded.quarantined and done.made - 3 <= recorded.table.num_rows <= done.made
+    assert not recorded.quarantined and done.executed - 3 <= recorded.table.num_rows <= done.executed

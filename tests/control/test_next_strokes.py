@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.control.next_strokes import drawn_over
+from pentimento.control.pictures import draw_strokes
 
 CANVAS = np.full((40, 60, 3), 200, np.uint8)
 SIZE_M = (0.06, 0.04)
@@ -16,7 +16,7 @@ def _stroke(start: tuple[float, float], end: tuple[float, float]) -> PlannedStro
 
 
 def test_without_strokes_it_is_the_canvas_paler_and_larger() -> None:
-    picture = drawn_over(CANVAS, [], SIZE_M)
+    picture = draw_strokes(CANVAS, [], SIZE_M)
     assert picture.shape == (120, 180, 3) and np.all(picture == 227)
 
 
@@ -24,7 +24,7 @@ def test_without_strokes_it_is_the_canvas_paler_and_larger() -> None:
 def test_a_stroke_is_drawn_where_it_will_be_and_its_start_is_marked(
     start: tuple[float, float], end: tuple[float, float]
 ) -> None:
-    picture = drawn_over(CANVAS, [_stroke(start, end)], SIZE_M).astype(int)
+    picture = draw_strokes(CANVAS, [_stroke(start, end)], SIZE_M).astype(int)
     for share in (0.3, 0.6, 0.98):
         x_m, y_m = (1 - share) * np.array(start) + share * np.array(end)
         column, row = x_m / 0.06 * 180 - 0.5, (0.04 - y_m) / 0.04 * 120 - 0.5

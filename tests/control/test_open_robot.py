@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import CalibrationError, ConfigError, ContractError
-from pentimento.control.commission import Commission, Wanted, alone_in, read_commission, write_commission
+from pentimento.control.commission import Commission, Wanted, exclusive, read_commission, write_commission
 from pentimento.control.open_robot import RobotHandle, open_robot, rig_named
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.motion import timed_path
@@ -20,13 +20,16 @@ def _open(name: str, folder: Path, execute: bool = False) -> RobotHandle:
     def nobody(request: str) -> None:
         raise AssertionError(f"Nobody should be asked: {request}")
 
-    return open_robot(name, load_tool("marker"), CANVAS_M, folder, 1, execute, folder / "calibration", nobody)
+    return open_robot(
+        name, load_tool("marker"), CANVAS_M, folder=folder, seed=1, execute=execute, calibration=folder / "calibration",
+        ask=nobody,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["virtual", "virtual:marker"])
 def test_the_virtual_robot_sees_and_lasts(name: str, tmp_path: Path) -> None:
     opened = _open(name, tmp_path)
-    assert opened.sees and opened.clock_goes_on and not opened.moves
+    assert opened.traits.has_camera and opened.traits.clock_persists
     assert opened.robot.canvas_size_m == CANVAS_M
     opened.robot.move(LINE)
     clock_s = opened.robot.clock_s
@@ -39,7 +42,7 @@ def test_the_virtual_robot_sees_and_lasts(name: str, tmp_path: Path) -> None:
 def test_a_drawing_on_file_sees_nothing_and_is_whole_after_a_resumption(tmp_path: Path) -> None:
     for y_m in (0.0, 0.02):
         opened = _open("svg", tmp_path)
-        assert not opened.sees
+        assert not opened.traits.has_camera
         opened.robot.change_tool(load_tool("marker"))
         opened.robot.move(LINE + np.array([0, 0, y_m, 0, 0]))
         with pytest.raises(MissingAbilityError):
@@ -50,7 +53,7 @@ def test_a_drawing_on_file_sees_nothing_and_is_whole_after_a_resumption(tmp_path
 
 def test_gcode_goes_into_a_file_and_asks_nobody(tmp_path: Path) -> None:
     opened = _open("gcode", tmp_path)
-    assert not opened.sees and not opened.moves
+    assert not opened.traits.has_camera
     opened.robot.change_tool(load_tool("marker"))
     opened.robot.move(LINE)
     opened.close()
@@ -61,7 +64,7 @@ def test_hardware_is_rehearsed_on_a_sheet_of_its_size_unless_it_is_to_move(tmp_p
     opened = _open("gcode:/dev/null", tmp_path)
     rig = rig_named("gcode:/dev/null")
     assert rig is not None and opened.robot.canvas_size_m == rig.canvas_size_m
-    assert opened.sees and not opened.moves
+    assert opened.traits.has_camera
     opened.close()
 
 
@@ -92,9 +95,9 @@ def test_a_folder_holds_one_painting(tmp_path: Path) -> None:
 
 def test_a_folder_has_one_painter_at_a_time(tmp_path: Path) -> None:
     write_commission(tmp_path, COMMISSION)
-    with alone_in(tmp_path), pytest.raises(ContractError, match="Another process"), alone_in(tmp_path):
+    with exclusive(tmp_path), pytest.raises(ContractError, match="Another process"), exclusive(tmp_path):
         pass
-    with alone_in(tmp_path):
+    with exclusive(tmp_path):
         pass  # the first has ended
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.images import decode_png, write_png
-from pentimento.control.commands import Control
 from pentimento.control.page import Page
+from pentimento.control.person import Control
 from tests.bundle.line_brush import sheet
 from tests.control.paintings import begun
 
@@ -24,7 +24,7 @@ def served(tmp_path: Path) -> Iterator[tuple[Page, Control]]:
     control = Control()
     state = begun(sheet(), tmp_path)
     page = Page(tmp_path, control)
-    page.tell(state)
+    page.show(state)
     yield page, control
     page.close()
 
@@ -57,7 +57,7 @@ def test_it_shows_the_state_and_the_pictures(served: tuple[Page, Control]) -> No
     assert status == 200 and b"<title>Pentimento</title>" in text
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     state = json.loads(_ask(page, "state.json")[1])
-    assert state["made"] == 0 and state["of"] > 0 and state["phase"] == "painting"
+    assert state["executed"] == 0 and state["total"] > 0 and state["phase"] == "painting"
     for name in ("canvas.png", "goal.png", "next.png?1", "preview.png"):
         status, content, _ = _ask(page, name)
         assert status == 200 and decode_png(content).ndim == 3
@@ -66,27 +66,27 @@ def test_it_shows_the_state_and_the_pictures(served: tuple[Page, Control]) -> No
 
 def test_words_are_heard_and_others_refused(served: tuple[Page, Control]) -> None:
     page, control = served
-    assert _ask(page, "say", "POST", "your turn")[0] == 204
-    assert control.heard() == "your turn"
-    for path, body in (("say", "explode"), ("say", ""), ("elsewhere", "stop"), ("say", "stop" * 1000)):
+    assert _ask(page, "command", "POST", "your turn")[0] == 204
+    assert control.poll() == "your turn"
+    for path, body in (("command", "explode"), ("command", ""), ("elsewhere", "stop"), ("command", "stop" * 1000)):
         assert _ask(page, path, "POST", body)[0] == 400
-    assert control.heard() is None
-    assert _ask(page, "say")[0] == 404  # to look is not to say
-    assert control.heard() is None
+    assert control.poll() is None
+    assert _ask(page, "command")[0] == 404
+    assert control.poll() is None
 
 
 @pytest.mark.parametrize("token", ["", "x", "..", "%2e%2e"])
 def test_who_does_not_know_the_token_sees_and_says_nothing(served: tuple[Page, Control], token: str) -> None:
     page, control = served
     assert _ask(page, "state.json", token=token)[0] == 404
-    assert _ask(page, "say", "POST", "stop", token=token)[0] == 404
-    assert control.heard() is None
+    assert _ask(page, "command", "POST", "stop", token=token)[0] == 404
+    assert control.poll() is None
 
 
 def test_a_name_that_was_bent_to_this_computer_is_refused(served: tuple[Page, Control]) -> None:
     page, control = served
-    assert _ask(page, "say", "POST", "stop", host="example.org")[0] == 404
-    assert control.heard() is None
+    assert _ask(page, "command", "POST", "stop", host="example.org")[0] == 404
+    assert control.poll() is None
 
 
 @pytest.mark.parametrize("path", ["state.npz", "../state.npz", "record/part-00000.parquet", "page.html", "%2e%2e/x"])

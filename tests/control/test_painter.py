@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.plan import PlannedStroke
+from pentimento.control.guard import GuardedRobot
 from pentimento.control.painter import Painting, as_linear, paint, predict, replan_rest
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.safety import envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
@@ -50,18 +51,22 @@ def scene() -> Scene:
 def painted() -> tuple[Painting, list[tuple[str, float, int]]]:
     blank = np.full((40, 40, 3), 0.9, np.float32)
     strokes, palette = plan(blank, scene(), 12, INK, unheard)
-    said: list[tuple[str, float, int]] = []
-    return paint(robot(), scene(), strokes, palette, 5, True, INK, lambda *what: said.append(what)), said
+    logged: list[tuple[str, float, int]] = []
+    painting = paint(
+        robot(), scene(), strokes, palette_srgb=palette, batch=5, replan=True, config=INK,
+        log=lambda *what: logged.append(what),
+    )  # fmt: skip
+    return painting, logged
 
 
 def test_every_stroke_is_made_and_every_batch_looked_at(
     painted: tuple[Painting, list[tuple[str, float, int]]],
 ) -> None:
-    painting, said = painted
+    painting, logged = painted
     assert len(painting.executed) == 12 and isinstance(painting.executed[0], PlannedStroke)
     assert len(painting.photos) == 1 + 3 == len(painting.deviation)
-    assert [(name, made) for name, _, made in said] == [("deviation", 5), ("deviation", 10), ("deviation", 12)]
-    assert painting.deviation[0] == 0 and [value for _, value, _ in said] == painting.deviation[1:]
+    assert [(name, made) for name, _, made in logged] == [("deviation", 5), ("deviation", 10), ("deviation", 12)]
+    assert painting.deviation[0] == 0 and [value for _, value, _ in logged] == painting.deviation[1:]
     dark = [(photo.mean(-1) < 128).sum() for photo in painting.photos]
     assert dark[0] == 0 and (np.diff(dark) >= 0).all() and dark[-1] > 0
 

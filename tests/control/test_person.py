@@ -11,9 +11,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pentimento.control.commands import Control
-from pentimento.control.keyboard import Keyboard, ended_by_signal
-from pentimento.control.progress import Progress
+from pentimento.control.person import Control, Keyboard, Progress, ended_by_signal
 
 
 class Terminal(io.StringIO):
@@ -60,18 +58,18 @@ def _waits_for(met: Callable[[], bool]) -> None:
 
 def test_the_last_word_counts_but_stop_stays() -> None:
     control = Control()
-    assert control.heard() is None
-    control.say("pause")
-    control.say("your turn")
-    assert control.heard() == "your turn" and control.heard() is None
-    control.say("stop")
-    control.say("go on")
-    assert control.heard() == "stop"
+    assert control.poll() is None
+    control.send("pause")
+    control.send("your turn")
+    assert control.poll() == "your turn" and control.poll() is None
+    control.send("stop")
+    control.send("go on")
+    assert control.poll() == "stop"
 
 
 def test_waiting_ends_with_a_word_of_another_thread() -> None:
     control = Control()
-    threading.Timer(0.05, control.say, ("go on",)).start()
+    threading.Timer(0.05, control.send, ("go on",)).start()
     assert control.wait() == "go on"
 
 
@@ -85,7 +83,7 @@ def test_keys_are_words_and_an_enter_answers_a_request() -> None:
     _waits_for(lambda: "Fill the paints [Enter]" in shown.getvalue())
     lines.type("\n")
     confirmed.join(5)
-    assert not confirmed.is_alive() and control.heard() is None  # the Enter was the answer, no word
+    assert not confirmed.is_alive() and control.poll() is None  # the Enter was the answer, no word
     lines.type("\n")
     assert control.wait() == "go on"
     lines.end()
@@ -114,10 +112,10 @@ def test_progress_is_one_line_at_a_terminal_and_nothing_elsewhere() -> None:
     progress.step("stroke", 10, 20, "painting")
     last = shown.getvalue().rsplit("\r", 1)[1]
     assert "stroke 10 of 20" in last and last.count("█") == last.count("·") == 10 and "1 min 15 s" in last
-    progress.say("Done.")
+    progress.message("Done.")
     assert shown.getvalue().endswith("\nDone.\n")
     silent = io.StringIO()
     quiet = Progress(silent)
     quiet.step("stroke", 1, 2)
-    quiet.say("Done.")
+    quiet.message("Done.")
     assert silent.getvalue() == ""

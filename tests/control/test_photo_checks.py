@@ -5,17 +5,17 @@ import pytest
 
 from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.markers import markers_around
-from pentimento.control.faults import PaintingFault
-from pentimento.control.photo_checks import (
-    Eyes,
-    explained_by,
-    is_blind,
+from pentimento.control.camera import (
+    Camera,
+    PaintingFault,
+    is_blank,
     is_frozen,
     marker_shift_m,
-    slide_m,
-    unexplained,
+    sheet_shift_m,
+    stroke_mask,
+    unexplained_share,
+    visible_share,
 )
-from pentimento.control.visible_marks import share_seen
 from tests.bundle.line_brush import sheet
 from tests.control.faulty import FaultyRobot, black, shifted
 
@@ -31,17 +31,17 @@ def _paper(seed: int) -> np.ndarray:
 def test_noise_and_a_change_of_light_are_no_change() -> None:
     nothing = np.zeros(SHAPE, bool)
     brighter = (_paper(2).astype(float) * 1.05).clip(0, 255).astype(np.uint8)
-    assert unexplained(_paper(0), _paper(1), nothing, SIZE_M) == 0
-    assert unexplained(_paper(0), brighter, nothing, SIZE_M) == 0
+    assert unexplained_share(_paper(0), _paper(1), nothing, SIZE_M) == 0
+    assert unexplained_share(_paper(0), brighter, nothing, SIZE_M) == 0
 
 
 def test_what_a_stroke_explains_is_no_surprise_and_the_rest_is_counted() -> None:
     now = _paper(1)
-    explained = explained_by([PATH], 0.002, SHAPE, SIZE_M)
+    explained = stroke_mask([PATH], 0.002, SHAPE, SIZE_M)
     now[explained] = 30
-    assert unexplained(_paper(0), now, explained, SIZE_M) == 0
+    assert unexplained_share(_paper(0), now, explained, SIZE_M) == 0
     now[:40, :50] = 120  # a sixteenth of the canvas
-    assert unexplained(_paper(0), now, explained, SIZE_M) == pytest.approx(1 / 16, rel=0.25)
+    assert unexplained_share(_paper(0), now, explained, SIZE_M) == pytest.approx(1 / 16, rel=0.25)
 
 
 @pytest.mark.parametrize("by_px", [(0, 6), (5, 0), (4, -7)])
@@ -52,17 +52,17 @@ def test_a_slide_is_measured_and_a_hand_is_none(by_px: tuple[int, int]) -> None:
         row, column = rng.integers(20, 120), rng.integers(20, 150)
         drawn[row : row + 3, column : column + 30] = 40
     nothing, per_m = np.zeros(SHAPE, bool), SHAPE[1] / SIZE_M[0]
-    found = slide_m(drawn, np.roll(drawn, by_px, axis=(0, 1)), nothing, per_m)
+    found = sheet_shift_m(drawn, np.roll(drawn, by_px, axis=(0, 1)), nothing, per_m)
     assert found == pytest.approx(np.hypot(*by_px) / per_m, rel=0.1)
     hand = drawn.copy()
     hand[40:120, 60:140] = 150
-    assert slide_m(drawn, hand, nothing, per_m) is None
+    assert sheet_shift_m(drawn, hand, nothing, per_m) is None
 
 
 def test_cameras_that_show_nothing_or_the_same() -> None:
     robot = sheet()
     one, other = robot.photo(), robot.photo()
-    assert not is_blind(one) and is_blind(black(one))
+    assert not is_blank(one) and is_blank(black(one))
     assert not is_frozen(other, one) and is_frozen(one, one) and not is_frozen(one, None)
 
 
@@ -83,20 +83,22 @@ def test_the_share_of_a_change_that_is_seen(share: float) -> None:
     meant = light.copy()
     meant[10:20, 5:30] = 0.3
     encode = lambda image: (255 * (1.055 * image ** (1 / 2.4) - 0.055)).round().astype(np.uint8)  # noqa: E731
-    assert share_seen(encode(light), encode(light + share * (meant - light)), meant) == pytest.approx(share, abs=0.02)
+    assert visible_share(encode(light), encode(light + share * (meant - light)), meant) == pytest.approx(
+        share, abs=0.02
+    )
 
 
 def test_nothing_is_said_of_what_nobody_could_see() -> None:
     light = np.full((40, 40, 3), 0.8, np.float32)
     picture = np.full((40, 40, 3), 231, np.uint8)
-    assert share_seen(picture, picture, light) is None
+    assert visible_share(picture, picture, light) is None
 
 
 def test_a_canvas_that_moved_since_the_calibration_is_refused() -> None:
     robot = FaultyRobot(sheet())
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
-    assert Eyes(robot, (0.1, 0.1), 600.0, calibration).look().picture.shape == (60, 60, 3)
+    assert Camera(robot, (0.1, 0.1), 600.0, calibrated=calibration).observe().picture.shape == (60, 60, 3)
     robot.on_photo = shifted
     with pytest.raises(PaintingFault, match="since it was calibrated"):
-        Eyes(robot, (0.1, 0.1), 600.0, calibration)
-    assert Eyes(robot, (0.1, 0.1), 600.0).look().picture.shape == (60, 60, 3)  # nobody knows where it was
+        Camera(robot, (0.1, 0.1), 600.0, calibrated=calibration)
+    assert Camera(robot, (0.1, 0.1), 600.0).observe().picture.shape == (60, 60, 3)  # nobody knows where it was

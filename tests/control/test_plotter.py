@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from pentimento.control.painting_state import load_state
+from pentimento.control.checkpoint import load_state
 from pentimento.robots.simulated_grbl import SimulatedGrbl
 from pipelines._imports import ROOT
 from tests.control.plotting_process import PAPER_MM, UP_MM, opened, paint
@@ -23,11 +23,11 @@ def test_a_plotter_draws_what_is_planned_and_is_left_with_its_pen_up(tmp_path: P
         state = paint(tmp_path, robot, 4)
     finally:
         robot.close()
-    assert state.phase == "done" and state.made > 0
+    assert state.phase == "done" and state.executed > 0
     landings = [
         now for before, now in zip(plotter.trace, plotter.trace[1:], strict=False) if before[2] > PAPER_MM >= now[2]
     ]
-    assert len(landings) == state.made  # the pen came down once for each stroke
+    assert len(landings) == state.executed  # the pen came down once for each stroke
     assert all(20 <= x <= 120 and 20 <= y <= 120 for x, y, z, _ in plotter.trace if z <= PAPER_MM)
     assert plotter.place_mm[2] == UP_MM
     plotter.close()
@@ -54,12 +54,12 @@ def test_a_painting_that_is_killed_leaves_the_pen_up_and_is_finished(tmp_path: P
     process.wait()
     process.stdout.close()
     state = load_state(tmp_path)
-    assert state.begun and state.made == 1
+    assert state.pending and state.executed == 1
     robot = opened(tmp_path, plotter.port)
     try:
         done = paint(tmp_path, robot, 6)
     finally:
         robot.close()
-    assert done.phase == "done" and done.sessions == 2 and not len(done.left)
+    assert done.phase == "done" and done.sessions == 2 and not len(done.remaining)
     assert plotter.place_mm[2] == UP_MM
     plotter.close()

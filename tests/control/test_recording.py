@@ -13,7 +13,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control import recording
 from pentimento.control.execute import Session, execute_stroke
-from pentimento.control.recording import Recording
+from pentimento.control.recording import StrokeRecording
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from tests.bundle.line_brush import SIDE_M, sheet
@@ -22,25 +22,25 @@ TOOL = load_tool("marker")
 SIZE_M = (SIDE_M, SIDE_M)
 
 
-def _record(folder: Path, numbers: range, full_at: int | None, monkeypatch: pytest.MonkeyPatch) -> Recording:
+def _record(folder: Path, numbers: range, full_at: int | None, monkeypatch: pytest.MonkeyPatch) -> StrokeRecording:
     robot, memory = sheet(), fresh_memory(SIZE_M, 0.002)
     session = Session("s", robot.clock_s)
-    recorder = Recording(folder, 0, session, TOOL, SIZE_M)
+    recorder = StrokeRecording(folder, 0, session, tool=TOOL, canvas_size_m=SIZE_M)
     camera, before = calibrate_camera(robot.photo(), markers_around(SIZE_M)), robot.photo()
     ink = np.array([TOOL.color_srgb])
     for number in numbers:
         y_m = 0.01 + 0.01 * number
         line = np.array([[0.02, y_m, -0.0005, 0], [0.05, y_m, -0.0005, 0], [0.08, y_m, -0.0005, 0]])
         planned = PlannedStroke(timed_path(line, 0.06), ink[0], dip=False)
-        memory, made = execute_stroke(robot, TOOL, planned, ink, memory, session)
+        memory, executed = execute_stroke(robot, TOOL, planned, palette_srgb=ink, memory=memory, session=session)
         after = robot.photo()
         with monkeypatch.context() as patch:
             if number == full_at:
                 patch.setattr(recording, "atomic_write", _full)
                 with pytest.raises(OSError, match="space"):
-                    recorder.add(number, made, before, after, camera)
+                    recorder.add(number, executed, before=before, after=after, camera=camera)
                 continue
-            recorder.add(number, made, before, after, camera)
+            recorder.add(number, executed, before=before, after=after, camera=camera)
         before = after
         if number % 2:
             recorder.next_batch()

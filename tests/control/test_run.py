@@ -18,10 +18,9 @@ from pentimento.cli.main import main
 from pentimento.contracts.images import read_image, write_png
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.control.commands import Control
+from pentimento.control.checkpoint import load_state
 from pentimento.control.commission import Wanted
-from pentimento.control.painting_state import load_state
-from pentimento.control.progress import Progress
+from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
 from tests.bundle.tiny_bundle import CANVAS_M
 from tests.control.painting_bundle import write_painting_bundle
@@ -66,7 +65,7 @@ def test_a_picture_is_painted_by_the_virtual_robot_without_torch(bundle: Path, p
     assert "strokes are made" in done.stdout and done.stderr == ""  # nobody is at a terminal
     told = json.loads((out / "painting.json").read_text())
     rows = read_table(out / "record", CONTRACT)
-    assert rows.table.num_rows == told["strokes"] == load_state(out).made and not rows.quarantined
+    assert rows.table.num_rows == told["strokes"] == load_state(out).executed and not rows.quarantined
     canvas, goal = (read_image(out / name) for name in ("canvas.png", "goal.png"))
     assert canvas.shape == goal.shape
     assert canvas.min() < goal.max() - 60  # there is ink
@@ -81,7 +80,7 @@ def test_words_make_a_goal_that_is_painted_without_torch(bundle: Path, tmp_path:
     commission = json.loads((out / "commission.json").read_text())
     assert commission["wanted"] == {"kind": "words", "value": "a cat"}
     assert (commission["strokes"], commission["batch"], commission["seed"]) == (4, 2, 5)
-    assert load_state(out).made <= 4
+    assert load_state(out).executed <= 4
     goal, canvas = (read_image(out / name).astype(float) for name in ("goal.png", "canvas.png"))
     middle = slice(8, 40)  # the centred square of 48 x 32 pixels; these networks ask for a darker upper half
     assert goal[:14, middle].mean() < goal[18:, middle].mean() - 60
@@ -94,7 +93,7 @@ def test_a_drawing_on_file_holds_the_strokes(
     out = tmp_path / "out"
     assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
     drawn = ElementTree.parse(out / "drawing.svg").getroot()
-    assert len(drawn) == load_state(out).made > 0
+    assert len(drawn) == load_state(out).executed > 0
     assert not (out / "record").exists()  # what nobody saw is not recorded
     assert str(out) in capsys.readouterr().out
 
@@ -105,11 +104,14 @@ def test_the_page_is_there_while_it_paints(bundle: Path, picture: Path, tmp_path
     def look(address: str) -> None:
         with urllib.request.urlopen(f"{address}state.json", timeout=5) as answer:
             seen.append((address, answer.status))
-        control.say("stop")
+        control.send("stop")
 
-    commission = commission_of(bundle, None, "svg", False, Wanted("picture", str(picture)), None, None, None)
-    state = run(commission, out, False, tmp_path, print, look, control, Progress(io.StringIO()))
-    assert state.phase == "stopped" and state.made == 0 and seen[0][1] == 200
+    commission = commission_of(bundle, Wanted("picture", str(picture)), robot="svg")
+    state = run(
+        commission, out, resume=False, calibration=tmp_path, ask=print, page=look, control=control,
+        progress=Progress(io.StringIO()),
+    )  # fmt: skip
+    assert state.phase == "stopped" and state.executed == 0 and seen[0][1] == 200
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(seen[0][0], timeout=5)
 

@@ -14,11 +14,10 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control import run_sculpture as module
-from pentimento.control.commands import Control
+from pentimento.control.checkpoint import SculptureState, load_sculpture
 from pentimento.control.commission import ClayCommission, read_clay_commission
-from pentimento.control.progress import Progress
+from pentimento.control.person import Control, Progress
 from pentimento.control.run_sculpture import Ended, clay_commission_of, run_sculpture
-from pentimento.control.sculpture_state import SculptureState, load_sculpture
 from pentimento.planning.pushes.goal import GoalError, sunken_letters
 from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
 from tests.bundle.tiny_bundle import write_tiny_bundle
@@ -37,11 +36,11 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def commissioned(bundle: Path, actions: int = 6) -> ClayCommission:
-    return clay_commission_of(bundle, "foam", None, "T", actions=actions, seed=3)
+    return clay_commission_of(bundle, "foam", "T", actions=actions, seed=3)
 
 
 def made(commission: ClayCommission, folder: Path, resume: bool = False) -> SculptureState:
-    return run_sculpture(commission, folder, resume, Control(), Progress())
+    return run_sculpture(commission, folder, resume=resume, control=Control(), progress=Progress())
 
 
 class Killed(BaseException):
@@ -83,9 +82,9 @@ def test_it_is_recorded_and_the_clay_comes_nearer(bundle: Path, tmp_path: Path) 
 def test_stopped_between_two_pushes_it_ends_as_if_nothing_had_happened(bundle: Path, tmp_path: Path) -> None:
     whole = made(commissioned(bundle), tmp_path / "whole")
     control = Control()
-    control.say("stop")
+    control.send("stop")
     with pytest.raises(Ended, match="--resume"):
-        run_sculpture(commissioned(bundle), tmp_path / "parts", False, control, Progress())
+        run_sculpture(commissioned(bundle), tmp_path / "parts", resume=False, control=control, progress=Progress())
     commission = read_clay_commission(tmp_path / "parts")
     assert commission == commissioned(bundle)
     parts = made(commission, tmp_path / "parts", resume=True)
@@ -102,7 +101,7 @@ def test_killed_in_a_push_it_looks_again(
         killed_at(patched, 2, before)
         made(commissioned(bundle), tmp_path / "s")
     left = load_sculpture(tmp_path / "s")
-    assert left.progress.pushing and len(left.progress.actions) == 1
+    assert left.progress.pending and len(left.progress.actions) == 1
     state = made(commissioned(bundle), tmp_path / "s", resume=True)
     assert state.stopped is not None and state.progress.values[-1] < state.progress.values[0]
     # The push that nobody heard of is no row; the clay that it left is what the next one starts from.
@@ -114,9 +113,9 @@ def test_killed_in_a_push_it_looks_again(
 
 def test_what_does_not_fit_is_a_sentence_and_leaves_no_folder(bundle: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no push model of 'sand'; it has: foam"):
-        clay_commission_of(bundle, "sand", None, "A")
+        clay_commission_of(bundle, "sand", "A")
     with pytest.raises(GoalError, match="cannot be drawn"):
-        clay_commission_of(bundle, "foam", None, "Ä")
+        clay_commission_of(bundle, "foam", "Ä")
     made(commissioned(bundle, actions=1), tmp_path / "s")
     with pytest.raises(ContractError, match="was begun"):
         made(commissioned(bundle, actions=1), tmp_path / "s")

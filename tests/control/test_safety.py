@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.contracts.photo import Photo
-from pentimento.control.safety import GuardedRobot, SafetyEnvelope, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.driver import MissingAbilityError, Robot
 from pentimento.robots.motion import MIN_STEP_S, timed_path, tip_accelerations
 from pentimento.robots.tools import Tool, load_tool

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.control.safety import GuardedRobot, LiftError, SafetyEnvelope, StoppedError, envelope_for
+from pentimento.control.guard import GuardedRobot, LiftError, StoppedError
+from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.tools import load_tool
 from tests.control.test_safety import BRUSH, CANVAS_M, FakeRobot, good_path
 

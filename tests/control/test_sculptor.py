@@ -66,8 +66,8 @@ def sculpted(robot: PaperRobot, config: SculptorConfig = CONFIG, count: int = 4,
     execution = replace(Execution(batch=2, patience=4, dwell_s=0.5, retract_speed_m_s=0.05), **changes)  # type: ignore[arg-type]
     guarded = GuardedSculptingRobot(robot, push_envelope_for(BALL, robot.area_m))
     return sculpt(
-        guarded, BALL, "paper", reachable_goal(), [PressedClay()], config, execution, count,
-        Session("test", 0.0), 3, lambda *_: None,
+        guarded, BALL, "paper", goal_m=reachable_goal(), members=[PressedClay()], config=config, execution=execution,
+        count=count, session=Session("test", 0.0), item=3, log=lambda *_: None,
     )  # fmt: skip
 
 
@@ -112,8 +112,9 @@ def test_every_push_passes_the_guard() -> None:
     narrow = replace(push_envelope_for(BALL, robot.area_m), x_max_m=0.02, y_max_m=0.02)
     with pytest.raises(EnvelopeViolation, match="off the slab"):
         sculpt(
-            GuardedSculptingRobot(robot, narrow), BALL, "paper", reachable_goal(), [PressedClay()], CONFIG,
-            Execution(2, 4, 0.5, 0.05), 4, Session("test", 0.0), 0, lambda *_: None,
+            GuardedSculptingRobot(robot, narrow), BALL, "paper", goal_m=reachable_goal(),
+            members=[PressedClay()], config=CONFIG, execution=Execution(2, 4, 0.5, 0.05), count=4,
+            session=Session("test", 0.0), item=0, log=lambda *_: None,
         )  # fmt: skip
     np.testing.assert_array_equal(robot.height_m, flat())
 

@@ -10,16 +10,17 @@ from pentimento.contracts.colour import to_float
 from pentimento.contracts.images import read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.control.commands import Control
-from pentimento.control.painting_state import State, load_state
-from pentimento.control.session import CANVAS, GOAL, NEXT, PREVIEW, RECORD, carry_on
+from pentimento.control.checkpoint import PaintingState, load_state
+from pentimento.control.person import Control
+from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
+from pentimento.control.session import RECORD, resume
 from pentimento.planning.strokes.bezier import to_planned
 from tests.bundle.line_brush import POINTS, journaled_sheet, sheet
-from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, sitting
+from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, session_of
 
 
 @pytest.fixture(scope="module")
-def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, State, State]:
+def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PaintingState, PaintingState]:
     """A folder, the plan's state and the last one."""
     folder = tmp_path_factory.mktemp("painting")
     robot = sheet()
@@ -27,92 +28,96 @@ def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, State, Stat
     return folder, planned, finished(robot, folder)
 
 
-def test_all_strokes_are_made_and_the_canvas_comes_near_the_goal(painted: tuple[Path, State, State]) -> None:
+def test_all_strokes_are_made_and_the_canvas_comes_near_the_goal(
+    painted: tuple[Path, PaintingState, PaintingState],
+) -> None:
     folder, planned, done = painted
-    assert 0 < len(planned.left) <= STROKES and done.made == len(planned.left) and len(done.left) == 0
+    assert (
+        0 < len(planned.remaining) <= STROKES and done.executed == len(planned.remaining) and len(done.remaining) == 0
+    )
     assert error_of(done, folder) < 0.6
 
 
-def test_the_preview_foretold_what_came(painted: tuple[Path, State, State]) -> None:
+def test_the_preview_foretold_what_came(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, planned, done = painted
     plan = to_float(read_image(folder / "plan.png"))
     blank, now = to_float(planned.canvas), to_float(done.canvas)
     assert np.square(plan - now).mean() < 0.35 * np.square(blank - now).mean()
 
 
-def test_every_stroke_is_a_row_that_shows_it(painted: tuple[Path, State, State]) -> None:
+def test_every_stroke_is_a_row_that_shows_it(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, _, done = painted
     found = read_table(folder / RECORD, CONTRACT)
     rows = found.table.to_pylist()
     assert not found.quarantined
-    assert [row["order"] for row in rows] == list(range(done.made))
-    assert len(list((folder / RECORD).glob("*.parquet"))) == math.ceil(done.made / BATCH)
+    assert [row["order"] for row in rows] == list(range(done.executed))
+    assert len(list((folder / RECORD).glob("*.parquet"))) == math.ceil(done.executed / BATCH)
     assert [row["tool_age_m"] for row in rows] == sorted(row["tool_age_m"] for row in rows)
     assert all(row["before"]["bytes"] != row["after"]["bytes"] for row in rows)
     times = [row[name] for row in rows for name in ("t_before_s", "t_start_s", "t_after_s")]
     assert times == sorted(times)
 
 
-def test_pictures_show_the_canvas_and_what_comes_next(painted: tuple[Path, State, State]) -> None:
+def test_pictures_show_the_canvas_and_what_comes_next(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, _, done = painted
     assert np.array_equal(read_image(folder / CANVAS), done.canvas)
     assert read_image(folder / NEXT).shape == (3 * done.canvas.shape[0], 3 * done.canvas.shape[1], 3)
-    assert np.array_equal(read_image(folder / PREVIEW), done.canvas)  # nothing is left to be foretold
+    assert np.array_equal(read_image(folder / PREVIEW), done.canvas)  # nothing remains to be predicted
     assert read_image(folder / GOAL).shape == done.canvas.shape
 
 
-def test_a_finished_painting_is_not_taken_up_again(painted: tuple[Path, State, State]) -> None:
+def test_a_finished_painting_is_not_taken_up_again(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, _, done = painted
     robot = sheet()
-    assert carry_on(sitting(robot, folder)).made == done.made
+    assert resume(session_of(robot, folder)).executed == done.executed
     assert robot.clock_s < 20  # it looked, and made no stroke
 
 
 def test_looking_goes_on_from_the_same_canvas_in_another_process(tmp_path: Path) -> None:
     first = journaled_sheet(tmp_path)
-    planned = len(begun(first, tmp_path).left)
+    planned = len(begun(first, tmp_path).remaining)
     control = Control()
 
-    def stop_after_five(state: State) -> None:
-        if state.made == 5:
-            control.say("stop")
+    def stop_after_five(state: PaintingState) -> None:
+        if state.executed == 5:
+            control.send("stop")
 
-    state = carry_on(sitting(first, tmp_path, control, stop_after_five))
-    assert state.phase == "stopped" and state.made == 5
+    state = resume(session_of(first, tmp_path, control, stop_after_five))
+    assert state.phase == "stopped" and state.executed == 5
     first.close()
     again = journaled_sheet(tmp_path)
     assert again.clock_s == first.clock_s
     done = finished(again, tmp_path)
-    assert planned - 2 <= done.made <= planned and done.sessions == 2 and error_of(done, tmp_path) < 0.6
+    assert planned - 2 <= done.executed <= planned and done.sessions == 2 and error_of(done, tmp_path) < 0.6
     rows = read_table(tmp_path / RECORD, CONTRACT).table
-    assert rows["session"].to_pylist() == ["painting-0"] * 5 + ["painting-1"] * (done.made - 5)
+    assert rows["session"].to_pylist() == ["painting-0"] * 5 + ["painting-1"] * (done.executed - 5)
     assert rows["tool_age_m"].to_pylist() == sorted(rows["tool_age_m"].to_pylist())
     starts = rows["t_start_s"].to_pylist()
     assert starts == sorted(starts)
 
 
 def test_a_persons_turn_becomes_the_canvas_and_the_rest_is_replanned_on_it(
-    tmp_path: Path, painted: tuple[Path, State, State]
+    tmp_path: Path, painted: tuple[Path, PaintingState, PaintingState]
 ) -> None:
     robot = sheet()
-    planned = len(begun(robot, tmp_path).left)
+    planned = len(begun(robot, tmp_path).remaining)
     control = Control()
     turned = False
 
-    def person(state: State) -> None:
+    def person(state: PaintingState) -> None:
         nonlocal turned
-        if state.made == 5 and not turned:
+        if state.executed == 5 and not turned:
             turned = True
-            control.say("your turn")
+            control.send("your turn")
         if state.phase == "your turn":
-            for stroke in to_planned(state.left, beside.paint_context.tool, POINTS):  # what the robot still has to do
+            for stroke in to_planned(state.remaining, beside.context.tool, POINTS):  # what the robot still has to do
                 robot.move(stroke.path)
-            control.say("go on")
+            control.send("go on")
 
-    beside = sitting(robot, tmp_path, control, person)
-    done = carry_on(beside)
+    beside = session_of(robot, tmp_path, control, person)
+    done = resume(beside)
     assert done.phase == "done" and done.turns == 1
-    assert done.made <= planned
+    assert done.executed <= planned
     assert (tmp_path / "turns" / "001.png").exists()
     # The robot did not repeat what the person had done: both together came nearer than the robot alone.
     alone, _, by_itself = painted
@@ -124,15 +129,15 @@ def test_a_pause_lifts_the_tool_and_ends_with_a_word(tmp_path: Path) -> None:
     begun(robot, tmp_path)
     control, phases = Control(), []
 
-    def person(state: State) -> None:
+    def person(state: PaintingState) -> None:
         phases.append(state.phase)
-        if state.made == 2 and "paused" not in phases:
-            control.say("pause")
+        if state.executed == 2 and "paused" not in phases:
+            control.send("pause")
         if state.phase == "paused":
-            assert not state.begun
-            control.say("go on")
+            assert not state.pending
+            control.send("go on")
 
-    assert carry_on(sitting(robot, tmp_path, control, person)).phase == "done"
+    assert resume(session_of(robot, tmp_path, control, person)).phase == "done"
     assert "paused" in phases
 
 
@@ -140,11 +145,11 @@ def test_stop_is_heard_while_waiting_too(tmp_path: Path) -> None:
     robot = sheet()
     begun(robot, tmp_path)
     control = Control()
-    control.say("your turn")
+    control.send("your turn")
 
-    def person(state: State) -> None:
+    def person(state: PaintingState) -> None:
         if state.phase == "your turn":
-            control.say("stop")
+            control.send("stop")
 
-    state = carry_on(sitting(robot, tmp_path, control, person))
-    assert state.phase == "stopped" and state.made == 0 and load_state(tmp_path).phase == "stopped"
+    state = resume(session_of(robot, tmp_path, control, person))
+    assert state.phase == "stopped" and state.executed == 0 and load_state(tmp_path).phase == "stopped"

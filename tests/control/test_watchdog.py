@@ -3,8 +3,7 @@
 import threading
 import time
 
-from pentimento.control.safety import LiftError
-from pentimento.control.watchdog import Watchdog
+from pentimento.control.guard import LiftError, Watchdog
 
 
 class Clock:
@@ -20,11 +19,11 @@ class Clock:
 def test_beats_in_time_stop_nothing() -> None:
     stops: list[str] = []
     clock = Clock()
-    watchdog = Watchdog(stops.append, clock, looks_s=60)
+    watchdog = Watchdog(stops.append, clock, poll_s=60)
     for _ in range(5):
         watchdog.beat(2.0, "a stroke")
         clock.now += 1.9
-        assert not watchdog.look()
+        assert not watchdog.check()
     watchdog.close()
     assert stops == []
 
@@ -32,10 +31,10 @@ def test_beats_in_time_stop_nothing() -> None:
 def test_a_late_beat_stops_once_with_a_sentence() -> None:
     stops: list[str] = []
     clock = Clock()
-    watchdog = Watchdog(stops.append, clock, looks_s=60)
+    watchdog = Watchdog(stops.append, clock, poll_s=60)
     watchdog.beat(2.0, "stroke 7")
     clock.now = 2.1
-    assert watchdog.look() and not watchdog.look()
+    assert watchdog.check() and not watchdog.check()
     watchdog.close()
     assert stops == ["stroke 7 took longer than the 2 s that it may take"]
 
@@ -43,18 +42,18 @@ def test_a_late_beat_stops_once_with_a_sentence() -> None:
 def test_at_rest_any_time_may_pass() -> None:
     stops: list[str] = []
     clock = Clock()
-    watchdog = Watchdog(stops.append, clock, looks_s=60)
+    watchdog = Watchdog(stops.append, clock, poll_s=60)
     watchdog.beat(2.0, "a stroke")
     watchdog.rest()
     clock.now = 1e6
-    assert not watchdog.look()
+    assert not watchdog.check()
     watchdog.close()
     assert stops == []
 
 
 def test_its_own_thread_stops_a_loop_that_hangs() -> None:
     stopped = threading.Event()
-    watchdog = Watchdog(lambda _: stopped.set(), looks_s=0.005)
+    watchdog = Watchdog(lambda _: stopped.set(), poll_s=0.005)
     started_s = time.monotonic()
     watchdog.beat(0.05, "a stroke")
     assert stopped.wait(5)
@@ -67,9 +66,9 @@ def test_a_lift_that_fails_is_kept_to_be_told() -> None:
         raise LiftError("the tool may still rest on the canvas.")
 
     clock = Clock()
-    watchdog = Watchdog(stop, clock, looks_s=60)
+    watchdog = Watchdog(stop, clock, poll_s=60)
     watchdog.beat(1.0, "a stroke")
     clock.now = 2.0
-    assert watchdog.look()
+    assert watchdog.check()
     assert isinstance(watchdog.failure, LiftError)
     watchdog.close()

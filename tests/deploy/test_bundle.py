@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pentimento.bundle.graphs import Graphs
-from pentimento.bundle.push_graphs import GraphClay
+from pentimento.bundle.graphs import GraphClay, Graphs
 from pentimento.bundle.reader import open_bundle
 from pentimento.control.safety import envelope_for
 from pentimento.deploy.stroke_graphs import MARKS, STROKES

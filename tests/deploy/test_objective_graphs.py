@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.bundle.assignment import MAX_CELLS
+from pentimento.bundle.manifest import MAX_CELLS
 from pentimento.bundle.views import views_of
 from pentimento.deploy.objective_graphs import semantic_value, text_value
 from pentimento.semantics.objective import SemanticObjective, TextObjective

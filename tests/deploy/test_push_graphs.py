@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.bundle.push_graphs import ClayFacts, GraphClay
+from pentimento.bundle.graphs import GraphClay
+from pentimento.bundle.manifest import ClayFacts
 from pentimento.contracts.errors import ContractError
 from pentimento.deploy.graphs import Graph, session
 from pentimento.deploy.push_graphs import clay_graphs

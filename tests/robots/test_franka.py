@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.control.safety import GuardedRobot, LiftError, envelope_for
+from pentimento.control.guard import GuardedRobot, LiftError
+from pentimento.control.safety import envelope_for
 from pentimento.robots.arm import pose_from
 from pentimento.robots.franka import Franka, connect
 from pentimento.robots.hardware import HardwareRobot

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.control.safety import GuardedRobot, LiftError, StoppedError, envelope_for
+from pentimento.control.guard import GuardedRobot, LiftError, StoppedError
+from pentimento.control.safety import envelope_for
 from pentimento.robots.grbl import connect
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.machine import HaltedError, MachineError

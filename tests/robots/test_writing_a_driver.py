@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.machine import MachineError
 from pentimento.robots.motion import timed_path

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.control.safety import GuardedRobot, LiftError, envelope_for
+from pentimento.control.guard import GuardedRobot, LiftError
+from pentimento.control.safety import envelope_for
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.journey import poses_of
 from pentimento.robots.machine import HaltedError, MachineError

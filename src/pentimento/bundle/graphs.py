@@ -1,32 +1,36 @@
-"""The planner's seams and the goal planner's parts, by a bundle's graphs in onnxruntime: no PyTorch.
+"""Stroke, push, objective and goal models of a bundle, as graphs in onnxruntime and without PyTorch.
 
-Every graph runs on the processor, its sums in one order for a given number of threads.
+Every graph runs on the CPU. Its results are deterministic for a given number of threads.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
-from pentimento.bundle.assignment import MAX_CELLS, best_partners, ways_between
-from pentimento.bundle.reader import Bundle, WordsFacts
+from pentimento.bundle.manifest import MAX_CELLS, ClayFacts, WordsFacts
+from pentimento.bundle.reader import Bundle
 from pentimento.bundle.sampler import Networks, NoiseSchedule
 from pentimento.bundle.tokenizer import Tokenizer, read_tokenizer
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.planning.pushes.rollout import Pull as PushPull
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import LoopTiming, Marks, Pull, Span
 from pentimento.planning.strokes.target import fit_to_canvas
 
-# Before it is imported, when it would write an identifier of this computer into the user's home.
+# Set before the import, which would otherwise write an identifier of this computer into the user's home.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 import onnxruntime
 
 Array = NDArray[np.float32]
+Ask = Callable[..., list[NDArray[Any]]]
+"""A graph's outputs by its name and inputs, as ``Graphs`` gives them."""
 
 _ERRORS_ONLY: Final = 3  # of onnxruntime's log
 
@@ -34,16 +38,16 @@ onnxruntime.disable_telemetry_events()
 
 
 class Graphs:
-    """A bundle's graphs; each is opened when it is first asked."""
+    """A bundle's graphs; each is opened at its first use."""
 
     def __init__(self, bundle: Bundle, threads: int = 1) -> None:
-        """``threads`` work within a graph."""
+        """Each graph uses this number of ``threads``."""
         self.bundle = bundle
         self._threads = threads
         self._opened: dict[str, Any] = {}
 
     def __call__(self, name: str, *arguments: NDArray[Any]) -> list[NDArray[Any]]:
-        """What a graph answers, for arguments in the order of the manifest's inputs.
+        """A graph's outputs, for arguments in the order of the manifest's inputs.
 
         Raises:
             BundleError: the bundle has no such graph.
@@ -55,8 +59,8 @@ class Graphs:
             port.name: np.ascontiguousarray(argument, dtype=port.type)
             for port, argument in zip(inputs, arguments, strict=True)
         }
-        answers: list[NDArray[Any]] = self._opened[name].run(None, given)
-        return answers
+        outputs: list[NDArray[Any]] = self._opened[name].run(None, given)
+        return outputs
 
 
 def _session(content: bytes, threads: int) -> Any:
@@ -72,7 +76,7 @@ class GraphBrush:
     """A stroke model of the bundle as a ``planning.strokes.brush.Brush``."""
 
     def __init__(self, graphs: Graphs, name: str) -> None:
-        """``name`` is one of the manifest's brushes, as settings name them."""
+        """``name`` is one of the manifest's brushes."""
         self._graphs, self._name = graphs, name
         self._facts = graphs.bundle.manifest.brushes[name]
         inputs = graphs.bundle.manifest.graphs[f"{name}_marks"].inputs
@@ -80,31 +84,31 @@ class GraphBrush:
 
     @property
     def fitted(self) -> Mapping[str, Span]:
-        """Every column of the strokes contract that marks depend on."""
+        """The columns of the strokes contract that marks depend on."""
         return self._facts.fitted
 
     @property
     def timing(self) -> LoopTiming:
-        """Of the robot that it was fitted on."""
+        """Timing of the robot that it was fitted on."""
         return self._facts.timing
 
     @property
     def path_points(self) -> int:
-        """Of each path."""
+        """Number of points of each path."""
         return self._facts.path_points
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
         """See ``planning.strokes.brush.Brush``."""
-        given = [array.copy() for array in strokes.arrays()]  # strokes are moved in place before the way back
+        given = [array.copy() for array in strokes.arrays()]  # strokes are moved in place before the pull
         given += [inherited[column] for column in self._columns]
-        made = self._graphs(f"{self._name}_marks", *given)
+        outputs = self._graphs(f"{self._name}_marks", *given)
 
         def pull(cotangent: Marks) -> Strokes:
             back = [array for array in cotangent if array is not None]
             return Strokes(*self._graphs(f"{self._name}_pull", *given, *back))
 
-        pickup = made.pop() if self._facts.picks_up else None
-        points, radius, density, softness, paint = made
+        pickup = outputs.pop() if self._facts.picks_up else None
+        points, radius, density, softness, paint = outputs
         return Marks(points, radius, density, softness, paint, pickup), pull
 
     def gain(self, places_m: Array) -> Array | None:
@@ -114,17 +118,72 @@ class GraphBrush:
         return self._graphs(f"{self._name}_gain", places_m)[0]
 
 
+class GraphClay:
+    """A push model of the bundle as a ``planning.pushes.model.PushModel``."""
+
+    def __init__(self, ask: Ask, name: str, facts: ClayFacts) -> None:
+        self._ask, self._name, self._facts = ask, name, facts
+
+    @property
+    def window_m(self) -> NDArray[np.float64]:
+        """[4], canvas frame: the area of the height maps."""
+        return np.array(self._facts.window_m)
+
+    @property
+    def end_effector(self) -> str:
+        """Name of the end-effector that it was fitted on."""
+        return self._facts.end_effector
+
+    def after(self, height_m: Array, actions: NDArray[np.float64]) -> Array:
+        """See ``planning.pushes.model.PushModel``.
+
+        Raises:
+            ContractError: heights of another shape, or that are not finite.
+        """
+        if len(actions) == 0:
+            return np.empty((0, *height_m.shape), dtype=np.float32)
+        given = np.asarray(actions, dtype=np.float32)
+        after: Array = self._ask(f"{self._name}_after", self._checked(height_m), given)[0]
+        return after
+
+    def step(self, height_m: Array, action: NDArray[np.float64]) -> tuple[Array, PushPull]:
+        """See ``planning.pushes.model.PushModel``.
+
+        Raises:
+            ContractError: heights of another shape, or that are not finite.
+        """
+        # Copies, since both may change before the pull.
+        height, given = self._checked(height_m).copy(), np.array(action, dtype=np.float32)
+
+        def pull(cotangent: Array) -> tuple[Array, NDArray[np.float64]]:
+            back = np.asarray(cotangent, dtype=np.float32)
+            to_height, to_action = self._ask(f"{self._name}_pull", height, given, back)
+            return to_height, to_action.astype(np.float64)
+
+        return self._ask(f"{self._name}_after", height, given[None])[0][0], pull
+
+    def _checked(self, height_m: Array) -> Array:
+        if height_m.shape != self._facts.shape:
+            raise ContractError(
+                f"The height map is {list(height_m.shape)} and the push model was exported for "
+                f"{list(self._facts.shape)} over {list(self._facts.window_m)} m: scan as it says, or export it anew."
+            )
+        if not np.isfinite(height_m).all():
+            raise ContractError("The height map has holes (NaN) or infinite heights; fill them before planning.")
+        return np.asarray(height_m, dtype=np.float32)
+
+
 class SemanticObjective:
-    """How far the patch features of a picture are from a target's (thesis 4.4): a ``planning.objectives.Objective``."""
+    """Distance of a picture's patch features from a target's (thesis 4.4): a ``planning.objectives.Objective``."""
 
     def __init__(self, graphs: Graphs, target: Array, seed: int) -> None:
-        """Hold the target, [H, W, 3] in linear light; views are drawn anew at each call, seeded."""
+        """For a target [H, W, 3] in linear light; each call draws new views from a seeded generator."""
         self._graphs, self._target = graphs, target
-        self._looks = _Looks(graphs, target.shape, seed)
+        self._inputs = _Views(graphs, target.shape, seed)
 
     def __call__(self, image: Array) -> tuple[float, Array]:
         """The value for an image of the target's size, and its gradient."""
-        value, gradient = self._graphs("semantic", image, self._target, *self._looks())
+        value, gradient = self._graphs("semantic", image, self._target, *self._inputs())
         return float(value), gradient
 
 
@@ -132,18 +191,18 @@ class TextObjective:
     """1 - cos of a picture and a caption, averaged over views (thesis 4.1): a ``planning.objectives.Objective``."""
 
     def __init__(self, graphs: Graphs, caption: str, shape: tuple[int, ...], seed: int) -> None:
-        """For images of a height and width; views are drawn anew at each call, seeded."""
+        """For images of a height and width; each call draws new views from a seeded generator."""
         self._graphs, self._caption = graphs, caption_vector(graphs, caption)
-        self._looks = _Looks(graphs, shape, seed)
+        self._inputs = _Views(graphs, shape, seed)
 
     def __call__(self, image: Array) -> tuple[float, Array]:
         """The value for an image [H, W, 3] in linear light, and its gradient."""
-        value, gradient = self._graphs("text", image, self._caption, *self._looks())
+        value, gradient = self._graphs("text", image, self._caption, *self._inputs())
         return float(value), gradient
 
 
-class _Looks:
-    """What encoder graphs take beside pictures: new views at each call, and the matrices that resize."""
+class _Views:
+    """Further inputs of the encoder graphs: new views at each call, and the matrices that resize."""
 
     def __init__(self, graphs: Graphs, shape: tuple[int, ...], seed: int) -> None:
         facts = graphs.bundle.manifest.encoder
@@ -158,18 +217,18 @@ class PictureStyle:
     """A picture's style by local features (thesis 4.2), a ``planning.strokes.scene.Style``."""
 
     def __init__(self, graphs: Graphs, picture_srgb: NDArray[np.uint8], seed: int) -> None:
-        """``seed`` is of the draws where pictures have too many cells to pair them all."""
+        """``seed`` is for drawing cells where pictures have too many to pair them all."""
         self._graphs, self._picture, self._seed = graphs, picture_srgb, seed
 
     def picture(self, shape: tuple[int, int]) -> Array:
-        """The picture's largest centred part of the canvas's proportions, linear light [H, W, 3] at ``shape``."""
+        """The picture's largest centred part with the proportions of ``shape``, linear light [H, W, 3]."""
         return np.asarray(fit_to_canvas(self._picture, shape), dtype=np.float32)
 
     def objective(self, shape: tuple[int, int]) -> StyleObjective:
         """The style objective for images of this height and width.
 
         Raises:
-            ConfigError: the bundle has no style of pictures of that size.
+            ConfigError: the bundle has no style graphs for that size.
         """
         return StyleObjective(self._graphs, self.picture(shape), self._seed)
 
@@ -181,18 +240,18 @@ class StyleObjective:
     """
 
     def __init__(self, graphs: Graphs, style: Array, seed: int) -> None:
-        """Hold the features of ``style``, [H, W, 3] in linear light.
+        """For the features of ``style``, [H, W, 3] in linear light.
 
         Raises:
-            ConfigError: the bundle has no style of pictures of that size.
+            ConfigError: the bundle has no style graphs for that size.
         """
         styles, (height, width) = graphs.bundle.manifest.styles, style.shape[:2]
         names = [name for name, facts in styles.items() if (facts.height_px, facts.width_px) == (height, width)]
         if not names:
             known = ", ".join(f"{facts.height_px} x {facts.width_px}" for facts in styles.values()) or "none"
             raise ConfigError(
-                f"The bundle knows the style of pictures of {known} px and was asked for {height} x {width} px: plan "
-                "in one of its settings, or deploy another."
+                f"The bundle has style graphs for pictures of {known} px, not of {height} x {width} px: plan in one of "
+                "its settings, or deploy another."
             )
         self._graphs, self._name = graphs, names[0]
         self._cells = graphs.bundle.manifest.styles[self._name].cells
@@ -209,19 +268,28 @@ class StyleObjective:
         if not np.isfinite(features).all():
             raise ContractError("The image has pixels that are not finite, and so no local features; look for NaN.")
         drawn, others = self._drawn(), self._style[self._drawn()]
-        partners = others[best_partners(ways_between(features[drawn], others))]
+        _, columns = linear_sum_assignment(distances(features[drawn], others))
+        partners = others[columns]
         value, gradient = self._graphs(f"{self._name}_pull", image, drawn, partners)
         return float(value), gradient
 
     def _drawn(self) -> NDArray[np.int64]:
-        """Which cells are paired: all, or as many as can be at random."""
+        """The cells to pair: all, or ``MAX_CELLS`` at random."""
         if self._cells <= MAX_CELLS:
             return np.arange(self._cells)
         return self._rng.permutation(self._cells)[:MAX_CELLS]
 
 
+def distances(points: Array, others: Array) -> NDArray[np.float64]:
+    """Euclidean distances [N, N] from each of ``points`` [N, D] to each of ``others`` [N, D]."""
+    squares = np.zeros((len(points), len(others)))
+    for one, other in zip(points.T.astype(np.float64), others.T.astype(np.float64), strict=True):
+        squares += np.square(one[:, None] - other)
+    return np.asarray(np.sqrt(squares))
+
+
 def caption_vector(graphs: Graphs, caption: str) -> Array:
-    """The unit vector [D] of a caption; what is longer than the encoder reads is cut."""
+    """The unit vector [D] of a caption; a caption longer than the encoder's input is truncated."""
     tokens = tokenizer(graphs.bundle, graphs.bundle.manifest.encoder.words).encode([caption])
     vector: Array = graphs("caption", tokens)[0][0]
     return vector
@@ -233,11 +301,11 @@ def tokenizer(bundle: Bundle, words: WordsFacts) -> Tokenizer:
 
 
 def goal_networks(graphs: Graphs) -> Networks:
-    """The goal planner's parts, as ``bundle.sampler.complete`` asks them."""
+    """The goal planner's networks for ``bundle.sampler.complete``."""
 
     def one(name: str, *arguments: NDArray[Any]) -> Array:
-        answer: Array = graphs(name, *arguments)[0]
-        return answer
+        output: Array = graphs(name, *arguments)[0]
+        return output
 
     return Networks(
         read=lambda tokens: one("goal_text", tokens),
@@ -249,7 +317,7 @@ def goal_networks(graphs: Graphs) -> Networks:
 
 
 def noise_schedule(bundle: Bundle) -> NoiseSchedule:
-    """The goal planner's."""
+    """The goal planner's noise schedule."""
     goal = bundle.manifest.goal
     alphas = np.array(goal.alphas_cumprod, dtype=np.float32)
     return NoiseSchedule(alphas, goal.final_alpha, goal.prediction, goal.spacing, goal.offset)

@@ -1,8 +1,8 @@
-"""What an ONNX file says of itself, read without a runtime: versions, operators' domains, tensors, inputs and outputs.
+"""The header of an ONNX file, read without a runtime: versions, operator domains, tensors, inputs and outputs.
 
-A graph comes from elsewhere, and a runtime opens what a graph names: other files (external data), operators of other
-domains (plug-ins). So a file is read first as plain protocol buffers, field by field, and one with anything that is not
-known here is refused. The field numbers are those of onnx.proto (https://github.com/onnx/onnx).
+A graph may come from an untrusted source, and a runtime opens what a graph refers to: other files (external data) and
+operators of other domains (plug-ins). So a file is first parsed as plain protocol buffers, field by field. A file with
+any field that is not known here is refused. The field numbers are those of onnx.proto (https://github.com/onnx/onnx).
 """
 
 from __future__ import annotations
@@ -16,34 +16,34 @@ from pentimento.contracts.errors import ContractError
 
 Field: TypeAlias = "tuple[int, int | memoryview]"
 
-_DEEPEST: Final = 8  # graphs within graphs, as of If and Loop
+_MAX_DEPTH: Final = 8  # of nested graphs, as of If and Loop
 _ITEM_BYTES: Final = {1: 4, 2: 1, 3: 1, 4: 2, 5: 2, 6: 4, 7: 8, 9: 1, 10: 2, 11: 8, 12: 4, 13: 8, 16: 2}
-"""By data type: float, (u)int8/16/32/64, bool, half, double, bfloat16. Texts and complex numbers are none of ours."""
-_TYPED_DATA: Final = (4, 5, 7, 10, 11)  # numbers stored one by one and not as raw bytes
+"""By data type: float, (u)int8/16/32/64, bool, half, double, bfloat16. Strings and complex numbers are refused."""
+_TYPED_DATA: Final = (4, 5, 7, 10, 11)  # numbers stored one by one instead of as raw bytes
 
 
 @dataclass
 class Header:
-    """What there is to judge a graph by."""
+    """The properties of a graph that are checked."""
 
     ir_version: int = 0
     opsets: dict[str, int] = field(default_factory=dict)
     """Version by domain; "" is ONNX's own."""
     inputs: dict[str, tuple[int | str, ...]] = field(default_factory=dict)
-    """Shape by name, in order; an open size is a name."""
+    """Shape by name, in order; a dynamic size is a name."""
     outputs: dict[str, tuple[int | str, ...]] = field(default_factory=dict)
     largest_tensor_bytes: int = 0
-    """Of all that are stored."""
+    """Size of the largest stored tensor."""
     external_data: bool = False
-    """Whether a tensor lies in another file."""
+    """Whether a tensor is stored in another file."""
 
 
 def read_header(data: bytes) -> Header:
-    """Of a file's content.
+    """The header of a file's content.
 
     Raises:
-        ContractError: it is no ONNX model, or has what is not known here: functions, operators of other domains, sparse
-            tensors, fields of a later version, tensors whose size is not what they say.
+        ContractError: the content is not an ONNX model, or has functions, operators of other domains, sparse tensors,
+            fields of a later version, or tensors whose size differs from their shape.
     """
     header = Header()
     graphs = 0
@@ -64,7 +64,7 @@ def read_header(data: bytes) -> Header:
                     else:
                         _unknown("the operator set", part)
                 header.opsets[domain] = version
-            case 2 | 3 | 4 | 5 | 6 | 14:  # who made it, and remarks
+            case 2 | 3 | 4 | 5 | 6 | 14:  # producer and documentation
                 pass
             case _:
                 _unknown("the model", number)
@@ -74,8 +74,8 @@ def read_header(data: bytes) -> Header:
 
 
 def _read_graph(graph: memoryview, header: Header, depth: int) -> None:
-    if depth > _DEEPEST:
-        raise ContractError(f"Graphs stand within graphs more than {_DEEPEST} deep; none of ours does.")
+    if depth > _MAX_DEPTH:
+        raise ContractError(f"Graphs are nested more than {_MAX_DEPTH} deep; this version supports no more.")
     for number, value in _fields(graph):
         match number:
             case 1:
@@ -85,7 +85,7 @@ def _read_graph(graph: memoryview, header: Header, depth: int) -> None:
             case 11 | 12 if depth == 0:
                 name, shape = _read_value(_message(value))
                 (header.inputs if number == 11 else header.outputs)[name] = shape
-            case 2 | 10 | 11 | 12 | 13 | 16:  # its name, remarks, and the types of values within it
+            case 2 | 10 | 11 | 12 | 13 | 16:  # its name, documentation, and the types of inner values
                 pass
             case _:
                 _unknown("the graph", number)
@@ -142,7 +142,7 @@ def _read_tensor(tensor: memoryview, header: Header) -> None:
             case _:
                 _unknown("a tensor", number)
     if kind not in _ITEM_BYTES or any(size < 0 or size >= 2**63 for size in dims):
-        raise ContractError(f"A tensor has the data type {kind} and the shape {dims}; it is none of ours.")
+        raise ContractError(f"A tensor has the data type {kind} and the shape {dims}, which are not supported.")
     size = prod(dims) * _ITEM_BYTES[kind]
     header.largest_tensor_bytes = max(header.largest_tensor_bytes, size)
     if not header.external_data and not typed and (0 if raw is None else len(raw)) != size:
@@ -159,7 +159,7 @@ def _read_value(value_info: memoryview) -> tuple[str, tuple[int | str, ...]]:
         elif number == 2:
             for kind, content in _fields(_message(value)):
                 if kind != 1:
-                    raise ContractError(f"The value {name!r} is no tensor; all that go in and come out are.")
+                    raise ContractError(f"The value {name!r} is not a tensor; all inputs and outputs must be.")
                 shape = _read_shape(_message(content))
     return name, shape
 
@@ -194,7 +194,7 @@ def _fields(message: memoryview) -> Iterator[Field]:
             case 5:
                 length = 4
             case _:
-                raise ContractError("The file is no ONNX model: it is not written as protocol buffers are.")
+                raise ContractError("The file is no ONNX model: it is not a protocol buffer.")
         if at + length > len(message):
             raise ContractError("The file is no whole ONNX model: it ends in the middle of a field.")
         yield key >> 3, message[at : at + length]
@@ -215,7 +215,7 @@ def _varint(message: memoryview, at: int) -> tuple[int, int]:
 
 
 def _whole_numbers(value: int | memoryview) -> list[int]:
-    """One number, or several packed into bytes."""
+    """One number, or several that are packed into bytes."""
     if isinstance(value, int):
         return [value]
     numbers, at = [], 0

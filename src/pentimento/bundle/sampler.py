@@ -1,12 +1,12 @@
 """Goal pictures from a canvas and words: Instruct-Pix2Pix (Brooks et al. 2023), sampled by DDIM, in numpy.
 
-The networks come as plain callables, so that this file knows no runtime. What is done to their answers is what
-diffusers' ``StableDiffusionInstructPix2PixPipeline`` does with ``DDIMScheduler`` (Song et al. 2021, eq. 12), drawing no
-noise on the way.
+The networks are plain callables, so this module depends on no runtime. The computation is that of diffusers'
+``StableDiffusionInstructPix2PixPipeline`` with ``DDIMScheduler`` (Song et al. 2021, eq. 12) and σ = 0.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -22,15 +22,17 @@ Latents = NDArray[np.float32]
 Prediction = Literal["epsilon", "v_prediction", "sample"]
 Spacing = Literal["trailing", "leading"]
 
+_BLOCK = 16  # numbers that PyTorch's generator draws at a time
+
 
 @dataclass(frozen=True, eq=False)
 class NoiseSchedule:
-    """How much of the picture is left in the noise at each timestep, and what the network foretells there."""
+    """The picture's share of the noisy latents at each timestep, and what the network predicts."""
 
     alphas_cumprod: NDArray[np.float32]
-    """[T]: share of the picture's variance, falling; the last is 0 with a zero terminal SNR (Lin et al. 2023)."""
+    """[T]: share of the picture's variance, decreasing; the last is 0 with a zero terminal SNR (Lin et al. 2023)."""
     final_alpha: float
-    """Of the picture itself: 1, or the first of ``alphas_cumprod`` for networks that were published so."""
+    """The share after the last step: 1, or the first of ``alphas_cumprod`` for networks published that way."""
     prediction: Prediction
     spacing: Spacing
     offset: int = 0
@@ -39,17 +41,19 @@ class NoiseSchedule:
     def __post_init__(self) -> None:
         if self.prediction not in ("epsilon", "v_prediction", "sample") or self.spacing not in ("trailing", "leading"):
             raise ContractError(
-                f"The noise schedule foretells {self.prediction!r} with {self.spacing!r} spacing; the sampler knows "
+                f"The noise schedule predicts {self.prediction!r} with {self.spacing!r} spacing; the sampler knows "
                 "epsilon, v_prediction, sample and trailing, leading."
             )
         if self.prediction == "epsilon" and self.alphas_cumprod[-1] == 0:
-            raise ContractError("A schedule that ends in pure noise cannot foretell the noise; it would tell nothing.")
+            raise ContractError(
+                "A schedule that ends in pure noise cannot use the prediction epsilon; use v_prediction or sample."
+            )
 
     def timesteps(self, steps: int) -> NDArray[np.int64]:
-        """[steps] from noise to picture."""
+        """Timesteps [steps] from noise to picture."""
         count = len(self.alphas_cumprod)
         if not 1 <= steps <= count:
-            raise ContractError(f"{steps} sampling steps are asked for; the network knows from 1 to {count}.")
+            raise ContractError(f"{steps} sampling steps are requested; the network allows 1 to {count}.")
         if self.spacing == "trailing":
             return np.round(np.arange(count, 0, -count / steps)).astype(np.int64) - 1
         return (np.arange(steps)[::-1] * (count // steps)).astype(np.int64) + self.offset
@@ -57,24 +61,25 @@ class NoiseSchedule:
 
 @dataclass(frozen=True)
 class Networks:
-    """The goal planner's parts; pictures [B, 3, H, W] run from −1 to 1."""
+    """The goal planner's networks; pictures [B, 3, H, W] range from −1 to 1."""
 
     read: Callable[[NDArray[np.int64]], NDArray[np.float32]]
     """Tokens [B, L] to text states [B, L, D]."""
     encode: Callable[[FloatImage], Latents]
-    """Pictures to latents [B, C, h, w]: the mode, not scaled (so Instruct-Pix2Pix was trained)."""
+    """Pictures to latents [B, C, h, w]: the mode, not scaled, as in the training of Instruct-Pix2Pix."""
     predict: Callable[[Latents, int, NDArray[np.float32]], Latents]
-    """Latents beside those of the canvas [B, 2C, h, w], a timestep, text states [B, L, D] to [B, C, h, w]."""
+    """Latents and those of the canvas [B, 2C, h, w], a timestep, text states [B, L, D] to a prediction [B, C, h, w]."""
     decode: Callable[[Latents], FloatImage]
     """Latents, divided by ``scaling``, to pictures."""
     scaling: float
-    """Of the latents that are sampled."""
+    """Factor of the sampled latents."""
 
 
 def complete(
     networks: Networks,
     schedule: NoiseSchedule,
     canvas: NDArray[np.uint8],
+    *,
     tokens: NDArray[np.int64],
     no_words: NDArray[np.int64],
     noise: Latents,
@@ -89,32 +94,32 @@ def complete(
         tokens: [B, L] of the captions.
         no_words: [1, L] of the empty caption.
         noise: [B, C, h, w], standard normal.
-        image_guidance: s_I of Brooks et al., eq. 3; without effect where ``text_guidance`` is 1, as published.
-        text_guidance: s_T; above 1, the network is asked three times in each step.
-        progress: told (steps done, steps) after each step.
+        image_guidance: s_I of Brooks et al., eq. 3; no effect where ``text_guidance`` is 1, as published.
+        text_guidance: s_T; above 1, each step evaluates the network three times.
+        progress: called with (steps done, steps) after each step.
     """
     guided = text_guidance > 1 and image_guidance >= 1
-    shown = networks.encode(_as_input(canvas))
+    condition = networks.encode(_as_input(canvas))
     text = networks.read(tokens)
     if guided:
         blank = np.repeat(networks.read(no_words), len(canvas), axis=0)
         text = np.concatenate([text, blank, blank])
-        shown = np.concatenate([shown, shown, np.zeros_like(shown)])
+        condition = np.concatenate([condition, condition, np.zeros_like(condition)])
     latents = noise.astype(np.float32)
-    apart = len(schedule.alphas_cumprod) // steps
+    stride = len(schedule.alphas_cumprod) // steps
     for number, timestep in enumerate(schedule.timesteps(steps)):
-        asked = np.concatenate([np.concatenate([latents] * 3) if guided else latents, shown], axis=1)
-        told = networks.predict(asked, int(timestep), text)
+        noisy = np.concatenate([np.concatenate([latents] * 3) if guided else latents, condition], axis=1)
+        prediction = networks.predict(noisy, int(timestep), text)
         if guided:
-            both, image_only, neither = np.split(told, 3)
-            told = neither + text_guidance * (both - image_only) + image_guidance * (image_only - neither)
-        latents = _step(schedule, told, int(timestep), int(timestep) - apart, latents)
+            both, image_only, neither = np.split(prediction, 3)
+            prediction = neither + text_guidance * (both - image_only) + image_guidance * (image_only - neither)
+        latents = _step(schedule, prediction, int(timestep), int(timestep) - stride, latents)
         progress(number + 1, steps)
     return _as_uint8(networks.decode((latents / networks.scaling).astype(np.float32)))
 
 
 def round_trip(networks: Networks, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Pictures uint8 [B, H, W, 3] as they come back from the autoencoder."""
+    """Pictures uint8 [B, H, W, 3], encoded and decoded by the autoencoder."""
     return _as_uint8(networks.decode(networks.encode(_as_input(pictures))))
 
 
@@ -128,16 +133,60 @@ def _as_uint8(pictures: FloatImage) -> NDArray[np.uint8]:
     return np.round(np.clip(pictures / 2 + 0.5, 0, 1).transpose(0, 2, 3, 1) * 255).astype(np.uint8)
 
 
-def _step(schedule: NoiseSchedule, told: Latents, now: int, then: int, latents: Latents) -> Latents:
+def _step(schedule: NoiseSchedule, prediction: Latents, now: int, then: int, latents: Latents) -> Latents:
     """Latents at timestep ``then`` from those at ``now`` (Song et al. 2021, eq. 12 with σ = 0)."""
     alpha = float(schedule.alphas_cumprod[now])
     next_alpha = float(schedule.alphas_cumprod[then]) if then >= 0 else schedule.final_alpha
     signal, noisy = alpha**0.5, (1 - alpha) ** 0.5
     match schedule.prediction:
         case "epsilon":
-            picture, noise = (latents - noisy * told) / signal, told
+            picture, noise = (latents - noisy * prediction) / signal, prediction
         case "sample":
-            picture, noise = told, (latents - signal * told) / noisy
+            picture, noise = prediction, (latents - signal * prediction) / noisy
         case "v_prediction":
-            picture, noise = signal * latents - noisy * told, signal * told + noisy * latents
+            picture, noise = signal * latents - noisy * prediction, signal * prediction + noisy * latents
     return (next_alpha**0.5 * picture + (1 - next_alpha) ** 0.5 * noise).astype(np.float32)
+
+
+def seed_for(*key: int) -> int:
+    """The seed of a key such as (seed, number), as in ``copainting.seeds.generator_for``."""
+    # numpy pads keys with zeros: without its length, (1, 0) would be (1,).
+    state = np.random.SeedSequence((len(key), *key)).generate_state(2)
+    return int(state[0]) << 31 ^ int(state[1])
+
+
+def normal(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
+    """``torch.randn(shape, generator=torch.Generator().manual_seed(seed))`` up to rounding of float32.
+
+    PyTorch's CPU generator in numpy, so that robot and workshop sample the same goal from the same seed: 24-bit uniform
+    numbers of a Mersenne twister, in blocks of 16, through Box and Muller (1958). PyTorch uses another method for fewer
+    than 16 numbers, which is not implemented.
+
+    Raises:
+        ContractError: fewer than 16 numbers.
+    """
+    count = math.prod(shape)
+    if count < _BLOCK:
+        raise ContractError(f"{count} random numbers are requested; at least {_BLOCK} agree with the workshop's.")
+    twister = np.random.RandomState(seed & 0xFFFFFFFF)
+    uniform = _uniform(twister, count)
+    whole = count - count % _BLOCK
+    numbers = np.empty(count, np.float32)
+    numbers[:whole] = _box_muller(uniform[:whole])
+    if whole < count:  # the last 16 numbers are drawn anew
+        numbers[-_BLOCK:] = _box_muller(_uniform(twister, _BLOCK))
+    return numbers.reshape(shape)
+
+
+def _uniform(twister: np.random.RandomState, count: int) -> NDArray[np.float32]:
+    """[count] in [0, 1): the low 24 bits of each 32-bit number."""
+    raw = twister.randint(0, 2**32, count, dtype=np.uint64) & 0xFFFFFF
+    return (raw.astype(np.float64) / 2**24).astype(np.float32)
+
+
+def _box_muller(uniform: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Normal numbers of blocks of 16: the first eight and the last eight of a block are paired."""
+    pairs = uniform.reshape(-1, 2, _BLOCK // 2)
+    radius = np.sqrt(-2 * np.log1p(-pairs[:, 0].astype(np.float64)))
+    angle = 2 * np.pi * pairs[:, 1].astype(np.float64)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1).astype(np.float32).ravel()

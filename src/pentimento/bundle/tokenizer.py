@@ -1,7 +1,8 @@
 """CLIP's byte-pair tokenizer in plain Python, from the published files (Radford et al. 2021; Sennrich et al. 2016).
 
-The lean core reads captions with it. It gives the very numbers of ``transformers.CLIPTokenizer``: the same
-normalisation (NFC, white space, lower case letter by letter), the same cut into words, the same merges.
+The lean core encodes captions with it. Its ids equal those of ``transformers.CLIPTokenizer``: the same normalisation
+(NFC, white space, lower case letter by letter), the same splitting into words, the same merges. The ``tokenizers``
+library is not used here, because it requires an HTTP client and 30 MB of further packages.
 """
 
 from __future__ import annotations
@@ -24,22 +25,22 @@ START, END = "<|startoftext|>", "<|endoftext|>"
 _WORD_END = "</w>"
 _MARKS = (START, END)
 _CONTRACTIONS = ("'s", "'t", "'re", "'ve", "'m", "'ll", "'d")
-# Unicode's White_Space; Python's `\s` takes four separators more.
+# Unicode's White_Space; Python's `\s` matches four more separators.
 _SPACE = re.compile("[\t-\r \x85\xa0\u1680\u2000-\u200a\u2028\u2029\u202f\u205f\u3000]+")
 
 
 @dataclass(frozen=True, eq=False)
 class Tokenizer:
-    """Words and merges of a CLIP text encoder."""
+    """Vocabulary and merges of a CLIP text encoder."""
 
     vocabulary: Mapping[str, int]
     ranks: Mapping[tuple[str, str], int]
-    """Of the merges: the lower, the earlier."""
+    """Rank of each merge; lower ranks are merged first."""
     length: int
-    """Of a caption in tokens, start and end counted; what is longer is cut, what is shorter filled with ends."""
+    """Tokens of a caption with start and end; longer captions are truncated, shorter ones padded with ends."""
 
     def encode(self, captions: list[str]) -> NDArray[np.int64]:
-        """[B, length] token numbers, from start to end, filled up with ends."""
+        """Token ids [B, length] with start and end, padded with ends."""
         start, end = self.vocabulary[START], self.vocabulary[END]
         rows = np.full((len(captions), self.length), end, dtype=np.int64)
         for row, caption in zip(rows, captions, strict=True):
@@ -58,7 +59,7 @@ class Tokenizer:
         return found
 
     def _merged(self, word: str) -> list[str]:
-        """The symbols of a word, its bytes joined pair by pair in the order of the merges."""
+        """The symbols of a word: its bytes, joined pair by pair in the order of the merges."""
         letters = [_BYTES[byte] for byte in word.encode()]
         symbols = [*letters[:-1], letters[-1] + _WORD_END]
         while len(symbols) > 1:
@@ -73,7 +74,7 @@ def read_tokenizer(vocabulary: Path, merges: Path, length: int) -> Tokenizer:
     """A tokenizer from ``vocab.json`` and ``merges.txt`` as CLIP publishes them.
 
     Raises:
-        ContractError: a file that cannot be read, or without start and end.
+        ContractError: a file cannot be read, or has no start and end tokens.
     """
     try:
         words = json.loads(Path(vocabulary).read_text(encoding="utf-8"))
@@ -81,7 +82,7 @@ def read_tokenizer(vocabulary: Path, merges: Path, length: int) -> Tokenizer:
     except (OSError, ValueError) as error:
         raise ContractError(f"The tokenizer {vocabulary}, {merges} cannot be read: {error}.") from error
     if not isinstance(words, dict) or not all(mark in words for mark in _MARKS):
-        raise ContractError(f"The tokenizer {vocabulary} has no {START} and {END}; it is not one of CLIP's.")
+        raise ContractError(f"The tokenizer {vocabulary} has no {START} and {END}; it is not a CLIP tokenizer.")
     if length < 2:
         raise ContractError(f"Captions of {length} tokens have no room for start and end; give 2 or more.")
     pairs = [tuple(line.split(" ")) for line in lines if line and not line.startswith("#version")]
@@ -93,11 +94,11 @@ def read_tokenizer(vocabulary: Path, merges: Path, length: int) -> Tokenizer:
 
 def _normalised(text: str) -> str:
     spaced = _SPACE.sub(" ", unicodedata.normalize("NFC", text))
-    return "".join(letter.lower() for letter in spaced)  # a final sigma is not told from any other
+    return "".join(letter.lower() for letter in spaced)  # letter by letter, so that a final sigma becomes a plain one
 
 
 def _words(text: str) -> list[str]:
-    """Runs of letters, single digits, runs of what is neither, and English contractions; no spaces."""
+    """Words of a text: runs of letters, single digits, runs of other characters, and English contractions."""
     words, at = [], 0
     while at < len(text):
         known = next((word for word in (*_MARKS, *_CONTRACTIONS) if text.startswith(word, at)), None)
@@ -107,7 +108,7 @@ def _words(text: str) -> list[str]:
         elif (kind := _kind(text[at])) != "N":
             while end < len(text) and _kind(text[end]) == kind:
                 end += 1
-        if known in _MARKS:  # written in capitals: no mark, but cut as one
+        if known in _MARKS:  # written in capitals: split like a special token
             words += [known[:2], known[2:-2], known[-2:]]
         elif known is not None or kind != " ":
             words.append(text[at:end])
@@ -116,7 +117,7 @@ def _words(text: str) -> list[str]:
 
 
 def _kind(letter: str) -> str:
-    """L for letters, N for digits, a blank for white space, P for all else."""
+    """L for letters, N for digits, a blank for white space, P for everything else."""
     if _SPACE.fullmatch(letter):
         return " "
     category = unicodedata.category(letter)[0]
@@ -124,7 +125,7 @@ def _kind(letter: str) -> str:
 
 
 def _byte_letters() -> list[str]:
-    """A visible letter for each byte, as GPT-2 has it: those that print for themselves, others from 256 on."""
+    """A visible character for each byte, as in GPT-2: a printable byte is itself, others map to 256 and up."""
     visible = [*range(ord("!"), ord("~") + 1), *range(ord("¡"), ord("¬") + 1), *range(ord("®"), ord("ÿ") + 1)]
     others = [byte for byte in range(256) if byte not in visible]
     letters = {byte: chr(byte) for byte in visible} | {byte: chr(256 + i) for i, byte in enumerate(others)}

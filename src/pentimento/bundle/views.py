@@ -1,4 +1,4 @@
-"""How an encoder looks at a picture: resized to its square, and from a few other angles. Inputs of exported graphs."""
+"""Inputs of the exported encoder graphs: matrices that resize a picture, and random views of it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float32]
 
 _SHARPNESS = -0.5
-"""Of the cubic (Keys 1981), as antialiased resizing has it in PyTorch and Pillow."""
+"""Parameter of the cubic kernel (Keys 1981), as in the antialiased resizing of PyTorch and Pillow."""
 _TURN_RAD, _SCALE, _SHIFT = 0.12, 0.1, 0.1
-"""The most by which a view is turned, scaled, and shifted as a share of half the picture; ``semantics.objective``."""
+"""Maximum rotation, scale and shift (as a fraction of half the picture) of a view, as in ``semantics.objective``."""
 
 
 def random_views(count: int, rng: np.random.Generator) -> Array:
-    """[count, 2, 3] small turns, scales and shifts, in coordinates that run from -1 to 1 over a picture."""
+    """Affine maps [count, 2, 3]: small rotations, scales and shifts, in coordinates from -1 to 1 over a picture."""
     return views_of(rng.uniform(-1, 1, (4, count)).astype(np.float32))
 
 
 def views_of(drawn: Array) -> Array:
-    """[V, 2, 3] for numbers [4, V] from -1 to 1: turn, scale, shift across, shift down."""
+    """Affine maps [V, 2, 3] for numbers [4, V] from -1 to 1: rotation, scale, shift in x, shift in y."""
     turn, scale = _TURN_RAD * drawn[0], 1 + _SCALE * drawn[1]
     cos, sin = scale * np.cos(turn), scale * np.sin(turn)
     rows = [np.stack([cos, -sin, _SHIFT * drawn[2]], 1), np.stack([sin, cos, _SHIFT * drawn[3]], 1)]
@@ -27,7 +27,7 @@ def views_of(drawn: Array) -> Array:
 
 
 def resizing_matrix(size: int, new_size: int) -> Array:
-    """[new_size, size] by which antialiased bicubic resizing turns a line of pixels into another."""
+    """Matrix [new_size, size] of antialiased bicubic resizing of a row of pixels."""
     ratio = size / new_size
     wide = max(ratio, 1.0)
     centers = ratio * (np.arange(new_size) + 0.5)

@@ -17,8 +17,9 @@ from pentimento.calibration.webcam import Webcam
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.markers import DICTIONARY, SIDE_M, markers_around
+from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import machine_of
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.safety import envelope_for
 from pentimento.robots.calibration import MAX_RESIDUAL, Calibration, Kind, require_fresh
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.rig import load_rig

@@ -128,7 +128,8 @@ def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Tab
 
     from pentimento.collection.follow import follow, tool_of
     from pentimento.contracts.covariates import drawn_length_m
-    from pentimento.control.safety import GuardedRobot, envelope_for
+    from pentimento.control.guard import GuardedRobot
+    from pentimento.control.safety import envelope_for
     from pentimento.robots.tools import load_tool
     from pentimento.robots.virtual import VirtualRobot
     from pentimento.studio.studio import Studio

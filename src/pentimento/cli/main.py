@@ -171,32 +171,30 @@ def _tell_address(address: str) -> None:
 
 
 def _sculpt(arguments: argparse.Namespace) -> None:
-    from pentimento.control.commands import Control
     from pentimento.control.commission import read_clay_commission
-    from pentimento.control.keyboard import at_terminal, ended_by_signal
-    from pentimento.control.progress import Progress
+    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.run_sculpture import clay_commission_of, run_sculpture
 
     folder: Path = arguments.out if arguments.resume is None else arguments.resume
     commission = read_clay_commission(folder) if arguments.resume is not None else None
     if commission is None:
         commission = clay_commission_of(
-            arguments.bundle, arguments.material, None, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+            arguments.bundle, arguments.material, arguments.letter, actions=arguments.pushes, seed=arguments.seed
         )
     control, progress = Control(), Progress()
     at_terminal(control, progress)
     with ended_by_signal():
-        state = run_sculpture(commission, folder, arguments.resume is not None, control, progress)
-    progress.say("")
+        state = run_sculpture(
+            commission, folder, resume=arguments.resume is not None, control=control, progress=progress
+        )
+    progress.message("")
     print(f"{len(state.progress.actions)} pushes; {state.stopped}. The sculpture is in {folder}.")
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from pentimento.control.commands import Control
+    from pentimento.control.checkpoint import has_state
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
-    from pentimento.control.keyboard import at_terminal, ended_by_signal
-    from pentimento.control.painting_state import has_state
-    from pentimento.control.progress import Progress
+    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.run import commission_of, run
 
     if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
@@ -209,8 +207,8 @@ def _run(arguments: argparse.Namespace) -> None:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
         wanted = picture or Wanted("words", arguments.goal_text or "")
         commission = commission_of(
-            arguments.bundle, arguments.setting, arguments.robot or "virtual", arguments.execute, wanted,
-            arguments.strokes, arguments.batch, arguments.seed,
+            arguments.bundle, wanted, setting=arguments.setting, robot=arguments.robot or "virtual",
+            execute=arguments.execute, strokes=arguments.strokes, batch=arguments.batch, seed=arguments.seed,
         )  # fmt: skip
     control, progress = Control(), Progress()
     keyboard = at_terminal(control, progress)
@@ -218,15 +216,15 @@ def _run(arguments: argparse.Namespace) -> None:
     try:
         with ended_by_signal():
             state = run(
-                commission, folder, arguments.resume is not None, arguments.calibration, keyboard.ask, page,
-                control, progress,
+                commission, folder, resume=arguments.resume is not None, calibration=arguments.calibration,
+                ask=keyboard.ask, page=page, control=control, progress=progress,
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
         if has_state(folder) and not isinstance(error, ContractError):  # what is damaged cannot be gone on with
             error.add_note(f"Go on with: pentimento run --resume {folder}")
         raise
-    progress.say("")
-    print(f"{state.sentence} The painting is in {folder}.")
+    progress.message("")
+    print(f"{state.message} The painting is in {folder}.")
 
 
 if __name__ == "__main__":

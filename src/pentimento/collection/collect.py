@@ -45,7 +45,9 @@ def collect_strokes(
             memory, sheet = new_sheet(memory), command.sheet
         window = snap_window(window_around(command.stroke.path, config.margin_m), canvas, shape)
         before = robot.photo()
-        memory, executed = execute_stroke(robot, tool, command.stroke, palette, memory, session)
+        memory, executed = execute_stroke(
+            robot, tool, command.stroke, palette_srgb=palette, memory=memory, session=session
+        )
         robot.wait(command.wait_s)
         after = robot.photo()
         shown_before, shown_after = (

@@ -41,9 +41,17 @@ def collect_pushes(
         if command.smooth:
             surface_m = float(np.nanmedian(levelled_m(before)))
         executed = execute_push(
-            robot, end_effector, command.action, before, command.speed_m_s, command.dwell_s, command.retract_speed_m_s
+            robot,
+            end_effector,
+            command.action,
+            before=before,
+            speed_m_s=command.speed_m_s,
+            dwell_s=command.dwell_s,
+            retract_speed_m_s=command.retract_speed_m_s,
         )
-        row = record_push(session, order, command.action_id, end_effector, material, executed)
+        row = record_push(
+            session, order, command.action_id, end_effector=end_effector, material=material, executed=executed
+        )
         rows.append(
             row
             | {

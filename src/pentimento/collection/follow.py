@@ -85,7 +85,9 @@ def follow(
     for order, action in enumerate(todo):
         window = snap_window(np.array(action["window_m"]), canvas, shape)
         before = robot.photo()
-        memory, made = execute_stroke(robot, tool, _planned(action, tool, palette), palette, memory, here)
+        memory, made = execute_stroke(
+            robot, tool, _planned(action, tool, palette), palette_srgb=palette, memory=memory, session=here
+        )
         robot.wait(max(todo[order + 1]["wait_s"] if order + 1 < len(todo) else 0.0, _SETTLE_S))
         after = robot.photo()
         shown_before, shown_after = (rectify(photo, calibration, window, scale) for photo in (before, after))

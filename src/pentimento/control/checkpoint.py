@@ -1,4 +1,7 @@
-"""What must not be lost when the computer goes down: one file of plain values and arrays, replaced whole each time."""
+"""Checkpoints: what a painting or a sculpture needs to continue after its computer failed.
+
+A checkpoint is one file of plain values and arrays. It is replaced as a whole after every action.
+"""
 
 from __future__ import annotations
 
@@ -6,47 +9,213 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.covariates import Memory
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.scan import Scan
+from pentimento.control.sculptor import Outcome, SculptureProgress
+from pentimento.planning.strokes.bezier import Strokes
 
 Arrays = dict[str, NDArray[Any]]
-Kept = TypeVar("Kept")
+FloatArray = NDArray[np.float64]
+HeightMap = NDArray[np.float32]
+Picture = NDArray[np.uint8]
+Loaded = TypeVar("Loaded")
+
+Phase = Literal["painting", "paused", "your turn", "stopped", "done"]
 
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
-"""What reading a file raises that is cut short, overwritten, or none of ours."""
+"""What reading a file raises that is truncated, overwritten or not a checkpoint."""
+
+_PAINTING_SCHEMA: Final = 3
+_PAINTING: Final = "state.npz"
+_STROKES: Final = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
+_NUMBERS: Final = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "mark_width_m", "canvas_size_m")
+_PLAIN: Final = (
+    "pending", "executed", "sessions", "shard", "turns", "clock_s", "robot_clock_s", "unix_s", "phase", "message",
+)  # fmt: skip
+_ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink", "color", "carried")
+
+_SCULPTURE_SCHEMA: Final = 2
+_SCULPTURE: Final = "sculpture.npz"
 
 
-def keep(path: Path, schema: int, told: Mapping[str, Any], arrays: Arrays) -> None:
-    """Replace the file. Raises OSError, and the old one is still there then."""
-    told = {"schema": schema, **told}
-    written = io.BytesIO()
-    np.savez(written, allow_pickle=False, told=np.frombuffer(json.dumps(told).encode(), np.uint8), **arrays)
-    atomic_write(path, written.getvalue())
+@dataclass(frozen=True, eq=False)
+class PaintingState:
+    """A painting between two strokes, or with one stroke pending."""
+
+    remaining: Strokes
+    """Strokes to execute, in order."""
+    pending: bool
+    """The first remaining stroke was sent to the robot, which has not confirmed it."""
+    palette_srgb: FloatArray
+    """[K, 3] paints that are loaded, or the tool's own ink."""
+    memory: Memory
+    """Of tool and canvas, before the first of ``remaining``."""
+    canvas: Picture
+    """[H, W, 3] sRGB, as observed last."""
+    executed: int
+    """Number of strokes executed so far."""
+    sessions: int
+    """Number of recordings so far: each start and each resumption is one."""
+    shard: int
+    """Number of the recording's next file."""
+    turns: int
+    """Number of turns that a person has had."""
+    clock_s: float
+    """Time since the painting's start."""
+    robot_clock_s: float
+    """The robot's clock at that time."""
+    unix_s: float
+    """The computer's clock at that time."""
+    phase: Phase
+    message: str
+    """What happens, or what happened and what to do."""
 
 
-def kept(path: Path, schema: int, work: str, made_of: Callable[[dict[str, Any], Arrays], Kept]) -> Kept:
-    """What was kept last: ``made_of`` its plain values and arrays.
+@dataclass(frozen=True, eq=False)
+class SculptureState:
+    """A sculpture between two pushes, or with one push pending."""
+
+    goal_m: HeightMap
+    """[H, W]"""
+    progress: SculptureProgress
+    sessions: int
+    """Number of sessions: each start and each resumption is one."""
+    stopped: Outcome | None
+    """Why it is done; None while it is not."""
+
+
+def write_checkpoint(path: Path, schema: int, values: Mapping[str, Any], arrays: Arrays) -> None:
+    """Replace the file. Raises OSError; the previous checkpoint still exists then."""
+    text = json.dumps({"schema": schema, **values}).encode()
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, values=np.frombuffer(text, np.uint8), **arrays)
+    atomic_write(path, content.getvalue())
+
+
+def read_checkpoint(path: Path, schema: int, kind: str, build: Callable[[dict[str, Any], Arrays], Loaded]) -> Loaded:
+    """The last checkpoint: ``build`` of its plain values and arrays.
 
     Args:
-        work: what it is the state of, such as a painting.
+        kind: what the checkpoint is of, such as "painting"; for messages.
 
     Raises:
         ContractError: there is none, or it is damaged or of another version.
     """
     if not path.is_file():
-        raise ContractError(f"{path.parent} holds no {path.name}: no {work} was begun there; begin one with --out.")
+        raise ContractError(f"{path.parent} holds no {path.name}: no {kind} was begun there; begin one with --out.")
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
             arrays = dict(stored)
-        told: dict[str, Any] = json.loads(arrays.pop("told").tobytes())
-        if told["schema"] != schema:
-            raise ContractError(f"{path} is of schema {told['schema']} and this is a runner of schema {schema}.")
-        return made_of(told, arrays)
+        values: dict[str, Any] = json.loads(arrays.pop("values").tobytes())
+        if values["schema"] != schema:
+            raise ContractError(f"{path} is of schema {values['schema']}; this version reads schema {schema}.")
+        return build(values, arrays)
     except _DAMAGE as error:
-        raise ContractError(f"{path} is damaged ({error!r}); begin the {work} anew.") from error
+        raise ContractError(f"{path} is damaged ({error!r}); begin the {kind} anew.") from error
+
+
+def save_state(folder: Path, state: PaintingState) -> None:
+    """Replace the painting's checkpoint. Raises OSError; the previous one still exists then."""
+    memory = state.memory
+    values = {
+        "memory": {name: getattr(memory, name) for name in _NUMBERS},
+        **{name: getattr(state, name) for name in _PLAIN},
+    }
+    arrays: Arrays = {f"strokes_{name}": array for name, array in zip(_STROKES, state.remaining.arrays(), strict=True)}
+    arrays |= {f"memory_{name}": getattr(memory, name) for name in _ARRAYS}
+    arrays |= {"palette_srgb": state.palette_srgb, "canvas": state.canvas}
+    write_checkpoint(folder / _PAINTING, _PAINTING_SCHEMA, values, arrays)
+
+
+def has_state(folder: Path) -> bool:
+    """Whether a painting was saved. One that ended before its first checkpoint has not painted: it is planned anew."""
+    return (folder / _PAINTING).is_file()
+
+
+def load_state(folder: Path) -> PaintingState:
+    """The painting's last checkpoint.
+
+    Raises:
+        ContractError: there is none, or it is damaged or of another version.
+    """
+    return read_checkpoint(folder / _PAINTING, _PAINTING_SCHEMA, "painting", _painting)
+
+
+def _painting(values: dict[str, Any], arrays: Arrays) -> PaintingState:
+    memory: dict[str, Any] = values["memory"] | {name: arrays[f"memory_{name}"] for name in _ARRAYS}
+    memory |= {"canvas_size_m": tuple(memory["canvas_size_m"])}
+    return PaintingState(
+        remaining=Strokes(*(arrays[f"strokes_{name}"] for name in _STROKES)),
+        palette_srgb=arrays["palette_srgb"],
+        memory=Memory(**memory),
+        canvas=arrays["canvas"],
+        **{name: values[name] for name in _PLAIN},
+    )
+
+
+def save_sculpture(folder: Path, state: SculptureState) -> None:
+    """Replace the sculpture's checkpoint. Raises OSError; the previous one still exists then."""
+    progress = state.progress
+    values = {
+        "sessions": state.sessions,
+        "stopped": state.stopped,
+        "due": progress.due,
+        "holes": progress.holes,
+        "pending": progress.pending,
+        "scanner_id": progress.scan.scanner_id,
+        "t_s": progress.scan.t_s,
+    }
+    arrays: Arrays = {
+        "goal_m": state.goal_m,
+        "scan_m": progress.scan.height_m,
+        "window_m": progress.scan.window_m,
+        "table_plane": progress.scan.table_plane,
+        "actions": np.array(progress.actions, np.float64).reshape(-1, 5),
+        "heights_m": np.stack(progress.heights_m),
+        "objective": np.array(progress.values),
+        "expected_m": np.array(progress.expected_m, np.float32).reshape(-1, *state.goal_m.shape),
+        "remaining": progress.remaining,
+        "predicted_m": progress.predicted_m,
+    }
+    write_checkpoint(folder / _SCULPTURE, _SCULPTURE_SCHEMA, values, arrays)
+
+
+def has_sculpture(folder: Path) -> bool:
+    """Whether a sculpture was saved. One that ended before its first checkpoint has not touched the clay."""
+    return (folder / _SCULPTURE).is_file()
+
+
+def load_sculpture(folder: Path) -> SculptureState:
+    """The sculpture's last checkpoint.
+
+    Raises:
+        ContractError: there is none, or it is damaged or of another version.
+    """
+    return read_checkpoint(folder / _SCULPTURE, _SCULPTURE_SCHEMA, "sculpture", _sculpture)
+
+
+def _sculpture(values: dict[str, Any], arrays: Arrays) -> SculptureState:
+    progress = SculptureProgress(
+        scan=Scan(
+            arrays["scan_m"], arrays["window_m"], arrays["table_plane"], values["scanner_id"], values["t_s"]
+        ),
+        actions=tuple(arrays["actions"]),
+        heights_m=tuple(arrays["heights_m"]),
+        values=tuple(arrays["objective"].tolist()),
+        expected_m=tuple(arrays["expected_m"]),
+        remaining=arrays["remaining"],
+        predicted_m=arrays["predicted_m"],
+        due=values["due"],
+        holes=values["holes"],
+        pending=values["pending"],
+    )  # fmt: skip
+    return SculptureState(arrays["goal_m"], progress, values["sessions"], values["stopped"])

@@ -1,6 +1,4 @@
-"""What a painting or a sculpture was asked to be: written once, when it is begun, so that resuming needs nothing but
-its folder.
-"""
+"""The commission of a painting or a sculpture, written when it is begun, so that its folder suffices to resume it."""
 
 from __future__ import annotations
 
@@ -21,25 +19,25 @@ _NAME: Final = "commission.json"
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be seen."""
+    """The source of the goal picture."""
 
     kind: Literal["picture", "words"]
     value: str
-    """A picture's file; or what a person asks for, "" for what is begun to be completed."""
+    """A picture's file, or a person's words; "" asks only to complete what is on the canvas."""
 
 
 @dataclass(frozen=True)
 class Commission:
-    """What a painting was asked to be."""
+    """What was asked for in a painting."""
 
     bundle: str
     """Its folder."""
     digest: str
-    """SHA-256 of its manifest: a painting is finished with the bundle that it was begun with."""
+    """SHA-256 of its manifest: a painting is resumed with the same bundle only."""
     setting: str
     robot: str
     execute: bool
-    """Hardware moves; otherwise it is rehearsed."""
+    """Hardware moves; otherwise the virtual robot rehearses."""
     wanted: Wanted
     strokes: int
     batch: int
@@ -48,7 +46,7 @@ class Commission:
 
 @dataclass(frozen=True)
 class ClayCommission:
-    """What a sculpture was asked to be."""
+    """What was asked for in a sculpture."""
 
     bundle: str
     """Its folder."""
@@ -56,20 +54,20 @@ class ClayCommission:
     """SHA-256 of its manifest."""
     material: str
     world: str
-    """The studio's."""
+    """World of the virtual studio."""
     letter: str
     reach_m: float
-    """The letter's deepest place lies so far below the clay's mean height."""
+    """Depth of the letter's lowest point below the clay's mean height."""
     actions: int
-    """At most."""
+    """Maximum number."""
     seed: int
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:
-    """Write it into the painting's, or the sculpture's, folder.
+    """Write the commission into a new folder.
 
     Raises:
-        ContractError: a painting was begun there already, it holds something else, or it is no folder.
+        ContractError: a painting was begun there already, it holds other files, or it is not a folder.
     """
     path = Path(folder) / _NAME
     if path.exists():
@@ -93,10 +91,10 @@ def read_commission(folder: Path) -> Commission:
 
 
 def read_clay_commission(folder: Path) -> ClayCommission | None:
-    """The sculpture's commission; None where the folder is a painting's.
+    """The sculpture's commission; None where the folder holds a painting.
 
     Raises:
-        ContractError: there is none of either, or it is damaged.
+        ContractError: there is no commission, or it is damaged.
     """
     plain = _read(folder)
     if not isinstance(plain, dict) or "material" not in plain:
@@ -105,11 +103,11 @@ def read_clay_commission(folder: Path) -> ClayCommission | None:
 
 
 @contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """While the block runs, no other process paints in the folder. However this one ends, the next one may.
+def exclusive(folder: Path) -> Iterator[None]:
+    """A lock on the folder while the block runs; the system releases it however the process ends.
 
     Raises:
-        ContractError: another one does.
+        ContractError: another process holds the lock.
     """
     with (Path(folder) / _NAME).open() as file:
         try:

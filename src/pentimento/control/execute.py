@@ -1,4 +1,4 @@
-"""Acting: planned strokes become dips and moves, and the memory follows them."""
+"""Executing planned strokes: dips and moves of the robot, and the memory of tool and canvas after them."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Session:
-    """One uninterrupted recording: same tool, paint and camera pose."""
+    """One uninterrupted recording with the same tool, paint and camera pose."""
 
     name: str
     started_s: float
-    """The robot's clock at the session's start; tables count from here."""
+    """The robot's clock at the session's start; times in tables count from here."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExecutedStroke:
-    """What happened in one stroke."""
+    """One executed stroke."""
 
     event: StrokeEvent
     covariates: dict[str, int | float | list[float]]
-    """The strokes contract's columns with memory, as they stood before the stroke."""
+    """The strokes contract's columns that depend on the memory, before the stroke."""
     measured_path: FloatArray
     """[N, 5] as the robot measured it; NaN where it did not."""
 
 
 class ExecutionError(PentimentoError):
-    """A stroke could not be made. `__cause__` is the driver's or the guard's own error.
+    """A stroke failed. `__cause__` is the error of the driver or the guard.
 
-    Strokes before `stroke` were made and are in `memory` and `measured`; `stroke` and those after are not.
-    Going on from `memory` is safe: a tool that was dipped for the failed stroke is dipped for it again.
+    The strokes before `stroke` were executed and are in `memory` and `measured`. Continuing from `memory` is safe: a
+    tool that was dipped for the failed stroke is dipped for it again.
     """
 
-    def __init__(self, sentence: str, stroke: int, memory: Memory, measured: list[FloatArray]) -> None:
-        super().__init__(sentence)
+    def __init__(self, message: str, stroke: int, memory: Memory, measured: list[FloatArray]) -> None:
+        super().__init__(message)
         self.stroke = stroke
         self.memory = memory
         self.measured = measured
@@ -56,15 +56,16 @@ def execute(
     robot: Robot,
     tool: Tool,
     strokes: Sequence[PlannedStroke],
+    *,
     palette_srgb: FloatArray,
     memory: Memory,
     session: Session,
 ) -> tuple[Memory, list[FloatArray]]:
-    """Make the strokes in their order; returns the memory after them and the measured path of each [N, 5].
+    """Execute the strokes in order; returns the memory after them and the measured path of each [N, 5].
 
-    The robot takes up `tool` and lays out `palette_srgb` [K, 3] first (both do nothing where that is so
-    already). A tool that dips is dipped where the stroke says so, where its colour changes (then it is
-    wiped first) and after `tool.strokes_per_dip` strokes; a tool that carries its own ink never is.
+    The robot first changes to `tool` and loads `palette_srgb` [K, 3]; both do nothing where that is so already. A tool
+    that dips is dipped where the stroke asks for it, where its colour changes (then it is wiped first) and after
+    `tool.strokes_per_dip` strokes. A tool with its own ink is never dipped.
 
     Raises ContractError, before anything moves, if a colour is not on the palette; ExecutionError when a
     stroke fails.
@@ -77,7 +78,9 @@ def execute(
     measured: list[FloatArray] = []
     for index, stroke in enumerate(strokes):
         try:
-            memory, done = execute_stroke(robot, tool, stroke, palette_srgb, memory, session)
+            memory, executed = execute_stroke(
+                robot, tool, stroke, palette_srgb=palette_srgb, memory=memory, session=session
+            )
         except (PentimentoError, OSError, RuntimeError) as error:
             raise ExecutionError(
                 f"Stroke {index} of {len(strokes)} failed: {error} The {index} strokes before it were made; "
@@ -86,7 +89,7 @@ def execute(
                 memory,
                 measured,
             ) from error
-        measured.append(done.measured_path)
+        measured.append(executed.measured_path)
     return memory, measured
 
 
@@ -94,14 +97,15 @@ def execute_stroke(
     robot: Robot,
     tool: Tool,
     stroke: PlannedStroke,
+    *,
     palette_srgb: FloatArray,
     memory: Memory,
     session: Session,
 ) -> tuple[Memory, ExecutedStroke]:
-    """Make one stroke, after the dip that it needs, with a robot that holds `tool` and has the palette.
+    """Execute one stroke, after the dip that it needs, with a robot that holds `tool` and has the palette loaded.
 
-    Errors of the robot pass through; then `memory`, which is a value, still describes the canvas unless
-    the driver failed on its way.
+    Errors of the robot pass through. `memory` is a value; it still describes the canvas then, unless the driver failed
+    during the stroke.
     """
     paint = _paint_of(stroke, tool, palette_srgb, 0)
     dip = needs_dip(tool, stroke, memory)
@@ -110,7 +114,7 @@ def execute_stroke(
             robot.wipe()
         robot.dip(paint)
     measured = robot.move(stroke.path)
-    # The way to the stroke's start takes time too, so that its start is known from its end.
+    # The travel to the stroke's start takes time, too, so the start time follows from the end time.
     started_s = robot.clock_s - float(stroke.path[-1, 0]) - session.started_s
     event = StrokeEvent(path=stroke.path, t_start_s=started_s, dip=dip, color_srgb=stroke.color_srgb)
     return advance(memory, event), ExecutedStroke(event, covariates(memory, event), measured)

@@ -1,4 +1,4 @@
-"""Pushing: a wanted action becomes a complete push into the surface as it is now, and then a row of the table."""
+"""Executing planned pushes: an action becomes a push into the surface as scanned, then a row of the `pushes` table."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ HEIGHT_PER_UNIT_M = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ExecutedPush:
-    """What happened in one push."""
+    """One executed push."""
 
     push: Push
     before: Scan
     after: Scan
     t_start_s: float
-    """The robot's clock when it began."""
+    """The robot's clock at its start."""
     measured_path: FloatArray
     """[N, 5] as the robot measured it; NaN where it did not."""
     ambient: dict[str, float]
-    """What the room's sensors showed at its start."""
+    """Readings of the room's sensors at its start."""
 
 
 def levelled_m(scan: Scan) -> FloatArray:
-    """Heights above the table [H, W] of a scan; as they are where its plane is not known."""
+    """Heights above the table [H, W] of a scan; unchanged where the table's plane is unknown."""
     if np.isnan(scan.table_plane).all():
         return scan.height_m
     return level(scan.height_m, scan.window_m, scan.table_plane)
@@ -47,11 +47,12 @@ def aimed_push(
     end_effector: EndEffector,
     action: FloatArray,
     before: Scan,
+    *,
     speed_m_s: float,
     dwell_s: float,
     retract_speed_m_s: float,
 ) -> Push:
-    """The push of an action, float64[5], whose depth counts from the surface as `before` shows it at its start.
+    """The push of an action, float64[5], whose depth counts from the surface at its start, as scanned in `before`.
 
     Raises:
         ContractError: the start lies outside the scan or in a hole of it.
@@ -65,16 +66,19 @@ def execute_push(
     end_effector: EndEffector,
     action: FloatArray,
     before: Scan,
+    *,
     speed_m_s: float,
     dwell_s: float,
     retract_speed_m_s: float,
 ) -> ExecutedPush:
-    """Make one push from the surface that `before` shows, and scan what it did.
+    """Execute one push from the surface in `before`, then scan.
 
     Raises:
         ContractError: the start lies outside the scan or in a hole of it.
     """
-    push = aimed_push(end_effector, action, before, speed_m_s, dwell_s, retract_speed_m_s)
+    push = aimed_push(
+        end_effector, action, before, speed_m_s=speed_m_s, dwell_s=dwell_s, retract_speed_m_s=retract_speed_m_s
+    )
     ambient, t_start_s = robot.ambient(), robot.clock_s
     measured = robot.push(push)
     return ExecutedPush(push, before, robot.scan(), t_start_s, measured, ambient)
@@ -84,13 +88,14 @@ def record_push(
     session: Session,
     order: int,
     action_id: int,
+    *,
     end_effector: EndEffector,
     material: str,
     executed: ExecutedPush,
 ) -> dict[str, Any]:
-    """One row of the `pushes` contract, in its Python form, with the room's covariates beside its columns.
+    """One row of the `pushes` contract as Python values, with the room's covariates as further columns.
 
-    What was not measured is null. What the caller knows (reset_id, tool_id, …) is the caller's to add.
+    What was not measured is null. The caller adds what it knows, such as reset_id and tool_id.
 
     Raises ContractError if the two scans differ in shape or window.
     """
@@ -98,7 +103,7 @@ def record_push(
     if before.height_m.shape != after.height_m.shape or not np.allclose(before.window_m, after.window_m):
         raise ContractError(
             f"The scan before is {before.height_m.shape} over {before.window_m} m and after "
-            f"{after.height_m.shape} over {after.window_m} m; scan both alike."
+            f"{after.height_m.shape} over {after.window_m} m; scan both with one shape and window."
         )
     return {
         "session": session.name,

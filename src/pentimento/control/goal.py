@@ -1,31 +1,55 @@
-"""The picture that is aimed at: a photograph, or what the goal planner makes of the canvas and a person's words."""
+"""The goal picture: a photograph, or the goal planner's completion of the canvas for a person's words."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.bundle.sampler import Networks, NoiseSchedule, complete, round_trip
+from pentimento.bundle.sampler import Networks, NoiseSchedule, complete, normal, round_trip, seed_for
 from pentimento.bundle.tokenizer import Tokenizer
-from pentimento.bundle.torch_noise import normal, seed_for
-from pentimento.control.compose_goal import keep_canvas
-from pentimento.control.paint_context import as_picture
-from pentimento.control.painter import as_linear
+from pentimento.control.painter import as_linear, as_picture
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink
 from pentimento.robots.tools import Tool
 
 Picture = NDArray[np.uint8]
 
-DARKEST = 0.35
-"""Lightness, 0 to 1, of the darkest tone that a pen's few hundred lines are asked for."""
+DARKEST: Final = 0.35
+"""Lightness, 0 to 1, of the darkest tone that a goal for a pen has: what a few hundred lines can cover."""
+
+_NOISE_LEVELS: Final = 8
+"""Difference in levels of 255, after blurring, below which the goal planner's change counts as none."""
+_CHANGE_LEVELS: Final = 32
+"""Difference from which on the completion alone counts; between the two its weight rises linearly."""
+_BLUR: Final = 0.25
+"""Standard deviation of the blur as a fraction of a latent cell: a line redrawn slightly displaced is no change."""
+_REACH: Final = 0.5
+"""Dilation of a change as a fraction of a latent cell, so that the rim of what is drawn is included."""
+
+
+@dataclass(frozen=True)
+class GoalSampling:
+    """How the goal planner samples a completion."""
+
+    side_px: int
+    """Side of the pictures that it was trained on."""
+    latent_channels: int
+    latent_step_px: int
+    """Side of the square of pixels that a latent cell stands for."""
+    steps: int
+    image_guidance: float
+    text_guidance: float
+    seed: int
 
 
 def goal_from_picture(picture: Picture, canvas: Picture, tool: Tool) -> Picture:
     """A picture uint8 [h, w, 3] as the goal for a canvas uint8 [H, W, 3]: its largest centred part that fits.
 
-    For a tool with its own ink it is fitted to the tones of a pen, and what is on the canvas stays part of it, or the
-    planner would try to undo it.
+    For a tool with its own ink the tones are compressed to those of a pen, and what is on the canvas stays in the goal;
+    otherwise the planner would try to erase it.
     """
     height, width = canvas.shape[:2]
     light = fit_to_canvas(picture, (height, width))
@@ -38,45 +62,63 @@ def goal_from_words(
     words: str,
     canvas: Picture,
     networks: Networks,
+    *,
     schedule: NoiseSchedule,
     tokenizer: Tokenizer,
-    side_px: int,
-    latents: tuple[int, int],
-    steps: int,
-    guidances: tuple[float, float],
-    seed: int,
+    sampling: GoalSampling,
 ) -> Picture:
-    """What the goal planner makes of the canvas uint8 [H, W, 3] and of what a person asks for; "" only completes it.
+    """The goal planner's completion of the canvas uint8 [H, W, 3] for a person's words; "" only completes it.
 
-    The goal planner sees and completes the largest centred square, at the size that it was trained with; the rest of
-    the canvas stays as it is, and so does what it leaves of the square. The same seed gives the same goal as in the
-    workshop.
-
-    Args:
-        latents: channels, and the side of the square of pixels that a place of the latents stands for.
-        guidances: by the image and by the text.
-    """
+    The goal planner completes the largest centred square at the size that it was trained with. The rest of the canvas
+    stays as it is, and so does what the planner leaves of the square. A seed gives the same goal as in the workshop.
+    """  # fmt: skip
     height, width = canvas.shape[:2]
     square = min(height, width)
     top, left = (height - square) // 2, (width - square) // 2
     inner = np.ascontiguousarray(canvas[top : top + square, left : left + square])
-    shown = _resized(inner, side_px)
-    channels, step_px = latents
-    noise = normal((1, channels, side_px // step_px, side_px // step_px), seed_for(seed, 0))
-    made = complete(
-        networks, schedule, shown[None], tokenizer.encode([words]), tokenizer.encode([""]), noise, steps, *guidances
-    )
-    made = keep_canvas(shown[None], made, round_trip(networks, shown[None]), step_px)[0]
-    changed = (made != shown).any(-1).astype(np.uint8)
+    small = _resized(inner, sampling.side_px)
+    cells = sampling.side_px // sampling.latent_step_px
+    noise = normal((1, sampling.latent_channels, cells, cells), seed_for(sampling.seed, 0))
+    completion = complete(
+        networks, schedule, small[None], tokens=tokenizer.encode([words]), no_words=tokenizer.encode([""]),
+        noise=noise, steps=sampling.steps, image_guidance=sampling.image_guidance,
+        text_guidance=sampling.text_guidance,
+    )  # fmt: skip
+    completion = keep_canvas(small[None], completion, round_trip(networks, small[None]), sampling.latent_step_px)[0]
+    changed = (completion != small).any(-1).astype(np.uint8)
     changed = cv2.resize(changed, (square, square), interpolation=cv2.INTER_NEAREST)[..., None] > 0
-    goal = canvas.copy()  # not resized where nothing is to change, which would blur it
-    goal[top : top + square, left : left + square] = np.where(changed, _resized(made, square), inner)
+    goal = canvas.copy()  # not resized where nothing changes, which would blur it
+    goal[top : top + square, left : left + square] = np.where(changed, _resized(completion, square), inner)
     return goal
 
 
+def keep_canvas(canvas: Picture, completion: Picture, reconstruction: Picture, cell_px: float) -> Picture:
+    """Goals: the completion where it differs from the reconstructed canvas, the canvas itself everywhere else.
+
+    A goal planner decodes the whole picture from latents, so what it does not change comes back slightly different.
+    The reconstruction by the autoencoder alone shows that difference. Without this step a planner of strokes would try
+    to draw it. All pictures are uint8 [B, H, W, 3].
+
+    Args:
+        canvas: what was to be completed.
+        completion: the goal planner's result.
+        reconstruction: the canvas, encoded and decoded by the planner's autoencoder.
+        cell_px: side of the square of pixels that a latent cell stands for.
+    """
+    reach = np.ones((2 * round(_REACH * cell_px) + 1,) * 2, np.uint8)
+    goals = np.empty_like(canvas)
+    for goal, before, completed, known in zip(goals, canvas, completion, reconstruction, strict=True):
+        change = completed.astype(np.float32) - known
+        size = np.abs(cv2.GaussianBlur(change, (0, 0), _BLUR * cell_px)).max(-1)
+        weight = np.clip((size - _NOISE_LEVELS) / (_CHANGE_LEVELS - _NOISE_LEVELS), 0, 1)
+        weight = cv2.dilate(weight, reach)[..., None]
+        goal[:] = np.round(before + weight * (completed.astype(np.float32) - before))
+    return goals
+
+
 def _resized(picture: Picture, side_px: int) -> Picture:
-    """A square picture at another size, its light averaged down or interpolated up."""
+    """A square picture at another size, in linear light: averaged down or interpolated up."""
     if picture.shape[0] == side_px:
         return picture
-    way = cv2.INTER_AREA if side_px < picture.shape[0] else cv2.INTER_LINEAR
-    return as_picture(np.asarray(cv2.resize(as_linear(picture), (side_px, side_px), interpolation=way), np.float32))
+    method = cv2.INTER_AREA if side_px < picture.shape[0] else cv2.INTER_LINEAR
+    return as_picture(np.asarray(cv2.resize(as_linear(picture), (side_px, side_px), interpolation=method), np.float32))

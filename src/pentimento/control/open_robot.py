@@ -1,4 +1,4 @@
-"""Opening the robot that a command names: the virtual one, a drawing on file, or hardware by its rig file."""
+"""Opening the robot that a command names: the virtual robot, a drawing in a file, or hardware by its rig file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pentimento.calibration.calibrate import camera_of
 from pentimento.calibration.observe import CameraCalibration
 from pentimento.calibration.webcam import Webcam, corrected
 from pentimento.contracts.errors import ConfigError
-from pentimento.control.journaled_robot import JournaledRobot
+from pentimento.control.journal import JournaledRobot
 from pentimento.control.robot_process import RobotProcess
 from pentimento.robots.calibration import Calibration, Kind, calibrated, fresh_calibrations
 from pentimento.robots.driver import Robot
@@ -24,38 +24,43 @@ from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import virtual_robot
 
 DRIVERS = "pentimento.robots"
-"""The entry points' group: each names a function from a rig to its machine (docs/writing_a_driver.md)."""
+"""Group of entry points: each names a function from a rig to its machine (docs/writing_a_driver.md)."""
 MAX_AGE_S = 24 * 3600.0
-"""Of a calibration by which hardware may move."""
+"""Maximum age of a calibration with which hardware may move."""
 
 _JOURNAL, _DRAWING, _GCODE = "journal.jsonl", "drawing.svg", "drawing.gcode"
-_ON_FILE = "gcode"  # the driver that writes what a plotter would be sent; nothing moves
-_REACH_S = 15.0  # of hardware, to any stroke's start, or for one dip
-_COMPILES_S = 120.0  # a studio's first stroke may be the one for which its code is compiled
+_ON_FILE = "gcode"  # the driver that writes a plotter's commands to a file; nothing moves
+_REACH_S = 15.0  # of hardware, to a stroke's start or for one dip
+_COMPILES_S = 120.0  # a studio's code may be compiled during its first stroke
+
+
+@dataclass(frozen=True)
+class RobotTraits:
+    """Properties of a robot that a session depends on."""
+
+    has_camera: bool
+    """Without a camera the canvas is assumed to be as predicted."""
+    clock_persists: bool
+    """The robot's clock continues when its process ends."""
+    reach_s: float
+    """Maximum time to a stroke's start, and for each wipe and dip."""
+    calibrated: CameraCalibration | None = None
+    """The camera's view of the canvas when the rig was calibrated, where it was."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotHandle:
-    """A robot, not yet guarded, and what a painting has to know about it."""
+    """An open robot, not guarded yet."""
 
     robot: Robot
-    sees: bool
-    """It has a camera."""
-    clock_goes_on: bool
-    """Its clock counts on when its process ends."""
-    reach_s: float
-    """How long it may take to a stroke's start, at most."""
-    moves: bool
-    """It is hardware that moves."""
+    traits: RobotTraits
     close: Callable[[], None]
-    calibrated: CameraCalibration | None = None
-    """Where the canvas was in the camera's picture when the rig was calibrated."""
 
 
 def rig_named(name: str) -> Rig | None:
-    """The rig of ``--robot``; None for the virtual robot and a drawing on file.
+    """The rig of ``--robot``; None for the virtual robot and a drawing in a file.
 
-    ``gcode:PORT`` is the bundled plotter at that port, ``gcode`` the same into a file.
+    ``gcode:PORT`` is the bundled plotter at that port; ``gcode`` writes the same commands to a file.
 
     Raises:
         ConfigError: no such robot.
@@ -75,25 +80,26 @@ def open_robot(
     name: str,
     tool: Tool,
     canvas_size_m: tuple[float, float],
+    *,
     folder: Path,
     seed: int,
     execute: bool,
     calibration: Path,
     ask: Callable[[str], None],
 ) -> RobotHandle:
-    """The robot of ``--robot`` before its canvas.
+    """The robot of ``--robot``.
 
-    Hardware that is not to ``execute`` is rehearsed: the virtual robot takes its place, before a sheet of its size.
+    Without ``execute``, hardware is rehearsed: the virtual robot replaces it, with a sheet of the same size.
 
     Args:
-        canvas_size_m: of the sheet, where no rig says it.
-        folder: of the painting; journals and drawings lie there.
+        canvas_size_m: of the sheet, where no rig defines it.
+        folder: of the painting, for journals and drawings.
         calibration: folder of the rig's calibrations.
-        ask: puts a request to the person and returns when it is done.
+        ask: shows a request to the person and returns when it is done.
 
     Raises:
         ConfigError: no such robot, or no such driver.
-        CalibrationError: hardware is to move by a calibration that is missing, old, or of another rig.
+        CalibrationError: hardware is to move with a calibration that is missing, old, or of another rig.
     """
     kind, _, place = name.partition(":")
     rig = rig_named(name)
@@ -102,32 +108,28 @@ def open_robot(
     if name == "svg":
         drawing = SvgPlotter(folder / _DRAWING, canvas_size_m)
         journaled = JournaledRobot(drawing, folder / _JOURNAL, load_tool)
-        return RobotHandle(journaled, False, True, _REACH_S, False, journaled.close)
+        return RobotHandle(journaled, RobotTraits(False, True, _REACH_S), journaled.close)
     world = place if kind == "virtual" and place else tool.name
-    there = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
-    journaled = JournaledRobot(there, folder / _JOURNAL, lambda _: tool)
-    return RobotHandle(journaled, True, True, _COMPILES_S, False, journaled.close)
+    robot = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
+    journaled = JournaledRobot(robot, folder / _JOURNAL, lambda _: tool)
+    return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S), journaled.close)
 
 
 def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
-    moves = rig.driver != _ON_FILE
-    found: Mapping[Kind, Calibration] = {}
-    if moves:
-        found = fresh_calibrations(calibration, rig, time.time(), MAX_AGE_S)
-        rig = calibrated(rig, found["touch"])
-    else:
+    if rig.driver == _ON_FILE:
         rig = replace(rig, machine={**rig.machine, "file": str(folder / _GCODE)})
-    if moves:
-        robot = RobotProcess(connected, (rig, found), ask)
-        seen = camera_of(found["canvas"]) if "canvas" in found else None
-        return RobotHandle(robot, rig.camera is not None, False, _REACH_S, True, robot.close, seen)
-    on_file = HardwareRobot(machine_of(rig), rig, lambda _: None)
-    journaled = JournaledRobot(on_file, folder / _JOURNAL, load_tool)
-    return RobotHandle(journaled, False, True, _REACH_S, False, journaled.close)
+        on_file = HardwareRobot(machine_of(rig), rig, lambda _: None)
+        journaled = JournaledRobot(on_file, folder / _JOURNAL, load_tool)
+        return RobotHandle(journaled, RobotTraits(False, True, _REACH_S), journaled.close)
+    found = fresh_calibrations(calibration, rig, time.time(), MAX_AGE_S)
+    rig = calibrated(rig, found["touch"])
+    robot = RobotProcess(connected, (rig, found), ask)
+    canvas = camera_of(found["canvas"]) if "canvas" in found else None
+    return RobotHandle(robot, RobotTraits(rig.camera is not None, False, _REACH_S, canvas), robot.close)
 
 
 def connected(rig: Rig, found: Mapping[Kind, Calibration], ask: Callable[[str], None]) -> Robot:
-    """The rig's robot with its camera; what ``RobotProcess`` makes in its own process."""
+    """The rig's robot with its camera, as ``RobotProcess`` opens it in its own process."""
     camera = None if rig.camera is None else corrected(Webcam(rig.camera), found)
     return HardwareRobot(machine_of(rig), rig, ask, camera)
 
@@ -136,13 +138,13 @@ def machine_of(rig: Rig) -> Machine:
     """The rig's machine, by its driver's entry point.
 
     Raises:
-        ConfigError: no installed package brings such a driver.
+        ConfigError: no installed package provides such a driver.
     """
     drivers = entry_points(group=DRIVERS)
     if rig.driver not in drivers.names:
         raise ConfigError(
             f"The rig {rig.name} names the driver {rig.driver!r}, and installed are {sorted(drivers.names)}; install "
-            "the package that brings it."
+            "the package that provides it."
         )
     connect: Callable[[Rig], Machine] = drivers[rig.driver].load()
     return connect(rig)

@@ -1,7 +1,7 @@
-"""A small page for the person at the easel: the canvas, the goal, what comes next, and a word to the robot.
+"""A page for the person beside the robot: the canvas, the goal, the next strokes, and buttons that send commands.
 
-It is served on this computer alone (127.0.0.1), under an address that holds a secret token: who does not know it sees
-nothing and says nothing. The page loads nothing from anywhere else.
+The page is served on this computer alone (127.0.0.1), under an address with a secret token. A request without the token
+gets nothing. The page loads nothing from other servers.
 """
 
 from __future__ import annotations
@@ -20,23 +20,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.images import encode_png
-from pentimento.control.commands import WORDS, Control
-from pentimento.control.painting_state import State
-from pentimento.control.session import CANVAS, GOAL, NEXT, PREVIEW
+from pentimento.control.checkpoint import PaintingState
+from pentimento.control.person import COMMANDS, Control
+from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
 
 _FILES = (GOAL, NEXT, PREVIEW)
-_MAX_BYTES = 1000  # of what is posted
-_ONLY_HERE = (
+_MAX_BYTES = 1000  # of a request's body
+_CONTENT_POLICY = (
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'none'"
 )
-_KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".png": "image/png"}
+_CONTENT_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".png": "image/png",
+}
 
 
 class Page:
-    """A server in a thread of its own, from its making until ``close``."""
+    """A server in its own thread, until ``close``."""
 
     def __init__(self, folder: Path, control: Control, port: int = 0) -> None:
-        """Serve the painting in a folder; words go to ``control``. Port 0 takes one that is free.
+        """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
 
         Raises OSError if the port is taken.
         """
@@ -51,28 +56,28 @@ class Page:
 
     @property
     def address(self) -> str:
-        """What to open in a browser on this computer."""
+        """The address to open in a browser on this computer."""
         return f"http://127.0.0.1:{self._server.server_port}/{self._token}/"
 
-    def tell(self, state: State) -> None:
+    def show(self, state: PaintingState) -> None:
         """Show a new state."""
         self._canvas = state.canvas
         self._state = {
             "phase": state.phase,
-            "sentence": state.sentence,
-            "made": state.made,
-            "of": state.made + len(state.left),
+            "message": state.message,
+            "executed": state.executed,
+            "total": state.executed + len(state.remaining),
             "turns": state.turns,
         }
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
 
     def get(self, path: str) -> tuple[HTTPStatus, str, bytes]:
-        """Status, kind and content of a path below the token."""
+        """Status, content type and content of a path below the token."""
         if path == "state.json":
             return HTTPStatus.OK, "application/json", json.dumps(self._state).encode()
         if path == CANVAS and self._canvas is not None:
@@ -84,24 +89,24 @@ class Page:
         asset = {"": "page.html", "page.js": "page.js", "page.css": "page.css"}.get(path)
         if asset is not None:
             content = (resources.files("pentimento.control") / "web" / asset).read_bytes()
-            return HTTPStatus.OK, _KINDS[Path(asset).suffix], content
+            return HTTPStatus.OK, _CONTENT_TYPES[Path(asset).suffix], content
         return HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n"
 
     def post(self, path: str, body: bytes) -> tuple[HTTPStatus, str, bytes]:
-        """Hear a word, given as the body."""
-        word = next((known for known in WORDS if known.encode() == body), None)
-        if path != "say" or word is None:
-            return HTTPStatus.BAD_REQUEST, "text/plain", f"Say one of: {', '.join(WORDS)}.\n".encode()
-        self._control.say(word)
+        """Pass on the command in the body."""
+        command = next((known for known in COMMANDS if known.encode() == body), None)
+        if path != "command" or command is None:
+            return HTTPStatus.BAD_REQUEST, "text/plain", f"Send one of: {', '.join(COMMANDS)}.\n".encode()
+        self._control.send(command)
         return HTTPStatus.NO_CONTENT, "text/plain", b""
 
     def below_token(self, path: str) -> str | None:
-        """What a path asks for below the token; None where the token is another."""
+        """The part of a path below the token; None where the token is wrong."""
         token, _, rest = path.partition("?")[0].removeprefix("/").partition("/")
         return rest if hmac.compare_digest(token.encode(), self._token.encode()) else None
 
-    def is_here(self, host: str) -> bool:
-        """Whether a request was meant for this very address, not for a name that was bent to it."""
+    def is_own_host(self, host: str) -> bool:
+        """Whether a request names this address, and not a host name that was rebound to it."""
         return host == f"127.0.0.1:{self._server.server_port}"
 
 
@@ -119,11 +124,11 @@ def _handler(page: Page) -> type[BaseHTTPRequestHandler]:
             self._answer(lambda path: page.post(path, body))
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Nothing: the terminal belongs to the painting."""
+            """No log: the terminal shows the progress of the painting."""
 
         def _answer(self, respond: Any) -> None:
             path = page.below_token(self.path)
-            if path is None or not page.is_here(self.headers.get("Host", "")):
+            if path is None or not page.is_own_host(self.headers.get("Host", "")):
                 status, kind, content = HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n"
             else:
                 status, kind, content = respond(path)
@@ -131,7 +136,7 @@ def _handler(page: Page) -> type[BaseHTTPRequestHandler]:
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
             self.send_header("Cache-Control", "no-store")
-            self.send_header("Content-Security-Policy", _ONLY_HERE)
+            self.send_header("Content-Security-Policy", _CONTENT_POLICY)
             self.send_header("X-Content-Type-Options", "nosniff")
             self.send_header("Referrer-Policy", "no-referrer")
             self.send_header("X-Frame-Options", "DENY")

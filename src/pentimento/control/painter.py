@@ -1,92 +1,141 @@
-"""Painting: execute some strokes, look at the canvas, replan the rest, until all are made (thesis 4.3.5)."""
+"""Planning and painting strokes: the first plan, replanning on a photograph, and ``paint`` (thesis 4.3.5)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.calibration.observe import CameraCalibration, calibrate_camera, rectify
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float, to_uint8
-from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.covariates import Memory, fresh_memory
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.execute import Session, execute
+from pentimento.control.loop import Hooks, run_loop
 from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.brush import Brush
 from pentimento.planning.strokes.config import Log, PlannerConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.memory import Start
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.relocate import contributions
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.scene import Scene
+from pentimento.planning.strokes.scene import Scene, Style, objective_for
 from pentimento.robots.driver import Robot
+from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+_CHANGED = 0.06
+"""Change of a pixel's sRGB value (0 to 1) that exceeds a camera's noise."""
+
 
 @dataclass(frozen=True)
 class Painting:
-    """What came of a plan."""
+    """The result of executing a plan."""
 
     executed: list[PlannedStroke]
     photos: list[Image]
     """The canvas, sRGB [H, W, 3], before the first stroke and after every batch."""
     deviation: list[float]
-    """Mean squared difference, sRGB, between what the finished painting was foretold to be at the start and what it
-    was foretold to be after each batch (thesis Figure 4.11); 0 at first, as long as ``photos``."""
+    """Mean squared difference (sRGB) between the finished painting as predicted at the start and as predicted after
+    each batch (thesis Figure 4.11); 0 at first, as long as ``photos``."""
     predicted: Image
-    """What the first plan said the finished painting would look like, sRGB [H, W, 3]."""
+    """The finished painting as predicted by the first plan, sRGB [H, W, 3]."""
 
 
 def paint(
     robot: Robot,
     scene: Scene,
     strokes: Strokes,
+    *,
     palette_srgb: FloatArray,
     batch: int,
     replan: bool,
     config: PlannerConfig,
     log: Log,
 ) -> Painting:
-    """Execute a plan in batches of ``batch`` strokes with a photograph after each.
+    """Execute a plan in batches and photograph the canvas after each.
 
-    With ``replan``, the remaining strokes are optimised on each photograph; without, the plan stays as it is. A scene
-    whose brush inherits from stroke to stroke goes on from what tool and canvas have been through.
-    ``log("deviation", value, strokes made)`` is called after each batch.
+    Args:
+        palette_srgb: the paints, sRGB [K, 3].
+        batch: strokes between two photographs.
+        replan: optimise the remaining strokes on each photograph; otherwise the plan stays as it is.
+        log: called as ``log("deviation", value, strokes executed)`` after each batch.
     """
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     session = Session("painting", robot.clock_s)
     memory = fresh_memory(robot.canvas_size_m, scene.tool.nominal_width_m)
-    photos = [observe(robot, calibration, config.pixels_per_m)]
-    left = strokes.pick(slice(None))
-    left.inherited = None
-    first = predict(left, photos[0], scene)
-    executed: list[PlannedStroke] = []
-    deviation = [0.0]
-    while len(left) > 0:
-        now = to_planned(left.pick(slice(0, batch)), scene.tool, scene.brush.path_points)
-        memory, _ = execute(robot, scene.tool, now, palette_srgb, memory, session)
-        executed += now
-        scene = replace(scene, start=Start(memory, robot.clock_s - session.started_s, len(executed)))
-        left = left.pick(slice(batch, None))
-        left.inherited = None  # what was foreseen has happened, or something else
-        photos.append(observe(robot, calibration, config.pixels_per_m))
-        if replan and len(left) > 0:
-            replan_rest(left, photos[-1], scene, config)
-        predicted = predict(left, photos[-1], scene)
-        deviation.append(float(np.square(predicted - first).mean()))
-        log("deviation", deviation[-1], len(executed))
-    return Painting(executed, photos, deviation, to_uint8(first))
+    photo = observe(robot, calibration, config.pixels_per_m)
+    remaining = _copy(strokes)
+    first = predict(remaining, photo, scene)
+    task = _PaintTask(robot, calibration, session, palette_srgb, batch, replan, config, first, log)
+    start = _PaintState((), (photo,), (0.0,), remaining, memory, scene)
+    state, _ = run_loop(task, start, Hooks())
+    return Painting(list(state.executed), list(state.photos), list(state.deviation), to_uint8(first))
 
 
-def replan_rest(left: Strokes, photo: Image, scene: Scene, config: PlannerConfig) -> None:
-    """Move the strokes that are left, in place, to make the best of the canvas as it is, sRGB [H, W, 3]."""
-    optimise(
-        left, as_linear(photo), scene, config, config.iterations_replan, False, config.replan_rate, _unheard, 0
-    )  # fmt: skip
-    left.inherited = None  # they are looked at anew after the next strokes
+@dataclass(frozen=True)
+class _PaintState:
+    executed: tuple[PlannedStroke, ...]
+    photos: tuple[Image, ...]
+    deviation: tuple[float, ...]
+    remaining: Strokes
+    memory: Memory
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class _PaintTask:
+    """``control.loop.Task``: an action is a whole batch of strokes, observed by one photograph."""
+
+    robot: Robot
+    calibration: CameraCalibration
+    session: Session
+    palette_srgb: FloatArray
+    batch_size: int
+    replans: bool
+    config: PlannerConfig
+    first: Array
+    """The finished painting as predicted by the first plan, sRGB [H, W, 3]."""
+    log: Log
+
+    def outcome(self, state: _PaintState) -> str | None:
+        return None if len(state.remaining) else "all strokes were executed"
+
+    def batch(self, state: _PaintState) -> Sequence[list[PlannedStroke]]:
+        scene = state.scene
+        return [to_planned(state.remaining.pick(slice(0, self.batch_size)), scene.tool, scene.brush.path_points)]
+
+    def mark_pending(self, state: _PaintState) -> _PaintState:
+        return state
+
+    def execute(self, state: _PaintState, action: list[PlannedStroke]) -> _PaintState:
+        memory, _ = execute(
+            self.robot, state.scene.tool, action, palette_srgb=self.palette_srgb, memory=state.memory,
+            session=self.session,
+        )  # fmt: skip
+        executed = (*state.executed, *action)
+        scene = replace(
+            state.scene, start=Start(memory, self.robot.clock_s - self.session.started_s, len(executed))
+        )  # fmt: skip
+        remaining = _copy(state.remaining.pick(slice(self.batch_size, None)))
+        photo = observe(self.robot, self.calibration, self.config.pixels_per_m)
+        return _PaintState(executed, (*state.photos, photo), state.deviation, remaining, memory, scene)
+
+    def replan(self, state: _PaintState, changed: bool) -> _PaintState:
+        remaining, photo = _copy(state.remaining), state.photos[-1]
+        if self.replans and len(remaining) > 0:
+            replan_rest(remaining, photo, state.scene, self.config)
+        deviation = float(np.square(predict(remaining, photo, state.scene) - self.first).mean())
+        self.log("deviation", deviation, len(state.executed))
+        return replace(state, remaining=remaining, deviation=(*state.deviation, deviation))
 
 
 def observe(robot: Robot, calibration: CameraCalibration, pixels_per_m: float) -> Image:
@@ -95,14 +144,126 @@ def observe(robot: Robot, calibration: CameraCalibration, pixels_per_m: float) -
 
 
 def as_linear(photo: Image) -> Array:
-    """A photograph as the canvas to plan on, linear light [H, W, 3]."""
+    """A photograph uint8 sRGB [H, W, 3] in linear light."""
     return srgb_to_linear(to_float(photo))
 
 
+def as_picture(light: Array) -> Image:
+    """Linear light [H, W, 3] as a picture uint8 sRGB."""
+    return to_uint8(linear_to_srgb(np.clip(light, 0, 1)))
+
+
 def predict(strokes: Strokes, photo: Image, scene: Scene) -> Array:
-    """What the canvas will look like after the strokes, sRGB [H, W, 3]."""
+    """The canvas after the strokes, sRGB [H, W, 3], predicted from a photograph [H, W, 3]."""
     return linear_to_srgb(render_plan(strokes, as_linear(photo), scene))
 
 
-def _unheard(_name: str, _value: float, _step: int) -> None:
-    """Curves of single replannings are not kept."""
+def replan_rest(remaining: Strokes, photo: Image, scene: Scene, config: PlannerConfig) -> None:
+    """Optimise the remaining strokes, in place, on the canvas as photographed, sRGB [H, W, 3]."""
+    optimise(
+        remaining, as_linear(photo), scene, config, config.iterations_replan, False, config.replan_rate, _ignore, 0
+    )  # fmt: skip
+    remaining.inherited = None
+
+
+@dataclass(frozen=True, eq=False)
+class PaintContext:
+    """What the robot plans a painting with: tool, stroke model, canvas and planner."""
+
+    tool: Tool
+    brush: Brush
+    canvas_size_m: tuple[float, float]
+    planner: PlannerConfig
+    style: Style | None = None
+    """For planners whose objectives include a style."""
+    threads: int = 1
+
+    def scene(self, target: Array, start: Start) -> Scene:
+        """A target [H, W, 3] (linear light) on a canvas in the state ``start``."""
+        return Scene(self.tool, self.brush, self.canvas_size_m, target, start, self.style, self.threads)
+
+
+def first_plan(
+    context: PaintContext,
+    canvas: Image,
+    goal: Image,
+    *,
+    count: int,
+    start: Start,
+    log: Callable[[str, float, int], None],
+) -> tuple[Strokes, FloatArray]:
+    """Up to ``count`` strokes from a canvas to a goal, uint8 sRGB [H, W, 3] both, and their palette, sRGB [K, 3].
+
+    Strokes that increase the objective are removed.
+    """
+    scene = context.scene(as_linear(goal), start)
+    strokes, palette = plan(as_linear(canvas), scene, count, context.planner, log)
+    return without_harmful(strokes, as_linear(canvas), scene, context.planner), palette
+
+
+def replanned(context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start) -> Strokes:
+    """The remaining strokes after gradient descent on the canvas as it is now (thesis 4.3.5)."""
+    moved = _copy(remaining)
+    if len(moved):
+        replan_rest(moved, canvas, context.scene(as_linear(goal), start), context.planner)
+    return moved
+
+
+def replanned_and_pruned(
+    context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start
+) -> Strokes:
+    """``replanned`` on a canvas that a person has changed: strokes that increase the objective now are removed."""
+    moved = replanned(context, remaining, canvas, goal=goal, start=start)
+    return without_harmful(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)
+
+
+def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
+    """The strokes without those whose removal lowers the objective.
+
+    Each round removes the worse half of the harmful strokes, because removing one stroke can make another useful.
+    """
+    strokes = _copy(strokes)
+    while len(strokes):
+        worth = contributions(strokes, canvas, scene, config)
+        harmful = np.flatnonzero(worth < 0)
+        if not len(harmful):
+            break
+        worst = harmful[np.argsort(worth[harmful], kind="stable")][: (len(harmful) + 1) // 2]
+        strokes = _copy(strokes.pick(np.setdiff1d(np.arange(len(strokes)), worst)))
+    return strokes
+
+
+def predict_canvas(context: PaintContext, strokes: Strokes, canvas: Image, start: Start) -> Array:
+    """The canvas after the strokes, linear light [H, W, 3], predicted from a picture of the canvas [H, W, 3]."""
+    light = as_linear(canvas)
+    return np.clip(render_plan(_copy(strokes), light, context.scene(light, start)), 0, 1)
+
+
+def objective_value(context: PaintContext, image: Array, goal: Image, start: Start) -> float:
+    """The planner's objective for an image [H, W, 3] (linear light)."""
+    return objective_for(context.scene(as_linear(goal), start), context.planner)(image)[0]
+
+
+def add_persons_paint(memory: Memory, before: Image, now: Image, clock_s: float) -> Memory:
+    """The memory with fresh paint where a person changed the canvas between two pictures [H, W, 3]."""
+    changed = np.abs(to_float(now) - to_float(before)).max(axis=2) > _CHANGED
+    rows, columns = memory.ink.shape
+    share = cv2.resize(changed.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float64)
+    painted_at_s = np.where(share > 0, clock_s, memory.painted_at_s)
+    return replace(memory, ink=np.maximum(memory.ink, share), painted_at_s=painted_at_s)
+
+
+def due_for_dip(memory: Memory, tool: Tool) -> Memory:
+    """The memory of a tool that has waited: its paint has dried, so the tool is dipped before the next stroke."""
+    return replace(memory, since_reload=max(memory.since_reload, tool.strokes_per_dip)) if tool.dips else memory
+
+
+def _copy(strokes: Strokes) -> Strokes:
+    """A copy whose inherited state is computed anew."""
+    copy = strokes.pick(slice(None))
+    copy.inherited = None
+    return copy
+
+
+def _ignore(_name: str, _value: float, _step: int) -> None:
+    """Curves of single replannings are not logged."""

@@ -1,4 +1,4 @@
-"""The safety envelope of sculpting: one gate that every push passes before it reaches a robot.
+"""The safety envelope of sculpting, and the guard that checks every push before it reaches the driver.
 
 As in safety.py, the envelope is a value, its check is pure, and it rejects and never clamps.
 """
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.contracts.scan import Scan
+from pentimento.control.guard import MAX_WAIT_S
+from pentimento.control.safety import ROUNDING_M
 from pentimento.robots.end_effectors import EndEffector, Kind
 from pentimento.robots.sculpting import Push, SculptingRobot, span_m
 
 FloatArray = NDArray[np.float64]
 
-_FLOAT32 = 2.0**-24  # largest relative rounding error: actions rest in float32 tables
-_EXECUTION_NOISE_M = 1e-7
-_MAX_WAIT_S = 3600.0
+_FLOAT32 = 2.0**-24  # largest relative rounding error: actions are stored in float32 tables
 _NAMES = ("x", "y", "theta", "length", "depth")
 _ENDS = {"push": ("start", "end"), "pinch": ("one finger", "other finger")}
 
@@ -60,11 +60,11 @@ class PushEnvelope:
             )
 
     def check(self, push: Push) -> None:
-        """Return if the push lies inside; else raise EnvelopeViolation."""
+        """Raise EnvelopeViolation unless the push lies inside."""
         self.checked_copy(push)
 
     def checked_copy(self, push: Push) -> Push:
-        """As check, and return the very push that was checked, shared with nobody."""
+        """As check; returns the checked push, a copy that nothing else refers to."""
         if push.kind != self.kind:
             raise EnvelopeViolation(f"A {push.kind} is commanded, and this end-effector makes a {self.kind}.")
         action = _as_action(push.action)
@@ -92,7 +92,7 @@ class PushEnvelope:
                     f"{hint} The command was refused."
                 )
         _within("surface", surface_m, self.max_surface_m, "m", " The surface's height is in metres above the table.")
-        if not surface_m - depth_m >= self.min_clearance_m - _EXECUTION_NOISE_M:
+        if not surface_m - depth_m >= self.min_clearance_m - ROUNDING_M:
             raise EnvelopeViolation(
                 f"A push {depth_m:.6g} m deep from a surface {surface_m:.6g} m above the table would come within "
                 f"{self.min_clearance_m:g} m of the table; there is not enough material. The command was refused."
@@ -110,12 +110,10 @@ class PushEnvelope:
         _within("dwell", numbers["dwell_s"], self.max_dwell_s, "s", " Times are in seconds.")
 
     def _off_slab(self, action: FloatArray) -> NDArray[np.bool_]:
-        """bool[2, 2]: which coordinates of the two places of the push lie outside."""
+        """bool[2, 2]: which coordinates of the push's two ends lie outside."""
         places = span_m(self.kind, action, self.opening_m)
         low, high = (self.x_min_m, self.y_min_m), (self.x_max_m, self.y_max_m)
-        off: NDArray[np.bool_] = (places < np.array(low) - _EXECUTION_NOISE_M) | (
-            places > np.array(high) + _EXECUTION_NOISE_M
-        )
+        off: NDArray[np.bool_] = (places < np.array(low) - ROUNDING_M) | (places > np.array(high) + ROUNDING_M)
         return off
 
 
@@ -164,9 +162,9 @@ def _as_number(push: Push, name: str) -> float:
     return float(value)
 
 
-def _within(what: str, value: float, most: float, unit: str, hint: str) -> None:
-    if not 0 <= value <= most * (1 + 2 * _FLOAT32):
-        _refuse(what, value, f"0 to {most:g} {unit}", unit, hint)
+def _within(what: str, value: float, limit: float, unit: str, hint: str) -> None:
+    if not 0 <= value <= limit * (1 + 2 * _FLOAT32):
+        _refuse(what, value, f"0 to {limit:g} {unit}", unit, hint)
 
 
 def _speed_hint(value: float) -> str:
@@ -182,15 +180,15 @@ def _refuse(what: str, value: float, limit: str, unit: str, hint: str) -> None:
 class GuardedSculptingRobot:
     """A SculptingRobot whose every push is checked before it reaches the driver.
 
-    The driver gets a checked copy. Whatever goes wrong in the driver during a push leaves the robot stopped: every
-    push after it is refused until a person has looked and calls `release`.
+    The driver gets the checked copy. Any error of the driver during a push leaves the robot stopped: every later push
+    is refused until a person has inspected the robot and calls `release`.
     """
 
     def __init__(self, robot: SculptingRobot, envelope: PushEnvelope) -> None:
         """Raises EnvelopeViolation if the envelope reaches beyond the robot's slab."""
         width_m, height_m = robot.area_m
         margins = (envelope.x_min_m, envelope.y_min_m, width_m - envelope.x_max_m, height_m - envelope.y_max_m)
-        if not all(margin >= -_EXECUTION_NOISE_M for margin in margins):
+        if not all(margin >= -ROUNDING_M for margin in margins):
             raise EnvelopeViolation(
                 f"The push envelope reaches beyond the robot's slab of {width_m:g} by {height_m:g} m; "
                 "build it with push_envelope_for(end_effector, robot.area_m)."
@@ -210,7 +208,7 @@ class GuardedSculptingRobot:
         return self._stopped
 
     def release(self) -> None:
-        """Let pushes pass again. For a person who has looked at the robot, never for a program that retries."""
+        """Allow pushes again. For a person who has inspected the robot, never for a program that retries."""
         self._stopped = None
 
     @property
@@ -222,13 +220,13 @@ class GuardedSculptingRobot:
         return self._robot.clock_s
 
     def change_tool(self, end_effector: EndEffector) -> None:
-        """Refuses an end-effector that bears less than the envelope would let through."""
-        own = push_envelope_for(end_effector, self._robot.area_m)
+        """Refuses an end-effector that tolerates less than the envelope allows."""
+        limits = push_envelope_for(end_effector, self._robot.area_m)
         for name in ("max_length_m", "max_depth_m", "max_speed_m_s", "max_retract_speed_m_s"):
-            if getattr(self._envelope, name) > getattr(own, name) * (1 + 1e-9):
+            if getattr(self._envelope, name) > getattr(limits, name) * (1 + 1e-9):
                 raise EnvelopeViolation(
                     f"The push envelope's {name} is {getattr(self._envelope, name):g} and the {end_effector.name} "
-                    f"bears {getattr(own, name):g}; build the envelope with push_envelope_for for this end-effector."
+                    f"bears {getattr(limits, name):g}; build the envelope with push_envelope_for for this end-effector."
                 )
         if (end_effector.kind, end_effector.opening_m) != (self._envelope.kind, self._envelope.opening_m):
             raise EnvelopeViolation(
@@ -263,6 +261,6 @@ class GuardedSculptingRobot:
         return self._robot.ambient()
 
     def wait(self, seconds: float) -> None:
-        if not 0 <= seconds <= _MAX_WAIT_S:
-            raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {_MAX_WAIT_S:g} s.")
+        if not 0 <= seconds <= MAX_WAIT_S:
+            raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {MAX_WAIT_S:g} s.")
         self._robot.wait(seconds)

@@ -1,7 +1,7 @@
-"""A robot in a process of its own, which lifts its tool when nobody commands it any more.
+"""A robot in its own process, which lifts the tool when the commanding process has ended.
 
-A program that is killed can do nothing more, least of all lift a tool. So what holds the link to hardware is another
-process: when the one that commands it is gone, or has been silent for too long, it stops the motion, lifts, and ends.
+A program that is killed cannot lift a tool any more. So another process holds the link to the hardware. When the
+commanding process is gone, or sends nothing for too long, that process stops the motion, lifts the tool and ends.
 """
 
 from __future__ import annotations
@@ -28,44 +28,46 @@ from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
 Ask = Callable[[str], None]
-Make = Callable[..., Robot]
-"""A function of a module, so that another process finds it: from its arguments and an ``Ask`` to a robot."""
+OpenRobot = Callable[..., Robot]
+"""A function of a module, so that another process can import it: from arguments and an ``Ask`` to a robot."""
 
 SILENT_S = 3.0
-"""So long the commanding process may say nothing, before the tool is lifted."""
+"""The tool is lifted when the commanding process has sent nothing for this time."""
 
 _BEAT_S = 0.5
-_ENDS_S = 10.0
+"""Time between two heartbeats; several fit into ``SILENT_S``."""
+_JOIN_S = 10.0
+"""Maximum time that ``close`` waits for the process to lift the tool and end."""
 
 
 class RobotGone(PentimentoError):
-    """The process that holds the robot has ended; it lifts the tool before it does."""
+    """The process that holds the robot has ended; it lifts the tool before it ends."""
 
 
 class RobotProcess:
-    """A Robot whose driver runs in another process; see the module's text. Any thread may ``lift``."""
+    """A Robot whose driver runs in another process. Any thread may ``lift``."""
 
-    def __init__(self, make: Make, arguments: tuple[Any, ...], ask: Ask) -> None:
-        """Start the process and open the robot there, by ``make(*arguments, ask)``.
+    def __init__(self, open_robot: OpenRobot, arguments: tuple[Any, ...], ask: Ask) -> None:
+        """Start the process and open the robot there, by ``open_robot(*arguments, ask)``.
 
         Args:
-            ask: puts the driver's requests to the person, here.
+            ask: shows the driver's requests to the person, in this process.
 
         Raises whatever opening the robot raises.
         """
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, make, arguments), name="robot", daemon=True)
+        self._process = context.Process(target=_serve, args=(theirs, open_robot, arguments), name="robot", daemon=True)
         self._process.start()
-        theirs.close()  # so that the end of the other process is an end of the pipe
+        theirs.close()  # so that the end of the other process closes the pipe
         self._ask = ask
         self._sending = threading.Lock()
         self._numbers = itertools.count()
-        self._answers: dict[int, queue.SimpleQueue[tuple[bool, Any]]] = {}
+        self._replies: dict[int, queue.SimpleQueue[tuple[bool, Any]]] = {}
         self._gone = threading.Event()
-        threading.Thread(target=self._receive, name="robot's answers", daemon=True).start()
+        threading.Thread(target=self._receive, name="robot's replies", daemon=True).start()
         threading.Thread(target=self._beat, name="robot's heartbeat", daemon=True).start()
-        self._call("canvas_size_m")  # opened, or raises why not
+        self._call("canvas_size_m")  # raises why the robot could not be opened
 
     @property
     def canvas_size_m(self) -> tuple[float, float]:
@@ -108,20 +110,20 @@ class RobotProcess:
         self._call("wait", seconds)
 
     def close(self) -> None:
-        """End the process, which lifts the tool and lets go of the robot."""
-        with suppress(RobotGone):  # then it is closed
+        """End the process, which lifts the tool and closes the robot."""
+        with suppress(RobotGone):  # it is closed already
             self._send((None, "close", ()))
-        self._process.join(_ENDS_S)
+        self._process.join(_JOIN_S)
         self._gone.set()
         self._connection.close()
 
     def _call(self, name: str, *arguments: Any) -> Any:
-        number, answer = next(self._numbers), queue.SimpleQueue[tuple[bool, Any]]()
-        self._answers[number] = answer
+        number, reply = next(self._numbers), queue.SimpleQueue[tuple[bool, Any]]()
+        self._replies[number] = reply
         self._send((number, name, arguments))
         while True:
             try:
-                done, value = answer.get(timeout=_BEAT_S)
+                done, value = reply.get(timeout=_BEAT_S)
             except queue.Empty:
                 if self._gone.is_set():
                     raise RobotGone("The process that holds the robot has ended; see that its tool is up.") from None
@@ -145,12 +147,12 @@ class RobotProcess:
                 self._gone.set()
                 return
             if number is None:
-                threading.Thread(target=self._put, args=(value,), daemon=True).start()
+                threading.Thread(target=self._forward, args=(value,), daemon=True).start()
             else:
-                self._answers.pop(number).put((done, value))
+                self._replies.pop(number).put((done, value))
 
-    def _put(self, request: str) -> None:
-        """A request of the driver's to the person, and the answer back."""
+    def _forward(self, request: str) -> None:
+        """Show a request of the driver to the person, and send the reply back."""
         try:
             self._ask(request)
             self._send((None, "answered", (None,)))
@@ -165,9 +167,9 @@ class RobotProcess:
                 return
 
 
-def _serve(connection: Connection, make: Make, arguments: tuple[Any, ...]) -> None:
-    """The other process: commands one after another in a thread, lifts at once, and a lift at the end of it all."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who commands
+def _serve(connection: Connection, open_robot: OpenRobot, arguments: tuple[Any, ...]) -> None:
+    """The other process: executes commands one after another in a thread, and lifts at once; lifts at its end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the commanding process
     sending, answered, work = threading.Lock(), queue.SimpleQueue[str | None](), queue.SimpleQueue[Any]()
 
     def send(message: Any) -> None:
@@ -181,52 +183,52 @@ def _serve(connection: Connection, make: Make, arguments: tuple[Any, ...]) -> No
             raise PentimentoError(refusal)
 
     try:
-        robot = make(*arguments, ask)
+        robot = open_robot(*arguments, ask)
     except Exception as error:
         number, _, _ = _next_command(connection)
         send((number, False, error))
         return
 
-    def obey(number: int, name: str, given: tuple[Any, ...]) -> None:
+    def execute(number: int, name: str, arguments: tuple[Any, ...]) -> None:
         try:
             value = getattr(robot, name)
-            answer = (number, True, value(*given) if callable(value) else value)
+            reply = (number, True, value(*arguments) if callable(value) else value)
         except Exception as error:
-            answer = (number, False, error)
+            reply = (number, False, error)
         try:
-            send(answer)
+            send(reply)
         except OSError:
-            return  # nobody is there to hear it; the reading thread notices, too
+            return  # the commanding process is gone; the reading thread notices it, too
 
     def commands() -> None:
         while True:
-            obey(*work.get())
+            execute(*work.get())
 
     threading.Thread(target=commands, name="commands", daemon=True).start()
     try:
         while connection.poll(SILENT_S):
-            number, name, given = connection.recv()
+            number, name, arguments = connection.recv()
             if name == "close":
                 break
             if name == "answered":
-                answered.put(given[0])
-            elif name == "lift":  # past whatever is on its way
-                threading.Thread(target=obey, args=(number, name, given), daemon=True).start()
+                answered.put(arguments[0])
+            elif name == "lift":  # not behind the command that is being executed
+                threading.Thread(target=execute, args=(number, name, arguments), daemon=True).start()
             elif name != "beat":
-                work.put((number, name, given))
+                work.put((number, name, arguments))
     except (EOFError, OSError):
-        pass  # the other side is gone, which is what this waits for
+        pass  # the commanding process is gone
     try:
         robot.lift()
         getattr(robot, "close", lambda: None)()
-    except Exception as error:  # whatever it is, a person has to know
+    except Exception as error:  # a person must be told, whatever the error is
         print(f"pentimento: the tool may still rest on the canvas: {error}", file=sys.stderr, flush=True)
         os._exit(1)
-    os._exit(0)  # a thread may still wait for an answer that will never come
+    os._exit(0)  # a thread may still wait for a reply that never comes
 
 
 def _next_command(connection: Connection) -> tuple[int, str, tuple[Any, ...]]:
     while True:
-        number, name, given = connection.recv()
+        number, name, arguments = connection.recv()
         if number is not None:
-            return number, name, given
+            return number, name, arguments

@@ -1,7 +1,7 @@
-"""The safety envelope: one gate that every command passes before it reaches a robot.
+"""The safety envelope: the limits that every path must satisfy before it reaches a robot.
 
-The envelope is a value and its check is pure. It rejects and never clamps: a command that is clamped is
-another command than the one that was planned, and hides the mistake that made it wrong.
+The envelope is a value and its check is pure. It rejects and never clamps: a clamped command differs from the planned
+one and hides the error that made it wrong.
 """
 
 from __future__ import annotations
@@ -9,18 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ConfigError, EnvelopeViolation, PentimentoError
-from pentimento.contracts.photo import Photo
-from pentimento.robots.driver import Robot
+from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.robots.motion import (
     ACCELERATION_M_S2,
     MIN_STEP_S,
@@ -33,18 +29,9 @@ from pentimento.robots.tools import Tool
 FloatArray = NDArray[np.float64]
 
 _NAMES = ("t", "x", "y", "z", "yaw")
-_FLOAT32 = 2.0**-24  # largest relative rounding error: paths rest in float32 tables
-_EXECUTION_NOISE_M = 1e-7  # of a coordinate that was rounded to float32 at the edge of the box
-_MAX_WAIT_S = 3600.0
-_LIFTS_AGAIN, _LIFT_AGAIN_S = 10, 0.02
-
-
-class StoppedError(PentimentoError):
-    """A command was refused, or broke off, because the robot is stopped and nobody has released it."""
-
-
-class LiftError(PentimentoError):
-    """The tool could not be raised: it may rest on the canvas. Only the robot's own emergency stop helps now."""
+_FLOAT32 = 2.0**-24  # largest relative rounding error: paths are stored in float32 tables
+ROUNDING_M = 1e-7
+"""Rounding error of a coordinate that was stored as float32 at the edge of the workspace."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +74,9 @@ class SafetyEnvelope:
         return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
 
     def tightened(self, by: SafetyEnvelope) -> SafetyEnvelope:
-        """What both envelopes allow: no limit is wider than in either.
+        """The intersection of two envelopes: no limit is wider than in either.
 
-        Limits travel with what was planned under them; a robot's own can only narrow them. Raises ConfigError
-        if the two have no place in common.
+        Raises ConfigError if the two workspaces do not overlap.
         """
         limits = {
             field.name: (max if field.name in ("x_min_m", "y_min_m") else min)(
@@ -101,14 +87,14 @@ class SafetyEnvelope:
         return SafetyEnvelope(**limits)
 
     def narrowed(self, limits: Mapping[str, float]) -> SafetyEnvelope:
-        """As `tightened`, by the limits named alone, such as a rig's own (`Rig.limits`)."""
+        """As `tightened`, by the named limits alone, such as those of a rig (`Rig.limits`)."""
         unknown = sorted(limits.keys() - {field.name for field in fields(self)})
         if unknown:
             raise ConfigError(f"The safety envelope has no limit named {unknown}; it has {sorted(asdict(self))}.")
         return self.tightened(replace(self, **limits))
 
     def wider_than(self, other: SafetyEnvelope) -> tuple[str, ...]:
-        """Names of the limits that let through what the other envelope refuses; empty if there is none."""
+        """Names of the limits that allow what the other envelope refuses."""
         joint = self.tightened(other)
         return tuple(field.name for field in fields(self) if getattr(joint, field.name) != getattr(self, field.name))
 
@@ -117,7 +103,7 @@ class SafetyEnvelope:
         self.checked_copy(path)
 
     def checked_copy(self, path: FloatArray) -> FloatArray:
-        """As check_path, and return the very float64[N, 5] that was checked, shared with nobody."""
+        """As check_path; returns the checked float64[N, 5], a copy that nothing else refers to."""
         points = _as_points(path)
         _check_times(points, self.max_duration_s)
         _check_places(points, self)
@@ -126,7 +112,7 @@ class SafetyEnvelope:
 
 
 def envelope_for(tool: Tool, canvas_size_m: tuple[float, float]) -> SafetyEnvelope:
-    """The envelope of one tool over a whole canvas: the tool's own press and speed, gentle motion."""
+    """The envelope of one tool over a whole canvas, with the tool's limits of press and speed."""
     width_m, height_m = canvas_size_m
     return SafetyEnvelope(
         x_min_m=0.0,
@@ -198,7 +184,7 @@ def _check_places(points: FloatArray, envelope: SafetyEnvelope) -> None:
         values = points[:, column]
         excess = np.maximum(low - values, values - high)
         worst = int(np.argmax(excess))
-        if not excess[worst] <= _EXECUTION_NOISE_M:
+        if not excess[worst] <= ROUNDING_M:
             _refuse(_place_name(column, values[worst]), worst, values[worst], f"{low:g} to {high:g} m", "m", hint)
     worst = int(np.argmax(np.abs(points[:, 4])))
     if not abs(points[worst, 4]) <= envelope.max_yaw_rad * (1 + _FLOAT32):
@@ -250,185 +236,3 @@ def _refuse(what: str, index: int, value: float, limit: str, unit: str, hint: st
         f"The path's {what} at point {index} is {value:.6g} {unit}; "
         f"the safety envelope allows {limit}.{hint} The command was refused."
     )
-
-
-class GuardedRobot:
-    """A Robot whose every command is checked before it reaches the driver, and that can be stopped for good.
-
-    The driver gets a checked copy, so that what was checked is what moves. Whatever goes wrong in the driver
-    on the way of a command, KeyboardInterrupt included, lifts the tool and leaves the robot stopped. A stop is
-    latched: until `release` every command is refused, photos included. A scan and the clock pass through.
-    """
-
-    def __init__(self, robot: Robot, envelope: SafetyEnvelope) -> None:
-        """Raises EnvelopeViolation if the envelope reaches beyond the robot's canvas."""
-        width_m, height_m = robot.canvas_size_m
-        low, high = (envelope.x_min_m, envelope.y_min_m), (envelope.x_max_m, envelope.y_max_m)
-        margins = (*low, width_m - high[0], height_m - high[1])
-        if not all(margin >= -_EXECUTION_NOISE_M for margin in margins):
-            raise EnvelopeViolation(
-                f"The safety envelope from {low} to {high} m reaches beyond the robot's canvas of "
-                f"{width_m:g} by {height_m:g} m; build it with envelope_for(tool, robot.canvas_size_m)."
-            )
-        self._robot = robot
-        self._envelope = envelope
-        self._tool_fits = False
-        self._paints = 0
-        self._stopped: str | None = None
-        self._latch = threading.Lock()
-        self._idle = threading.Event()  # no command is on its way
-        self._idle.set()
-
-    @property
-    def envelope(self) -> SafetyEnvelope:
-        """The envelope that guards this robot."""
-        return self._envelope
-
-    @property
-    def stopped(self) -> str | None:
-        """Why the robot is stopped; None while it may move."""
-        return self._stopped
-
-    def stop(self, reason: str) -> None:
-        """Stop at once, lift the tool, and refuse every command until `release`. Any thread may call it.
-
-        The first reason is kept. Raises LiftError if the tool could not be lifted; the robot is latched then, too.
-        """
-        with self._latch:
-            if self._stopped is None:
-                self._stopped = reason
-        self.lift()
-        # A command that passed the check just before the latch may have reached the driver just after the lift.
-        for _ in range(_LIFTS_AGAIN):
-            if self._idle.wait(_LIFT_AGAIN_S):
-                return
-            self.lift()
-
-    def release(self) -> None:
-        """Let commands pass again. For a person who has looked at the robot, never for a program that retries."""
-        with self._latch:
-            self._stopped = None
-
-    def lift(self) -> None:
-        """Stop where the tool is and raise it; allowed at any time. Raises LiftError if that fails."""
-        try:
-            self._robot.lift()
-        except Exception as error:
-            with self._latch:
-                self._stopped = self._stopped or "the tool could not be lifted"
-            raise LiftError(
-                f"The tool may still rest on the canvas, because lifting it failed: {error} "
-                "Use the robot's own emergency stop and lift the tool by hand."
-            ) from error
-
-    @property
-    def canvas_size_m(self) -> tuple[float, float]:
-        return self._robot.canvas_size_m
-
-    @property
-    def clock_s(self) -> float:
-        return self._robot.clock_s
-
-    def change_tool(self, tool: Tool) -> None:
-        """Refuses a tool that bears less press or speed than the envelope would let through."""
-        bears = (
-            ("a press", self._envelope.max_press_depth_m, tool.press_range_m[1], "m"),
-            ("a speed", self._envelope.max_speed_m_s, tool.speed_range_m_s[1], "m/s"),
-        )
-        for what, allowed, borne, unit in bears:
-            if allowed > borne * (1 + 1e-9):
-                raise EnvelopeViolation(
-                    f"The safety envelope allows {what} of {allowed:g} {unit} and the {tool.name} bears "
-                    f"{borne:g} {unit}; build the envelope with envelope_for for this tool."
-                )
-        with self._passing("change of tool"):
-            self._robot.change_tool(tool)
-        self._tool_fits = True
-
-    def load_palette(self, colors_srgb: FloatArray) -> None:
-        """Refuses anything but float[K, 3] of sRGB in [0, 1], K of 1 or more."""
-        colors = np.array(colors_srgb)
-        if colors.dtype.kind not in "fiu" or colors.ndim != 2 or colors.shape[1] != 3 or len(colors) == 0:
-            raise EnvelopeViolation(
-                f"The palette is {colors.dtype}{list(colors.shape)}; it must be real numbers [K, 3] with at "
-                "least one paint."
-            )
-        bad = np.flatnonzero(~np.all((colors >= 0) & (colors <= 1), axis=1))
-        if bad.size:
-            color = colors[bad[0]]
-            hint = " These look like 0 to 255." if np.any(color > 2) else ""
-            raise EnvelopeViolation(
-                f"Paint {bad[0]} of the palette is {color.tolist()}; each channel must lie from 0 to 1.{hint}"
-            )
-        with self._passing("change of palette"):
-            self._robot.load_palette(colors.astype(np.float64))
-        self._paints = len(colors)
-
-    def dip(self, paint: int) -> None:
-        if isinstance(paint, bool) or not isinstance(paint, int | np.integer):
-            raise EnvelopeViolation(f"A dip names its paint by a whole number; got {paint!r}.")
-        if not 0 <= paint < self._paints:
-            raise EnvelopeViolation(
-                f"There is no paint {paint}: the loaded palette has {self._paints} paints; load a palette "
-                "before the dip and count its paints from 0."
-            )
-        with self._passing("dip"):
-            self._robot.dip(int(paint))
-
-    def wipe(self) -> None:
-        with self._passing("wipe"):
-            self._robot.wipe()
-
-    def move(self, path: FloatArray) -> FloatArray:
-        """Refuses a path outside the envelope, and any path before `change_tool` has seen the tool."""
-        if not self._tool_fits:
-            raise EnvelopeViolation(
-                "The guard does not know the tool; call change_tool before the first move, also for a tool "
-                "that is held already."
-            )
-        points = self._envelope.checked_copy(path)
-        with self._passing("move"):
-            return self._robot.move(points)
-
-    def photo(self) -> Photo:
-        """Refused while stopped: a robot may have to move out of the picture."""
-        self._refuse_if_stopped("photo")
-        return self._robot.photo()
-
-    def scan(self) -> FloatArray:
-        return self._robot.scan()
-
-    def new_sheet(self) -> None:
-        with self._passing("change of sheet"):
-            self._robot.new_sheet()
-
-    def wait(self, seconds: float) -> None:
-        if not 0 <= seconds <= _MAX_WAIT_S:
-            raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {_MAX_WAIT_S:g} s.")
-        with self._passing("wait"):
-            self._robot.wait(seconds)
-
-    @contextmanager
-    def _passing(self, command: str) -> Iterator[None]:
-        """Around each call of the driver: refuse while stopped, and lift and latch on whatever goes wrong."""
-        self._idle.clear()
-        try:
-            self._refuse_if_stopped(command)
-            yield
-        except StoppedError:
-            raise
-        except BaseException as error:
-            self._idle.set()
-            self.stop(f"a {command} failed: {error or type(error).__name__}")
-            raise
-        finally:
-            self._idle.set()
-        # Stopped from another thread on its way: what the driver has done of the command is not known.
-        self._refuse_if_stopped(command)
-
-    def _refuse_if_stopped(self, command: str) -> None:
-        if self._stopped is not None:
-            raise StoppedError(
-                f"The robot is stopped ({self._stopped}) and the {command} is refused; look at the robot, then "
-                "release it by hand."
-            )

@@ -1,4 +1,4 @@
-"""Sculpting: push a few times, look at the clay, replan the rest, until nothing helps any more (thesis 7.3.5)."""
+"""Sculpting: execute a batch of pushes, scan the clay, replan the rest, until no push helps (thesis 7.3.5)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scan import Scan
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import execute_push, levelled_m, record_push
+from pentimento.control.loop import Hooks, run_loop
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
@@ -25,17 +26,17 @@ from pentimento.robots.sculpting import SculptingRobot
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
-Stopped = Literal["all actions were made", "the models know of no action that helps", "acting no longer helped"]
+Outcome = Literal["all actions were made", "the models know of no action that helps", "acting no longer helped"]
 
 
 @dataclass(frozen=True)
 class Execution:
-    """How a plan is carried out."""
+    """How a plan is executed."""
 
     batch: int
     """Actions between two plans."""
     patience: int
-    """So many actions may pass without a new least of the measured objective."""
+    """Actions that may pass without a new minimum of the measured objective."""
     dwell_s: float
     retract_speed_m_s: float
 
@@ -47,7 +48,7 @@ class Execution:
 
 @dataclass(frozen=True)
 class Sculpture:
-    """What came of a goal."""
+    """The result of sculpting towards a goal."""
 
     rows: list[dict[str, Any]]
     """Of the ``pushes`` contract, one for each action."""
@@ -56,23 +57,49 @@ class Sculpture:
     heights_m: Array
     """[N + 1, H, W], levelled and without holes: before the first and after each action."""
     values: FloatArray
-    """[N + 1]: the objective of each of these."""
+    """[N + 1]: the objective of each height map."""
     first: PushPlan
-    """The plan that it began with."""
+    """The first plan."""
     foreseen_m: Array
-    """[N, H, W]: what the plan of the time expected after each action."""
-    stopped: Stopped
+    """[N, H, W]: the heights after each action as predicted by the plan that contained it."""
+    stopped: Outcome
     holes: int
-    """Pixels of all scans that were not measured, and filled."""
+    """Pixels of all scans that were not measured and were filled."""
 
     @property
     def helped(self) -> bool:
-        """Whether the clay is nearer to the goal than if nothing had been done."""
+        """Whether the objective is lower than before the first action."""
         return bool(self.values[-1] < self.values[0])
 
 
+@dataclass(frozen=True)
+class SculptureProgress:
+    """A sculpture between two pushes, or with one push pending."""
+
+    scan: Scan
+    """The last."""
+    actions: tuple[FloatArray, ...]
+    """Executed actions [5]."""
+    heights_m: tuple[Array, ...]
+    """[H, W] each, levelled and without holes: before the first and after each action."""
+    values: tuple[float, ...]
+    """The objective of each height map."""
+    expected_m: tuple[Array, ...]
+    """[H, W] each: the heights after each action as predicted by the plan that contained it."""
+    remaining: FloatArray
+    """[K, 5]: planned actions to execute."""
+    predicted_m: Array
+    """[K, H, W]: the heights after each of them."""
+    due: int
+    """Number of remaining actions to execute before the next replanning."""
+    holes: int
+    """Pixels of all scans that were not measured and were filled."""
+    pending: bool
+    """The first remaining action was sent to the robot, which has not confirmed it."""
+
+
 def reach_for(end_effector: EndEffector, area_m: tuple[float, float], edge_m: float) -> Reach:
-    """The actions that an end-effector may be asked for on a slab, ``edge_m`` from its edge."""
+    """The actions that are allowed for an end-effector on a slab, ``edge_m`` from its edge."""
     return Reach(
         (edge_m, edge_m, area_m[0] - edge_m, area_m[1] - edge_m),
         end_effector.travel_m,
@@ -83,45 +110,17 @@ def reach_for(end_effector: EndEffector, area_m: tuple[float, float], edge_m: fl
 
 
 def seen_m(scan: Scan) -> tuple[Array, int]:
-    """The heights [H, W] to plan on, levelled, and how many holes were filled."""
+    """The heights [H, W] to plan on, levelled, and the number of holes that were filled."""
     heights, holes = fill_holes(levelled_m(scan))
     return heights.astype(np.float32), holes
 
 
-@dataclass(frozen=True)
-class Progress:
-    """A sculpture between two pushes, or with one on its way."""
-
-    scan: Scan
-    """The last."""
-    actions: tuple[FloatArray, ...]
-    """That were made."""
-    heights_m: tuple[Array, ...]
-    """Levelled and without holes: before the first and after each action."""
-    values: tuple[float, ...]
-    expected_m: tuple[Array, ...]
-    """What the plan of the time expected after each action."""
-    left: FloatArray
-    """[K, 5]: planned, and still to be made."""
-    foreseen_m: Array
-    """[K, H, W] after each of them."""
-    due: int
-    """So many of them are made before it is planned again."""
-    holes: int
-    pushing: bool
-    """The first of ``left`` was sent to the robot, which has not said that it is made."""
-
-
-Keep = Callable[[Progress, dict[str, Any] | None], None]
-"""Told of every new progress, with the row of the action that was just made, if one was."""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sculptor:
-    """Who sculpts what, with what."""
+    """A sculpting task: ``control.loop.Task`` whose actions are pushes [5]."""
 
     robot: SculptingRobot
-    """Guarded, with whatever end-effector in its hand."""
+    """Guarded."""
     end_effector: EndEffector
     material: str
     goal_m: Array
@@ -130,101 +129,119 @@ class Sculptor:
     config: SculptorConfig
     execution: Execution
     count: int
-    """Actions, at most."""
+    """Maximum number of actions."""
     session: Session
     item: int
-    """The goal's number in the session; its rows' order goes on from ``1000 · item``."""
+    """The goal's number in the session; the rows' order begins at ``1000 · item``."""
+    record: Callable[[dict[str, Any]], None]
+    """Called with the row of each executed action, before the new state is saved."""
 
-    def begin(self) -> tuple[Progress, PushPlan]:
-        """Look and plan; nothing moves."""
+    def begin(self) -> tuple[SculptureProgress, PushPlan]:
+        """Scan and plan; nothing moves."""
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
         first = plan(height, self.foresight, self._reach, self.config, self.count, (self.item, 0))
-        value = float(self.foresight.objective.values(height))
-        due = min(self.execution.batch, len(first.actions))
-        return (
-            Progress(scan, (), (height,), (value,), (), first.actions, first.foreseen_m[1:], due, holes, False), first
+        progress = SculptureProgress(
+            scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
+            expected_m=(), remaining=first.actions, predicted_m=first.foreseen_m[1:],
+            due=min(self.execution.batch, len(first.actions)), holes=holes, pending=False,
         )  # fmt: skip
+        return progress, first
 
-    def look_again(self, progress: Progress) -> Progress:
-        """After a push of which nobody knows how far it went: the clay as it is now, and a new plan.
-
-        No action and no row is counted for that push.
-        """
+    def rescan(self, progress: SculptureProgress) -> SculptureProgress:
+        """After a push whose result is unknown: scan the clay and plan anew. That push is not recorded."""
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
-        heights = (*progress.heights_m[:-1], height)
-        values = (*progress.values[:-1], float(self.foresight.objective.values(height)))
-        seen = replace(
-            progress, scan=scan, heights_m=heights, values=values, holes=progress.holes + holes, pushing=False
+        return self._planned(
+            replace(
+                progress, scan=scan, heights_m=(*progress.heights_m[:-1], height),
+                values=(*progress.values[:-1], float(self.foresight.objective.values(height))),
+                holes=progress.holes + holes, pending=False,
+            )
         )  # fmt: skip
-        return self._replanned(seen)
 
-    def carry_on(self, progress: Progress, keep: Keep) -> tuple[Progress, Stopped]:
-        """Go on until all actions are made, or nothing helps any more.
+    def run(
+        self, progress: SculptureProgress, hooks: Hooks[SculptureProgress]
+    ) -> tuple[SculptureProgress, Outcome | None]:
+        """Execute and replan until there is an outcome; None as the outcome where a person stops.
 
         Raises:
-            PentimentoError: the robot failed, or the guard refused a push; ``progress`` as it was kept last goes on
-                from there.
+            PentimentoError: the robot failed, or the guard refused a push.
         """
         self.robot.change_tool(self.end_effector)
-        while len(progress.actions) < self.count:
-            if len(progress.left) == 0:
-                return progress, "the models know of no action that helps"
-            keep(replace(progress, pushing=True), None)
-            progress, row = self._pushed(progress)
-            keep(progress, row)
-            if progress.due == 0:
-                if len(progress.values) - 1 - int(np.argmin(progress.values)) >= self.execution.patience:
-                    return progress, "acting no longer helped"
-                if len(progress.actions) < self.count:
-                    progress = self._replanned(progress)
-                    keep(progress, None)
-        return progress, "all actions were made"
+        return run_loop(self, progress, hooks)
 
     @cached_property
     def foresight(self) -> Foresight:
-        """What the models expect, judged by the goal."""
+        """The models' predictions with the objective of the goal."""
         objective = ClayObjective(self.goal_m, self.members[0].window_m, self.config.weights)
         return Foresight(self.members, objective, self.config.caution)
+
+    def outcome(self, state: SculptureProgress) -> Outcome | None:
+        """See ``control.loop.Task``."""
+        if (ended := self._ended(state)) is not None:
+            return ended
+        return None if len(state.remaining) else "the models know of no action that helps"
+
+    def batch(self, state: SculptureProgress) -> Sequence[FloatArray]:
+        """See ``control.loop.Task``."""
+        return list(state.remaining[: state.due])
+
+    def mark_pending(self, state: SculptureProgress) -> SculptureProgress:
+        """See ``control.loop.Task``."""
+        return replace(state, pending=True)
+
+    def execute(self, state: SculptureProgress, action: FloatArray) -> SculptureProgress:
+        """See ``control.loop.Task``."""
+        executed = execute_push(
+            self.robot, self.end_effector, action, state.scan, speed_m_s=self.end_effector.speed_m_s,
+            dwell_s=self.execution.dwell_s, retract_speed_m_s=self.execution.retract_speed_m_s,
+        )  # fmt: skip
+        order = 1000 * self.item + len(state.actions)
+        self.record(
+            record_push(
+                self.session, order, order, end_effector=self.end_effector, material=self.material, executed=executed
+            )
+        )
+        height, holes = seen_m(executed.after)
+        return SculptureProgress(
+            scan=executed.after, actions=(*state.actions, action), heights_m=(*state.heights_m, height),
+            values=(*state.values, float(self.foresight.objective.values(height))),
+            expected_m=(*state.expected_m, state.predicted_m[0]), remaining=state.remaining[1:],
+            predicted_m=state.predicted_m[1:], due=state.due - 1, holes=state.holes + holes, pending=False,
+        )  # fmt: skip
+
+    def replan(self, state: SculptureProgress, changed: bool) -> SculptureProgress:
+        """See ``control.loop.Task``."""
+        return state if self._ended(state) is not None else self._planned(state)
 
     @property
     def _reach(self) -> Reach:
         return reach_for(self.end_effector, self.robot.area_m, self.config.edge_m)
 
-    def _pushed(self, progress: Progress) -> tuple[Progress, dict[str, Any]]:
-        action, execution = progress.left[0], self.execution
-        made = execute_push(
-            self.robot, self.end_effector, action, progress.scan,
-            self.end_effector.speed_m_s, execution.dwell_s, execution.retract_speed_m_s,
-        )  # fmt: skip
-        order = 1000 * self.item + len(progress.actions)
-        row = record_push(self.session, order, order, self.end_effector, self.material, made)
-        height, holes = seen_m(made.after)
-        value = float(self.foresight.objective.values(height))
-        after = Progress(
-            made.after, (*progress.actions, action), (*progress.heights_m, height), (*progress.values, value),
-            (*progress.expected_m, progress.foreseen_m[0]), progress.left[1:], progress.foreseen_m[1:],
-            progress.due - 1, progress.holes + holes, False,
-        )  # fmt: skip
-        return after, row
+    def _ended(self, progress: SculptureProgress) -> Outcome | None:
+        since_minimum = len(progress.values) - 1 - int(np.argmin(progress.values))
+        if progress.due == 0 and since_minimum >= self.execution.patience:
+            return "acting no longer helped"
+        return "all actions were made" if len(progress.actions) >= self.count else None
 
-    def _replanned(self, progress: Progress) -> Progress:
-        made = len(progress.actions)
-        now = plan(
-            progress.heights_m[-1], self.foresight, self._reach, self.config, self.count - made, (self.item, made),
-            progress.left if made else None,
+    def _planned(self, progress: SculptureProgress) -> SculptureProgress:
+        executed = len(progress.actions)
+        new = plan(
+            progress.heights_m[-1], self.foresight, self._reach, self.config, self.count - executed,
+            (self.item, executed), progress.remaining if executed else None,
         )  # fmt: skip
-        due = min(self.execution.batch, len(now.actions))
-        return replace(progress, left=now.actions, foreseen_m=now.foreseen_m[1:], due=due)
+        due = min(self.execution.batch, len(new.actions))
+        return replace(progress, remaining=new.actions, predicted_m=new.foreseen_m[1:], due=due)
 
 
 def sculpt(
     robot: SculptingRobot,
     end_effector: EndEffector,
     material: str,
+    *,
     goal_m: Array,
     members: Sequence[PushModel],
     config: SculptorConfig,
@@ -234,29 +251,26 @@ def sculpt(
     item: int,
     log: Callable[[str, float, int], None],
 ) -> Sculpture:
-    """Bring the clay nearer to a goal [H, W] with up to ``count`` actions, ``execution.batch`` of them a plan.
+    """Bring the clay closer to a goal [H, W] with up to ``count`` actions, ``execution.batch`` of them per plan.
 
     It ends early where no action is expected to help, and where the last ones did not: a model that is wrong in the
-    state that it has got into goes on making it worse.
+    current state continues to make it worse.
 
     Args:
-        robot: guarded, with whatever end-effector in its hand.
-        item: the goal's number in the session; its rows' order goes on from ``1000 · item``.
-        log: called as ``log("value", objective, actions made)``.
+        robot: guarded.
+        item: the goal's number in the session; the rows' order begins at ``1000 · item``.
+        log: called as ``log("value", objective, actions executed)``.
     """
+    rows: list[dict[str, Any]] = []
     sculptor = Sculptor(
-        robot, end_effector, material, goal_m, members, config, execution, count, session, item
+        robot=robot, end_effector=end_effector, material=material, goal_m=goal_m, members=members, config=config,
+        execution=execution, count=count, session=session, item=item, record=rows.append,
     )  # fmt: skip
     begun, first = sculptor.begin()
     log("value", begun.values[0], 0)
-    rows: list[dict[str, Any]] = []
-
-    def keep(progress: Progress, row: dict[str, Any] | None) -> None:
-        if row is not None:
-            rows.append(row)
-            log("value", progress.values[-1], len(progress.actions))
-
-    progress, stopped = sculptor.carry_on(begun, keep)
+    hooks = Hooks[SculptureProgress](on_action=lambda state: log("value", state.values[-1], len(state.actions)))
+    progress, stopped = sculptor.run(begun, hooks)
+    assert stopped is not None  # nobody interrupts
     height = progress.heights_m[0]
     return Sculpture(
         rows, np.array(progress.actions).reshape(-1, 5), np.stack(progress.heights_m), np.array(progress.values), first,

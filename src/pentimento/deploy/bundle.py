@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from pentimento.bundle.push_graphs import ClayFacts
-from pentimento.bundle.reader import (
-    MANIFEST,
-    SCHEMA,
+from pentimento.bundle.manifest import (
     BrushFacts,
+    ClayFacts,
     EncoderFacts,
     FileEntry,
     GraphEntry,
@@ -25,6 +23,7 @@ from pentimento.bundle.reader import (
     StyleFacts,
     WordsFacts,
 )
+from pentimento.bundle.reader import MANIFEST, SCHEMA
 from pentimento.contracts.codec import to_plain
 from pentimento.contracts.frames import image_shape
 from pentimento.contracts.frames import pixels_per_m as image_scale

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pentimento.bundle.reader import GraphEntry, Setting
+from pentimento.bundle.manifest import GraphEntry, Setting
 
 _HEAD = """# bundle
 

@@ -8,7 +8,7 @@ import torch
 from diffusers import DDIMScheduler
 from torch import Tensor, nn
 
-from pentimento.bundle.reader import GoalFacts, WordsFacts
+from pentimento.bundle.manifest import GoalFacts, WordsFacts
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.deploy.graphs import Graph, compared, generator

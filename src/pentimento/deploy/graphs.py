@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pentimento.bundle.reader import Port
+from pentimento.bundle.manifest import Port
 from pentimento.contracts.errors import PentimentoError
 
 Examples = Callable[[int], Sequence[Tensor]]

@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
-from pentimento.bundle.assignment import MAX_CELLS
-from pentimento.bundle.reader import StyleFacts
+from pentimento.bundle.manifest import MAX_CELLS, StyleFacts
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.deploy.decompositions import Resizing
 from pentimento.deploy.graphs import Graph, compared, generator

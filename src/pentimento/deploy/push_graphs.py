@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.bundle.push_graphs import ClayFacts
+from pentimento.bundle.manifest import ClayFacts
 from pentimento.deploy.graphs import Graph, compared, generator
 from pentimento.deploy.tracing import export
 from pentimento.dynamics.pushes.planned import TorchClay

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from pentimento.bundle.reader import BrushFacts
+from pentimento.bundle.manifest import BrushFacts
 from pentimento.deploy.graphs import Graph, compared, generator
 from pentimento.deploy.tracing import export
 from pentimento.dynamics.strokes.extended import StrokeModel

@@ -57,7 +57,9 @@ def draw_in_hand(
     planned = planned_strokes(strokes, scene.tool)
     memory = fresh_memory(robot.canvas_size_m, scene.tool.nominal_width_m)
     ink = np.array([scene.tool.color_srgb], dtype=np.float64)
-    _, measured = execute(robot, scene.tool, planned, ink, memory, Session("drawing", robot.clock_s))
+    _, measured = execute(
+        robot, scene.tool, planned, palette_srgb=ink, memory=memory, session=Session("drawing", robot.clock_s)
+    )
     photo = observe(robot, calibration, config.pixels_per_m)
     return Drawing(planned, [_known(path) for path in measured], photo, to_uint8(predicted))
 

@@ -9,7 +9,8 @@ import torch
 
 from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
-from pentimento.control.safety import GuardedRobot, envelope_for
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.copainting.evaluation.codraw import Codrawing, codraw, stories
 from pentimento.copainting.evaluation.goal_plans import laid_out
 from pentimento.copainting.evaluation.text_guided import plan_text

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.ranges import at_least
-from pentimento.control.compose_goal import keep_canvas
+from pentimento.control.goal import keep_canvas
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.goal_plans import PaintContext, draw_scene, laid_out, plan_goal, seeded, seen
 from pentimento.copainting.evaluation.text_guided import plan_text

@@ -154,7 +154,16 @@ def _execute(
 ) -> Picture:
     """Make strokes, replanned for the picture `aim` after each batch or not; a photograph, uint8 [S, S, 3]."""
     scene = paint_context.scene(laid_out(aim, paint_context.medium.side_px))
-    made = paint(robot, scene, strokes, palette_srgb, batch, replan, paint_context.medium.planner, _unheard)
+    made = paint(
+        robot,
+        scene,
+        strokes,
+        palette_srgb=palette_srgb,
+        batch=batch,
+        replan=replan,
+        config=paint_context.medium.planner,
+        log=_unheard,
+    )
     return made.photos[-1]
 
 

@@ -1,0 +1,134 @@
+"""The person beside the robot: commands, answers to the robot's requests, progress on the terminal, and signals."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Final, Literal, TextIO
+
+Command = Literal["pause", "your turn", "go on", "stop"]
+
+COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "stop")
+
+_KEYS: Final[dict[str, Command]] = {"p": "pause", "t": "your turn", "": "go on", "s": "stop"}
+_BAR: Final = 20
+"""Characters of the progress bar."""
+
+
+class Control:
+    """The last command that was sent and not yet received. Any thread may send; the loop receives between actions."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._command: Command | None = None
+
+    def send(self, command: Command) -> None:
+        """Replace the command that waits. Nothing replaces ``stop``."""
+        with self._changed:
+            if self._command != "stop":
+                self._command = command
+            self._changed.notify_all()
+
+    def poll(self) -> Command | None:
+        """The command since the last call, if any."""
+        with self._changed:
+            command, self._command = self._command, None
+            return command
+
+    def wait(self) -> Command:
+        """The next command, whenever it comes."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._command is not None)
+            command, self._command = self._command, None
+            assert command is not None
+            return command
+
+
+class Progress:
+    """A line such as ``stroke 34 of 100  ████······  error 0.0123  1 min 20 s``. Silent where there is no terminal."""
+
+    def __init__(self, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._clock, self._started_s = clock, clock()
+        self._open = False
+
+    def step(self, what: str, done: int, of: int, more: str = "") -> None:
+        """``done`` of ``of``, written over the last such line."""
+        if not self._stream.isatty():
+            return
+        full = round(_BAR * done / max(of, 1))
+        spent_s = int(self._clock() - self._started_s)
+        spent = f"{spent_s // 60} min {spent_s % 60} s" if spent_s >= 60 else f"{spent_s} s"
+        line = f"{what} {done} of {of}  {'█' * full}{'·' * (_BAR - full)}  {more}{'  ' if more else ''}{spent}"
+        width = shutil.get_terminal_size().columns - 1
+        self._stream.write("\r" + line[:width].ljust(width))
+        self._stream.flush()
+        self._open = True
+
+    def message(self, text: str) -> None:
+        """A line that stays."""
+        if not self._stream.isatty():
+            return
+        if self._open:
+            self._stream.write("\n")
+        self._stream.write(text + "\n")
+        self._stream.flush()
+        self._open = False
+
+
+class Keyboard:
+    """Lines at a terminal. While a request waits for its answer, the next line answers it; other lines are commands."""
+
+    def __init__(self, control: Control, progress: Progress, lines: TextIO) -> None:
+        """Begin to read ``lines``, if they come from a terminal."""
+        self._control, self._progress, self._lines = control, progress, lines
+        self._asking = threading.Lock()
+        self._answered: threading.Event | None = None
+        if lines.isatty():
+            progress.message(
+                "p and Enter: pause; t: your turn; Enter: go on; s: stop after this stroke; Ctrl-C: at once."
+            )
+            threading.Thread(target=self._read, name="keyboard", daemon=True).start()
+
+    def ask(self, request: str) -> None:
+        """Show a request to the person, and return when it is confirmed. Raises EOFError without a terminal."""
+        if not self._lines.isatty():
+            raise EOFError(f"Nobody is at a terminal to confirm: {request}")
+        with self._asking:
+            self._answered = threading.Event()
+            self._progress.message(f"{request} [Enter]")
+            self._answered.wait()
+            self._answered = None
+
+    def _read(self) -> None:
+        for line in self._lines:
+            waiting, command = self._answered, _KEYS.get(line.strip().lower())
+            if waiting is not None:
+                waiting.set()
+            elif command is not None:
+                self._control.send(command)
+
+
+def at_terminal(control: Control, progress: Progress) -> Keyboard:
+    """The keyboard of this process."""
+    return Keyboard(control, progress, sys.stdin)
+
+
+@contextmanager
+def ended_by_signal() -> Iterator[None]:
+    """While the block runs, SIGTERM ends it as Ctrl-C does: the tool is lifted and the state saved."""
+
+    def end(_signal: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
