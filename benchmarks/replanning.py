@@ -83,7 +83,7 @@ def by_torch(bundle: Bundle, models: Path) -> Parts:
     from pentimento.dynamics.strokes.planned import TorchBrush
     from pentimento.semantics import objective as workshop
     from pentimento.semantics.encoder import Encoder
-    from pentimento.semantics.style.torch_objective import TorchObjective
+    from pentimento.semantics.objective import TorchObjective
 
     torch.use_deterministic_algorithms(True)  # as the pipeline has it, and the graphs, too
     encoder, views = Encoder.load(models / "semantics/weights"), bundle.manifest.encoder.views

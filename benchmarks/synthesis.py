@@ -24,21 +24,20 @@ from benchmarks.planner import MODEL
 from benchmarks.tables import bar_table, markdown
 from pentimento.contracts.colour import srgb_to_linear
 from pentimento.contracts.scenes import example_table
-from pentimento.copainting.synthesis.guided_descent import Guidance, descend_guided
-from pentimento.copainting.synthesis.pairs import Painter, Setting, plan_painting
-from pentimento.copainting.workers import Submit, gather, worker_pool
+from pentimento.copainting.jobs import Submit, gather, worker_pool
+from pentimento.copainting.synthesis.painter import Guidance, Painter, Setting, descend_guided, plan_painting
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.strokes.brush import LoopTiming
+from pentimento.planning.strokes.config import no_log
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.scene import scene_with
 from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder, new_model
-from pentimento.semantics.objective import SemanticObjective
-from pentimento.semantics.style.torch_objective import TorchObjective
+from pentimento.semantics.objective import SemanticObjective, TorchObjective
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines._config import load_section
 from pipelines.synthesize_copaintings import SynthesizeCopaintings
@@ -95,10 +94,10 @@ def measure_iterations() -> dict[str, float]:
     meaning = TorchObjective(SemanticObjective(_encoder(), torch.from_numpy(target), VIEWS, _SEED))
 
     def unguided() -> None:
-        optimise(start.pick(slice(None)), paper, scene, config, _TIMED_ITERATIONS, True, 1.0, _unheard, 0)
+        optimise(start.pick(slice(None)), paper, scene, config, _TIMED_ITERATIONS, True, 1.0, no_log, 0)
 
     def guided() -> None:
-        descend_guided(start.pick(slice(None)), paper, scene, config, meaning, guidance, _unheard)
+        descend_guided(start.pick(slice(None)), paper, scene, config=config, meaning=meaning, guidance=guidance)
 
     in_turns([unguided, guided], 1)  # compiles
     times = in_turns([unguided, guided], _ROUNDS)
@@ -221,10 +220,6 @@ def _until_both_are_there(submit: Submit) -> None:
 def _who() -> int:
     time.sleep(0.2)  # long enough for the other one to take the other job
     return os.getpid()
-
-
-def _unheard(_name: str, _value: float, _step: int) -> None:
-    """Curves that nobody asked for."""
 
 
 if __name__ == "__main__":

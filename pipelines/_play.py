@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
-from pentimento.copainting.evaluation.answers import Asking, ask
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
 from pentimento.copainting.evaluation.goal_plans import PaintContext
-from pentimento.copainting.goal.planner import load_goal_planner
+from pentimento.copainting.evaluation.methods import complete_canvases
+from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.studio import Studio
@@ -21,15 +21,21 @@ Picture = NDArray[np.uint8]
 
 
 def play(
-    folder: Path, story: Story, paint_context: PaintContext, world: str, asking: Asking, codrawing: Codrawing, seed: int
+    folder: Path,
+    story: Story,
+    paint_context: PaintContext,
+    world: str,
+    asking: SeededSampling,
+    codrawing: Codrawing,
+    seed: int,
 ) -> list[Turn]:
     """One story on a new sheet in a world of the studio, the robot's goals by the goal planner in a folder."""
     planner = load_goal_planner(folder)
 
     def goal_for(photo: Picture, prompt: str) -> Picture:
-        return np.asarray(ask(planner, photo[None], [prompt], asking)[0])
+        return np.asarray(complete_canvases(planner, photo[None], [prompt], asking)[0])
 
-    return codraw(_robot(paint_context, world, seed), paint_context, story, goal_for, codrawing, seed)
+    return codraw(_robot(paint_context, world, seed), paint_context, story, goal_for, config=codrawing, seed=seed)
 
 
 def _robot(paint_context: PaintContext, world: str, seed: int) -> Robot:

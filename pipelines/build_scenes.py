@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.tables import write_table
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
 from pentimento.copainting.scenes.imported_scenes import ImportedConfig, import_scenes
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.semantics.segmentation import SegmentationConfig, segment
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json

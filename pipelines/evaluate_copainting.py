@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,34 +16,39 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.evaluation.answers import (
+from pentimento.copainting.evaluation.cases import Case, choose_cases, paper_cases
+from pentimento.copainting.evaluation.codraw import Codrawing, film_strip, stories, turn_scores
+from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
+from pentimento.copainting.evaluation.methods import (
     BASE,
     FINE_TUNED,
     ON_CANVAS,
     TEXT_ONLY,
-    Answers,
-    Asking,
+    Outcomes,
     Planners,
     Strokes,
     Task,
     TextOnly,
-    answer_on_canvas,
-    answer_on_paper,
+    outcome_columns,
+    run_on_canvas,
+    run_on_paper,
 )
-from pentimento.copainting.evaluation.cases import Case, choose_cases, paper_cases
-from pentimento.copainting.evaluation.codraw import Codrawing, stories
-from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
-from pentimento.copainting.evaluation.ordinary import ordinary_scores
-from pentimento.copainting.evaluation.painted_gap import painted_gap
-from pentimento.copainting.evaluation.played_turns import film_strip, turn_scores
-from pentimento.copainting.evaluation.preference_page import Comparison, preference_page
-from pentimento.copainting.evaluation.scoring import Columns, Judges, comparisons, score, summary
-from pentimento.copainting.evaluation.sheets import methods_side_by_side, side_by_side
-from pentimento.copainting.goal.planner import load_goal_planner
+from pentimento.copainting.evaluation.preferences import Comparison, preference_page
+from pentimento.copainting.evaluation.scoring import (
+    Columns,
+    Judges,
+    comparisons,
+    edit_scores,
+    painted_gap,
+    score,
+    summary,
+)
+from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
+from pentimento.copainting.jobs import gather, worker_pool
 from pentimento.copainting.scenes.edits import scene_edits, scenes_of
 from pentimento.copainting.scenes.ink import ink_recall
-from pentimento.copainting.workers import gather, worker_pool
+from pentimento.copainting.sheets import side_by_side
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
@@ -89,7 +95,7 @@ class EvaluateCopainting:
     other_medium: int
     """Of `prompts`, those also asked on canvases that were begun with another medium (thesis 6.6.4)."""
     strokes: Strokes
-    asking: Asking
+    asking: SeededSampling
     text_only: TextOnly
     codrawing: Codrawing
     shown: Shown
@@ -142,7 +148,9 @@ def main(arguments: argparse.Namespace) -> None:
         judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), _kinds(held_out))
 
         edits = scene_edits(held_out.slice(0, config.ordinary), 1, config.seed)
-        ordinary = submit(ordinary_scores, planners.base, edits, config.asking, arguments.judge, config.seed)
+        ordinary = submit(
+            partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, edits, config.asking
+        )
         told = stories(held_out, config.codrawing.stories)
         played = {
             name: [
@@ -160,22 +168,22 @@ def main(arguments: argparse.Namespace) -> None:
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
         }
-        begun = answer_on_canvas(cases, task, ON_CANVAS, submit)
+        begun = run_on_canvas(cases, task, ON_CANVAS, submit)
         run.log("prompts", len(cases))
         on_paper = paper_cases(held_out, config.on_paper)
-        paper = answer_on_paper(on_paper, task, submit)
+        paper = run_on_paper(on_paper, task, submit)
         few = cases[: config.other_medium]
         other_task = replace(task, begun_with=load_paint_context(other, strokes_models[other.tool]))
-        foreign = answer_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
+        foreign = run_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
         turns = {name: gather(futures) for name, futures in played.items()}
 
-        scores = _scored(begun, cases, judges)
+        scores = score(begun, cases, judges)
         metrics = {
             "table": _plain(summary(scores, config.seed)),
             "comparisons": _plain(comparisons(scores, config.seed)),
             "ordinary": _plain(ordinary.result()),
-            "on_paper": _plain(summary(_scored(paper, on_paper, judges), config.seed)),
-            "other_medium": _plain(summary(_scored(foreign, few, judges), config.seed)),
+            "on_paper": _plain(summary(score(paper, on_paper, judges), config.seed)),
+            "other_medium": _plain(summary(score(foreign, few, judges), config.seed)),
             "turns": {name: turn_scores(stories_, judges.judge) for name, stories_ in turns.items()},
             "correlation": painted_gap(pairs, table, judges.main),
             "vae_ink_recall": {
@@ -188,17 +196,17 @@ def main(arguments: argparse.Namespace) -> None:
         }  # fmt: skip
         write_json(out / "metrics.json", metrics)
         write_json(out / "cases.json", _by_case(cases, scores))
-        for name, answers, asked in (
+        for name, outcomes, asked in (
             ("methods", begun, cases),
             ("on_paper", paper, on_paper),
             ("other_medium", foreign, few),
         ):
             captions = [case.caption for case in asked[: config.shown.rows]]
-            write_png(out / f"{name}.png", methods_side_by_side(answers, captions, _SHOWN_PX))
+            write_png(out / f"{name}.png", side_by_side(outcome_columns(outcomes), captions, (_SHOWN_PX, _SHOWN_PX)))
         for name, stories_ in turns.items():
             file = "turns.png" if name == FINE_TUNED else f"turns_{name}.png"
             prompts = [turn.prompt for turn in stories_[0]]
-            write_png(out / file, side_by_side(film_strip(stories_[0]), prompts, 2 * _SHOWN_PX))
+            write_png(out / file, side_by_side(film_strip(stories_[0]), prompts, (2 * _SHOWN_PX, 2 * _SHOWN_PX)))
         page, key = preference_page(_compared(cases[: config.shown.preferences], begun), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")
         write_json(out / "preference_key.json", key)
@@ -224,11 +232,6 @@ def blank_sheet(pairs: pa.Table, shape: tuple[int, ...]) -> Pictures:
                 )
             return blank
     raise ContractError("No co-painting begins on a blank sheet (strategy all); synthesise some that do.")
-
-
-def _scored(answers: Answers, cases: Sequence[Case], judges: Judges) -> dict[str, Columns]:
-    captions, asked = [case.caption for case in cases], [case.objects for case in cases]
-    return score(answers, captions, asked, [case.room for case in cases], judges)
 
 
 def _kinds(table: pa.Table) -> tuple[str, ...]:
@@ -260,11 +263,11 @@ def _by_case(cases: Sequence[Case], scores: Mapping[str, Columns]) -> list[dict[
     ]
 
 
-def _compared(cases: Sequence[Case], answers: Answers) -> list[Comparison]:
+def _compared(cases: Sequence[Case], outcomes: Outcomes) -> list[Comparison]:
     """Ours against each rival of the thesis's survey."""
-    ours = answers.drawings[FINE_TUNED]
+    ours = outcomes.drawings[FINE_TUNED]
     return [
-        Comparison(case.caption, ours[i], answers.drawings[rival][i], rival)
+        Comparison(case.caption, ours[i], outcomes.drawings[rival][i], rival)
         for i, case in enumerate(cases)
         for rival in (TEXT_ONLY, BASE)
     ]

@@ -16,14 +16,13 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.goal.completion_scores import score_planner
-from pentimento.copainting.goal.guidance_grid import Sampling, guidance_grid
-from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_planner
+from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
-from pentimento.copainting.goal.training import GoalTraining, train_goal_planner
+from pentimento.copainting.goal.training import train_goal_planner
 from pentimento.copainting.goal.vae import DecoderConfig, train_decoder
+from pentimento.copainting.jobs import scratch_folder
 from pentimento.copainting.scenes.edits import Pair, pairs_of
-from pentimento.copainting.scratch import scratch_folder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, input_digest, tracked_run

@@ -28,7 +28,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pentimento.planning.objectives import PrintObjective
 from pentimento.planning.strokes.bezier import Strokes, to_planned
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.config import PlannerConfig, no_log
 from pentimento.planning.strokes.memory import beyond_fit, foreseen
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, scene_with
@@ -37,7 +37,7 @@ from pentimento.robots.driver import Robot
 from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.semantics.style.settings import style_of
+from pentimento.semantics.style import style_of
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from pipelines._config import entry_of, load_section
@@ -260,10 +260,10 @@ def _execution_errors(
     """
     error = {"extended": metrics["sim2real_mse"]["model"]}
     if extended.mechanisms:
-        strokes, palette = plan(as_linear(blank), scenes["base"], config.strokes, setting.planner, _unheard)
+        strokes, palette = plan(as_linear(blank), scenes["base"], config.strokes, setting.planner, no_log)
         painting = paint(
             new_robot(), scenes["base"], strokes, palette_srgb=palette, batch=config.batch, replan=False,
-            config=setting.planner, log=_unheard,
+            config=setting.planner, log=no_log,
         )  # fmt: skip
         difference = to_float(painting.predicted) - to_float(painting.photos[-1])
         error["base"] = float(np.square(difference).mean())
@@ -274,10 +274,6 @@ def _execution_errors(
         "plan_execution_error_extended": error["extended"],
         "plan_execution_factor": error["base"] / error["extended"],
     }
-
-
-def _unheard(_name: str, _value: float, _step: int) -> None:
-    """The curves of the plan that is only compared with are not kept."""
 
 
 if __name__ == "__main__":

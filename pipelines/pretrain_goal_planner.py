@@ -14,9 +14,8 @@ from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.goal.completion_scores import score_planner
-from pentimento.copainting.goal.guidance_grid import Sampling, guidance_grid
-from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_planner
+from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
 from pentimento.copainting.goal.planner import (
     GoalPlanner,
     GoalPlannerShape,
@@ -25,10 +24,10 @@ from pentimento.copainting.goal.planner import (
     save_goal_planner,
     text_encoder_of,
 )
-from pentimento.copainting.goal.training import GoalTraining, train_goal_planner
+from pentimento.copainting.goal.training import train_goal_planner
 from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, train_vae, vae_pictures
+from pentimento.copainting.jobs import scratch_folder
 from pentimento.copainting.scenes.edits import scene_edits, scenes_of
-from pentimento.copainting.scratch import scratch_folder
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
@@ -115,7 +114,9 @@ def _trained(
         with output_folder(scratch / "vae") as folder:
             train_vae(vae_pictures(pictures, seed), config.vae, seed, run.log).save_pretrained(folder)
     vae = AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
-    planner = build_goal_planner(config.shape, vae, text_encoder_of(encoder.model), encoder.tokenizer, seed)
+    planner = build_goal_planner(
+        config.shape, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed
+    )
     pairs = encode_pairs(planner, scene_edits(scenes, config.edits, seed))
     return planner, train_goal_planner(planner, pairs, config.training, scratch / "steps", run.log)
 

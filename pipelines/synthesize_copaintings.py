@@ -21,16 +21,12 @@ from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.scenes.collage import pairs_shown
-from pentimento.copainting.scenes.halves import half_scenes
-from pentimento.copainting.scratch import scratch_folder
-from pentimento.copainting.synthesis.beside import beside_pairs
-from pentimento.copainting.synthesis.dataset_card import dataset_card
-from pentimento.copainting.synthesis.kept_pairs import keep_pairs, threshold_of
-from pentimento.copainting.synthesis.pairs import Setting, load_painter, sayable
+from pentimento.copainting.jobs import scratch_folder
+from pentimento.copainting.scenes.collage import half_scenes, pairs_shown
+from pentimento.copainting.synthesis.dataset import Threshold, dataset_card, keep_pairs, preview, threshold_of
+from pentimento.copainting.synthesis.painter import Setting, load_painter
+from pentimento.copainting.synthesis.pairs import beside_pairs, usable_captions
 from pentimento.copainting.synthesis.partials import PartialsConfig
-from pentimento.copainting.synthesis.preview import preview
-from pentimento.copainting.synthesis.score_filter import Threshold
 from pentimento.copainting.synthesis.shards import Job, paint_shards
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
@@ -111,13 +107,17 @@ def main(arguments: argparse.Namespace) -> None:
             for of, partials in ((rows, config.partials), (half_rows, from_blank))
             for i in range(0, len(of), step)
         ]
-        files = paint_shards(jobs, scratch, config.workers, config.scheduler, _begin_work, run.log)
+        files = paint_shards(
+            jobs, scratch, workers=config.workers, scheduler=config.scheduler, in_each_worker=_begin_work, log=run.log
+        )
         encoder = Encoder.load(arguments.semantics)
         minimum = threshold_of(config.threshold, encoder, files)
         of_halves = files[len(files) - -(-len(half_rows) // step) :]
         files += write_beside(of_halves, half_rows, table, setting, minimum, config.beside, scratch)
         metrics = keep_pairs(files, minimum, out) | {"scenes": len(rows) + len(half_rows)}
-        card = dataset_card(arguments.setting, setting, config.threshold, metrics, scenes, encoder.digest)
+        card = dataset_card(
+            arguments.setting, setting, config.threshold, metrics=metrics, scenes=scenes, scorer=encoder.digest
+        )
         (out / "README.md").write_text(card)
         write_png(out / "preview.png", preview(rows[:_SHOWN], files))
         write_json(out / "metrics.json", metrics)
@@ -171,9 +171,9 @@ def write_beside(
     trained = table.filter(pc.equal(table["split"], "train"))
     kinds = trained["objects"].to_pylist() if "objects" in table.column_names else []
     together = pairs_shown(of or () for of in kinds)
-    wordings = partial(sayable, tool=load_tool(setting.tool))
+    captions_of = partial(usable_captions, tool=load_tool(setting.tool))
     by_id = {row["scene_id"]: row for row in halves}
-    made = beside_pairs(good, by_id, wordings, together, number, setting.planner.seed)
+    made = beside_pairs(good, by_id, captions_of, together=together, number=number, seed=setting.planner.seed)
     if not made:
         return []
     file = scratch / "part-beside.parquet"

@@ -150,7 +150,8 @@ def prepare(folder: Path) -> None:
     encoder.save(folder / "semantics")
     vae = build_vae(pretrain.vae, semantics.side_px).eval().requires_grad_(False)
     save_goal_planner(
-        build_goal_planner(pretrain.shape, vae, text_encoder_of(encoder.model), tokenizer, 0), folder / "base"
+        build_goal_planner(pretrain.shape, vae, text_encoder_of(encoder.model), tokenizer=tokenizer, seed=0),
+        folder / "base",
     )
 
 

@@ -25,9 +25,9 @@ from transformers import CLIPTextConfig, CLIPTextModel
 from benchmarks import gpu, machine
 from benchmarks.__main__ import rounded
 from benchmarks.tables import gpu_table, machine_line, markdown
-from pentimento.copainting.goal.latent_pairs import LatentPairs, tokens_of
+from pentimento.copainting.goal.denoising import GoalTraining, LatentPairs, Lora, tokens_of
 from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.copainting.goal.training import GoalTraining, Lora, train_goal_planner
+from pentimento.copainting.goal.training import train_goal_planner
 from pentimento.semantics.tokenizer import learn_tokenizer
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -8,11 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from pentimento.copainting.evaluation.intervals import Estimate, difference, resamples
+from pentimento.contracts.statistics import Estimate, difference, item_resamples
 
 Side = Literal["A", "B"]
 
-_RESAMPLES = 2000
 _FEWEST = 6  # items: a bootstrap over fewer is no interval
 _EQUAL = 1e-9  # relative; metrics.json keeps 9 digits
 _LESS_IS_BETTER = {
@@ -98,7 +97,7 @@ def paired(figure: Figure, a: Sequence[float], b: Sequence[float], seed: int) ->
     """The figure with its difference over the same items; as it was where there are too few."""
     if len(a) != len(b) or len(a) < _FEWEST:
         return figure
-    estimate = difference(np.asarray(b), np.asarray(a), resamples(len(a), _RESAMPLES, seed))
+    estimate = difference(np.asarray(b), np.asarray(a), item_resamples(len(a), seed))
     return Figure(figure.name, figure.values, figure.intervals, figure.better, estimate, len(a))
 
 

@@ -48,8 +48,9 @@ def errors(tables: Mapping[str, Mapping[int, Results]], out: Path) -> None:
         for axis, test in zip(line, ("A", "B"), strict=True):
             common = [name for name in NAMES if name != "blank" and runs and all(name in run for run in runs.values())]
             for place, name in enumerate(reversed(common)):
-                mean, low, high = estimate(list(runs.values()), name, test, "l1")
-                axis.barh(place, mean, color=_COLOURS[name], xerr=[[mean - low], [high - mean]], ecolor="#444444")
+                found = estimate(list(runs.values()), name, test, "l1")
+                errors = [[found.value - found.low], [found.high - found.value]]
+                axis.barh(place, found.value, color=_COLOURS[name], xerr=errors, ecolor="#444444")
             axis.set_yticks(range(len(common)), [NAMES[name] for name in reversed(common)], fontsize=7)
             axis.set_title(f"{tool}, dataset {test}: mean L1, sRGB", fontsize=8)
             axis.tick_params(axis="x", labelsize=7)

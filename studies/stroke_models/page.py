@@ -70,7 +70,7 @@ def whole(
 
 def own_table(runs: Sequence[Results], name: str, rows: int) -> str:
     """The page of one's own table: every run holds out another quarter of its actions."""
-    best = min(runs[0], key=lambda model: estimate(runs, model, "own", "l1").mean)
+    best = min(runs[0], key=lambda model: estimate(runs, model, "own", "l1").value)
     lines = [
         f"# Stroke models on {name}\n",
         f"{rows} strokes, of whose actions a quarter is held out, {len(runs)} times. Means over held-out strokes with "
@@ -118,21 +118,21 @@ def _studio_bars(tool: str, runs: Sequence[Results]) -> list[str]:
     there = _common(runs)
     lines = []
     if tool == "marker" and {"traj2stroke", *_CNNS} <= set(there):
-        best = min(_CNNS, key=lambda name: estimate(runs, name, "B", "l1").mean)
+        best = min(_CNNS, key=lambda name: estimate(runs, name, "B", "l1").value)
         found = ratio(runs, "traj2stroke", best, "B", "l1")
         lines.append(
             f"- Traj2Stroke's L1 on B over that of the better CNN ({NAMES[best]}): {_number(found, 2)}, bar ≤ {_RATIO} "
-            f"{_met(found.mean <= _RATIO)}."
+            f"{_met(found.value <= _RATIO)}."
         )
     if OURS in there:
         rivals = [name for name in there if name not in (OURS, OURS_IMPRINT, *TRIVIAL)]
         for chosen, whom in (([n for n in rivals if n != _EXTRA], "the thesis's models"), (rivals, "all")):
-            best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").mean)
+            best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").value)
             found = ratio(runs, OURS, best, "B", "l1")
             bar = _BELOW_NEXT if tool != "marker" else 1.0
             lines.append(
                 f"- Traj2Stroke + mechanisms on B over the next of {whom} ({NAMES[best]}): {_number(found, 2)}, "
-                f"bar {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(found.mean <= bar)}."
+                f"bar {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(found.value <= bar)}."
             )
     return lines
 
@@ -173,7 +173,7 @@ def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: st
         ]
         for name in names:
             for test in ("own", "other"):
-                values = {m: estimate(sets[name], m, test, score).mean for m in models if m in _common(sets[name])}
+                values = {m: estimate(sets[name], m, test, score).value for m in models if m in _common(sets[name])}
                 lines.append(_set_row(name, test, values, models, best, digits))
     found = [f"{name}: {' / '.join(map(_causes, sets[name]))}" for name in names if OURS in _common(sets[name])]
     lines.append("\nEstablished on the training strokes, time by time: " + "; ".join(found) + ".\n" if found else "")
@@ -215,7 +215,7 @@ def _pen_bar(sets: Mapping[str, Sequence[Results]]) -> str:
         return ""
     lines = []
     for test, where in (("own", "held-out strokes"), ("other", "another set")):
-        iou = {name: [estimate(sets[name], m, test, "iou").mean for m in (OURS, "polyline")] for name in there}
+        iou = {name: [estimate(sets[name], m, test, "iou").value for m in (OURS, "polyline")] for name in there}
         beaten = [name for name, (ours, polyline) in iou.items() if ours < polyline]
         lines.append(
             f"- On {where} of pens, the polyline has a better IoU than it on {len(beaten)} of {len(there)} sets, bar "
@@ -231,7 +231,7 @@ def _pictures(sets: Mapping[str, Sequence[Results]]) -> str:
 
 def _best(runs: Sequence[Results], test: str, left_out: Sequence[str]) -> str:
     there = [name for name in _common(runs) if name not in left_out]
-    return max(there, key=lambda name: estimate(runs, name, test, "iou").mean)
+    return max(there, key=lambda name: estimate(runs, name, test, "iou").value)
 
 
 def _said(runs: Sequence[Results]) -> str:
@@ -264,7 +264,7 @@ def _common(runs: Sequence[Results]) -> list[str]:
 
 
 def _number(found: Estimate, digits: int) -> str:
-    return f"{found.mean:.{digits}f} ({found.low:.{digits}f} to {found.high:.{digits}f})"
+    return f"{found.value:.{digits}f} ({found.low:.{digits}f} to {found.high:.{digits}f})"
 
 
 def _met(met: bool) -> str:

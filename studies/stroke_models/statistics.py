@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.statistics import Estimate, interval, resamples
 from studies.stroke_models.compare import Results
 
 _DRAWS = 2000
 
 
-class Estimate(NamedTuple):
-    """A mean, and 95 % of what it might have been."""
-
-    mean: float
-    low: float
-    high: float
-
-
 def estimate(runs: Sequence[Results], model: str, test: str, score: str) -> Estimate:
     """Of one score of one model over the strokes of a test set, in all runs."""
     drawn, mean = _means(runs, model, test, score)
-    return Estimate(mean, *np.quantile(drawn, [0.025, 0.975]).tolist())
+    return Estimate(mean, *interval(drawn))
 
 
 def ratio(runs: Sequence[Results], model: str, other: str, test: str, score: str) -> Estimate:
     """Of two models' means, drawn on the same strokes."""
     (drawn, mean), (drawn_other, mean_other) = (_means(runs, name, test, score) for name in (model, other))
-    return Estimate(mean / mean_other, *np.quantile(drawn / drawn_other, [0.025, 0.975]).tolist())
+    return Estimate(mean / mean_other, *interval(drawn / drawn_other))
 
 
 def mean_of(run: Results, model: str, test: str, score: str) -> float:
@@ -43,7 +35,7 @@ def _means(runs: Sequence[Results], model: str, test: str, score: str) -> tuple[
     drawn, means = [], []
     for number, run in enumerate(runs):
         values = np.array(run[model]["scores"][test][score], dtype=float)
-        at = np.random.default_rng([number, 41]).integers(0, len(values), (_DRAWS, len(values)))
+        at = resamples(len(values), _DRAWS, [number, 41])
         drawn.append(np.nanmean(values[at], axis=1))
         means.append(np.nanmean(values))
     return np.mean(drawn, axis=0), float(np.mean(means))

@@ -31,9 +31,9 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
-from pentimento.semantics.style.features import LocalFeatures
-from pentimento.semantics.style.style import StyleObjective as TorchStyle
-from pentimento.semantics.style.torch_objective import TorchObjective
+from pentimento.semantics.objective import TorchObjective
+from pentimento.semantics.style import StyleObjective as TorchStyle
+from pentimento.semantics.style_features import LocalFeatures
 from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
 from tests.copainting.goal_planners import CAPTIONS
 from tests.deploy.bundles import BRUSH, small_bundle

@@ -44,7 +44,7 @@ def _planner(prediction: Prediction) -> GoalPlanner:
     )  # fmt: skip
     encoder = text_encoder_of(CLIPModel(CLIPConfig(text_config=text, vision_config=seen)))
     shape = GoalPlannerShape((16, 32), 1, 2, prediction)
-    planner = build_goal_planner(shape, vae.eval(), encoder.eval(), tokenizer, 0)
+    planner = build_goal_planner(shape, vae.eval(), encoder.eval(), tokenizer=tokenizer, seed=0)
     planner.unet.eval()
     return planner
 

@@ -6,7 +6,7 @@ import torch
 
 from pentimento.bundle.sampler import normal, seed_for
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.seeds import generator_for
+from pentimento.copainting.jobs import generator_for
 
 
 @pytest.mark.parametrize("shape", [(1, 8, 16, 16), (16,), (17,), (5, 7), (1, 4, 33, 9)])

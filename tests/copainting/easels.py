@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.copainting.evaluation.goal_plans import Medium, PaintContext
-from pentimento.copainting.scenes.ink_tones import InkTones
+from pentimento.copainting.scenes.ink import InkTones
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.config import (

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from pentimento.copainting.goal.denoising import GoalTraining
 from pentimento.copainting.goal.planner import GoalPlanner, GoalPlannerShape, build_goal_planner, text_encoder_of
-from pentimento.copainting.goal.training import GoalTraining
 from pentimento.copainting.goal.vae import VaeConfig, build_vae
 from pentimento.copainting.scenes.edits import Pair
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
@@ -37,7 +37,7 @@ def small_planner(seed: int = 0, text_width: int = 16) -> GoalPlanner:
     torch.manual_seed(seed)
     vae = build_vae(VAE, SIDE_PX).eval().requires_grad_(False)
     encoder = small_encoder(text_width)
-    return build_goal_planner(SHAPE, vae, text_encoder_of(encoder.model), encoder.tokenizer, seed)
+    return build_goal_planner(SHAPE, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed)
 
 
 def small_pairs(number: int, seed: int = 0) -> list[Pair]:

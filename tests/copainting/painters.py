@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from pentimento.contracts import scenes
-from pentimento.copainting.scenes.ink_tones import InkTones
-from pentimento.copainting.synthesis.guided_descent import Guidance
-from pentimento.copainting.synthesis.pairs import Setting
+from pentimento.copainting.scenes.ink import InkTones
+from pentimento.copainting.synthesis.painter import Guidance, Setting
 from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.dynamics.strokes.extended import base_model, model_files
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters

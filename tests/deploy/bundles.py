@@ -10,8 +10,8 @@ from pathlib import Path
 import torch
 
 from pentimento.contracts.covariates import PICKUP_COLUMNS
-from pentimento.copainting.goal.planner import save_goal_planner
-from pentimento.deploy.bundle import Asking, ClayConfig, DeployConfig, Models, SettingConfig, write_bundle
+from pentimento.copainting.goal.planner import GoalSampling, save_goal_planner
+from pentimento.deploy.bundle import ClayConfig, DeployConfig, Models, SettingConfig, write_bundle
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
@@ -27,7 +27,7 @@ from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
 CONFIG = DeployConfig(
     tolerance=1e-4,
     views=1,
-    asking=Asking(2, 1.0, 5.0),
+    asking=GoalSampling(2, 1.0, 5.0),
     settings={"small": SettingConfig("marker", CANVAS_M, 6, 3, False, PLANNER)},
     clays={"foam": ClayConfig((0.0, 0.0, 0.1, 0.08), (40, 50))},
 )

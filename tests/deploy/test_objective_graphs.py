@@ -8,7 +8,7 @@ from pentimento.bundle.manifest import MAX_CELLS
 from pentimento.bundle.views import views_of
 from pentimento.deploy.objective_graphs import semantic_value, text_value
 from pentimento.semantics.objective import SemanticObjective, TextObjective
-from pentimento.semantics.style.style import _MAX
+from pentimento.semantics.style import _MAX
 from tests.copainting.goal_planners import small_encoder
 
 SEED = 4

@@ -52,7 +52,7 @@ def test_a_local_data_set_is_taken_in_and_what_is_bad_is_counted(
     images = [{"bytes": data, "path": None} for data in (stream.getvalue(), b"broken")]
     pq.write_table(pa.table({"image": images, "caption": ["a red square", "nothing"]}), tmp_path / "given.parquet")
     imported = {"path": str(tmp_path / "given.parquet"), "source": "given", "licence": "CC0-1.0", "side_px": 32}
-    imported |= {"val_share": 0.0, "test_share": 0.0, "most": 10, "seed": 0}
+    imported |= {"val_share": 0.0, "test_share": 0.0, "max_scenes": 10, "seed": 0}
     out = run(tmp_path, monkeypatch, imported)
     metrics = json.loads((out / "metrics.json").read_text())
     assert metrics["scenes"] == 1 and metrics["quarantined"] == {"all": 1, "not a readable picture": 1}

@@ -17,7 +17,7 @@ from pentimento.contracts.images import decode_png, encode_png, read_image
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import write_table
 from pentimento.copainting.goal.planner import save_goal_planner
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.dynamics.strokes.extended import base_model, model_files
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model

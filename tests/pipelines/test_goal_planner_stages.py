@@ -21,7 +21,7 @@ from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.tables import write_table
-from pentimento.copainting.goal.planner import complete, load_goal_planner
+from pentimento.copainting.goal.planner import SeededSampling, complete, load_goal_planner
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines import finetune_goal_planner, pretrain_goal_planner
 from pipelines._tracking.families import experiment_of
@@ -103,7 +103,9 @@ def test_a_base_is_trained_and_fine_tuned_and_mlflow_has_it_all(folder: Path) ->
     grid = read_image(fine / "guidance.png")
     assert grid.shape == (26 + 2 * (128 + 26), 4 * (128 + 4), 3)
     planner = load_goal_planner(fine)
-    assert complete(planner, np.zeros((1, 64, 64, 3), np.uint8), ["a red disc"], 2, 1.0, 2.0, 0).shape == (1, 64, 64, 3)
+    assert complete(
+        planner, np.zeros((1, 64, 64, 3), np.uint8), ["a red disc"], SeededSampling(2, 1.0, 2.0, 0)
+    ).shape == (1, 64, 64, 3)
     client = MlflowClient()
     runs = client.search_runs([client.get_experiment_by_name(experiment_of("finetune_goal_planner")).experiment_id])
     assert {run.data.tags["stage"] for run in runs} == {"pretrain_goal_planner", "finetune_goal_planner"}

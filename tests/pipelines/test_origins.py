@@ -8,8 +8,7 @@ import pytest
 
 from pentimento.contracts import scenes
 from pentimento.contracts.tables import write_table
-from pentimento.copainting.synthesis.dataset_card import dataset_card
-from pentimento.copainting.synthesis.score_filter import Threshold
+from pentimento.copainting.synthesis.dataset import Threshold, dataset_card
 from pipelines._tracking.origins import origin_tags, told_origin
 from tests.copainting.painters import MARKER
 
@@ -39,7 +38,14 @@ def test_the_card_of_co_paintings_says_it_of_their_scenes(tmp_path: Path) -> Non
         "pairs": 2, "paintings": 1, "strategies": {}, "split": dict.fromkeys(scenes.SPLITS, 0), "threshold": 0.3,
         "kept_share": {"pairs": 1.0, "paintings": 1.0},
     }  # fmt: skip
-    card = dataset_card("marker", MARKER, Threshold(0.5, None, 0), metrics, rows(("drawn, by hand", "CC0-1.0")), "cafe")
+    card = dataset_card(
+        "marker",
+        MARKER,
+        Threshold(0.5, None, 0),
+        metrics=metrics,
+        scenes=rows(("drawn, by hand", "CC0-1.0")),
+        scorer="cafe",
+    )
     (tmp_path / "README.md").write_text(card)
     pq.write_table(pa.table({"scene_id": ["a"]}), tmp_path / "part-00000.parquet")
     tags = origin_tags({"copaintings": tmp_path})

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import write_table
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.semantics.encoder import Encoder
 from pipelines.train_semantics import main
 

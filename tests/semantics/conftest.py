@@ -6,7 +6,7 @@ import pytest
 import torch
 from transformers import CLIPTokenizer
 
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.semantics.encoder import Encoder, EncoderShape
 from pentimento.semantics.examples import Captioned, Examples, captioned, examples
 from pentimento.semantics.tokenizer import learn_tokenizer

@@ -1,12 +1,13 @@
-"""Objectives are zero where they should be, go down along their gradient, and saliency finds what matters."""
+"""Text and semantic objectives, their adapter for the planner, and saliency."""
 
+import numpy as np
 import pytest
 import torch
 
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
-from pentimento.semantics.objective import SemanticObjective, TextObjective
-from pentimento.semantics.saliency import saliency
+from pentimento.semantics.objective import SemanticObjective, TextObjective, TorchObjective
+from pentimento.semantics.scores import saliency
 
 
 @pytest.fixture
@@ -68,3 +69,20 @@ def test_saliency_through_convolutions_moves_with_the_thing(encoder: Encoder) ->
     assert float(one.amax()) == 1.0 and float(one.amin()) == 0.0
     assert torch.allclose(one[20:44, 20:36], other[20:44, 36:52], atol=1e-4)
     assert not torch.allclose(one, other, atol=1e-2)
+
+
+def test_value_and_gradient_are_those_of_the_function() -> None:
+    image = np.random.default_rng(0).random((5, 7, 3), np.float32)
+    weights = torch.linspace(-1, 1, 3)
+    value, gradient = TorchObjective(lambda picture: (picture.square() * weights).sum())(image)
+    np.testing.assert_allclose(value, (image**2 * weights.numpy()).sum(), rtol=1e-5)
+    np.testing.assert_allclose(gradient, 2 * image * weights.numpy(), rtol=1e-6)
+    assert gradient.dtype == np.float32 and isinstance(value, float)
+
+
+def test_gradients_come_where_they_are_switched_off_and_the_image_stays() -> None:
+    image = np.full((2, 2, 3), 0.5, np.float32)
+    with torch.no_grad():
+        _, gradient = TorchObjective(lambda picture: picture.sum())(image)
+    np.testing.assert_array_equal(gradient, np.ones_like(image))
+    np.testing.assert_array_equal(image, np.full((2, 2, 3), 0.5, np.float32))

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from transformers import CLIPTokenizer
 
-from pentimento.semantics.tokenizer import END, START, learn_tokenizer
+from pentimento.dynamics.pushes.analytic import START
+from pentimento.semantics.tokenizer import END, learn_tokenizer
 
 CAPTIONS = ["a red house beside a tree", "a blue house under a cloud"] * 5
 

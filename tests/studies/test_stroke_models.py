@@ -83,10 +83,10 @@ def _run(l1: dict[str, float], iou: dict[str, float], tests: tuple[str, ...], sp
 def test_intervals_hold_the_mean_and_ratios_use_the_same_strokes() -> None:
     run = _run({"cnn": 0.04, "traj2stroke": 0.02}, {"cnn": 0.5, "traj2stroke": 0.7}, ("B",), spread=0.002)
     found = estimate([run, run], "cnn", "B", "l1")
-    assert found.low < found.mean < found.high
+    assert found.low < found.value < found.high
     assert found.high - found.low == pytest.approx(2 * 1.96 * 0.002 / np.sqrt(80), rel=0.35)
     pairs = ratio([run], "traj2stroke", "cnn", "B", "l1")
-    assert pairs.mean == pytest.approx(0.5, abs=0.01)
+    assert pairs.value == pytest.approx(0.5, abs=0.01)
     # Drawn apart, noise of 5 % and 10 % a stroke would spread it three times as wide.
     assert pairs.high - pairs.low < 0.015
 
@@ -94,7 +94,7 @@ def test_intervals_hold_the_mean_and_ratios_use_the_same_strokes() -> None:
 def test_a_stroke_without_ink_has_no_iou() -> None:
     run = _run({"cnn": 0.04}, {"cnn": 0.5}, ("B",))
     run["cnn"]["scores"]["B"]["iou"][:20] = [float("nan")] * 20
-    assert estimate([run], "cnn", "B", "iou").mean == pytest.approx(0.5)
+    assert estimate([run], "cnn", "B", "iou").value == pytest.approx(0.5)
 
 
 def test_the_page_says_what_is_met_and_what_is_not() -> None:

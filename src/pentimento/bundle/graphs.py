@@ -236,7 +236,7 @@ class PictureStyle:
 class StyleObjective:
     """Earth Mover's Distance between the sets of local features of an image and of a style picture.
 
-    As ``semantics.style.style`` has it; a ``planning.objectives.Objective``.
+    As ``semantics.style`` has it; a ``planning.objectives.Objective``.
     """
 
     def __init__(self, graphs: Graphs, style: Array, seed: int) -> None:

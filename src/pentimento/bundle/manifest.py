@@ -10,7 +10,7 @@ from pentimento.planning.strokes.brush import LoopTiming, Span
 from pentimento.planning.strokes.config import PlannerConfig
 
 MAX_CELLS: Final = 256
-"""Maximum number of cells in a pairing of the style objective; as in ``semantics.style.style``."""
+"""Maximum number of cells in a pairing of the style objective; as in ``semantics.style``."""
 
 
 @dataclass(frozen=True)

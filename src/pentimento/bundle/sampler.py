@@ -149,7 +149,7 @@ def _step(schedule: NoiseSchedule, prediction: Latents, now: int, then: int, lat
 
 
 def seed_for(*key: int) -> int:
-    """The seed of a key such as (seed, number), as in ``copainting.seeds.generator_for``."""
+    """The seed of a key such as (seed, number), as in ``copainting.jobs.generator_for``."""
     # numpy pads keys with zeros: without its length, (1, 0) would be (1,).
     state = np.random.SeedSequence((len(key), *key)).generate_state(2)
     return int(state[0]) << 31 ^ int(state[1])

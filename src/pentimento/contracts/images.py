@@ -31,6 +31,11 @@ def encode_png(image: npt.NDArray[Any]) -> bytes:
     return bytes(data.tobytes())
 
 
+def image_cell(image: npt.NDArray[Any]) -> dict[str, bytes | None]:
+    """The value of an image column for an array that `encode_png` takes."""
+    return {"bytes": encode_png(image), "path": None}
+
+
 def _decoded(data: bytes, flags: int, name: str) -> npt.NDArray[Any]:
     # A PNG without its last chunk was cut off; OpenCV would say so on stderr, beside our sentence.
     whole = data and (not data.startswith(b"\x89PNG") or b"IEND" in data)

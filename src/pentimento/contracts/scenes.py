@@ -1,11 +1,14 @@
 """The `scenes` table: captioned pictures with regions, from which co-paintings are made."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
-from pentimento.contracts.images import encode_png
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import decode_png, image_cell
 from pentimento.contracts.schema import IMAGE, TableContract, arrow_schema, known, needed
 
 SPLITS: Final = ("train", "val", "test")
@@ -28,6 +31,47 @@ CONTRACT: Final = TableContract(
         known("ground", pa.string(), "what they stand before"),
     ),
 )
+
+
+def read_scene(row: Mapping[str, Any], name: str) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """The picture [H, W, 3] and the region labels [H, W] of a row; `name` says which scene it is.
+
+    Raises:
+        ContractError: the labels have another size than the picture.
+    """
+    image, regions = decode_png(row["image"]["bytes"]), decode_png(row["regions"]["bytes"])
+    if regions.shape != image.shape[:2]:
+        raise ContractError(f"{name}: its regions are {regions.shape}, its image {image.shape[:2]}; match them.")
+    return image, regions
+
+
+def labels_of(regions: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """The labels of the objects in a mask, rising; 0 is the background."""
+    return np.unique(regions[regions > 0])
+
+
+def without_colors(captions: Sequence[str], colors: Sequence[str] | None) -> list[str]:
+    """The captions that name none of these colours; all captions if each names one."""
+    named = set(colors or ())
+    return [text for text in captions if not named & set(text.replace(",", " ").split())] or list(captions)
+
+
+def split_of(chance: float, val_share: float, test_share: float) -> str:
+    """The split of an item with a uniform random number in [0, 1): first `train`, then `val`, then `test`."""
+    bounds: npt.NDArray[np.float64] = np.cumsum([1 - val_share - test_share, val_share])
+    return SPLITS[int(np.searchsorted(bounds, chance, side="right"))]
+
+
+def phrase(kind: str, color: str | None = None) -> str:
+    """A kind of object with its article and colour: "an orange cup"."""
+    words = kind if color is None else f"{color} {kind}"
+    return f"{'an' if words[:1] in 'aeiou' else 'a'} {words}"
+
+
+def listed(phrases: Sequence[str]) -> str:
+    """Phrases as an enumeration: "a car, a tree and a sun"."""
+    return phrases[0] if len(phrases) == 1 else f"{', '.join(phrases[:-1])} and {phrases[-1]}"
+
 
 _SIDE_PX: Final = 64
 _COLOURS: Final = {
@@ -56,9 +100,9 @@ def _example_row(index: int, seed: int) -> dict[str, Any]:
     inside = (np.hypot(dx, dy) if shape == "disc" else np.maximum(dx, dy)) < radius
     image = np.where(inside[..., None], _COLOURS[colour], _GROUNDS[ground]).astype(np.uint8)
     return {
-        "image": {"bytes": encode_png(image), "path": None},
+        "image": image_cell(image),
         "caption": f"a {colour} {shape} on a {ground} ground",
-        "regions": {"bytes": encode_png(inside.astype(np.uint8)), "path": None},
+        "regions": image_cell(inside.astype(np.uint8)),
         "source": "example",
         "licence": "CC0-1.0",
         "scene_id": f"example_{seed}_{index}",

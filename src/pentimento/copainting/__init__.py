@@ -1,1 +1,2 @@
-"""Co-painting: captioned scenes, partial paintings, and a goal planner that learns to complete them."""
+"""Co-painting: captioned scenes, synthesised pairs of partial and full paintings, a goal planner, and its
+evaluation."""

@@ -1,4 +1,4 @@
-"""Writing a bundle: its files, the manifest that lists them, and a card that says what it is."""
+"""x"""
 
 from __future__ import annotations
 
@@ -29,14 +29,12 @@ from pentimento.contracts.frames import image_shape
 from pentimento.contracts.frames import pixels_per_m as image_scale
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.control.safety import envelope_for
-from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.deploy.card import bundle_card
+from pentimento.copainting.goal.planner import GoalPlanner, GoalSampling
 from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
-from pentimento.deploy.graphs import Graph
+from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph
 from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
 from pentimento.deploy.push_graphs import clay_graphs
 from pentimento.deploy.stroke_graphs import brush_graphs
-from pentimento.deploy.tracing import IR_VERSION, OPSET
 from pentimento.dynamics.pushes.planned import planned_clay
 from pentimento.dynamics.pushes.push_model import PushModel
 from pentimento.dynamics.strokes.extended import StrokeModel
@@ -76,18 +74,6 @@ class ClayConfig:
 
 
 @dataclass(frozen=True)
-class Asking:
-    """How the goal planner is asked."""
-
-    steps: int
-    image_guidance: float
-    text_guidance: float
-
-    def __post_init__(self) -> None:
-        at_least(self, 1, "steps", "image_guidance", "text_guidance")
-
-
-@dataclass(frozen=True)
 class DeployConfig:
     """What goes into a bundle."""
 
@@ -95,7 +81,7 @@ class DeployConfig:
     """The most by which a graph may differ from PyTorch, as a share of the norm."""
     views: int
     """Of a picture that an encoder judges, moved at random, beside the plain one."""
-    asking: Asking
+    asking: GoalSampling
     settings: dict[str, SettingConfig]
     clays: dict[str, ClayConfig]
     """By material."""
@@ -155,8 +141,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     encoder = EncoderFacts(
         models.encoder.image_px, models.encoder.model.config.projection_dim, config.views, encoder_words
     )
-    asking = config.asking
-    goal = goal_facts(models.goal, goal_words, asking.steps, asking.image_guidance, asking.text_guidance)
+    goal = goal_facts(models.goal, goal_words, config.asking)
     settings = {name: _setting(setting) for name, setting in config.settings.items()}
     contents["metrics.json"] = _json(_metrics(graphs))
     contents["card.md"] = bundle_card(settings, entries, {name: len(data) for name, data in contents.items()}).encode()
@@ -258,3 +243,38 @@ def _metrics(graphs: Mapping[str, Graph]) -> dict[str, Any]:
 
 def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+_HEAD = """# bundle
+
+What a robot needs to paint beside a person, without PyTorch: stroke models with their gradients, image objectives with
+theirs, the goal planner's parts, tools and safety envelopes. `manifest.json` lists every file with its size and
+SHA-256; the runner checks all of it before it opens anything. What each part is good for, and what not, is said by the
+cards of the models that it came from.
+
+- **Made by** the stage `deploy`, which compared each graph with PyTorch and wrote the differences below.
+- **Used by** `pentimento run`.
+"""
+
+
+def bundle_card(settings: Mapping[str, Setting], graphs: Mapping[str, GraphEntry], sizes: Mapping[str, int]) -> str:
+    """Markdown."""
+    lines = [_HEAD, "| setting | tool | canvas | strokes | envelope |", "|---|---|---|---|---|"]
+    for name, setting in sorted(settings.items()):
+        width, height = (1000 * length for length in setting.canvas_m)
+        lines.append(
+            f"| {name} | {setting.brush} | {width:g} x {height:g} mm | {setting.strokes} | {setting.envelope.id} |"
+        )
+    lines += [
+        "",
+        "The difference of a graph is the largest of its outputs' and of several examples': norm of the difference",
+        "from PyTorch's over the norm of PyTorch's.",
+        "",
+        "| graph | from | kB | difference |",
+        "|---|---|---|---|",
+    ]
+    for name, graph in sorted(graphs.items()):
+        made_from = ", ".join(graph.models) or "fixed features"
+        difference = max(graph.parity.values())
+        lines.append(f"| {name} | {made_from} | {sizes[graph.file] / 1000:.1f} | {difference:.1e} |")
+    return "\n".join(lines) + "\n"

@@ -10,9 +10,8 @@ from torch import Tensor, nn
 
 from pentimento.bundle.manifest import GoalFacts, WordsFacts
 from pentimento.contracts.errors import ConfigError
-from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.deploy.graphs import Graph, compared, generator
-from pentimento.deploy.tracing import export_module
+from pentimento.copainting.goal.planner import GoalPlanner, GoalSampling
+from pentimento.deploy.graphs import Graph, compared, export_module, generator
 
 _UNITS = {
     "tokens": "token numbers, filled up with ends",
@@ -68,9 +67,7 @@ def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
     return graphs
 
 
-def goal_facts(
-    planner: GoalPlanner, words: WordsFacts, steps: int, image_guidance: float, text_guidance: float
-) -> GoalFacts:
+def goal_facts(planner: GoalPlanner, words: WordsFacts, sampling: GoalSampling) -> GoalFacts:
     """What a sampler must know of a goal planner.
 
     Raises:
@@ -94,9 +91,9 @@ def goal_facts(
         prediction=config.prediction_type,
         spacing=config.timestep_spacing,
         offset=config.steps_offset,
-        steps=steps,
-        image_guidance=image_guidance,
-        text_guidance=text_guidance,
+        steps=sampling.steps,
+        image_guidance=sampling.image_guidance,
+        text_guidance=sampling.text_guidance,
         words=words,
     )
 

@@ -1,6 +1,6 @@
 """Image objectives as graphs: a picture to the objective's value and its gradient in the picture.
 
-Values are as in ``semantics.objective`` and ``semantics.style.style``; what those draw at random is an argument here,
+Values are as in ``semantics.objective`` and ``semantics.style``; what those draw at random is an argument here,
 so that the runner draws it. Pictures may have any size where they are resized for the encoder, since the matrices
 for that are arguments, too (``bundle.views``). The print objective is no graph: its compiled code is the lean core's.
 """
@@ -17,11 +17,10 @@ from torch.nn.functional import affine_grid, grid_sample, mse_loss
 from pentimento.bundle.manifest import MAX_CELLS, StyleFacts
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.deploy.decompositions import Resizing
-from pentimento.deploy.graphs import Graph, compared, generator
-from pentimento.deploy.tracing import export
+from pentimento.deploy.graphs import Graph, compared, export, generator
 from pentimento.dynamics.strokes.photometry import linear_to_srgb
 from pentimento.semantics.encoder import Encoder
-from pentimento.semantics.style.features import LocalFeatures, cell_grid
+from pentimento.semantics.style_features import LocalFeatures, cell_grid
 
 _EXAMPLE_PX = (45, 37)  # sizes unlike each other and unlike any other size in the graphs
 _COMPARED_PX = ((64, 64), (96, 96), (50, 130), (80, 60), (33, 47))

@@ -6,8 +6,7 @@ import torch
 from torch import Tensor
 
 from pentimento.bundle.manifest import ClayFacts
-from pentimento.deploy.graphs import Graph, compared, generator
-from pentimento.deploy.tracing import export
+from pentimento.deploy.graphs import Graph, compared, export, generator
 from pentimento.dynamics.pushes.planned import TorchClay
 from pentimento.dynamics.pushes.push_model import PushFacts
 

@@ -8,8 +8,7 @@ import torch
 from torch import Tensor
 
 from pentimento.bundle.manifest import BrushFacts
-from pentimento.deploy.graphs import Graph, compared, generator
-from pentimento.deploy.tracing import export
+from pentimento.deploy.graphs import Graph, compared, export, generator
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.planned import planned_marks
 from pentimento.dynamics.strokes.simulation import Mechanism, View

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.statistics import interval, resamples
 
 Array = NDArray[Any]
 
@@ -115,7 +116,6 @@ def spreads(rest: Array, valid: Array, groups: Sequence[Array]) -> Array:
 def floor_of(values: Array, weights: Array, seed: int) -> Floor:
     """The weighted mean of spreads [K], and between what it lies where the actions that count are drawn again."""
     values, weights = values[weights > 0], weights[weights > 0]
-    drawn = np.random.default_rng([seed, 8]).choice(len(values), (1999, len(values)))
+    drawn = resamples(len(values), 1999, [seed, 8])
     means = (weights * values)[drawn].sum(1) / weights[drawn].sum(1)
-    low, high = np.quantile(means, [0.025, 0.975])
-    return Floor(float((weights * values).sum() / weights.sum()), (float(low), float(high)))
+    return Floor(float((weights * values).sum() / weights.sum()), interval(means))

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.statistics import interval, resamples
 from pentimento.diagnosis.gauss_newton import Statistics
 
 Array = NDArray[Any]
@@ -211,9 +212,8 @@ def interval_of_mean(values: Array, draws: int, seed: int) -> tuple[float, float
 
 def mean_and_bounds(values: Array, draws: int, seed: int) -> tuple[float, tuple[float, float], float]:
     """The mean, 95 % of it, and what it is at least (5 %, one-sided), by resampling actions."""
-    index = np.random.default_rng([seed, 3]).integers(0, len(values), (draws, len(values)))
-    low, minimum, high = np.quantile(values[index].mean(1), [0.025, 0.05, 0.975])
-    return float(values.mean()), (float(low), float(high)), float(minimum)
+    means = values[resamples(len(values), draws, [seed, 3])].mean(1)
+    return float(values.mean()), interval(means), float(np.quantile(means, 0.05))
 
 
 def _ridged(curvature: Array) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.statistics import interval, resamples
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.dynamics.strokes.evaluation import predict_with
@@ -34,7 +35,6 @@ _STEPS: Final = 4
 _MIN_STEPS: Final = 120
 """Of the optimiser, so that a small share is not told from a large one by being trained less."""
 _DRAWS: Final = 4000
-_INTERVAL: Final = (0.025, 0.975)
 
 Array = NDArray[np.float64]
 
@@ -161,10 +161,8 @@ def _action_errors(predicted: NDArray[Any], samples: StrokeSamples) -> Array:
 
 def _gain(before: Array, after: Array, seed: int) -> Gain:
     """1 - error after / error before, with a paired bootstrap over actions."""
-    drawn = np.random.default_rng([seed, 2]).integers(len(before), size=(_DRAWS, len(before)))
-    ratios = 1 - after[drawn].mean(1) / before[drawn].mean(1)
-    low, high = np.quantile(ratios, _INTERVAL)
-    return Gain(float(1 - after.mean() / before.mean()), float(low), float(high))
+    drawn = resamples(len(before), _DRAWS, [seed, 2])
+    return Gain(float(1 - after.mean() / before.mean()), *interval(1 - after[drawn].mean(1) / before[drawn].mean(1)))
 
 
 def _percent(share: float) -> str:

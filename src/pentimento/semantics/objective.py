@@ -1,13 +1,12 @@
-"""What a plan's picture should mean: the text objective (thesis 4.1) and the semantic objective (thesis 4.4).
-
-Both take an image [H, W, 3] in linear light to a scalar to lower; planners use it by ``torch_objective``.
-The picture is seen several times, each time a little moved and from another angle, as CLIPDraw (Frans et al. 2021) and
-CLIPasso (Vinker et al. 2022) do: a picture that pleases the encoder in one exact place only is noise to a person.
-"""
+"""x"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
@@ -77,3 +76,21 @@ class _Views:
 def _as_batch(image: Tensor) -> Tensor:
     """Linear light [H, W, 3] to sRGB [1, 3, H, W]."""
     return linear_to_srgb(image.clamp(0, 1)).movedim(-1, 0)[None]
+
+
+Array = NDArray[np.float32]
+
+
+class TorchObjective:
+    """A ``planning.model.Objective`` from a function of an image [H, W, 3] in linear light to a scalar."""
+
+    def __init__(self, function: Callable[[Tensor], Tensor]) -> None:
+        self._function = function
+
+    def __call__(self, image: Array) -> tuple[float, Array]:
+        """The value for an image [H, W, 3] in linear light, and its gradient [H, W, 3]."""
+        leaf = torch.tensor(image, requires_grad=True)
+        with torch.enable_grad():
+            value = self._function(leaf)
+            (gradient,) = torch.autograd.grad(value, leaf)
+        return float(value.detach()), gradient.numpy()

@@ -8,8 +8,8 @@ from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.copainting.evaluation.cases import choose_cases, paper_cases, plain_caption
 from pentimento.copainting.scenes.collage import pairs_shown
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
 from pentimento.copainting.scenes.edits import scenes_of
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 
 
 def drawn(number: int) -> tuple[pa.Table, pa.Table]:

@@ -1,4 +1,4 @@
-"""Turns of a person and a robot on one sheet in the studio, and drawings from words alone."""
+"""Turns of a person and a robot on one sheet in the studio, and their scores."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -11,10 +11,9 @@ from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
-from pentimento.copainting.evaluation.codraw import Codrawing, codraw, stories
-from pentimento.copainting.evaluation.goal_plans import laid_out
-from pentimento.copainting.evaluation.text_guided import plan_text
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
+from pentimento.copainting.evaluation.codraw import Codrawing, Turn, codraw, film_strip, stories, turn_scores
+from pentimento.copainting.evaluation.goal_plans import as_sheet, plan_text
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
@@ -23,6 +22,7 @@ from pentimento.semantics.tokenizer import learn_tokenizer
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
 from tests.copainting.easels import MEDIUM, cross, marker_paint_context, paper
+from tests.copainting.goal_planners import small_encoder
 
 CONFIG = Codrawing(stories=1, person=4, robot=6, tremor_m=0.0005, batch=4)
 
@@ -62,7 +62,7 @@ def test_each_turn_begins_where_the_last_one_ended() -> None:
         return np.minimum(photo, cross())
 
     story = stories(table, 1)[0]
-    turns = codraw(robot(), marker_paint_context(), story, goal_for, CONFIG, 0)
+    turns = codraw(robot(), marker_paint_context(), story, goal_for, config=CONFIG, seed=0)
     assert tuple(asked) == story.prompts == tuple(turn.prompt for turn in turns)
     for turn, following in pairwise(turns):
         assert np.array_equal(following.before, turn.after)
@@ -74,12 +74,52 @@ def test_each_turn_begins_where_the_last_one_ended() -> None:
 def test_words_alone_lower_the_text_objective_and_nothing_else_is_looked_at() -> None:
     tokenizer = learn_tokenizer(["a cup", "a tree"], 30, 12)
     encoder = Encoder(new_model(EncoderShape(16, 8, 32, 1, 16, 1, 2, 16), tokenizer, 0), tokenizer)
-    sheet = laid_out(paper(), MEDIUM.side_px)
+    sheet = as_sheet(paper(), MEDIUM.side_px)
     objective = TextObjective(encoder, "a cup", 0, 0)
     none, some = (
-        float(objective(torch.tensor(plan_text(marker_paint_context(), sheet, "a cup", encoder, 6, n, 0, 3).sheet)))
+        float(
+            objective(
+                torch.tensor(
+                    plan_text(
+                        marker_paint_context(),
+                        sheet,
+                        "a cup",
+                        encoder=encoder,
+                        strokes=6,
+                        iterations=n,
+                        views=0,
+                        seed=3,
+                    ).sheet
+                )
+            )
+        )
         for n in (0, 25)
     )
     assert some < none
-    made = plan_text(marker_paint_context(), sheet, "a cup", encoder, 6, 3, 1, 3)
+    made = plan_text(marker_paint_context(), sheet, "a cup", encoder=encoder, strokes=6, iterations=3, views=1, seed=3)
     assert len(made.strokes) == 6 and made.palette_srgb.shape == (1, 3)
+
+
+def turn(before: np.ndarray, after: np.ndarray, strokes: int) -> Turn:
+    return Turn("a red disc", paper(), before, before, after, after, (1, strokes))
+
+
+def test_ink_that_stays_and_ink_that_goes() -> None:
+    torch.set_num_threads(1)
+    kept, lost = turn(cross(), cross(), 0), turn(cross(), paper(), 4)
+    scores = turn_scores([[kept, kept], [kept, lost]], small_encoder())
+    assert scores[0]["drawing_keeps"] == 1 and scores[0]["changed"] == 0 and scores[0]["strokes"] == 0
+    assert scores[0]["judge_score"] == pytest.approx(scores[0]["judge_score_no_change"])
+    assert scores[1]["drawing_keeps"] == 0.5 and scores[1]["strokes"] == 2
+    share = (cross() != paper()).any(-1).mean() / 2
+    assert scores[1]["changed"] == pytest.approx(share)
+
+
+def test_no_ink_no_share() -> None:
+    assert turn_scores([[turn(paper(), cross(), 3)]], small_encoder())[0]["drawing_keeps"] is None
+
+
+def test_a_strip_has_a_picture_for_each_turn() -> None:
+    strip = film_strip([turn(paper(), cross(), 1), turn(cross(), cross(), 0)])
+    assert all(len(pictures) == 2 for pictures in strip.values())
+    assert (strip["robot adds"][0] == cross()).all() and (strip["person draws"][0] == paper()).all()

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.evaluation.preference_page import Comparison, preference_page
-from pentimento.copainting.evaluation.preferences import preferences, read_answers
+from pentimento.copainting.evaluation.preferences import Comparison, preference_page, preferences, read_answers
 
 LIGHT, DARK = np.full((8, 8, 3), 200, np.uint8), np.full((8, 8, 3), 20, np.uint8)
 KEY = {f"p{i}": {"left": "ours", "right": "base"} for i in range(8)} | {"q": {"left": "text_only", "right": "ours"}}

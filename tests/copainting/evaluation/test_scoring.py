@@ -1,14 +1,81 @@
-"""The table's numbers where they are known beforehand."""
+"""Gaps, shares of ink, the scores of methods, and their correlations."""
+
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import torch
 
-from pentimento.copainting.evaluation.answers import Answers
-from pentimento.copainting.evaluation.scoring import Judges, comparisons, correlations, found, score, summary
-from pentimento.copainting.scenes.collage import HALVES, close_up
-from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
+from pentimento.contracts import copaintings, scenes
+from pentimento.contracts.schema import arrow_schema
+from pentimento.copainting.evaluation import scoring
+from pentimento.copainting.evaluation.cases import Case
+from pentimento.copainting.evaluation.methods import Outcomes
+from pentimento.copainting.evaluation.scoring import (
+    Judges,
+    changed_share,
+    comparisons,
+    correlations,
+    delta_pix,
+    delta_sem,
+    edit_scores,
+    objects_found,
+    painted_gap,
+    score,
+    summary,
+    surviving_ink,
+)
+from pentimento.copainting.goal.planner import SeededSampling, save_goal_planner
+from pentimento.copainting.scenes.collage import HALVES, Half, close_up
+from pentimento.copainting.scenes.edits import Pair
+from pentimento.semantics.encoder import Encoder, EncoderShape, as_images, new_model
+from pentimento.semantics.scores import clip_score
 from pentimento.semantics.tokenizer import learn_tokenizer
+from tests.copainting.goal_planners import small_encoder, small_pairs, small_planner
+
+WHITE = np.full((2, 16, 16, 3), 255, np.uint8)
+
+
+@pytest.fixture(scope="module")
+def encoder() -> Encoder:
+    torch.set_num_threads(1)
+    tokenizer = learn_tokenizer(["a red disc", "a blue square"], 20, 12)
+    return Encoder(new_model(EncoderShape(16, 8, 32, 2, 16, 1, 2, 16), tokenizer, 0), tokenizer)
+
+
+def test_delta_pix_is_the_mean_squared_difference_whatever_the_size() -> None:
+    grey = np.full_like(WHITE, 204)  # 255 - 51 = a fifth
+    assert delta_pix(WHITE, grey) == pytest.approx([0.04, 0.04])
+    large = np.full((1, 64, 64, 3), 255, np.uint8)
+    assert delta_pix(large, large - 51) == pytest.approx([0.04])
+    assert (delta_pix(grey, grey) == 0).all()
+
+
+def test_delta_sem_is_a_distance_of_meanings(encoder: Encoder) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (2, 16, 16, 3)).astype(np.uint8)
+    assert delta_sem(encoder, noise, noise) == pytest.approx([0, 0], abs=1e-6)
+    apart = delta_sem(encoder, WHITE, noise)
+    assert ((apart > 0) & (apart <= 2)).all()
+    assert apart == pytest.approx(delta_sem(encoder, noise, WHITE), abs=1e-6)
+    one, other = (encoder.embed_images(as_images(p)).detach().numpy() for p in (WHITE, noise))
+    assert apart == pytest.approx(1 - (one * other).sum(-1), abs=1e-5)
+
+
+def test_ink_survives_a_shift_of_one_pixel_and_not_of_two() -> None:
+    drawn = WHITE.copy()
+    drawn[0, :, 8] = 0
+    shifts = [surviving_ink(drawn, np.roll(drawn, by, axis=2))[0] for by in (0, 1, 2)]
+    assert shifts == [1, 1, 0]
+    assert np.isnan(surviving_ink(drawn, drawn)[1])  # no ink that could survive
+
+
+def test_changed_pixels_are_counted_from_the_least_change_on() -> None:
+    other = WHITE.copy()
+    other[0, :4, :, 1] -= 64
+    other[1, :4, :, 1] -= 63
+    assert changed_share(WHITE, other) == pytest.approx([0.25, 0])
+
 
 KINDS = ("cup", "sun", "tree")
 CAPTIONS = ["a cup", "a tree"]
@@ -29,8 +96,12 @@ def table_of(judges: Judges) -> dict[str, dict[str, np.ndarray]]:
     goals = {"base": 255 - NOISE, "fine_tuned": NOISE, "oracle": NOISE, "copy_input": NOISE}
     drawings = dict.fromkeys(("base", "fine_tuned", "oracle", "copy_input", "no_change"), NOISE)
     counts = {name: [3, 5] for name in drawings}
-    answers = Answers(NOISE, goals, drawings, counts)
-    return score(answers, CAPTIONS, [("cup",), ("tree",)], [HALVES[0][0], None], judges)
+    cases = [case("a cup", ("cup",), HALVES[0][0]), case("a tree", ("tree",), None)]
+    return score(Outcomes(NOISE, goals, drawings, counts), cases, judges)
+
+
+def case(caption: str, objects: tuple[str, ...], room: Half | None) -> Case:
+    return Case("scene", caption, objects, NOISE[0], NOISE[0], (), room)
 
 
 def test_gaps_belong_to_methods_with_a_goal_and_scores_to_the_drawing(judges: Judges) -> None:
@@ -51,9 +122,9 @@ def test_fine_tuning_that_reaches_the_oracle_closes_the_gap(judges: Judges) -> N
 
 
 def test_one_kind_is_the_best_and_all_are_among_as_many(judges: Judges) -> None:
-    assert found(judges, NOISE, [KINDS, ()], [None, None])[0] == 1
-    assert np.isnan(found(judges, NOISE, [KINDS, ()], [None, None])[1])
-    alone = [found(judges, NOISE[:1], [(kind,)], [None])[0] for kind in KINDS]
+    both = objects_found(judges, NOISE, [case("all", KINDS, None), case("none", (), None)])
+    assert both[0] == 1 and np.isnan(both[1])
+    alone = [objects_found(judges, NOISE[:1], [case(kind, (kind,), None)])[0] for kind in KINDS]
     assert sorted(alone) == [0, 0, 1]
 
 
@@ -62,8 +133,8 @@ def test_what_stands_in_the_other_half_changes_nothing(judges: Judges) -> None:
     crowded = np.random.default_rng(1).integers(0, 256, (8, 16, 16, 3)).astype(np.uint8)
     alone = crowded.copy()
     alone[:, :, 10:] = 255
-    asked = [("cup",)] * 8
-    assert (found(judges, crowded, asked, [left] * 8) == found(judges, alone, asked, [left] * 8)).all()
+    cases = [case("a cup", ("cup",), left)] * 8
+    assert (objects_found(judges, crowded, cases) == objects_found(judges, alone, cases)).all()
     assert (close_up(crowded[0], left) == close_up(alone[0], left)).all()
 
 
@@ -72,3 +143,62 @@ def test_correlations_are_pearsons(judges: Judges) -> None:
     made = correlations({"down": -2 * scores, "flat": np.ones(4)}, scores)
     assert set(made) == {"down"} and made["down"]["r"] == pytest.approx(-1) and made["down"]["p"] < 1e-6
     assert correlations({"down": scores[:2]}, scores[:2]) == {}
+
+
+def tables() -> tuple[pa.Table, pa.Table]:
+    """Scenes, and co-paintings whose full paintings are other scenes: gaps differ."""
+    known = scenes.example_table(8)
+    rows = copaintings.example_table(8, seed=1).to_pylist()
+    made = [
+        row | {"scene_id": name, "region": None} for row, name in zip(rows, known["scene_id"].to_pylist(), strict=True)
+    ]
+    return known, pa.Table.from_pylist(made, schema=arrow_schema(copaintings.CONTRACT))
+
+
+def test_each_painting_counts_once_and_requests_for_one_thing_do_not() -> None:
+    torch.set_num_threads(1)
+    known, pairs = tables()
+    found = painted_gap(pairs, known, small_encoder())
+    assert {name: row["paintings"] for name, row in found.items()} == {"delta_pix": 8, "delta_sem": 8}
+    assert all(-1 <= row["r"] <= 1 for row in found.values())
+    parts = pa.Table.from_pylist(
+        [row | {"region": 1, "caption": "something else"} for row in pairs.to_pylist()], schema=pairs.schema
+    )
+    assert painted_gap(pa.concat_tables([pairs, pairs, parts]), known, small_encoder()) == found
+
+
+def test_paintings_of_other_scenes_have_no_gap() -> None:
+    known, pairs = tables()
+    assert painted_gap(pairs, known.slice(0, 0), small_encoder()) == {}
+
+
+SAMPLING = SeededSampling(steps=1, image_guidance=1.0, text_guidance=1.0, seed=0)
+
+
+def test_inputs_and_targets_get_their_own_scores_and_gains_are_over_the_inputs(tmp_path: Path) -> None:
+    torch.set_num_threads(1)
+    save_goal_planner(small_planner(), tmp_path / "planner")
+    (tmp_path / "judge").mkdir()
+    small_encoder().save(tmp_path / "judge")
+    edits = small_pairs(3)
+    scores = edit_scores(tmp_path / "planner", edits, SAMPLING, judge=tmp_path / "judge", seed=0)
+    for name, pictures in (("copy_input", [e.input for e in edits]), ("target", [e.target for e in edits])):
+        shown = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
+        assert scores[name].value == pytest.approx(
+            float(clip_score(small_encoder(), shown, [e.caption for e in edits]).mean())
+        )
+    for name in ("judge_score", "target"):
+        gained = scores[name].value - scores["copy_input"].value
+        assert scores[f"{name}_over_copy_input"].value == pytest.approx(gained, abs=1e-6)
+    assert "goal_keeps" not in scores  # no input has ink
+
+
+def test_a_planner_that_gives_back_its_input_gains_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scoring, "load_goal_planner", lambda folder: None)
+    monkeypatch.setattr(scoring, "ask", lambda planner, inputs, captions, asking: inputs)
+    (tmp_path / "judge").mkdir()
+    small_encoder().save(tmp_path / "judge")
+    edits = [Pair(pair.target, pair.input, pair.caption) for pair in small_pairs(3)]  # inputs with ink
+    scores = edit_scores(tmp_path, edits, SAMPLING, judge=tmp_path / "judge", seed=0)
+    gained = scores["judge_score_over_copy_input"]
+    assert gained.value == gained.low == gained.high == 0 and scores["goal_keeps"].value == 1

@@ -9,10 +9,10 @@ import torch
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.goal import training
-from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.denoising import GoalTraining, Lora, encode_pairs
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.goal.ranks import Log
-from pentimento.copainting.goal.training import GoalTraining, Lora, train_goal_planner
+from pentimento.copainting.goal.training import train_goal_planner
 from tests.copainting.goal_planners import TRAINING, small_pairs, small_planner
 
 # Losses are means of float32, added in another order: 1e-5 was measured after some steps. AdamW divides a gradient by

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.denoising import GoalTraining, Lora, encode_pairs
 from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.copainting.goal.training import GoalTraining, Lora, train_goal_planner
+from pentimento.copainting.goal.training import train_goal_planner
 from tests.copainting.goal_planners import TRAINING, small_pairs, small_planner
 
 pytestmark = pytest.mark.skipif(

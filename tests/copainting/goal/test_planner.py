@@ -8,8 +8,14 @@ import pytest
 import torch
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.copainting.goal.latent_pairs import tokens_of
-from pentimento.copainting.goal.planner import GoalPlanner, complete, load_goal_planner, save_goal_planner
+from pentimento.copainting.goal.denoising import tokens_of
+from pentimento.copainting.goal.planner import (
+    GoalPlanner,
+    SeededSampling,
+    complete,
+    load_goal_planner,
+    save_goal_planner,
+)
 from tests.copainting.goal_planners import CAPTIONS, SIDE_PX, small_encoder, small_planner
 
 
@@ -30,7 +36,7 @@ def test_saved_and_loaded_it_completes_alike(planner: GoalPlanner, inputs: np.nd
     assert index["_class_name"] == "StableDiffusionInstructPix2PixPipeline"
     assert not [file for file in (tmp_path / "planner").rglob("*") if file.suffix in (".bin", ".pt", ".ckpt")]
     loaded = load_goal_planner(tmp_path / "planner")
-    before, after = (complete(p, inputs, CAPTIONS, 3, 1.2, 2.0, 0) for p in (planner, loaded))
+    before, after = (complete(p, inputs, CAPTIONS, SeededSampling(3, 1.2, 2.0, 0)) for p in (planner, loaded))
     assert (before == after).all() and before.shape == inputs.shape and before.dtype == np.uint8
 
 
@@ -45,29 +51,29 @@ def test_its_text_encoder_is_the_encoders_text_tower(planner: GoalPlanner) -> No
 
 def test_each_item_has_its_own_noise(planner: GoalPlanner, inputs: np.ndarray) -> None:
     same = np.repeat(inputs[:1], 2, axis=0)
-    first, second = complete(planner, same, [CAPTIONS[0]] * 2, 3, 1.0, 1.0, 0)
+    first, second = complete(planner, same, [CAPTIONS[0]] * 2, SeededSampling(3, 1.0, 1.0, 0))
     assert (first != second).any()
-    alone = complete(planner, same[:1], CAPTIONS[:1], 3, 1.0, 1.0, 0)
+    alone = complete(planner, same[:1], CAPTIONS[:1], SeededSampling(3, 1.0, 1.0, 0))
     assert np.abs(alone[0].astype(int) - first).max() <= 1  # a batch may sum in another order
-    assert (complete(planner, same[:1], CAPTIONS[:1], 3, 1.0, 1.0, 1)[0] != alone[0]).any()
+    assert (complete(planner, same[:1], CAPTIONS[:1], SeededSampling(3, 1.0, 1.0, 1))[0] != alone[0]).any()
 
 
 def test_words_and_canvas_both_matter(planner: GoalPlanner, inputs: np.ndarray) -> None:
-    plain = complete(planner, inputs[:1], ["a red disc"], 3, 1.0, 3.0, 0)
-    assert (complete(planner, inputs[:1], ["a blue square"], 3, 1.0, 3.0, 0) != plain).any()
-    assert (complete(planner, inputs[1:2], ["a red disc"], 3, 1.0, 3.0, 0) != plain).any()
+    plain = complete(planner, inputs[:1], ["a red disc"], SeededSampling(3, 1.0, 3.0, 0))
+    assert (complete(planner, inputs[:1], ["a blue square"], SeededSampling(3, 1.0, 3.0, 0)) != plain).any()
+    assert (complete(planner, inputs[1:2], ["a red disc"], SeededSampling(3, 1.0, 3.0, 0)) != plain).any()
 
 
 @pytest.mark.parametrize("caption", ["", "чашка и дом", "a red disc " * 60, "🎨 ¿qué?"])
 def test_any_words_can_be_asked(planner: GoalPlanner, inputs: np.ndarray, caption: str) -> None:
-    assert complete(planner, inputs[:1], [caption], 2, 1.5, 2.0, 0).shape == (1, SIDE_PX, SIDE_PX, 3)
+    assert complete(planner, inputs[:1], [caption], SeededSampling(2, 1.5, 2.0, 0)).shape == (1, SIDE_PX, SIDE_PX, 3)
 
 
 def test_pictures_that_cannot_be_halved_are_a_sentence(planner: GoalPlanner) -> None:
     with pytest.raises(ContractError, match="multiples of 4"):
-        complete(planner, np.zeros((1, 18, 16, 3), np.uint8), ["x"], 1, 1.0, 1.0, 0)
+        complete(planner, np.zeros((1, 18, 16, 3), np.uint8), ["x"], SeededSampling(1, 1.0, 1.0, 0))
     with pytest.raises(ContractError, match="captions"):
-        complete(planner, np.zeros((2, 16, 16, 3), np.uint8), ["x"], 1, 1.0, 1.0, 0)
+        complete(planner, np.zeros((2, 16, 16, 3), np.uint8), ["x"], SeededSampling(1, 1.0, 1.0, 0))
 
 
 def test_a_base_of_another_architecture_is_a_sentence(planner: GoalPlanner, tmp_path: Path) -> None:

@@ -10,10 +10,9 @@ import torch
 from diffusers import DDIMScheduler
 
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.goal.checkpoints import latest_checkpoint
-from pentimento.copainting.goal.latent_pairs import encode_pairs
+from pentimento.copainting.goal.denoising import GoalTraining, Lora, encode_pairs, loss_weight, wanted_output
 from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.copainting.goal.training import GoalTraining, Lora, loss_weight, train_goal_planner, wanted_output
+from pentimento.copainting.goal.training import latest_checkpoint, train_goal_planner
 from tests.copainting.goal_planners import CAPTIONS, TRAINING, small_pairs, small_planner
 
 

@@ -7,9 +7,9 @@ import pytest
 from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, encode_png
-from pentimento.copainting.scenes.collage import pairs_shown
-from pentimento.copainting.scenes.drawn import ScenesConfig, build_scenes
-from pentimento.copainting.scenes.edits import pairs_of, scene_edits, scenes_of, without
+from pentimento.copainting.scenes.collage import pairs_shown, without
+from pentimento.copainting.scenes.edits import pairs_of, scene_edits, scenes_of
+from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 
 
 def two_things() -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from pentimento.copainting.scenes.imported_scenes import ImportedConfig, import_
 
 def config(path: Path, **changes: object) -> ImportedConfig:
     values = {"path": str(path), "source": "a test", "licence": "CC0-1.0", "side_px": 32, "val_share": 0.1}
-    values |= {"test_share": 0.2, "most": 1000, "seed": 0}
+    values |= {"test_share": 0.2, "max_scenes": 1000, "seed": 0}
     return ImportedConfig(**(values | changes))
 
 

@@ -1,6 +1,6 @@
 """Words for things."""
 
-from pentimento.copainting.scenes.phrases import listed, phrase
+from pentimento.contracts.scenes import listed, phrase
 from pentimento.copainting.scenes.things import KINDS
 
 

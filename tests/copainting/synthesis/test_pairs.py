@@ -1,26 +1,28 @@
-"""Paintings of scenes: what a partial painting shows is what the full one shows there, and all hangs on the item."""
+"""Plans of scenes, and pairs of a partial and a full painting."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
 from pentimento.contracts import scenes
+from pentimento.contracts.copaintings import CONTRACT
 from pentimento.contracts.errors import ConfigError
-from pentimento.contracts.images import decode_png
+from pentimento.contracts.images import decode_png, encode_png
+from pentimento.contracts.schema import arrow_schema
 from pentimento.copainting.scenes.ink import ink_mask
+from pentimento.copainting.synthesis.painter import Painter, Setting, load_painter, plan_painting, plan_target
 from pentimento.copainting.synthesis.pairs import (
-    Painter,
-    Setting,
-    aim,
+    Row,
+    beside_pairs,
     fit_labels,
-    load_painter,
     missing_thing,
+    overlay,
     paint_scene,
-    plan_painting,
-    sayable,
+    usable_captions,
 )
 from pentimento.copainting.synthesis.partials import Partial
 from pentimento.planning.strokes.render_plan import render_plan
@@ -108,9 +110,9 @@ def test_a_tool_with_ink_needs_ink_tones_and_one_without_takes_none(folders: tup
 
 def test_black_ink_is_not_told_in_colours() -> None:
     row = {"caption": "a red cup", "captions": ["a red cup", "a cup, just a cup", "a cup"], "colors": ["red"]}
-    assert sayable(row, load_tool("marker")) == ["a cup, just a cup", "a cup"]
-    assert sayable(row, load_tool("round_brush")) == ["a red cup", "a cup, just a cup", "a cup"]
-    assert sayable({"caption": "a red cup", "colors": ["red"]}, load_tool("marker")) == ["a red cup"]
+    assert usable_captions(row, load_tool("marker")) == ["a cup, just a cup", "a cup"]
+    assert usable_captions(row, load_tool("round_brush")) == ["a red cup", "a cup, just a cup", "a cup"]
+    assert usable_captions({"caption": "a red cup", "colors": ["red"]}, load_tool("marker")) == ["a red cup"]
 
 
 @pytest.mark.parametrize("shape", [(24, 24), (20, 40), (96, 96)])
@@ -123,7 +125,7 @@ def test_labels_are_fitted_as_pictures_are(shape: tuple[int, int]) -> None:
     assert fitted.shape == shape
     assert np.mean((light > 0.5) != fitted) < 0.06
     setting = replace(MARKER, canvas_m=(0.06, 0.06 * shape[0] / shape[1]), ink=None)
-    assert aim(picture, setting).shape == (*setting.planned_px, 3)
+    assert plan_target(picture, setting).shape == (*setting.planned_px, 3)
 
 
 def test_a_removed_thing_of_several_is_asked_for_by_name_and_in_colour_where_there_are_colours() -> None:
@@ -136,3 +138,66 @@ def test_a_removed_thing_of_several_is_asked_for_by_name_and_in_colour_where_the
     for other in (Partial("random", None, kept), Partial("semantic", 3, kept)):
         assert missing_thing(row, other, load_tool("marker")) is None
     assert missing_thing({"objects": ["cat"]}, Partial("semantic", 1, kept), load_tool("marker")) is None
+
+
+PAPER = np.full((16, 16, 3), 250, np.uint8)
+KINDS = ("cup", "sun", "tree", "key", "cat", "fish")
+TOGETHER = {frozenset((a, b)) for a in KINDS for b in KINDS} - {frozenset(("cup", "sun"))}
+
+
+def png(picture: np.ndarray) -> dict[str, Any]:
+    return {"bytes": encode_png(picture), "path": None}
+
+
+def paintings() -> tuple[list[Row], dict[str, dict[str, Any]]]:
+    rows, scenes = [], {}
+    for place, kind in enumerate(KINDS):
+        left = place % 2 == 0
+        picture = PAPER.copy()
+        picture[2 * place + 1, slice(1, 7) if left else slice(9, 15)] = 10
+        name = f"scene_{place}/{'left' if left else 'right'}"
+        scenes[name] = {"scene_id": name, "arrangement": name.split("/")[1], "objects": [kind]}
+        rows.append({
+            "scene_id": name, "setting": "marker", "strategy": "all", "region": None, "seed": place, "caption": "a bar",
+            "partial": png(PAPER), "full": png(picture), "plan_id": f"plan_{place}", "kept": [False] * (place + 1),
+            "clip_score": place / 10, "scorer": "s", "split": "val" if place >= 4 else "train",
+        })  # fmt: skip
+    return rows, scenes
+
+
+def pairs(number: int = 9, seed: int = 0) -> list[Row]:
+    rows, scenes = paintings()
+    return beside_pairs(
+        rows, scenes, lambda scene: [f"just a {scene['objects'][0]}"], together=TOGETHER, number=number, seed=seed
+    )
+
+
+def test_the_first_painting_is_there_and_the_second_is_asked_for() -> None:
+    for row in pairs():
+        there, asked = (int(name.removeprefix("plan_")) for name in row["plan_id"].split(" + "))
+        before, after = decode_png(row["partial"]["bytes"]), decode_png(row["full"]["bytes"])
+        assert set(np.flatnonzero((before < 100).any((1, 2)))) == {2 * there + 1}
+        assert set(np.flatnonzero((after < 100).any((1, 2)))) == {2 * there + 1, 2 * asked + 1}
+        assert (after[before < 100] < 100).all()
+        assert row["kept"] == [True] * (there + 1) + [False] * (asked + 1)
+        assert KINDS[asked] in row["caption"] and row["clip_score"] == asked / 10
+        assert row["strategy"] == "beside" and set(row) == set(arrow_schema(CONTRACT).names)
+
+
+def test_only_facing_halves_of_one_split_meet_and_nothing_that_is_held_out() -> None:
+    met = {tuple(sorted(map(int, row["plan_id"].replace("plan_", "").split(" + ")))) for row in pairs()}
+    assert met == {(0, 3), (1, 2), (2, 3), (4, 5)}  # cup and sun (0, 1) are held out; 4 and 5 are another split
+
+
+def test_so_many_for_each_and_the_same_for_the_same_seed() -> None:
+    assert len(pairs(1)) == 6
+    assert pairs(2, 1) == pairs(2, 1)
+    assert any(pairs(1, seed) != pairs(1, 0) for seed in range(1, 5))
+
+
+def test_overlay_each_other_both_show_in_either_order() -> None:
+    rows, _ = paintings()
+    one, other = (decode_png(row["full"]["bytes"]) for row in rows[:2])
+    assert (overlay(one, other, PAPER) == np.minimum(one, other)).all()
+    assert (overlay(other, one, PAPER) == overlay(one, other, PAPER)).all()
+    assert (overlay(one, PAPER, PAPER) == one).all()

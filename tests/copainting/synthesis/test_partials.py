@@ -39,21 +39,38 @@ STROKES = dashes([(0.03, 0.083), (0.04, 0.08), (0.15, 0.02), (0.16, 0.03), (0.1,
 
 def test_a_region_has_the_strokes_that_lie_on_it_with_the_top_row_at_the_canvas_top() -> None:
     regions = two_things()
-    assert on_region(STROKES, regions == 1, SIZE_M, 0.5, 0.0).tolist() == [True, True, False, False, False]
-    assert on_region(STROKES, regions == 2, SIZE_M, 0.5, 0.0).tolist() == [False, False, True, True, False]
-    assert not on_region(STROKES, regions == 3, SIZE_M, 0.5, 0.05).any()  # there is no such region: no margin either
+    assert on_region(STROKES, regions == 1, SIZE_M, inside=0.5, margin_m=0.0).tolist() == [
+        True,
+        True,
+        False,
+        False,
+        False,
+    ]
+    assert on_region(STROKES, regions == 2, SIZE_M, inside=0.5, margin_m=0.0).tolist() == [
+        False,
+        False,
+        True,
+        True,
+        False,
+    ]
+    assert not on_region(
+        STROKES, regions == 3, SIZE_M, inside=0.5, margin_m=0.05
+    ).any()  # there is no such region: no margin either
 
 
 def test_a_stroke_that_lies_half_on_a_region_belongs_to_it_by_the_share_that_is_asked() -> None:
     half = dashes([(0.05, 0.083)], 0.02)  # thing 1 ends at x = 50 mm
-    belongs = [bool(on_region(half, two_things() == 1, SIZE_M, share, 0.0)[0]) for share in (0.2, 0.4, 0.7, 1.0)]
+    belongs = [
+        bool(on_region(half, two_things() == 1, SIZE_M, inside=share, margin_m=0.0)[0])
+        for share in (0.2, 0.4, 0.7, 1.0)
+    ]
     assert belongs == [True, True, False, False]
 
 
 def test_a_margin_is_in_metres() -> None:
     beside = dashes([(0.06, 0.083)], 0.001)  # 10 mm beside thing 1, two pixels
-    assert not on_region(beside, two_things() == 1, SIZE_M, 1.0, 0.008)[0]
-    assert on_region(beside, two_things() == 1, SIZE_M, 1.0, 0.016)[0]
+    assert not on_region(beside, two_things() == 1, SIZE_M, inside=1.0, margin_m=0.008)[0]
+    assert on_region(beside, two_things() == 1, SIZE_M, inside=1.0, margin_m=0.016)[0]
 
 
 def test_the_most_salient_part_is_as_large_as_asked_and_a_flat_map_has_none() -> None:
@@ -79,7 +96,7 @@ def test_a_random_subset_keeps_a_share_within_its_bounds(strokes: int, seed: int
 def made(regions: NDArray[np.uint8], seed: int = 0) -> list[tuple[str, int | None, list[bool]]]:
     saliency = np.zeros((20, 40))
     saliency[:, 10:26] = np.linspace(1, 2, 16)  # stroke 4 lies in its most salient half
-    found = partials(STROKES, saliency, regions, SIZE_M, CONFIG, np.random.default_rng(seed))
+    found = partials(STROKES, saliency, regions, SIZE_M, config=CONFIG, rng=np.random.default_rng(seed))
     return [(partial.strategy, partial.region, partial.kept.tolist()) for partial in found]
 
 
@@ -102,7 +119,7 @@ def test_the_one_thing_of_a_picture_leaves_nothing_and_is_told_once() -> None:
 
 def test_no_stroke_gives_no_partial() -> None:
     none = partials(
-        np.zeros((0, 9, 2)), np.ones((20, 40)), two_things(), SIZE_M, CONFIG, np.random.default_rng(0)
+        np.zeros((0, 9, 2)), np.ones((20, 40)), two_things(), SIZE_M, config=CONFIG, rng=np.random.default_rng(0)
     )  # fmt: skip
     assert none == []
 

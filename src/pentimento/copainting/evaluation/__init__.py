@@ -1,1 +1,1 @@
-"""What goal planners answer on begun canvases, in numbers, pictures and people's preferences (thesis 6.5–6.8)."""
+"""Evaluation of goal planners on started canvases: scores, drawing in turns and preferences (thesis 6.5 to 6.8)."""

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.images import decode_png
-from pentimento.copainting.scenes.collage import Half, pairs_shown, put, random_halves
-from pentimento.copainting.scenes.edits import without
+from pentimento.contracts.scenes import labels_of, read_scene, without_colors
+from pentimento.copainting.scenes.collage import Half, pairs_shown, put, random_halves, without
 
 Picture = NDArray[np.uint8]
 
-_TRIES = 50
+_TRIES: Final = 50  # scenes drawn to find one that no training scene combines with a given scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +61,11 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
     for index, row in enumerate(rows[:count]):
         generator = np.random.default_rng([seed, index])
         other = _other(row, others, seen, generator)
-        theirs, ours = random_halves(generator)
+        other_half, half = random_halves(generator)
         cases.append(
             Case(
-                row.scene_id, row.caption, row.objects, _in_half(row, ours, generator),
-                _in_half(other, theirs, generator), other.objects, ours,
+                row.scene_id, row.caption, row.objects, _in_half(row, half, generator),
+                _in_half(other, other_half, generator), other.objects, half,
             )
         )  # fmt: skip
     return cases
@@ -96,13 +95,13 @@ class _Row:
 
     @property
     def things(self) -> int:
-        return len(np.unique(self.regions[self.regions > 0]))
+        return len(labels_of(self.regions))
 
 
 def _read(row: dict[str, Any], number: int) -> _Row:
     objects = tuple(str(kind) for kind in (row.get("objects") or ()))
-    image, regions = decode_png(row["image"]["bytes"]), decode_png(row["regions"]["bytes"])
-    return _Row(str(row.get("scene_id") or number), plain_caption(row), objects, image, regions)
+    name = str(row.get("scene_id") or number)
+    return _Row(name, plain_caption(row), objects, *read_scene(row, f"Scene {name}"))
 
 
 def _check(rows: Sequence[_Row]) -> None:
@@ -117,15 +116,13 @@ def _check(rows: Sequence[_Row]) -> None:
 
 def _in_half(row: _Row, half: Half, generator: np.random.Generator) -> Picture:
     """The scene's things in one half of the sheet, on the scene's ground."""
-    ground = without(row.image, row.regions, np.unique(row.regions[row.regions > 0]))
+    ground = without(row.image, row.regions, labels_of(row.regions))
     return put(ground, row.image, row.regions, half, generator)[0]
 
 
-def plain_caption(row: dict[str, Any]) -> str:
-    """The first wording that names none of the scene's colours, for one ink shows none; otherwise the first of all."""
-    captions = [str(caption) for caption in (row.get("captions") or [row["caption"]])]
-    colors = set(row.get("colors") or ())
-    return next((caption for caption in captions if not colors & set(caption.split())), captions[0])
+def plain_caption(row: Mapping[str, Any]) -> str:
+    """The first caption of a scene without its colours, because one ink shows none; else the first."""
+    return without_colors([str(text) for text in (row.get("captions") or [row["caption"]])], row.get("colors"))[0]
 
 
 def _other(row: _Row, others: Sequence[_Row], seen: Collection[frozenset[str]], generator: np.random.Generator) -> _Row:

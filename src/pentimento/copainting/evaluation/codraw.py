@@ -1,9 +1,10 @@
-"""Drawing in turns: a person begins, the robot looks, plans a goal for what was asked and adds to it (Figure 6.1)."""
+"""Drawing in turns: a person begins, the robot photographs the sheet, plans a goal and adds strokes (Figure 6.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -11,17 +12,19 @@ from numpy.typing import NDArray
 
 from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.images import decode_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.ranges import at_least
+from pentimento.contracts.scenes import labels_of, listed, phrase, read_scene
 from pentimento.control.painter import as_linear, observe, paint
 from pentimento.copainting.evaluation.cases import plain_caption
-from pentimento.copainting.evaluation.goal_plans import PaintContext, draw_scene, laid_out, plan_goal, seen
-from pentimento.copainting.scenes.edits import without
-from pentimento.copainting.scenes.phrases import listed, phrase
+from pentimento.copainting.evaluation.goal_plans import Drawn, PaintContext, as_picture, as_sheet, draw_scene, plan_goal
+from pentimento.copainting.evaluation.scoring import changed_share, surviving_ink
+from pentimento.copainting.scenes.collage import without
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.config import no_log
 from pentimento.robots.driver import Robot
+from pentimento.semantics.encoder import Encoder, as_images
+from pentimento.semantics.scores import clip_score
 
 Picture = NDArray[np.uint8]
 
@@ -36,7 +39,7 @@ class Codrawing:
     robot: int
     """Strokes that the robot adds in a turn, at most."""
     tremor_m: float
-    """Standard deviation of the person's strokes from where they were meant, along each axis."""
+    """Standard deviation of the person's strokes from where they were intended, along each axis."""
     batch: int
     """The robot's strokes between two looks."""
 
@@ -72,30 +75,27 @@ class Turn:
 
 
 def stories(scenes: pa.Table, count: int, turns: int = 3) -> list[Story]:
-    """The first `count` scenes of a checked table that have `turns` things, as stories.
+    """The first `count` scenes of a checked table that have at least `turns` things, as stories.
 
-    The words name one thing more in each turn; where the table does not tell what the things are, they are the caption.
+    The prompt of each turn names one thing more; in a table without objects it is the caption.
 
     Raises:
         ContractError: no scene has so many things.
     """
     found = []
     for index, row in enumerate(scenes.to_pylist()):
-        image, regions = decode_png(row["image"]["bytes"]), decode_png(row["regions"]["bytes"])
-        labels = np.unique(regions[regions > 0])[:turns]
+        name = str(row.get("scene_id") or index)
+        image, regions = read_scene(row, f"Scene {name}")
+        labels = labels_of(regions)
         if len(labels) < turns:
             continue
-        everything = np.unique(regions[regions > 0])
-        images = tuple(without(image, regions, everything[everything != label]) for label in labels)
+        images = tuple(without(image, regions, labels[labels != label]) for label in labels[:turns])
         kinds = [str(kind) for kind in (row.get("objects") or ())][:turns]
-        full = plain_caption(row)
-        told = (
-            [listed([phrase(kind) for kind in kinds[: number + 1]]) for number in range(turns - 1)]
-            if len(kinds) == turns
-            else []
-        )
-        prompts = (*told, full) if told else (full,) * turns
-        found.append(Story(str(row.get("scene_id") or index), prompts, images))
+        caption = plain_caption(row)
+        shorter = [caption] * (turns - 1)
+        if len(kinds) == turns:
+            shorter = [listed([phrase(kind) for kind in kinds[: number + 1]]) for number in range(turns - 1)]
+        found.append(Story(name, (*shorter, caption), images))
         if len(found) == count:
             break
     if not found:
@@ -108,6 +108,7 @@ def codraw(
     paint_context: PaintContext,
     story: Story,
     goal_for: Callable[[Picture, str], Picture],
+    *,
     config: Codrawing,
     seed: int,
 ) -> list[Turn]:
@@ -121,19 +122,19 @@ def codraw(
     side = story.images[0].shape[0]
     photo = _look(robot, medium.planner.pixels_per_m)
     for prompt, image in zip(story.prompts, story.images, strict=True):
-        meant = draw_scene(paint_context, as_linear(photo), image, config.person)
-        drawn = _trembling(meant.strokes, paint_context, medium.planner, config.tremor_m, generator)
+        intended = draw_scene(paint_context, as_linear(photo), image, config.person)
+        drawn = _trembling(intended.strokes, paint_context, config.tremor_m, generator)
         begun = (
-            _execute(robot, paint_context, drawn, meant.palette_srgb, image, config.batch, False)
+            _execute(robot, paint_context, replace(intended, strokes=drawn), image, batch=config.batch, replan=False)
             if len(drawn)
             else photo
         )
-        goal = goal_for(seen(as_linear(begun), side), prompt)
+        goal = goal_for(as_picture(as_linear(begun), side), prompt)
         planned = plan_goal(paint_context, as_linear(begun), goal, config.robot)
-        predicted = seen(planned.sheet, begun.shape[0])
+        predicted = as_picture(planned.sheet, begun.shape[0])
         after = begun
         if len(planned.strokes):
-            after = _execute(robot, paint_context, planned.strokes, planned.palette_srgb, goal, config.batch, True)
+            after = _execute(robot, paint_context, planned, goal, batch=config.batch, replan=True)
         turns.append(Turn(prompt, photo, begun, goal, predicted, after, (len(drawn), len(planned.strokes))))
         photo = after
     return turns
@@ -144,43 +145,65 @@ def _look(robot: Robot, pixels_per_m: float) -> Picture:
 
 
 def _execute(
-    robot: Robot,
-    paint_context: PaintContext,
-    strokes: Strokes,
-    palette_srgb: NDArray[np.float64],
-    aim: Picture,
-    batch: int,
-    replan: bool,
+    robot: Robot, paint_context: PaintContext, drawn: Drawn, target: Picture, *, batch: int, replan: bool
 ) -> Picture:
-    """Make strokes, replanned for the picture `aim` after each batch or not; a photograph, uint8 [S, S, 3]."""
-    scene = paint_context.scene(laid_out(aim, paint_context.medium.side_px))
-    made = paint(
-        robot,
-        scene,
-        strokes,
-        palette_srgb=palette_srgb,
-        batch=batch,
-        replan=replan,
-        config=paint_context.medium.planner,
-        log=_unheard,
-    )
-    return made.photos[-1]
+    """Execute a plan, optionally replanned for the target after each batch; the final photograph, uint8 [S, S, 3]."""
+    scene = paint_context.scene(as_sheet(target, paint_context.medium.side_px))
+    config = paint_context.medium.planner
+    painting = paint(
+        robot, scene, drawn.strokes, palette_srgb=drawn.palette_srgb, batch=batch, replan=replan, config=config,
+        log=no_log,
+    )  # fmt: skip
+    return painting.photos[-1]
 
 
 def _trembling(
-    strokes: Strokes,
-    paint_context: PaintContext,
-    config: PlannerConfig,
-    tremor_m: float,
-    generator: np.random.Generator,
+    strokes: Strokes, paint_context: PaintContext, tremor_m: float, generator: np.random.Generator
 ) -> Strokes:
-    """Strokes as a hand that trembles makes them, within what tool and sheet allow."""
+    """Strokes with a random offset each, within the limits of tool and sheet."""
+    medium = paint_context.medium
     moved = strokes.pick(slice(None))
     moved.inherited = None
     moved.middle_m += generator.normal(0, tremor_m, moved.middle_m.shape).astype(np.float32)
-    moved.keep_within(paint_context.tool, (paint_context.medium.side_m, paint_context.medium.side_m), config.edge_m)
+    moved.keep_within(paint_context.tool, (medium.side_m, medium.side_m), medium.planner.edge_m)
     return moved
 
 
-def _unheard(_name: str, _value: float, _step: int) -> None:
-    """Curves of single turns are not kept."""
+def turn_scores(played: Sequence[Sequence[Turn]], judge: Encoder) -> list[dict[str, float | None]]:
+    """For each turn, over stories: the judge's score before and after the robot, and what it changed and kept."""
+    return [_of_turn([story[number] for story in played], judge) for number in range(len(played[0]))]
+
+
+def film_strip(story: Sequence[Turn]) -> dict[str, list[Picture]]:
+    """A story's pictures in columns: what the person draws, the goal, the plan, what the robot adds."""
+    return {
+        "person draws": [turn.begun for turn in story],
+        "goal": [turn.goal for turn in story],
+        "plan": [turn.predicted for turn in story],
+        "robot adds": [turn.after for turn in story],
+    }
+
+
+def _of_turn(turns: Sequence[Turn], judge: Encoder) -> dict[str, float | None]:
+    side = turns[0].goal.shape[0]
+    before, after = (_shrunk([getattr(turn, name) for turn in turns], side) for name in ("begun", "after"))
+    goals, prompts = np.stack([turn.goal for turn in turns]), [turn.prompt for turn in turns]
+    return {
+        "judge_score_no_change": _mean(clip_score(judge, as_images(before), prompts)),
+        "judge_score": _mean(clip_score(judge, as_images(after), prompts)),
+        "goal_keeps": _mean(surviving_ink(before, goals)),
+        "drawing_keeps": _mean(surviving_ink(before, after)),
+        "changed": _mean(changed_share(before, after)),
+        "strokes": _mean([turn.strokes[1] for turn in turns]),
+    }
+
+
+def _mean(values: Any) -> float | None:
+    """Of the finite ones; None where there is none."""
+    known = np.asarray(values, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else None
+
+
+def _shrunk(photos: Sequence[Picture], side: int) -> Picture:
+    return np.stack([as_picture(as_linear(photo), side) for photo in photos])

@@ -1,4 +1,4 @@
-"""From a goal picture to strokes: the Low-Level Action Planner draws what the goal planner asks for (6.4)."""
+"""From a goal picture, a scene or a text to a plan of strokes by the Low-Level Action Planner (thesis 6.4)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float, to_uint8
-from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import above_zero
-from pentimento.copainting.scenes.ink_tones import InkTones, ink_tones
+from pentimento.copainting.scenes.ink import InkTones, check_ink, ink_tones
 from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.strokes.bezier import Strokes, no_strokes
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.bezier import Strokes, no_strokes, with_color
+from pentimento.planning.strokes.config import PlannerConfig, no_log
+from pentimento.planning.strokes.descent import descend
+from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.relocate import without_harmful
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.robots.tools import Tool, load_tool
-from pentimento.semantics.style.settings import style_of
+from pentimento.semantics.encoder import Encoder
+from pentimento.semantics.objective import TextObjective, TorchObjective
+from pentimento.semantics.style import style_of
 
 Light = NDArray[np.float32]
 Picture = NDArray[np.uint8]
@@ -57,10 +60,7 @@ class PaintContext:
     model: StrokeModel
 
     def __post_init__(self) -> None:
-        if (self.medium.ink is None) != (self.tool.color_srgb is None):
-            brings = "its own ink: say under ink how scenes are turned into it"
-            brings = brings if self.medium.ink is None else "none: null it"
-            raise ConfigError(f"The medium has ink {self.medium.ink!r}, but the {self.tool.name} brings {brings}.")
+        check_ink(self.medium.ink, self.tool.color_srgb is not None, "The medium", self.tool.name)
 
     def scene(self, target: Light) -> Scene:
         """A target [S, S, 3], linear light, on a sheet at a session's start."""
@@ -96,9 +96,9 @@ def plan_goal(paint_context: PaintContext, sheet: Light, goal: Picture, strokes:
     Strokes without which the plan would come nearer to the goal are left out of it; a goal that the sheet shows already
     needs none.
     """
-    if np.array_equal(goal, seen(sheet, goal.shape[0])):
+    if np.array_equal(goal, as_picture(sheet, goal.shape[0])):
         return Drawn(no_strokes(), sheet, np.zeros((0, 3)))
-    return _drawn(paint_context, sheet, laid_out(goal, paint_context.medium.side_px), strokes)
+    return _drawn(paint_context, sheet, as_sheet(goal, paint_context.medium.side_px), strokes)
 
 
 def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, strokes: int) -> Drawn:
@@ -107,7 +107,7 @@ def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, stroke
     A tool with its own ink draws its tones, as in synthesis, a tool that dips its colours. Ink that is on the sheet is
     part of the target, or the planner would try to undo it.
     """
-    light, medium = laid_out(image, paint_context.medium.side_px), paint_context.medium
+    light, medium = as_sheet(image, paint_context.medium.side_px), paint_context.medium
     if medium.ink is not None:
         tones = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink)
         light = np.minimum(tones.astype(np.float32), sheet)
@@ -116,9 +116,9 @@ def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, stroke
 
 def _drawn(paint_context: PaintContext, sheet: Light, target: Light, strokes: int) -> Drawn:
     scene, config = paint_context.scene(target), paint_context.medium.planner
-    made, palette = plan(sheet, scene, strokes, config, _unheard)
-    made = without_harmful(made, sheet, scene, config)
-    return Drawn(made, predicted(made, sheet, scene), palette)
+    planned, palette = plan(sheet, scene, strokes, config, no_log)
+    useful = without_harmful(planned, sheet, scene, config)
+    return Drawn(useful, predicted(useful, sheet, scene), palette)
 
 
 def predicted(strokes: Strokes, sheet: Light, scene: Scene) -> Light:
@@ -126,17 +126,17 @@ def predicted(strokes: Strokes, sheet: Light, scene: Scene) -> Light:
     return np.clip(render_plan(strokes, sheet, scene), 0.0, 1.0)
 
 
-def laid_out(picture: Picture, side_px: int) -> Light:
+def as_sheet(picture: Picture, side_px: int) -> Light:
     """A square picture, uint8 [H, W, 3], as linear light [side_px, side_px, 3]: averaged down, or interpolated up."""
     light = srgb_to_linear(to_float(picture))
     if light.shape[:2] != (side_px, side_px):
         smaller = side_px < light.shape[0]
-        way = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-        light = np.asarray(cv2.resize(light, (side_px, side_px), interpolation=way), dtype=np.float32)
+        method = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+        light = np.asarray(cv2.resize(light, (side_px, side_px), interpolation=method), dtype=np.float32)
     return np.clip(light, 0, 1)
 
 
-def seen(sheet: Light, side_px: int) -> Picture:
+def as_picture(sheet: Light, side_px: int) -> Picture:
     """A sheet [S, S, 3] (linear light) as a camera of `side_px` pixels sees it, uint8 [side_px, side_px, 3]."""
     light = sheet
     if light.shape[0] != side_px:
@@ -151,5 +151,35 @@ def seeded(paint_context: PaintContext, seed: int) -> PaintContext:
     )
 
 
-def _unheard(_name: str, _value: float, _step: int) -> None:
-    """The curves of hundreds of plans are not kept."""
+def plan_text(
+    paint_context: PaintContext,
+    sheet: Light,
+    caption: str,
+    *,
+    encoder: Encoder,
+    strokes: int,
+    iterations: int,
+    views: int,
+    seed: int,
+) -> Drawn:
+    """Strokes from random places down the text objective, on a sheet [S, S, 3] in linear light.
+
+    The thesis's baseline without a goal planner: nothing but the words says what to draw. The plan of the lowest
+    objective on the way is kept.
+    """
+    config, tool = paint_context.medium.planner, paint_context.tool
+    scene = paint_context.scene(sheet)
+    current = random_strokes(strokes, tool, scene.canvas_size_m, np.random.default_rng([seed, 0]))
+    if tool.color_srgb is not None:
+        current = with_color(current, np.tile(np.array(tool.color_srgb, np.float32), (strokes, 1)))
+    current.keep_within(tool, scene.canvas_size_m, config.edge_m)
+    objective = TorchObjective(TextObjective(encoder, caption, views, seed))
+    minimum, best = np.inf, current.pick(slice(None))
+    for value in descend(current, sheet, scene, config, objective, iterations, tool.color_srgb is None, 1.0):
+        if value < minimum:
+            minimum, best = value, current.pick(slice(None))
+    if objective(render_plan(current, sheet, scene))[0] < minimum:
+        best = current
+    best.inherited = None
+    palette = linear_to_srgb(best.color).astype(np.float64)  # a paint for each stroke, where colours are free
+    return Drawn(best, predicted(best, sheet, scene), np.unique(palette, axis=0))

@@ -1,18 +1,68 @@
-"""What people preferred: answers of the blind page, joined with its key, and an exact binomial test."""
+"""A blind page for pairwise preferences, the answers that people saved, and an exact binomial test (thesis 6.5.3)."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import encode_png
+from pentimento.report.templates import render
 
-CHOICES = ("left", "right", "both", "neither")
+Picture = NDArray[np.uint8]
+
+_SHOWN_PX: Final = 256
+_CHOICES: Final = {
+    "left": "the left fits better",
+    "right": "the right fits better",
+    "both": "both fit",
+    "neither": "neither",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two drawings for one text."""
+
+    caption: str
+    ours: Picture
+    """Uint8 [H, W, 3]."""
+    other: Picture
+    rival: str
+    """Whose the other is."""
+
+
+def preference_page(comparisons: Sequence[Comparison], seed: int) -> tuple[str, dict[str, dict[str, str]]]:
+    """The page, and its key {id: {left, right}} with `ours` on one side and the rival's name on the other.
+
+    Order and sides are drawn by the seed; ids say nothing of either.
+    """
+    generator = np.random.default_rng([seed, 7])
+    shown: list[dict[str, object]] = []
+    key: dict[str, dict[str, str]] = {}
+    for index in generator.permutation(len(comparisons)):
+        one = comparisons[index]
+        sides = [("ours", one.ours), (one.rival, one.other)]
+        if generator.random() < 0.5:
+            sides.reverse()
+        name = hashlib.sha256(f"{seed} {index}".encode()).hexdigest()[:12]
+        key[name] = {"left": sides[0][0], "right": sides[1][0]}
+        shown.append({"id": name, "caption": one.caption, "left": _png(sides[0][1]), "right": _png(sides[1][1])})
+    return render("preference.html", questions=shown, choices=_CHOICES), key
+
+
+def _png(picture: Picture) -> bytes:
+    large = cv2.resize(picture, (_SHOWN_PX, _SHOWN_PX), interpolation=cv2.INTER_NEAREST)
+    return encode_png(np.asarray(large, dtype=np.uint8))
 
 
 @dataclass(frozen=True)
@@ -46,7 +96,7 @@ def read_answers(paths: Sequence[Path], key: Mapping[str, Mapping[str, str]]) ->
             person, answers = str(saved["participant"]), dict(saved["answers"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise ContractError(f"{path} holds no saved answers ({error}); save them from the page again.") from error
-        strange = [name for name, choice in answers.items() if name not in key or choice not in CHOICES]
+        strange = [name for name, choice in answers.items() if name not in key or choice not in _CHOICES]
         if strange:
             raise ContractError(
                 f"{path} answers {strange[0]!r} in a way that the key does not know; is it of this page?"

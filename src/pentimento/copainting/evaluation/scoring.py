@@ -1,27 +1,71 @@
-"""Numbers for what goal planners answered: a row for each method, a value for each case in a column (Table 6.1)."""
+"""Scores of what goal planners completed: a row for each method, a value for each case in a column (Table 6.1)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 from scipy.stats import pearsonr
 
-from pentimento.copainting.evaluation.answers import BASE, COPY, FINE_TUNED, NO_CHANGE, ORACLE, Answers
-from pentimento.copainting.evaluation.intervals import difference, gap_closed, mean_estimate, ratio, resamples
-from pentimento.copainting.evaluation.measures import as_tensor, changed_share, delta_pix, delta_sem, surviving_ink
-from pentimento.copainting.scenes.collage import Half, close_up
-from pentimento.semantics.encoder import Encoder
-from pentimento.semantics.scores import clip_score, object_scores, recognised
+from pentimento.contracts.images import decode_png
+from pentimento.contracts.statistics import Estimate, difference, gap_closed, item_resamples, mean_estimate, ratio
+from pentimento.copainting.evaluation.cases import Case
+from pentimento.copainting.evaluation.methods import (
+    BASE,
+    COPY,
+    FINE_TUNED,
+    NO_CHANGE,
+    ORACLE,
+    Outcomes,
+    complete_canvases,
+)
+from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
+from pentimento.copainting.scenes.collage import close_up
+from pentimento.copainting.scenes.edits import Pair
+from pentimento.copainting.scenes.ink import ink_recall
+from pentimento.semantics.encoder import Encoder, as_images
+from pentimento.semantics.scores import clip_score, embed_all, object_scores, recognised
 
 FloatArray = NDArray[np.float64]
 Columns = dict[str, FloatArray]
 Pictures = NDArray[np.uint8]
 
-_RESAMPLES = 2000
+_CHANGED_LEVELS: Final = 64  # of 255, in any channel: a pixel that differs by less counts as unchanged
+
+
+def delta_pix(goals: Pictures, plans: Pictures) -> FloatArray:
+    """Mean squared difference [B] of goals and foretold plans, uint8 [B, H, W, 3]; sRGB in [0, 1].
+
+    The thesis's (6.1), divided by the number of values, so that it does not grow with the picture.
+    """
+    difference = (goals.astype(np.float64) - plans) / 255
+    return np.square(difference).mean(axis=(1, 2, 3))
+
+
+def delta_sem(encoder: Encoder, goals: Pictures, plans: Pictures) -> FloatArray:
+    """1 - cos [B] of the embeddings of goals and foretold plans, uint8 [B, H, W, 3]: the Semantic Sim2Real Gap.
+
+    The thesis prints (6.2) without `1 -`, but calls it a distance and lowers it.
+    """
+    products = embed_all(encoder, as_images(goals)) * embed_all(encoder, as_images(plans))
+    return np.asarray(1 - products.sum(-1).double().numpy())
+
+
+def surviving_ink(canvases: Pictures, pictures: Pictures) -> FloatArray:
+    """Share [B] of each canvas's ink that a picture still shows within 1 px; NaN where a canvas has none."""
+    return np.array([ink_recall(before, after) for before, after in zip(canvases, pictures, strict=True)])
+
+
+def changed_share(canvases: Pictures, pictures: Pictures) -> FloatArray:
+    """Share [B] of the pixels of which any channel moved by `minimum` levels of 255 or more."""
+    moved = np.abs(canvases.astype(np.int16) - pictures).max(-1) >= _CHANGED_LEVELS
+    return np.asarray(moved.mean(axis=(1, 2)), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -34,10 +78,7 @@ class Judges:
     """Kinds of objects that the judge is asked to tell apart; empty where scenes name none."""
 
 
-def score(
-    answers: Answers, captions: Sequence[str], asked: Sequence[Sequence[str]], rooms: Sequence[Half | None],
-    judges: Judges,
-) -> dict[str, Columns]:  # fmt: skip
+def score(outcomes: Outcomes, cases: Sequence[Case], judges: Judges) -> dict[str, Columns]:
     """Columns [B] by name for each method; NaN where a number does not exist.
 
     `clip_score` and `judge_score` are cosines of the foretold drawing with the prompt. `objects` is the share of the
@@ -46,41 +87,44 @@ def score(
     `delta_pix` and `delta_sem` are between goal and drawing. `goal_keeps` is the share of the canvas's ink that the
     goal shows, `drawing_keeps` that the drawing shows. `changed` is the share of pixels that the drawing changed.
     """
+    captions = [case.caption for case in cases]
     table = {}
-    for method, drawings in answers.drawings.items():
-        shown = as_tensor(drawings)
-        nothing = np.full(len(drawings), np.nan)
-        goals = answers.goals.get(method)
+    for method, drawings in outcomes.drawings.items():
+        images = as_images(drawings)
+        missing = np.full(len(drawings), np.nan)
+        goals = outcomes.goals.get(method)
         table[method] = {
-            "clip_score": clip_score(judges.main, shown, captions).double().numpy(),
-            "judge_score": clip_score(judges.judge, shown, captions).double().numpy(),
-            "objects": found(judges, drawings, asked, rooms) if judges.kinds else nothing,
-            "delta_pix": nothing if goals is None else delta_pix(goals, drawings),
-            "delta_sem": nothing if goals is None else delta_sem(judges.main, goals, drawings),
-            "goal_keeps": nothing if goals is None else surviving_ink(answers.canvases, goals),
-            "drawing_keeps": surviving_ink(answers.canvases, drawings),
-            "changed": changed_share(answers.canvases, drawings),
-            "strokes": np.array(answers.strokes[method], dtype=np.float64),
+            "clip_score": clip_score(judges.main, images, captions).double().numpy(),
+            "judge_score": clip_score(judges.judge, images, captions).double().numpy(),
+            "objects": objects_found(judges, drawings, cases) if judges.kinds else missing,
+            "delta_pix": missing if goals is None else delta_pix(goals, drawings),
+            "delta_sem": missing if goals is None else delta_sem(judges.main, goals, drawings),
+            "goal_keeps": missing if goals is None else surviving_ink(outcomes.canvases, goals),
+            "drawing_keeps": surviving_ink(outcomes.canvases, drawings),
+            "changed": changed_share(outcomes.canvases, drawings),
+            "strokes": np.array(outcomes.strokes[method], dtype=np.float64),
         }
     return table
 
 
-def found(
-    judges: Judges, drawings: Pictures, asked: Sequence[Sequence[str]], rooms: Sequence[Half | None]
-) -> FloatArray:
-    """Share [B] of the kinds asked for that the judge finds among its best as many; NaN where none was asked for.
+def objects_found(judges: Judges, drawings: Pictures, cases: Sequence[Case]) -> FloatArray:
+    """Fraction [B] of the k kinds asked for that are among the judge's k best; NaN if a prompt asks for no known kind.
 
-    Where a half of the sheet was left free, the judge looks at that half alone. It names what a picture shows most
-    plainly: of the whole sheet that would often be what stood there before, however well the other thing is drawn.
+    If a half of the sheet was left free, the judge sees that half only. On the whole sheet it would often rank the
+    other thing first, however well the requested one is drawn.
     """
-    seen = [drawing if room is None else close_up(drawing, room) for drawing, room in zip(drawings, rooms, strict=True)]
-    hits = recognised(object_scores(judges.judge, as_tensor(np.stack(seen)), judges.kinds), judges.kinds, asked)
-    return np.array([np.mean(of) if of else np.nan for of in hits])
+    views = [
+        drawing if case.room is None else close_up(drawing, case.room)
+        for drawing, case in zip(drawings, cases, strict=True)
+    ]
+    scores = object_scores(judges.judge, as_images(views), judges.kinds)
+    hits = recognised(scores, judges.kinds, [case.objects for case in cases])
+    return np.array([np.mean(of_one) if of_one else np.nan for of_one in hits])
 
 
 def summary(table: Mapping[str, Columns], seed: int) -> dict[str, dict[str, Any]]:
     """Mean and 95 % bootstrap interval over cases of each column of each method, where the column exists."""
-    drawn = resamples(_cases(table), _RESAMPLES, seed)
+    drawn = item_resamples(_cases(table), seed)
     rows = {}
     for method, columns in table.items():
         estimates = {name: mean_estimate(values, drawn) for name, values in columns.items()}
@@ -90,17 +134,17 @@ def summary(table: Mapping[str, Columns], seed: int) -> dict[str, dict[str, Any]
 
 def comparisons(table: Mapping[str, Columns], seed: int) -> dict[str, Any]:
     """What fine-tuning gains, each case compared with itself: shares of the gap closed, plain ratios, differences."""
-    drawn = resamples(_cases(table), _RESAMPLES, seed)
+    drawn = item_resamples(_cases(table), seed)
     base, fine, oracle = table[BASE], table[FINE_TUNED], table[ORACLE]
-    made: dict[str, Any] = {}
+    estimates: dict[str, Any] = {}
     for gap in ("delta_pix", "delta_sem"):
-        made[f"{gap}_closed"] = gap_closed(base[gap], fine[gap], oracle[gap], drawn)
-        made[f"{gap}_ratio"] = ratio(base[gap], fine[gap], drawn)
+        estimates[f"{gap}_closed"] = gap_closed(base[gap], fine[gap], oracle[gap], drawn)
+        estimates[f"{gap}_ratio"] = ratio(base[gap], fine[gap], drawn)
     for column in ("clip_score", "judge_score", "objects"):
         for other in (NO_CHANGE, COPY, BASE):
-            made[f"{column}_over_{other}"] = difference(fine[column], table[other][column], drawn)
-        made[f"{column}_base_over_{NO_CHANGE}"] = difference(base[column], table[NO_CHANGE][column], drawn)
-    return {name: found for name, found in made.items() if found is not None}
+            estimates[f"{column}_over_{other}"] = difference(fine[column], table[other][column], drawn)
+        estimates[f"{column}_base_over_{NO_CHANGE}"] = difference(base[column], table[NO_CHANGE][column], drawn)
+    return {name: found for name, found in estimates.items() if found is not None}
 
 
 def correlations(deltas: Mapping[str, FloatArray], scores: FloatArray) -> dict[str, dict[str, float]]:
@@ -111,10 +155,57 @@ def correlations(deltas: Mapping[str, FloatArray], scores: FloatArray) -> dict[s
     results = {}
     for name, values in deltas.items():
         if len(values) >= 3 and np.ptp(values) > 0 and np.ptp(scores) > 0:
-            answer = pearsonr(values, scores)
-            results[name] = {"r": float(answer.statistic), "p": float(answer.pvalue), "paintings": len(values)}
+            found = pearsonr(values, scores)
+            results[name] = {"r": float(found.statistic), "p": float(found.pvalue), "paintings": len(values)}
     return results
 
 
 def _cases(table: Mapping[str, Columns]) -> int:
     return len(next(iter(next(iter(table.values())).values())))
+
+
+def painted_gap(pairs: pa.Table, scenes: pa.Table, main: Encoder) -> dict[str, dict[str, float]]:
+    """How the gap between a scene and its full painting goes with the painting's score; empty where ids do not match.
+
+    Args:
+        pairs: a checked `copaintings` table.
+        scenes: the checked `scenes` table that it was made of.
+    """
+    pictures = {row["scene_id"]: row["image"]["bytes"] for row in scenes.select(["scene_id", "image"]).to_pylist()}
+    whole = pairs.filter(pc.is_null(pairs["region"]))  # the captions of the others name one thing of the scene
+    rows = {row["scene_id"]: row for row in whole.select(["scene_id", "full", "caption"]).to_pylist()}
+    known = [row for name, row in sorted(rows.items()) if name in pictures]
+    if not known:
+        return {}
+    painted = np.stack([decode_png(row["full"]["bytes"]) for row in known])
+    targets = np.stack([decode_png(pictures[row["scene_id"]]) for row in known])
+    scores = clip_score(main, as_images(painted), [row["caption"] for row in known]).double().numpy()
+    return correlations(
+        {"delta_pix": delta_pix(targets, painted), "delta_sem": delta_sem(main, targets, painted)}, scores
+    )  # fmt: skip
+
+
+def edit_scores(
+    folder: Path, edits: Sequence[Pair], sampling: SeededSampling, *, judge: Path, seed: int
+) -> dict[str, Estimate]:
+    """Judge scores of a goal planner's completions of held-out edits; `folder` and `judge` are folders of models.
+
+    The same scores are given for the inputs (`copy_input`) and the true targets (`target`).
+    `judge_score_over_copy_input` and `target_over_copy_input` are paired differences to the inputs. `goal_keeps` is the
+    fraction of the inputs' ink that the completions keep.
+    """
+    planner = load_goal_planner(folder)
+    encoder = Encoder.load(judge)
+    captions = [edit.caption for edit in edits]
+    inputs, targets = np.stack([edit.input for edit in edits]), np.stack([edit.target for edit in edits])
+    completions = complete_canvases(planner, inputs, captions, sampling)
+    scores = {
+        name: clip_score(encoder, as_images(pictures), captions).double().numpy()
+        for name, pictures in (("judge_score", completions), ("copy_input", inputs), ("target", targets))
+    }
+    drawn = item_resamples(len(edits), seed)
+    found = {name: mean_estimate(values, drawn) for name, values in scores.items()}
+    for name in ("judge_score", "target"):
+        found[f"{name}_over_copy_input"] = difference(scores[name], scores["copy_input"], drawn)
+    found["goal_keeps"] = mean_estimate(surviving_ink(inputs, completions), drawn)
+    return {name: estimate for name, estimate in found.items() if estimate is not None}

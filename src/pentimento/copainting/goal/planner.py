@@ -20,15 +20,15 @@ from transformers import CLIPModel, CLIPTextModel, CLIPTokenizer
 
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.ranges import at_least
-from pentimento.copainting.seeds import generator_for
+from pentimento.copainting.jobs import generator_for
 
 GoalPlanner: TypeAlias = StableDiffusionInstructPix2PixPipeline
 Prediction = Literal["epsilon", "v_prediction", "sample"]
 
-_TRAIN_TIMESTEPS: Final = 1000
-_GROUPS: Final = 8
-_READING: Final = 2  # of a small UNet's resolutions, the coarsest: they attend to the text
-_AT_ONCE: Final = 16  # pictures in one call of the pipeline
+_TRAIN_TIMESTEPS: Final = 1000  # as in Stable Diffusion
+_GROUPS: Final = 8  # of channels, in the group normalisation of a small UNet
+_ATTENDING: Final = 2  # of a small UNet's resolutions, the coarsest: they attend to the text
+_CHUNK: Final = 16  # pictures in one call of the pipeline
 
 
 @dataclass(frozen=True)
@@ -52,28 +52,53 @@ class GoalPlannerShape:
                 raise ValueError(f"unet_channels has {width}; groups of {_GROUPS} are normalised, so take a multiple.")
 
 
+@dataclass(frozen=True)
+class GoalSampling:
+    """How goal pictures are sampled, with the guidances of Instruct-Pix2Pix (Brooks et al. 2023, eq. 3)."""
+
+    steps: int
+    """Of DDIM."""
+    image_guidance: float
+    text_guidance: float
+    """1 switches both guidances off: the network is evaluated once per step, not three times, as published."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "steps", "image_guidance", "text_guidance")
+
+
+@dataclass(frozen=True)
+class SeededSampling(GoalSampling):
+    """The same with the seed of the initial noise."""
+
+    seed: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        at_least(self, 0, "seed")
+
+
 def text_encoder_of(model: CLIPModel) -> CLIPTextModel:
     """A copy of the text tower of a text-image encoder: what Stable Diffusion, too, reads captions with."""
     text_encoder = CLIPTextModel(model.config.text_config)
-    own = text_encoder.state_dict()
+    names = text_encoder.state_dict()
     tower = {name.removeprefix("text_model."): weight for name, weight in model.text_model.state_dict().items()}
-    text_encoder.load_state_dict({name: tower[name.removeprefix("text_model.")] for name in own})
+    text_encoder.load_state_dict({name: tower[name.removeprefix("text_model.")] for name in names})
     return text_encoder
 
 
 def build_goal_planner(
-    shape: GoalPlannerShape, vae: AutoencoderKL, text_encoder: CLIPTextModel, tokenizer: CLIPTokenizer, seed: int
+    shape: GoalPlannerShape, vae: AutoencoderKL, text_encoder: CLIPTextModel, *, tokenizer: CLIPTokenizer, seed: int
 ) -> GoalPlanner:
     """A small goal planner with a new UNet, around a trained autoencoder and text encoder."""
     torch.manual_seed(seed)
-    reading = min(_READING, len(shape.unet_channels))
-    plain = len(shape.unet_channels) - reading
+    attending = min(_ATTENDING, len(shape.unet_channels))
+    plain = len(shape.unet_channels) - attending
     unet = UNet2DConditionModel(
         sample_size=vae.config.sample_size // 2 ** (len(vae.config.block_out_channels) - 1),
         in_channels=2 * vae.config.latent_channels,
         out_channels=vae.config.latent_channels,
-        down_block_types=("DownBlock2D",) * plain + ("CrossAttnDownBlock2D",) * reading,
-        up_block_types=("CrossAttnUpBlock2D",) * reading + ("UpBlock2D",) * plain,
+        down_block_types=("DownBlock2D",) * plain + ("CrossAttnDownBlock2D",) * attending,
+        up_block_types=("CrossAttnUpBlock2D",) * attending + ("UpBlock2D",) * plain,
         block_out_channels=shape.unet_channels,
         layers_per_block=shape.unet_layers,
         cross_attention_dim=text_encoder.config.hidden_size,
@@ -164,10 +189,7 @@ def complete(
     planner: GoalPlanner,
     inputs: NDArray[np.uint8],
     captions: Sequence[str],
-    steps: int,
-    image_guidance: float,
-    text_guidance: float,
-    seed: int,
+    sampling: SeededSampling,
 ) -> NDArray[np.uint8]:
     """Goal pictures uint8 [B, H, W, 3] for canvases uint8 [B, H, W, 3] and what a person asks for.
 
@@ -182,21 +204,21 @@ def complete(
     if len(captions) != len(inputs):
         raise ContractError(f"{len(inputs)} pictures came with {len(captions)} captions; give one for each.")
     planner.unet.eval()
-    parts = []
-    for start in range(0, len(inputs), _AT_ONCE):
-        chosen = slice(start, start + _AT_ONCE)
+    completions = []
+    for start in range(0, len(inputs), _CHUNK):
+        chosen = slice(start, start + _CHUNK)
         shown = torch.from_numpy(np.ascontiguousarray(inputs[chosen])).permute(0, 3, 1, 2).float() / 255
-        made = planner(
+        images = planner(
             prompt=[*captions[chosen]],
             image=shown,
-            num_inference_steps=steps,
-            guidance_scale=text_guidance,
-            image_guidance_scale=image_guidance,
-            generator=[generator_for(seed, index) for index in range(start, start + len(shown))],
+            num_inference_steps=sampling.steps,
+            guidance_scale=sampling.text_guidance,
+            image_guidance_scale=sampling.image_guidance,
+            generator=[generator_for(sampling.seed, index) for index in range(start, start + len(shown))],
             output_type="np",
         ).images
-        parts.append(np.round(made * 255).astype(np.uint8))
-    return np.concatenate(parts) if parts else inputs.copy()
+        completions.append(np.round(images * 255).astype(np.uint8))
+    return np.concatenate(completions) if completions else inputs.copy()
 
 
 def _check_shapes(planner: GoalPlanner, source: str | Path) -> None:

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.copainting.scenes.ink import ink_recall
-from pentimento.copainting.scenes.pen import pen_drawing, random_pen
-from pentimento.copainting.scenes.random_strokes import random_strokes
-from pentimento.copainting.seeds import generator_for
+from pentimento.copainting.jobs import generator_for
+from pentimento.copainting.scenes.ink import ink_recall, pen_drawing, random_pen, random_strokes
 
 Log = Callable[[str, float, int], None]
 

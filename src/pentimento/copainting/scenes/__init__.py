@@ -1,1 +1,1 @@
-"""Captioned scenes, ordinary edits of them, and ink: what people would draw and say."""
+"""Captioned scenes with regions, edits of them, and pictures in ink."""

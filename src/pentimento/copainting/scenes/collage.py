@@ -1,31 +1,63 @@
-"""Two scenes on one sheet: the things of one beside or above those of the other, each in its half."""
+"""Scenes cut out and combined: things removed, placed in one half of a sheet, or seen from close up."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from itertools import islice
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
-_SHARES: Final = (0.44, 0.52)  # of the sheet's side: the longer side of what is put into a half
-_EXECUTION_NOISE: Final = 0.03  # of the sheet's side: how far it may lie from its half's middle
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.images import decode_png, image_cell
+from pentimento.contracts.scenes import CONTRACT, labels_of, read_scene
+from pentimento.contracts.schema import arrow_schema
+
+_EXTENT: Final = (0.44, 0.52)  # range of the longer side of a placed cut-out, in sides of the sheet
+_JITTER: Final = 0.03  # largest offset of a cut-out from its half's centre along each axis, in sides of the sheet
+_MARGIN_PX: Final = 2  # around a removed region: its antialiased edge
+PAPER_SRGB: Final = 250
+"""Grey of white paper."""
 
 
 class Half(NamedTuple):
-    """The middle of a half of the sheet, as shares of its sides: x to the right, y down."""
+    """The centre of a half of the sheet, in sides of the sheet: x to the right, y down."""
 
     x: float
     y: float
 
 
 HALVES: Final = ((Half(0.26, 0.5), Half(0.74, 0.5)), (Half(0.5, 0.26), Half(0.5, 0.74)))
-"""Left and right, upper and lower."""
+"""Left and right; upper and lower."""
+
+
+def without(image: NDArray[np.uint8], regions: NDArray[np.uint8], labels: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """The picture with the regions of these labels filled by the background.
+
+    Each row is filled with the median of the background that the row shows, or of all background if it shows none.
+    Backgrounds change from top to bottom more than from left to right, and inpainting would leave visible traces.
+    """
+    margin = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
+    objects = cv2.dilate((regions > 0).astype(np.uint8), margin) > 0
+    removed = (cv2.dilate(np.isin(regions, labels).astype(np.uint8), margin) > 0) & ~(
+        (regions > 0) & ~np.isin(regions, labels)  # what stays is not touched, also where it touches what goes
+    )
+    blank = np.full((1, 3), PAPER_SRGB)
+    overall = np.median(image[~objects] if not objects.all() else blank, axis=0)
+    fill = np.stack(
+        [
+            np.median(row[~covered], axis=0) if not covered.all() else overall
+            for row, covered in zip(image, objects, strict=True)
+        ]
+    ).astype(np.uint8)
+    return np.where(removed[..., None], fill[:, None], image)
 
 
 def random_halves(generator: np.random.Generator) -> tuple[Half, Half]:
-    """Two halves that leave room for each other, in either order."""
+    """Two facing halves of the sheet, in random order."""
     one, other = HALVES[int(generator.integers(len(HALVES)))]
     return (one, other) if generator.random() < 0.5 else (other, one)
 
@@ -37,34 +69,37 @@ def put(
     half: Half,
     generator: np.random.Generator,
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """The sheet, sRGB [H, W, 3], with all things of a picture [h, w, 3] in one half; and where they are, [H, W].
+    """A copy of the sheet, sRGB [H, W, 3], with all things of a picture [h, w, 3] in one half; and their mask [H, W].
 
-    What `regions` [h, w] labels above 0 is cut out together and resized. A picture without things changes nothing.
+    All pixels with a label above 0 in `regions` [h, w] are cut out together and resized. A picture without things
+    changes nothing.
     """
     height, width = sheet.shape[:2]
-    things = regions > 0
-    if not things.any():
+    objects = regions > 0
+    if not objects.any():
         return sheet.copy(), np.zeros((height, width), bool)
-    rows, columns = np.flatnonzero(things.any(1)), np.flatnonzero(things.any(0))
+    rows, columns = np.flatnonzero(objects.any(1)), np.flatnonzero(objects.any(0))
     extent = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
-    scale = generator.uniform(*_SHARES) * min(height, width) / extent
-    execution_noise = generator.uniform(-_EXECUTION_NOISE, _EXECUTION_NOISE, 2)
-    middle = (half.x + execution_noise[0]) * width, (half.y + execution_noise[1]) * height
+    scale = generator.uniform(*_EXTENT) * min(height, width) / extent
+    offset = generator.uniform(-_JITTER, _JITTER, 2)
+    middle = (half.x + offset[0]) * width, (half.y + offset[1]) * height
     centre = (columns[0] + columns[-1] + 1) / 2, (rows[0] + rows[-1] + 1) / 2
     # OpenCV's pixel centres are at whole numbers.
     shift = [middle[axis] - 0.5 - scale * (centre[axis] - 0.5) for axis in range(2)]
     moved = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
     size, way = (width, height), cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     image = cv2.warpAffine(picture, moved, size, flags=way, borderMode=cv2.BORDER_REPLICATE)
-    share = cv2.warpAffine(things.astype(np.float32), moved, size, flags=cv2.INTER_LINEAR)[..., None]
+    share = cv2.warpAffine(objects.astype(np.float32), moved, size, flags=cv2.INTER_LINEAR)[..., None]
     mixed = np.round(sheet + (image.astype(np.float64) - sheet) * share).astype(np.uint8)
     return mixed, share[..., 0] >= 0.5
 
 
 def close_up(sheet: NDArray[np.uint8], half: Half) -> NDArray[np.uint8]:
-    """The square about a half's middle that holds whatever `put` put there, as large as the sheet [H, W, 3] itself."""
+    """The square around the centre of a half that contains whatever `put` placed there, resized to the size of the
+    sheet.
+    """
     height, width = sheet.shape[:2]
-    rows, columns = (round((_SHARES[1] + 2 * _EXECUTION_NOISE) * side) for side in (height, width))
+    rows, columns = (round((_EXTENT[1] + 2 * _JITTER) * side) for side in (height, width))
     top = int(np.clip(round(half.y * height - rows / 2), 0, height - rows))
     left = int(np.clip(round(half.x * width - columns / 2), 0, width - columns))
     part = np.ascontiguousarray(sheet[top : top + rows, left : left + columns])
@@ -72,10 +107,53 @@ def close_up(sheet: NDArray[np.uint8], half: Half) -> NDArray[np.uint8]:
 
 
 def pairs_shown(objects: Iterable[Sequence[str]]) -> set[frozenset[str]]:
-    """Which kinds of things some scene shows together: sets of two, or of one that is there twice."""
+    """The pairs of kinds that occur in one scene: sets of two kinds, or of one kind that occurs twice."""
     return {
         frozenset((one, other))
         for kinds in objects
         for number, one in enumerate(kinds)
         for other in kinds[number + 1 :]
     }  # fmt: skip
+
+
+_PLACES: Final = [half for pair in HALVES for half in pair]
+_NAMES: Final = ("left", "right", "upper", "lower")
+
+
+def half_scenes(scenes: pa.Table, count: int, seed: int) -> pa.Table:
+    """`count` rows of the `scenes` contract: the thing of a scene with one thing, placed in one half of its background.
+
+    The rows use the first such scenes of a checked table that has `scene_id` and `split`. If there are fewer than
+    `count`, scenes repeat in another half. `arrangement` names the half: left, right, upper or lower, in turn. Row i
+    depends on the table and (seed, i) only.
+
+    Raises:
+        ContractError: no scene has exactly one thing.
+    """
+    alone = list(
+        islice((row for row in scenes.to_pylist() if len(labels_of(decode_png(row["regions"]["bytes"]))) == 1), count)
+    )
+    if count and not alone:
+        raise ContractError("No scene shows one thing alone, to be put in one half of a sheet: ask for no half scenes.")
+    rows = [_half(alone[i % len(alone)], (i + i // len(alone)) % len(_NAMES), [seed, i]) for i in range(count)]
+    return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT))
+
+
+def opposite(name: str) -> str:
+    """The half that faces a half, by name."""
+    place = _NAMES.index(name)
+    return _NAMES[place + 1 if place % 2 == 0 else place - 1]
+
+
+def _half(row: dict[str, Any], place: int, seed: list[int]) -> dict[str, Any]:
+    generator = np.random.default_rng(seed)
+    image, regions = read_scene(row, f"Scene {row['scene_id']}")
+    half: Half = _PLACES[place]
+    ground = without(image, regions, labels_of(regions))
+    moved, there = put(ground, image, regions, half, generator)
+    return row | {
+        "image": image_cell(moved),
+        "regions": image_cell(there.astype(np.uint8)),
+        "scene_id": f"{row['scene_id']}/{_NAMES[place]}",
+        "arrangement": _NAMES[place],
+    }

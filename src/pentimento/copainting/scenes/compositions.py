@@ -1,7 +1,7 @@
-"""What a scene shows: which things, of which colours, how they stand to each other, before which ground.
+"""What a scene shows: kinds of things, their colours, arrangement and background; its captions and its split.
 
-Scenes are split by composition. A composition is a pair of kinds, or a kind with a colour; some of both are never in
-the training set, so that what is asked for in a test was never seen together.
+Scenes are split by composition: by the pair of kinds, and by the kind with its colour. Some of both occur in the test
+split only, so that the test split asks for combinations that no training scene shows.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ from typing import Final, Literal
 
 import numpy as np
 
-from pentimento.contracts.scenes import SPLITS
+from pentimento.contracts.scenes import SPLITS, phrase
 from pentimento.copainting.scenes.things import KINDS
 
 Arrangement = Literal["alone", "beside", "above", "row", "over_two"]
 
 THINGS: Final[dict[Arrangement, int]] = {"alone": 1, "beside": 2, "above": 2, "row": 3, "over_two": 3}
-"""How many things: beside from left to right, above from top to bottom, over_two the upper one first."""
+"""Number of things. Their order: `beside` and `row` from left to right, `above` from top to bottom, `over_two` the
+upper one first.
+"""
 
 COLORS: Final = {
     "red": (205, 45, 45),
@@ -41,7 +43,9 @@ GROUNDS: Final = {
     "room": ((246, 236, 222), (230, 208, 184)),
     "dusk": ((250, 220, 196), (226, 202, 206)),
 }
-"""For each ground the sRGB of its upper and lower part; pale, so that a drawing's lines are those of the things."""
+"""sRGB of the upper and the lower part of each background. They are pale, so that the contours of a drawing are those
+of the things.
+"""
 
 _TEST_GAPS: Final = (3, 7)
 _VAL_GAPS: Final = (5,)
@@ -49,7 +53,7 @@ _VAL_GAPS: Final = (5,)
 
 @dataclass(frozen=True)
 class Thing:
-    """A kind of ``things.DRAWINGS`` in a colour of ``COLORS``."""
+    """A kind of `things.DRAWINGS` in a colour of `COLORS`."""
 
     kind: str
     color: str
@@ -57,20 +61,20 @@ class Thing:
 
 @dataclass(frozen=True)
 class Composition:
-    """What a scene shows."""
+    """The content of a scene."""
 
     things: tuple[Thing, ...]
-    """In the order that the arrangement says."""
+    """In the order of the arrangement, see `THINGS`."""
     arrangement: Arrangement
     ground: str
 
 
 class Splits:
-    """Which compositions belong to which split; the same for the same seed.
+    """The split of each composition, as a function of a seed.
 
-    Kinds stand on a circle in a seeded order. Two kinds so many steps apart are a test pair, so many a validation
-    pair, all others train: every kind is in as many held-out pairs as any other. So with colours: of each kind one is
-    for the test and one for validation.
+    Kinds stand on a circle in a seeded order. The distance of two kinds on the circle decides the split of the pair, so
+    each kind is in as many held-out pairs as any other. Colours work the same way: of each kind, one colour is for the
+    test split and one for validation.
     """
 
     def __init__(self, seed: int) -> None:
@@ -90,7 +94,7 @@ class Splits:
         return "test" if step == 0 else "val" if step == 1 else "train"
 
     def of(self, composition: Composition) -> str:
-        """Test where anything in it is for the test only, otherwise val likewise, otherwise train."""
+        """`test` if any pair or coloured kind is in the test split, else `val` by the same rule, else `train`."""
         things = composition.things
         found = {self.of_thing(thing) for thing in things}
         found |= {self.of_pair(a.kind, b.kind) for i, a in enumerate(things) for b in things[:i]}
@@ -98,7 +102,7 @@ class Splits:
 
 
 def compose(split: str, splits: Splits, generator: np.random.Generator) -> Composition:
-    """A composition drawn at random from those of a split.
+    """A random composition of a split.
 
     Raises:
         ValueError: there is no such split.
@@ -118,3 +122,56 @@ def _draw(generator: np.random.Generator) -> Composition:
     colors = generator.choice(list(COLORS), len(kinds))
     things = tuple(Thing(KINDS[kind], str(color)) for kind, color in zip(kinds, colors, strict=True))
     return Composition(things, arrangement, str(generator.choice(list(GROUNDS))))
+
+
+_SENTENCES: Final[dict[Arrangement, tuple[str, ...]]] = {
+    "alone": ("{a}", "{a}", "there is {a}", "just {a}"),
+    "beside": (
+        "{a} to the left of {b}", "{a} left of {b}", "{b} to the right of {a}", "{b} right of {a}", "{a} beside {b}",
+        "{b} beside {a}", "{a} next to {b}", "{b} next to {a}", "{a} and {b} side by side",
+    ),
+    "above": (
+        "{a} above {b}", "{a} over {b}", "{b} below {a}", "{b} under {a}", "{b} with {a} above it",
+        "{a} with {b} below it",
+    ),
+    "row": (
+        "{a}, {b} and {c} in a row", "{b} between {a} and {c}", "{b} with {a} on the left and {c} on the right",
+        "{a} left of {b} and {c}",
+    ),
+    "over_two": (
+        "{a} above {b} and {c}", "{b} and {c} below {a}", "{b} next to {c} with {a} above", "{a} over {b} and {c}",
+    ),
+}  # fmt: skip
+
+_OPENINGS: Final = ("", "", "", "a picture of ", "a drawing of ", "a painting of ")
+
+_PLACES: Final = {
+    "white paper": ("on white paper", "on a white ground"),
+    "grey paper": ("on grey paper", "on a grey ground"),
+    "sky": ("in a blue sky", "in the sky"),
+    "meadow": ("in a meadow", "on green grass"),
+    "beach": ("on a beach", "on the sand"),
+    "sea": ("by the sea", "on the water"),
+    "snow": ("in the snow", "on a winter day"),
+    "room": ("in a room", "indoors"),
+    "dusk": ("at dusk", "in the evening"),
+}
+
+
+def wordings(composition: Composition, number: int, generator: np.random.Generator) -> list[str]:
+    """`number` captions. Every second one names neither colours nor background, because a drawing in one ink shows
+    neither.
+    """
+    return [_caption(composition, index % 2 == 0, generator) for index in range(number)]
+
+
+def _caption(composition: Composition, colored: bool, generator: np.random.Generator) -> str:
+    sentence = str(generator.choice(_SENTENCES[composition.arrangement]))
+    things = {letter: _named(thing, colored) for letter, thing in zip("abc", composition.things, strict=False)}
+    opening = "" if sentence.startswith(("there", "just")) else str(generator.choice(_OPENINGS))
+    place = " " + str(generator.choice(_PLACES[composition.ground])) if colored and generator.random() < 0.5 else ""
+    return opening + sentence.format(**things) + place
+
+
+def _named(thing: Thing, colored: bool) -> str:
+    return phrase(thing.kind, thing.color if colored else None)

@@ -1,8 +1,8 @@
-"""Ordinary edits of scenes: pairs of a picture that lacks something and the picture that has it.
+"""Edits of scenes: pairs of a picture that lacks something and the picture that shows it, with a request.
 
-They teach a goal planner's base what pictures show and that a request adds to what is there, before it meets anything
-that a robot made. The thesis starts from Instruct-Pix2Pix, which was trained on a million such edits (6.4.2). Some are
-in the scenes' colours, others as people draw with a pen; the request names the whole picture or what is missing.
+They pretrain the goal planner on what pictures show and on adding to an existing picture, before it sees any painting
+of a robot. The thesis starts from Instruct-Pix2Pix, which was trained on a million edits (6.4.2). Some edits are in the
+colours of the scenes, others are pen drawings. The request names the whole picture or the missing things.
 """
 
 from __future__ import annotations
@@ -10,31 +10,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-import cv2
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
-from pentimento.copainting.scenes.collage import pairs_shown, put, random_halves
-from pentimento.copainting.scenes.pen import pen_drawing, random_pen
-from pentimento.copainting.scenes.phrases import listed, phrase
+from pentimento.contracts.scenes import labels_of, listed, phrase, read_scene, without_colors
+from pentimento.copainting.scenes.collage import PAPER_SRGB, pairs_shown, put, random_halves, without
+from pentimento.copainting.scenes.ink import pen_drawing, random_pen
 
-_BLANK_SHARE: Final = 0.3  # of the edits: all things are missing
-_PAPER_SHARE: Final = 0.3  # of those in colour: the ground, too; a sheet of white paper
-_PEN_SHARE: Final = 0.75  # of the edits: drawn with a pen
-_COLLAGE_SHARE: Final = 0.9  # of the scenes with one thing: another's is beside or above it
-_MISSING_SHARE: Final = 0.6  # of the requests: they name what is missing, not the whole picture
-_TRIES: Final = 20
-_PAPER_SRGB: Final = 250
-_MARGIN_PX: Final = 2  # around a region, for the soft edge of what stood there
-_HOLD_OUT_EVERY: Final = 10
+_BLANK_SHARE: Final = 0.3  # of the edits of scenes with several objects: all objects are missing
+_PAPER_SHARE: Final = 0.3  # of the blank edits in colour: the input is white paper, without the background
+_PEN_SHARE: Final = 0.75  # of the edits: pen drawings
+_COLLAGE_SHARE: Final = 0.9  # of the scenes with one object: combined with another scene's object
+_MISSING_SHARE: Final = 0.6  # of the requests: they name the missing objects, not the whole picture
+_TRIES: Final = 20  # scenes drawn to find one that may be combined with a given scene
+_HOLD_OUT_EVERY: Final = 10  # scenes, where the table has no split
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What a goal planner is given, and what it should make of it."""
+    """An input of the goal planner, its target and its caption."""
 
     input: NDArray[np.uint8]
     """sRGB [H, W, 3]."""
@@ -45,23 +42,24 @@ class Pair:
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """A picture, what is on it, and what one says of the whole."""
+    """A picture with its regions and captions."""
 
     image: NDArray[np.uint8]
     regions: NDArray[np.uint8]
-    """[H, W]: 0 the ground, i + 1 thing i."""
+    """[H, W]: 0 for the background, i + 1 for thing i."""
     kinds: tuple[str, ...]
-    """Of the things, by label; empty where the table does not tell."""
+    """Of the things, by label; empty if the table has none."""
     colors: tuple[str, ...]
     captions: tuple[str, ...]
 
 
 def scene_edits(scenes: pa.Table, variants: int, seed: int) -> list[Pair]:
-    """`variants` edits of each scene in a checked `scenes` table; row i's depend on the table and (seed, i) only.
+    """`variants` edits of each scene of a checked `scenes` table; those of row i depend on the table and (seed, i)
+    only.
 
-    The target is the scene, or the scene's only thing beside that of another scene whose kind some scene of the table
-    shows together with it: what the table holds out is not put together. The input lacks one or more of the things,
-    which the ground replaces, or is blank.
+    The target is the scene itself, or its only thing beside that of another scene. Two kinds are combined only if a
+    scene of the table shows both, so held-out pairs stay held out. In the input, one or more things are replaced by the
+    background, or the picture is blank.
 
     Raises:
         ContractError: the pictures differ in size, or a mask's size is not its picture's.
@@ -86,7 +84,7 @@ def scene_edits(scenes: pa.Table, variants: int, seed: int) -> list[Pair]:
 
 
 def pairs_of(copaintings: pa.Table, split: str) -> list[Pair]:
-    """The co-paintings of one split as pairs: from the partial painting to the full one (thesis 6.4.1)."""
+    """The co-paintings of one split as pairs of a partial and a full painting (thesis 6.4.1)."""
     chosen = copaintings.filter(pa.array([name == split for name in copaintings["split"].to_pylist()], pa.bool_()))
     return [
         Pair(decode_png(row["partial"]["bytes"]), decode_png(row["full"]["bytes"]), row["caption"])
@@ -95,46 +93,22 @@ def pairs_of(copaintings: pa.Table, split: str) -> list[Pair]:
 
 
 def scenes_of(scenes: pa.Table, split: str) -> pa.Table:
-    """The scenes of one split; where the table has none, every tenth scene is `val` and the others are `train`."""
+    """The scenes of one split; in a table without splits, every tenth scene is `val` and the others are `train`."""
     if "split" in scenes.column_names and None not in (names := scenes["split"].to_pylist()):
         return scenes.filter(pa.array([name == split for name in names], pa.bool_()))
     held_out = [index % _HOLD_OUT_EVERY == 0 for index in range(scenes.num_rows)]
     return scenes.filter(pa.array([apart == (split == "val") for apart in held_out], pa.bool_()))
 
 
-def without(image: NDArray[np.uint8], regions: NDArray[np.uint8], labels: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """The picture with the ground painted over the regions of these labels.
-
-    Each row gets the median of what ground that row shows, for a ground changes from top to bottom more than across,
-    and a smear would tell where something stood; a row without ground gets the median of all ground.
-    """
-    margin = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
-    things = cv2.dilate((regions > 0).astype(np.uint8), margin) > 0
-    gone = (cv2.dilate(np.isin(regions, labels).astype(np.uint8), margin) > 0) & ~(
-        (regions > 0) & ~np.isin(regions, labels)  # what stays is not touched, also where it touches what goes
-    )
-    blank = np.full((1, 3), _PAPER_SRGB)
-    anywhere = np.median(image[~things] if not things.all() else blank, axis=0)
-    fill = np.stack(
-        [
-            np.median(row[~covered], axis=0) if not covered.all() else anywhere
-            for row, covered in zip(image, things, strict=True)
-        ]
-    ).astype(np.uint8)
-    return np.where(gone[..., None], fill[:, None], image)
-
-
 def _shown(row: dict[str, Any], index: int) -> _Shown:
-    image, regions = decode_png(row["image"]["bytes"]), decode_png(row["regions"]["bytes"])
-    if regions.shape != image.shape[:2]:
-        raise ContractError(f"Scene {index}'s regions are {regions.shape}, its image {image.shape[:2]}; match them.")
+    image, regions = read_scene(row, f"Scene {index}")
     kinds, colors = (tuple(str(word) for word in row.get(name) or ()) for name in ("objects", "colors"))
     return _Shown(image, regions, kinds, colors, tuple(row.get("captions") or [row["caption"]]))
 
 
 def _collage(one: _Shown, other: _Shown, generator: np.random.Generator) -> _Shown:
-    """The things of two scenes on the ground of the first."""
-    image = without(one.image, one.regions, np.unique(one.regions[one.regions > 0]))
+    """The things of two scenes on the background of the first."""
+    image = without(one.image, one.regions, labels_of(one.regions))
     regions = np.zeros_like(one.regions)
     for label, (each, half) in enumerate(zip((one, other), random_halves(generator), strict=True), 1):
         image, there = put(image, each.image, each.regions, half, generator)
@@ -144,7 +118,7 @@ def _collage(one: _Shown, other: _Shown, generator: np.random.Generator) -> _Sho
 
 def _edit(shown: _Shown, generator: np.random.Generator) -> Pair:
     image, regions = shown.image, shown.regions
-    labels = np.unique(regions[regions > 0])
+    labels = labels_of(regions)
     missing = labels
     if labels.size > 1 and generator.random() >= _BLANK_SHARE:
         missing = np.sort(generator.permutation(labels)[: int(generator.integers(1, labels.size))])
@@ -156,12 +130,14 @@ def _edit(shown: _Shown, generator: np.random.Generator) -> Pair:
         return Pair(before, after, _request(shown, missing, False, generator))
     caption = _request(shown, missing, True, generator)
     if missing.size == labels.size and generator.random() < _PAPER_SHARE:
-        return Pair(np.full_like(image, _PAPER_SRGB), image, caption)
+        return Pair(np.full_like(image, PAPER_SRGB), image, caption)
     return Pair(without(image, regions, missing), image, caption)
 
 
 def _request(shown: _Shown, missing: NDArray[np.integer], colored: bool, generator: np.random.Generator) -> str:
-    """Words for the whole picture or, where it is known what things are, for what is missing; a pen has no colours."""
+    """A caption of the whole picture, or the names of the missing things where they are known; without colours for a
+    pen.
+    """
     named = bool(shown.kinds) and int(missing.max(initial=0)) <= len(shown.kinds)
     if named and (not shown.captions or generator.random() < _MISSING_SHARE):
         with_color = colored and bool(shown.colors) and generator.random() < 0.5
@@ -170,7 +146,5 @@ def _request(shown: _Shown, missing: NDArray[np.integer], colored: bool, generat
             for label in missing
         ]  # fmt: skip
         return listed([things[number] for number in generator.permutation(len(things))])
-    said = shown.captions
-    if not colored:
-        said = tuple(caption for caption in said if not set(shown.colors) & set(caption.split())) or said
-    return said[int(generator.integers(len(said)))]
+    captions = shown.captions if colored else without_colors(shown.captions, shown.colors)
+    return captions[int(generator.integers(len(captions)))]

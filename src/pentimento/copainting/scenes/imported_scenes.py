@@ -1,9 +1,9 @@
-"""Captioned pictures from a local folder or Parquet file, taken into the ``scenes`` contract.
+"""Captioned pictures from a local folder or Parquet file, converted to the `scenes` contract.
 
-Three layouts are read: a folder in COCO's (``annotations/captions_*.json`` beside folders of pictures), a folder that
-``datasets`` calls an image folder (pictures beside ``metadata.csv`` or ``metadata.jsonl`` with ``file_name`` and
-``caption`` or ``text``), and Parquet with an image column and ``caption``, ``captions`` or ``text``. Nothing is
-downloaded. A picture that cannot be used is left out and counted by its reason.
+Three layouts are supported: a folder in COCO's layout (`annotations/captions_*.json` beside folders of pictures), an
+image folder of `datasets` (pictures beside `metadata.csv` or `metadata.jsonl` with `file_name` and `caption` or
+`text`), and Parquet with an image column and `caption`, `captions` or `text`. Nothing is downloaded. Unusable pictures
+are left out and counted by reason.
 """
 
 from __future__ import annotations
@@ -21,48 +21,47 @@ import cv2
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.contracts.images import encode_png
+from pentimento.contracts.images import image_cell
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.contracts.scenes import CONTRACT, SPLITS
+from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
 
 MAX_PIXELS: Final = 64_000_000
-"""A picture of more is taken for a decompression bomb and never decoded."""
-MAX_LETTERS: Final = 2_000
-"""Of a caption; what is longer is cut, for encoders read the first few dozen words only."""
+"""A picture of more is treated as a decompression bomb and never decoded."""
+MAX_CHARACTERS: Final = 2_000
+"""Of a caption. The rest is cut off, because text encoders read the first few dozen tokens only."""
 
 
 @dataclass(frozen=True)
 class ImportedConfig:
-    """A local image-text data set in place of drawn scenes."""
+    """A local data set of captioned pictures that replaces the drawn scenes."""
 
     path: str
     """A folder or a Parquet file."""
     source: str
-    """What to call it in each row, e.g. "COCO 2017"."""
+    """Its name in each row, e.g. "COCO 2017"."""
     licence: str
-    """Under which it may be used."""
+    """The licence of the pictures."""
     side_px: int
     val_share: float
     test_share: float
-    most: int
-    """At most so many scenes are taken, the first."""
+    max_scenes: int
     seed: int
 
     def __post_init__(self) -> None:
         at_least(self, 16, "side_px")
         at_least(self, 0, "val_share", "test_share", "seed")
-        above_zero(self, "most")
+        above_zero(self, "max_scenes")
         if not (self.source.strip() and self.licence.strip()):
             raise ValueError("source and licence are to be named: each scene records them.")
 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """The scenes that could be used, and how many could not, by reason."""
+    """The usable scenes, and the number of unusable ones by reason."""
 
     table: pa.Table
     quarantined: dict[str, int]
@@ -76,23 +75,23 @@ class _Item:
 
 
 class _Unusable(Exception):
-    """A picture or caption that is left out; the message is the reason that is counted."""
+    """A picture or caption is left out; the message is the reason that is counted."""
 
 
 def import_scenes(config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]) -> Imported:
-    """Read a data set; its split is drawn for each item by (seed, number).
+    """Read a data set; the split of each item is drawn by (seed, number).
 
     Args:
-        regions: a picture [H, W, 3] to its label mask [H, W], see ``semantics.segmentation``.
+        regions: maps a picture [H, W, 3] to its label mask [H, W], see `semantics.segmentation`.
 
     Raises:
-        ConfigError: there is nothing at the path, or in no layout that is known.
-        ContractError: a column is missing, or no scene could be used.
+        ConfigError: there is nothing at the path, or its layout is not supported.
+        ContractError: a column is missing, or no scene is usable.
     """
     rows: list[dict[str, Any]] = []
     bad: Counter[str] = Counter()
     for number, item in enumerate(_items(Path(config.path))):
-        if len(rows) == config.most:
+        if len(rows) == config.max_scenes:
             break
         try:
             rows.append(_row(number, item, config, regions))
@@ -105,10 +104,10 @@ def import_scenes(config: ImportedConfig, regions: Callable[[NDArray[np.uint8]],
 
 
 def load_picture(data: bytes) -> NDArray[np.uint8]:
-    """An image file's sRGB [H, W, 3], turned upright.
+    """The sRGB pixels [H, W, 3] of an image file, with its EXIF orientation applied.
 
     Raises:
-        _Unusable: it is corrupt, too large, transparent, or in a colour mode without a plain meaning in sRGB.
+        _Unusable: it is corrupt, too large, transparent, or in a colour mode without a unique conversion to sRGB.
     """
     try:
         with warnings.catch_warnings():
@@ -118,8 +117,7 @@ def load_picture(data: bytes) -> NDArray[np.uint8]:
                     raise _Unusable(f"more than {MAX_PIXELS} pixels")
                 _require_plain(opened)
                 opened.load()
-                turned = _upright(opened)
-                return np.array(turned.convert("RGB"), dtype=np.uint8)
+                return np.array(ImageOps.exif_transpose(opened).convert("RGB"), dtype=np.uint8)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise _Unusable(f"more than {MAX_PIXELS} pixels") from None
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Warning):
@@ -127,7 +125,7 @@ def load_picture(data: bytes) -> NDArray[np.uint8]:
 
 
 def _require_plain(opened: Image.Image) -> None:
-    """Refuse what would need a guess: what is behind a transparent picture, which inks a CMYK one means."""
+    """Reject pictures whose conversion to sRGB is ambiguous: transparent ones and those in CMYK."""
     if opened.mode not in ("RGB", "L", "P", "1", "RGBA", "LA", "PA"):
         raise _Unusable(f"colour mode {opened.mode}")
     if "transparency" in opened.info and opened.mode not in ("RGBA", "LA", "PA"):
@@ -136,16 +134,10 @@ def _require_plain(opened: Image.Image) -> None:
         raise _Unusable("transparent")
 
 
-def _upright(picture: Image.Image) -> Image.Image:
-    from PIL import ImageOps
-
-    return ImageOps.exif_transpose(picture)
-
-
 def _row(
     number: int, item: _Item, config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 ) -> dict[str, Any]:
-    captions = [" ".join(text.split())[:MAX_LETTERS] for text in item.captions]
+    captions = [" ".join(text.split())[:MAX_CHARACTERS] for text in item.captions]
     captions = list(dict.fromkeys(text for text in captions if text))
     if not captions:
         raise _Unusable("empty caption")
@@ -153,21 +145,20 @@ def _row(
         raise _Unusable("missing picture")
     image = _square(load_picture(item.data), config.side_px)
     chance = np.random.default_rng([config.seed, 1, number]).random()
-    bounds: NDArray[np.float64] = np.cumsum([1 - config.val_share - config.test_share, config.val_share])
     return {
-        "image": {"bytes": encode_png(image), "path": None},
+        "image": image_cell(image),
         "caption": captions[0],
-        "regions": {"bytes": encode_png(regions(image)), "path": None},
+        "regions": image_cell(regions(image)),
         "source": f"{config.source}: {item.name}",
         "licence": config.licence,
         "scene_id": f"scene_{number:06d}",
-        "split": SPLITS[int(np.searchsorted(bounds, chance, side="right"))],
+        "split": split_of(chance, config.val_share, config.test_share),
         "captions": captions,
     }
 
 
 def _square(image: NDArray[np.uint8], side_px: int) -> NDArray[np.uint8]:
-    """The largest centred square, at a side; averaged where it becomes smaller."""
+    """The largest centred square, resized to a side."""
     side = min(image.shape[:2])
     top, left = (image.shape[0] - side) // 2, (image.shape[1] - side) // 2
     part = np.ascontiguousarray(image[top : top + side, left : left + side])
@@ -214,7 +205,7 @@ def _coco(root: Path, file: Path) -> Iterator[_Item]:
 
 
 def _image_folder(root: Path) -> Iterator[_Item]:
-    """By ``datasets``, which reads the metadata and finds each picture, but does not decode it."""
+    """Items by `datasets`, which reads the metadata and finds each picture without decoding it."""
     import datasets
 
     try:

@@ -1,7 +1,7 @@
 """Kinds of things as simple drawings, recognisable at 64 px and as black outlines.
 
-A drawing stands in a unit square, x to the right and y down, as parts from back to front. A part is a filled outline
-or an open line; its tone says how it derives from the thing's own colour.
+A drawing is defined in a unit square, x to the right and y down, as parts from back to front. A part is a filled
+outline or an open line. Its tone states how its colour derives from the colour of the thing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Tone = Literal["own", "dark", "light", "white"]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A filled outline (``width`` 0) or an open line of that width, in units of the square."""
+    """A filled outline (`width` 0) or an open line of that width, in units of the square."""
 
     points: NDArray[np.float64]
     """[n, 2]: x, y."""
@@ -46,7 +46,7 @@ def _disc(tone: Tone, x: float, y: float, rx: float, ry: float | None = None) ->
 
 
 def _wheel(x: float, y: float, around: int, inner: float, outer: float, turn_deg: float) -> list[tuple[float, float]]:
-    """A star's outline: ``around`` points at ``outer``, with ``inner`` between them."""
+    """The outline of a star: `around` points at radius `outer`, with points at radius `inner` between them."""
     angles = np.radians(turn_deg + np.arange(2 * around) * 180 / around)
     radii = np.where(np.arange(2 * around) % 2 == 0, outer, inner)
     return [(float(x + r * np.cos(a)), float(y + r * np.sin(a))) for a, r in zip(angles, radii, strict=True)]
@@ -221,6 +221,6 @@ DRAWINGS: Final[dict[str, tuple[Part, ...]]] = {
         _shape("dark", *_arc(0.5, 0.54, 0.06, 0.34)),
     ),
 }
-"""For each kind its parts."""
+"""The parts of each kind."""
 
 KINDS: Final = tuple(DRAWINGS)

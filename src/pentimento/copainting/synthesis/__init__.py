@@ -1,1 +1,1 @@
-"""Partial and full paintings by the robot's own simulation (thesis 6.4.1)."""
+"""Pairs of partial and full paintings, planned with the robot's own stroke model (thesis 6.4.1)."""

@@ -1,14 +1,13 @@
-"""Partial paintings: which strokes of a full one are there already (thesis 6.4.1, Figure 6.4).
+"""Partial paintings: subsets of the strokes of a full painting (thesis 6.4.1, Figure 6.4).
 
-Strokes are removed in four ways, so that a goal planner learns to begin on an empty canvas (all), to go on anywhere
-(random), to add what a picture is about (salient) and to add one thing (semantic). What stays is told by the strokes'
-geometry alone; nothing is rendered here.
+Strokes are removed by four strategies, so that a goal planner learns to start on an empty canvas (`all`), to continue
+anywhere (`random`), to add the salient part of a picture (`salient`) and to add one thing (`semantic`). Subsets depend
+on the geometry of the strokes only; nothing is rendered.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,19 +21,19 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class PartialsConfig:
-    """How many partial paintings of each kind are made of one full painting, at most."""
+    """How many partial paintings of each strategy are made of one full painting, at most."""
 
     random: int
     random_kept: tuple[float, float]
-    """Least and largest share of the strokes that a random subset keeps."""
+    """Range of the fraction of strokes that a random subset keeps."""
     salient_shares: tuple[float, ...]
-    """For each share, the strokes on so much of the picture, its most salient part, are removed."""
+    """For each fraction, the strokes on that most salient fraction of the picture are removed."""
     semantic: int
-    """Regions, the largest first: for each, its strokes are removed."""
+    """Regions, the largest first; the strokes of one region are removed."""
     inside: float
-    """A stroke belongs to a region when at least this share of its path lies in it."""
+    """A stroke belongs to a region if at least this fraction of its path lies in it."""
     margin_m: float
-    """Regions are wider by this: an outline's strokes lie on the border."""
+    """Regions are dilated by this distance, because the strokes of an outline lie on the border."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "random", "semantic", "margin_m")
@@ -47,15 +46,16 @@ class PartialsConfig:
             raise ValueError(f"inside is {self.inside}; it must be above 0, and 1 at most.")
 
 
-class Partial(NamedTuple):
-    """Which strokes a partial painting shows."""
+@dataclass(frozen=True, eq=False)
+class Partial:
+    """The strokes that a partial painting shows."""
 
     strategy: str
-    """``all``, ``random``, ``salient`` or ``semantic``: which strokes were removed."""
+    """`all`, `random`, `salient` or `semantic`: how strokes were removed."""
     region: int | None
-    """The label of the region whose strokes were removed, for ``semantic``."""
+    """The label of the region whose strokes were removed, for `semantic`."""
     kept: BoolArray
-    """[S]."""
+    """[S], True for strokes that stay."""
 
 
 def partials(
@@ -63,27 +63,30 @@ def partials(
     saliency: FloatArray,
     regions: NDArray[np.integer],
     canvas_size_m: tuple[float, float],
+    *,
     config: PartialsConfig,
     rng: np.random.Generator,
 ) -> list[Partial]:
-    """All partial paintings of one plan, each different from the others; none where there is no stroke.
+    """All partial paintings of a plan, each different from the others; none for a plan without strokes.
 
-    What would remove no stroke is left out, and so is what removes the same strokes as another: those of a picture's
-    one thing are all, and a random subset may be anything.
+    A subset with all strokes is left out, and so is one that equals another. For a picture with one thing, `semantic`
+    often equals `all`.
 
     Args:
-        points_m: [S, N, 2] places along the strokes, canvas frame.
+        points_m: [S, N, 2] points along the strokes, canvas frame.
         saliency: [H, W] of the whole canvas.
-        regions: [H, W] labels of the whole canvas, 0 the background.
+        regions: [H, W] labels of the whole canvas, 0 for the background.
     """
+
+    def strokes_on(region: BoolArray) -> BoolArray:
+        return on_region(points_m, region, canvas_size_m, inside=config.inside, margin_m=config.margin_m)
+
     number = len(points_m)
     found = [Partial("all", None, np.zeros(number, bool))]
     for label in largest_labels(regions, config.semantic):
-        gone = on_region(points_m, regions == label, canvas_size_m, config.inside, config.margin_m)
-        found.append(Partial("semantic", label, ~gone))
+        found.append(Partial("semantic", label, ~strokes_on(regions == label)))
     for share in config.salient_shares:
-        gone = on_region(points_m, most_salient(saliency, share), canvas_size_m, config.inside, config.margin_m)
-        found.append(Partial("salient", None, ~gone))
+        found.append(Partial("salient", None, ~strokes_on(most_salient(saliency, share))))
     found += [Partial("random", None, random_subset(number, config.random_kept, rng)) for _ in range(config.random)]
     first: dict[bytes, Partial] = {}
     for partial in found:
@@ -93,7 +96,8 @@ def partials(
 
 
 def random_subset(strokes: int, kept: tuple[float, float], rng: np.random.Generator) -> BoolArray:
-    """[S]: a random subset whose share is uniform over ``kept``; at least one stroke stays and one goes, if it can."""
+    """[S]: a random subset whose fraction is uniform over `kept`; if possible, at least one stroke stays and one
+    goes."""
     count = int(np.clip(round(rng.uniform(*kept) * strokes), min(1, strokes), max(strokes - 1, 0)))
     chosen = np.zeros(strokes, bool)
     chosen[rng.permutation(strokes)[:count]] = True
@@ -101,21 +105,21 @@ def random_subset(strokes: int, kept: tuple[float, float], rng: np.random.Genera
 
 
 def most_salient(saliency: FloatArray, share: float) -> BoolArray:
-    """[H, W]: the ``share`` of the picture's pixels that is the most salient; nothing in a map without difference."""
+    """[H, W]: the most salient `share` of the pixels; no pixel of a constant map."""
     region: BoolArray = saliency > np.quantile(saliency, 1 - share)
     return region
 
 
-def largest_labels(regions: NDArray[np.integer], most: int) -> list[int]:
-    """The labels of the regions by falling size, without the background's 0; of equal ones the lower label first."""
+def largest_labels(regions: NDArray[np.integer], count: int) -> list[int]:
+    """The labels of the `count` largest regions, without the background's 0; of equal ones the lower label first."""
     labels, sizes = np.unique(regions[regions > 0], return_counts=True)
-    return [int(labels[i]) for i in np.lexsort((labels, -sizes))[:most]]
+    return [int(labels[i]) for i in np.lexsort((labels, -sizes))[:count]]
 
 
 def on_region(
-    points_m: FloatArray, region: BoolArray, canvas_size_m: tuple[float, float], inside: float, margin_m: float
+    points_m: FloatArray, region: BoolArray, canvas_size_m: tuple[float, float], *, inside: float, margin_m: float
 ) -> BoolArray:
-    """[S]: whether at least the share ``inside`` of a stroke's points lies on the region or within ``margin_m`` of it.
+    """[S]: whether at least the fraction `inside` of a stroke's points lies within `margin_m` of the region.
 
     Args:
         points_m: [S, N, 2], canvas frame.

@@ -1,7 +1,7 @@
-"""Co-paintings in shards: made by any number of workers, kept one by one, the same bytes whoever made them.
+"""Shards of co-paintings, painted by any number of workers with the same bytes, and saved one by one.
 
-A shard is a fixed run of scenes, painted by one worker in memory and kept by the process that asked for it, in one
-step. What was killed goes on with the shards that are not there yet.
+A shard is a fixed range of scenes. One worker paints it in memory, and the calling process saves it atomically. A run
+that was killed resumes with the missing shards.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.copaintings import CONTRACT
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.schema import arrow_schema
-from pentimento.copainting.synthesis.pairs import Painter, Setting, load_painter, paint_scene
+from pentimento.copainting.synthesis.painter import Painter, Setting, load_painter
+from pentimento.copainting.synthesis.pairs import paint_scene
 from pentimento.copainting.synthesis.partials import PartialsConfig
 
 Log = Callable[[str, float, int], None]
@@ -35,7 +36,7 @@ Log = Callable[[str, float, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One shard: all that a worker must be told."""
+    """One shard with all inputs of a worker."""
 
     name: str
     """Of the setting."""
@@ -48,15 +49,15 @@ class Job:
 
 
 def paint_shard(job: Job) -> bytes:
-    """The shard's rows in the ``copaintings`` contract, as a Parquet file."""
+    """The rows of the shard in the `copaintings` contract, as a Parquet file."""
     torch.set_num_threads(1)  # sums come in one order, and workers share the machine's cores
     torch.set_deterministic_debug_mode("error")
     painter = _painter(job.name, job.setting, job.stroke_model, job.semantics)
     with threadpool_limits(1):  # k-means and linear algebra have threads of their own
         rows = [row for scene in job.scenes for row in paint_scene(scene, painter, job.partials)]
-    kept = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), kept, compression="zstd")
-    return kept.getvalue()
+    content = io.BytesIO()
+    pq.write_table(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), content, compression="zstd")
+    return content.getvalue()
 
 
 @cache
@@ -67,46 +68,47 @@ def _painter(name: str, setting: Setting, stroke_model: Path, semantics: Path) -
 def paint_shards(
     jobs: Sequence[Job],
     scratch: Path,
+    *,
     workers: int,
     scheduler: str | None,
     in_each_worker: Callable[[], None],
     log: Log,
 ) -> list[Path]:
-    """Paint all shards that ``scratch`` does not hold yet; return the files of all, in their order.
+    """Paint all shards that `scratch` does not hold; return the files of all shards in order.
 
     Args:
-        workers: processes; with 1, this one does the work.
-        scheduler: address of a dask scheduler (``tcp://host:8786``), whose workers paint instead; each must find the
-            models at the same paths.
+        workers: processes; with 1, this process paints.
+        scheduler: address of a dask scheduler (`tcp://host:8786`) whose workers paint instead. They must find
+            the models at the same paths.
         in_each_worker: called first in each new process.
-        log: ``log("shards", how many there are, the same)`` after each.
+        log: `log("shards", count, count)` after each shard.
 
     Raises:
-        PentimentoError: a worker was killed; what it had finished stays.
-        ConfigError: a scheduler is given, but dask is not installed.
+        PentimentoError: a worker was killed; finished shards are kept.
+        ConfigError: a scheduler is given, but dask is not installed or the scheduler does not answer.
     """
     scratch.mkdir(parents=True, exist_ok=True)
     for unfinished in scratch.glob(".*.tmp"):  # of a write that was killed
         unfinished.unlink()
     files = [scratch / f"part-{number:05d}.parquet" for number in range(len(jobs))]
     missing = [number for number, file in enumerate(files) if not file.exists()]
-    there = len(files) - len(missing)
-    made = (
+    done = len(files) - len(missing)
+    painted = (
         ((number, paint_shard(jobs[number])) for number in missing)
         if workers == 1 and scheduler is None
-        else _elsewhere([(number, jobs[number]) for number in missing], workers, scheduler, in_each_worker)
+        else _by_workers([(number, jobs[number]) for number in missing], workers, scheduler, in_each_worker)
     )
-    for number, content in made:
+    for number, content in painted:
         atomic_write(files[number], content)
-        there += 1
-        log("shards", there, there)
+        done += 1
+        log("shards", done, done)
     return files
 
 
-def _elsewhere(
+def _by_workers(
     jobs: Sequence[tuple[int, Job]], workers: int, scheduler: str | None, in_each_worker: Callable[[], None]
 ) -> Iterator[tuple[int, bytes]]:
-    """Shards as they are finished; those not begun are given up when this stops early."""
+    """Shards as they are finished; those not started are cancelled if the iteration stops early."""
     if not jobs:
         return
     with _executor(min(workers, len(jobs)), scheduler, in_each_worker) as executor:
@@ -116,7 +118,8 @@ def _elsewhere(
                 yield futures.pop(future), future.result()
         except BrokenProcessPool as error:
             raise PentimentoError(
-                "A worker was killed, probably for want of memory. Run again with fewer workers: what is painted stays."
+                "A worker was killed, probably because memory ran out. Run again with fewer workers; finished shards "
+                "are kept."
             ) from error
         finally:
             for future in futures:

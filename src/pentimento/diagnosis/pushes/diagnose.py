@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import combine_pvalues
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from pentimento.contracts.statistics import interval, resamples
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.pushes.borderline import confirmations, with_one_borderline
@@ -85,10 +86,9 @@ class PushDiagnosis:
             return None
         fall = self.base_losses - self.extended_losses
         gap = self.base_losses - self.floor.mse
-        drawn = np.random.default_rng(11).integers(0, len(gap), (_DRAWS, len(gap)))
+        drawn = resamples(len(gap), _DRAWS, [11])
         shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), _SMALLEST_GAP * gap.mean())
-        low, high = np.quantile(shares, [0.025, 0.975])
-        return float(fall.mean() / gap.mean()), (float(low), float(high))
+        return float(fall.mean() / gap.mean()), interval(shares)
 
 
 @threadpool_limits.wrap(1)  # as for strokes
@@ -147,12 +147,11 @@ def diagnose(
     def finding(model: AnalyticPush, mechanism: Mechanism) -> Finding:
         left = action_losses(fit_without(model, mechanism.cause, base, plainly), test)
         fall = (left - action_losses(model, test)) / above
-        drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
-        low, high = np.quantile(drawn, [0.025, 0.975])
+        bounds = interval(fall[resamples(len(fall), _DRAWS, [seed, 12])].mean(1))
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
-            float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism.cause, plainly),
+            float(fall.mean()), bounds, values_with_errors(model, mechanism.cause, plainly),
             step.rivals, missed_without=float(left.mean()),
         )  # fmt: skip
 

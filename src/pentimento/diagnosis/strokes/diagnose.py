@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from pentimento.contracts.statistics import interval, resamples
 from pentimento.diagnosis.evaluation import Floor, Splits, split
 from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained, temporal_drift
 from pentimento.diagnosis.score import unconfirmed
@@ -88,10 +89,9 @@ class Diagnosis:
             return None
         fall = self.base_losses - self.extended_losses
         gap = self.base_losses - self.floor.mse
-        drawn = np.random.default_rng(11).integers(0, len(gap), (_DRAWS, len(gap)))
+        drawn = resamples(len(gap), _DRAWS, [11])
         shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), _SMALLEST_GAP * gap.mean())
-        low, high = np.quantile(shares, [0.025, 0.975])
-        return float(fall.mean() / gap.mean()), (float(low), float(high))
+        return float(fall.mean() / gap.mean()), interval(shares)
 
 
 # Matrices are too small for threads, which on busy cores wait for each other a hundred times as long as they work.
@@ -149,12 +149,11 @@ def diagnose(
     def finding(model: Model, mechanism: Mechanism) -> Finding:
         left = action_losses(without(model, [mechanism.cause]), test)
         fall = (left - action_losses(model, test)) / above
-        drawn = np.random.default_rng([seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
-        low, high = np.quantile(drawn, [0.025, 0.975])
+        bounds = interval(fall[resamples(len(fall), _DRAWS, [seed, 12])].mean(1))
         step = chosen[mechanism.cause]
         return Finding(
             mechanism.cause, step.evidence[mechanism.cause].p_adjusted, confirmed_p[mechanism.cause],
-            float(fall.mean()), (float(low), float(high)), values_with_errors(model, mechanism, known), step.rivals,
+            float(fall.mean()), bounds, values_with_errors(model, mechanism, known), step.rivals,
             of_what_is_left=float(fall.mean()) * above / above_floor(float(left.mean())),
             missed_without=float(left.mean()),
         )  # fmt: skip

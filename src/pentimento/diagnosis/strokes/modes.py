@@ -18,6 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.contracts.statistics import interval, resamples
 from pentimento.diagnosis.residual_structure import Unexplained, structure
 from pentimento.diagnosis.score import folds
 from pentimento.diagnosis.strokes.jacobian import linearise_rows
@@ -176,13 +177,13 @@ def generic(model: Model, known: Measured, test_split: Measured, left: Sequence[
     pairs = [(one.mode, one.covariate) for one in left]
     together = fit_modulator(model, known, pairs, seed)
     before, losses = action_losses(model, test_split), action_losses(*modulated(model, together, test_split))
-    drawn = np.random.default_rng([seed, 15]).integers(0, len(losses), (_DRAWS, len(losses)))
-    low, high = np.quantile(1 - losses[drawn].mean(1) / before[drawn].mean(1), [0.025, 0.975])
+    drawn = resamples(len(losses), _DRAWS, [seed, 15])
+    bounds = interval(1 - losses[drawn].mean(1) / before[drawn].mean(1))
     alone = {}
     for pair in pairs:
         one = fit_modulator(model, known, [pair], seed)
         alone[pair] = float(1 - action_losses(*modulated(model, one, test_split)).mean() / before.mean())
-    return Generic(together, losses, float(1 - losses.mean() / before.mean()), (float(low), float(high)), alone)
+    return Generic(together, losses, float(1 - losses.mean() / before.mean()), bounds, alone)
 
 
 def modulated(model: Model, modulator: Modulator, measured: Measured) -> tuple[Model, Measured]:

@@ -12,6 +12,10 @@ from pentimento.planning.strokes.palette import PaletteChoice
 Log = Callable[[str, float, int], None]
 
 
+def no_log(_name: str, _value: float, _step: int) -> None:
+    """A `Log` that discards its values."""
+
+
 @dataclass(frozen=True)
 class LearningRates:
     """Adam's step for each kind of number, at its largest: a schedule lowers all alike."""

@@ -1,0 +1,281 @@
+"""The denoising loss of a goal planner on pairs of latents, its optimiser and the moving average of the weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import lightning
+import numpy as np
+import torch
+from diffusers import DDIMScheduler
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.copainting.goal.planner import GoalPlanner, check_pictures
+from pentimento.copainting.goal.ranks import Log
+from pentimento.copainting.goal.vae import encode
+from pentimento.copainting.jobs import generator_for
+from pentimento.copainting.scenes.edits import Pair
+
+
+@dataclass(frozen=True)
+class Lora:
+    """Low-rank updates of the UNet (Hu et al. 2022) in place of all its weights."""
+
+    rank: int
+    alpha: int
+    """The updates are scaled by alpha / rank."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "rank", "alpha")
+
+
+@dataclass(frozen=True)
+class GoalTraining:
+    """How a goal planner is trained."""
+
+    steps: int
+    batch: int
+    learning_rate: float
+    """AdamW's, after the warm-up; it falls along a cosine to a tenth."""
+    warm_up: int
+    """Steps in which the learning rate rises."""
+    weight_decay: float
+    drop_text: float
+    """Share of the pairs shown without their text; as often without their picture, and again without both."""
+    drop_image: float
+    drop_both: float
+    min_snr_gamma: float | None
+    """Clamp of the signal-to-noise ratio in the loss's weight (Hang et al. 2023: 5), or null: all times weigh alike."""
+    time_bias: float
+    """Noise times are T (1 − (1 − u)^b) for uniform u and this b: 1 is uniform, above it more of them are noisy. What a
+    picture will show is decided there, and that is what text tells: in short training it is learned last."""
+    ema_decay: float
+    """Of the weights' moving average, which is what training gives; it starts as a plain mean."""
+    lora: Lora | None
+    """Null trains the whole UNet."""
+    train_text: bool
+    """Whether the text encoder learns, too (a new one must; a published one is kept)."""
+    checkpoint_every: int
+    """Steps."""
+    precision: Literal["32-true", "bf16-mixed", "16-mixed"]
+    accelerator: Literal["cpu", "auto"]
+    devices: int
+    """GPUs, or processes where there is none. Each takes an equal share of the batch."""
+    strategy: Literal["auto", "ddp"]
+    """Lightning's: auto trains on one device in this process, and on several by ddp, a process for each."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "steps", "batch", "checkpoint_every", "devices")
+        at_least(self, 0, "warm_up", "weight_decay", "drop_text", "drop_image", "drop_both", "ema_decay", "seed")
+        above_zero(self, "learning_rate", "time_bias")
+        if self.batch % self.devices:
+            raise ValueError(
+                f"batch is {self.batch}, which {self.devices} devices cannot share equally; take a multiple of devices."
+            )
+        if self.drop_text + self.drop_image + self.drop_both > 1:
+            raise ValueError("drop_text, drop_image and drop_both are shares of the same pairs; their sum is above 1.")
+        if self.ema_decay >= 1:
+            raise ValueError(f"ema_decay is {self.ema_decay}; below 1, the average follows the weights.")
+        if self.min_snr_gamma is not None:
+            above_zero(self, "min_snr_gamma")
+
+
+@dataclass(frozen=True, eq=False)
+class LatentPairs:
+    """Pairs in latents: pictures that several pairs share stand once."""
+
+    latents: Tensor
+    """Of each different picture, [P, C, h, w]: their modes. Published training draws a target's latents at random about
+    its mode; what nothing can foretell only makes the little training here noisier."""
+    input: Tensor
+    """For each pair, which picture is its input, int64 [N]."""
+    target: Tensor
+    tokens: Tensor
+    """Of the captions, int64 [N, T], padded."""
+
+
+def encode_pairs(planner: GoalPlanner, pairs: Sequence[Pair]) -> LatentPairs:
+    """Encode pairs with a planner's autoencoder and tokenizer.
+
+    Raises:
+        ContractError: no pair, or pictures of a size that the planner does not take.
+    """
+    if not pairs:
+        raise ContractError("There is no pair of pictures to train the goal planner on; make the dataset larger.")
+    shapes = {picture.shape for pair in pairs for picture in (pair.input, pair.target)}
+    if len(shapes) > 1:
+        raise ContractError(f"The pairs' pictures are of {len(shapes)} sizes, e.g. {sorted(shapes)[:2]}; resize them.")
+    check_pictures(planner, pairs[0].input[None])
+    place: dict[bytes, int] = {}
+    pictures: list[NDArray[np.uint8]] = []
+
+    def index_of(picture: NDArray[np.uint8]) -> int:
+        key = picture.tobytes()
+        if key not in place:
+            place[key] = len(pictures)
+            pictures.append(picture)
+        return place[key]
+
+    inputs = [index_of(pair.input) for pair in pairs]
+    targets = [index_of(pair.target) for pair in pairs]
+    return LatentPairs(
+        encode(planner.vae, np.stack(pictures)),
+        Tensor(inputs).long(),
+        Tensor(targets).long(),
+        tokens_of(planner, [pair.caption for pair in pairs]),
+    )
+
+
+def tokens_of(planner: GoalPlanner, captions: Sequence[str]) -> Tensor:
+    """Captions as the pipeline itself would tokenise them, int64 [N, T]: padded, and cut where too long."""
+    return planner.tokenizer(
+        list(captions),
+        padding="max_length",
+        max_length=planner.tokenizer.model_max_length,
+        truncation=True,
+        return_tensors="pt",
+    ).input_ids
+
+
+_LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
+
+
+class Denoising(lightning.LightningModule):
+    """The loss of a step, the optimiser, and the moving average of what is trained."""
+
+    def __init__(self, planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, log: Log) -> None:
+        super().__init__()
+        self.unet, self.text_encoder = planner.unet, planner.text_encoder
+        self.scheduler = planner.scheduler
+        self.scaling = float(planner.vae.config.scaling_factor)
+        self.pairs, self.config, self.report = pairs, config, log
+        self.no_text = tokens_of(planner, [""])
+        self.unet.train()
+        if config.lora is None:
+            self.unet.requires_grad_(True)
+        self.text_encoder.train(config.train_text).requires_grad_(config.train_text)
+        self.losses: Tensor
+        self.register_buffer("losses", torch.zeros(config.steps, dtype=torch.float64))
+        self.average = nn.ParameterList(
+            nn.Parameter(parameter.detach().clone(), requires_grad=False) for parameter in self._trained()
+        )
+
+    def training_step(self, _batch: int, _: int) -> Tensor:
+        step, config, latents = self.global_step, self.config, self.pairs.latents
+        generator = generator_for(config.seed, step)
+        # All devices draw the same for the whole batch, and each goes on with its share.
+        drawn = (
+            self._chosen(step),
+            torch.rand(config.batch, generator=generator),
+            torch.randn((config.batch, *latents.shape[1:]), generator=generator),
+            torch.rand(config.batch, generator=generator),
+        )
+        chosen, luck, noise, moment = (values[self.global_rank :: self.trainer.world_size] for values in drawn)
+        clean = latents[self.pairs.target[chosen]] * self.scaling
+        shown = latents[self.pairs.input[chosen]]  # not scaled, as published
+        tokens = self.pairs.tokens[chosen]
+        no_text = luck < config.drop_text + config.drop_both
+        no_image = (luck >= config.drop_text) & (luck < config.drop_text + config.drop_both + config.drop_image)
+        tokens = torch.where(no_text[:, None], self.no_text, tokens)
+        shown = torch.where(no_image[:, None, None, None], torch.zeros(()), shown)
+        share = 1 - (1 - moment) ** config.time_bias
+        last = self.scheduler.config.num_train_timesteps - 1
+        times = (share * (last + 1)).long().clamp(max=last)
+        noisy = self.scheduler.add_noise(clean, noise, times)
+        wanted = wanted_output(self.scheduler, clean, noise, times)
+        weight = loss_weight(self.scheduler, times, config.min_snr_gamma)
+        device = self.device
+        text = self.text_encoder(tokens.to(device))[0]
+        made = self.unet(torch.cat([noisy, shown], 1).to(device), times.to(device), text).sample
+        loss = ((made.float() - wanted.to(device)).square().mean((1, 2, 3)) * weight.to(device)).mean()
+        of_devices: Any = self.all_gather(loss.detach())
+        mean = of_devices.mean()
+        self.losses[step] = mean
+        if self.trainer.is_global_zero:
+            self.report("loss", float(mean), step)
+        return loss
+
+    def optimizer_step(self, *arguments: Any, **keywords: Any) -> None:
+        """A step of the weights and, before any checkpoint is written, of their average."""
+        super().optimizer_step(*arguments, **keywords)
+        decay = min(self.config.ema_decay, self.global_step / (self.global_step + 1))
+        with torch.no_grad():
+            torch._foreach_lerp_([*self.average.parameters()], [*self._trained()], 1 - decay)
+
+    def configure_optimizers(self) -> Any:
+        config = self.config
+        optimizer = torch.optim.AdamW(
+            self._trained(),
+            lr=config.learning_rate,
+            weight_decay=config.weight_decay,
+            betas=(0.9, 0.99),
+            fused=config.precision == "32-true",  # Lightning clips no gradients of a fused one in mixed precision
+        )
+        schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, self._rate)
+        return [optimizer], [{"scheduler": schedule, "interval": "step"}]
+
+    @torch.no_grad()
+    def take_averages(self) -> None:
+        """Put the moving average in the weights' place."""
+        for parameter, average in zip(self._trained(), self.average, strict=True):
+            parameter.copy_(average)
+
+    def _trained(self) -> list[nn.Parameter]:
+        return [p for part in (self.unet, self.text_encoder) for p in part.parameters() if p.requires_grad]
+
+    def _rate(self, step: int) -> float:
+        config = self.config
+        if step < config.warm_up:
+            return (step + 1) / (config.warm_up + 1)
+        done = min(1.0, (step - config.warm_up) / max(1, config.steps - config.warm_up))
+        return _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + float(torch.cos(torch.tensor(torch.pi * done))))
+
+    def _chosen(self, step: int) -> Tensor:
+        """The pairs of a step: each pass shows all of them once, in an order of its own."""
+        number, first = len(self.pairs.input), step * self.config.batch
+        positions = range(first, first + self.config.batch)
+        orders = {
+            sweep: torch.randperm(number, generator=generator_for(self.config.seed, 1, sweep))
+            for sweep in {position // number for position in positions}
+        }
+        return torch.stack([orders[position // number][position % number] for position in positions])
+
+
+def wanted_output(scheduler: DDIMScheduler, clean: Tensor, noise: Tensor, times: Tensor) -> Tensor:
+    """What the UNet should give for noised latents [B, C, h, w]: the noise, the velocity or the clean latents."""
+    match scheduler.config.prediction_type:
+        case "epsilon":
+            return noise
+        case "v_prediction":
+            return scheduler.get_velocity(clean, noise, times)
+        case "sample":
+            return clean
+        case other:
+            raise ValueError(f"prediction type {other}")
+
+
+def loss_weight(scheduler: DDIMScheduler, times: Tensor, gamma: float | None) -> Tensor:
+    """Weight [B] of the squared error of `wanted_output`: 1, or min-SNR-γ (Hang et al. 2023, section 3.4).
+
+    With SNR = ᾱ / (1 − ᾱ), the error of the clean latents weighs min(SNR, γ); that of the noise is SNR times it and
+    that of the velocity SNR + 1 times it, so their weights are as many times less. At zero SNR (pure noise) a network
+    would learn nothing of the clean latents: the velocity's weight is 0 there, as published.
+    """
+    if gamma is None:
+        return torch.ones(len(times))
+    signal = scheduler.alphas_cumprod[times]
+    ratio = signal / (1 - signal)
+    clamped = ratio.clamp(max=gamma)
+    match scheduler.config.prediction_type:
+        case "epsilon":
+            return clamped / ratio
+        case "v_prediction":
+            return clamped / (ratio + 1)
+        case _:
+            return clamped

@@ -1,1 +1,0 @@
-"""Objectives that need PyTorch: what a painting should be made of; and any such objective as the planner asks."""

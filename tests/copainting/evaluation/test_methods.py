@@ -1,0 +1,27 @@
+"""A goal planner's goals: as it completes them where it changes the canvas, the canvas elsewhere."""
+
+import numpy as np
+import pytest
+import torch
+
+from pentimento.copainting.evaluation import methods
+from pentimento.copainting.evaluation.methods import complete_canvases
+from pentimento.copainting.goal.planner import SeededSampling
+from pentimento.copainting.goal.vae import round_trip
+from tests.copainting.goal_planners import small_pairs, small_planner
+
+ASKING = SeededSampling(steps=1, image_guidance=1.0, text_guidance=1.0, seed=0)
+
+
+def test_what_the_planner_leaves_is_the_canvas_and_what_it_draws_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.set_num_threads(1)
+    planner, canvases = small_planner(), np.stack([pair.target for pair in small_pairs(2)])
+    again = round_trip(planner.vae, canvases)
+    drawn = again.copy()
+    drawn[1, :, :8] = 255 - again[1, :, :8]
+    given = iter([again, drawn])
+    monkeypatch.setattr(methods, "complete", lambda *_: next(given))
+    assert np.array_equal(complete_canvases(planner, canvases, ["a", "b"], ASKING), canvases)
+    goals = complete_canvases(planner, canvases, ["a", "b"], ASKING)
+    assert np.array_equal(goals[0], canvases[0]) and np.array_equal(goals[1, :, 12:], canvases[1, :, 12:])
+    assert (goals[1, :, :8] != canvases[1, :, :8]).any()

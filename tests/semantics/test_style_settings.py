@@ -1,0 +1,112 @@
+"""Which objectives are summed is read from params.yaml; what makes no sense is a sentence."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ConfigError, ImageError
+from pentimento.planning.strokes.config import ObjectivesConfig, StyleConfig
+from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import first_pass, objective_for
+from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
+from pentimento.semantics.style import PictureStyle, style_of
+from pipelines._config import load_section
+from tests.planning.strokes.scenes import CONFIG, scene, unheard
+
+STYLE = StyleConfig(0.05, "retina", "local", None)
+SHAPE = (64, 96)
+YAML = """
+objectives:
+  print_weight: 1
+  style: {weight: 0.05, picture: retina, features: local, vgg16_weights: null}
+"""
+
+
+def read(tmp_path: Path, text: str) -> ObjectivesConfig:
+    (tmp_path / "params.yaml").write_text(text)
+    return load_section(tmp_path / "params.yaml", "objectives", ObjectivesConfig)
+
+
+def test_the_section_is_read_and_its_sum_has_its_terms(tmp_path: Path) -> None:
+    objectives = read(tmp_path, YAML)
+    assert objectives == ObjectivesConfig(1.0, STYLE)
+    config = replace(CONFIG, objectives=objectives)
+    style = style_of(config)
+    assert style is not None
+    target = PictureStyle(replace(STYLE, picture="chelsea"), 0).picture(SHAPE)
+    task = replace(scene(), target=target, style=style)
+    values = objective_for(task, config).values(target)
+    assert values["print"] < 1e-12
+    assert values["style"] > 0.1
+    alone = replace(config, objectives=ObjectivesConfig(1.0, None))
+    assert style_of(alone) is None
+    own = style.picture(SHAPE)
+    assert list(objective_for(task, alone).values(own)) == ["print"]
+    # A picture is at no distance of its own style.
+    assert objective_for(task, config)(own)[0] == pytest.approx(objective_for(task, alone)(own)[0])
+
+
+def test_the_first_pass_copies_the_style_picture_where_nothing_else_composes() -> None:
+    style = PictureStyle(STYLE, 0)
+    task = replace(scene(), target=np.zeros((*SHAPE, 3), np.float32), style=style)
+    for objectives, copied in (
+        (ObjectivesConfig(0.0, STYLE), style.picture(SHAPE)),
+        (ObjectivesConfig(1.0, STYLE), task.target),
+        (ObjectivesConfig(1.0, None), task.target),
+    ):
+        first, config = first_pass(task, replace(CONFIG, objectives=objectives))
+        np.testing.assert_array_equal(first.target, copied)
+        assert config.objectives == ObjectivesConfig(1.0, None)
+
+
+def test_a_style_without_a_workshop_is_a_sentence() -> None:
+    with pytest.raises(ConfigError, match="ask for a style, but the scene that is planned for has none"):
+        objective_for(scene(), replace(CONFIG, objectives=ObjectivesConfig(1.0, STYLE)))
+
+
+def test_a_style_changes_what_the_plan_is_made_of() -> None:
+    strong = replace(STYLE, weight=0.3)
+    both = replace(CONFIG, objectives=ObjectivesConfig(1.0, strong), iterations_palette=30, relocate_every=0)
+    target = fit_to_canvas(load_photograph("coffee"), (80, 120)).astype(np.float32)
+    large = replace(scene(), target=target, style=style_of(both))
+    white = np.ones((80, 120, 3), np.float32)
+    objective = objective_for(large, both)
+    values = {}
+    for name, config in {"print": replace(both, objectives=ObjectivesConfig(1.0, None)), "both": both}.items():
+        strokes, _ = plan(white, large, 30, config, unheard)
+        values[name] = objective.values(render_plan(strokes, white, large))
+    assert values["both"]["style"] < 0.9 * values["print"]["style"]
+    assert values["both"]["print"] < 0.5 * objective.values(white)["print"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("print_weight: 1", "print_weight: -1", r"objectives: print_weight is -1\.0; it must be 0 or more"),
+        ("weight: 0.05", "weight: 0", r"objectives\.style: weight is 0\.0; it must be above 0"),
+        ("local", "resnet", r"objectives\.style\.features is 'resnet', expected 'local' or 'vgg16'"),
+        ("local", "vgg16", r"objectives\.style: vgg16_weights is None while features is 'vgg16'"),
+        ("weights: null", "weights: a.pth", r"vgg16_weights is 'a\.pth' while features is 'local'"),
+    ],
+)
+def test_what_makes_no_sense_is_a_sentence(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        read(tmp_path, YAML.replace(old, new))
+
+
+def test_no_objective_is_no_plan(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"print_weight is 0\.0 and style is null|print_weight is 0 and style is null"
+    ):
+        read(tmp_path, "objectives: {print_weight: 0, style: null}")
+
+
+def test_files_that_are_not_there_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ImageError, match=r"no photograph 'no_such_style'"):
+        PictureStyle(replace(STYLE, picture="no_such_style"), 0).picture(SHAPE)
+    none = StyleConfig(1.0, "retina", "vgg16", str(tmp_path / "none.pth"))
+    with pytest.raises(ConfigError, match=r"no VGG-16 weights at .*none\.pth"):
+        PictureStyle(none, 0).objective(SHAPE)
