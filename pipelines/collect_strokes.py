@@ -18,7 +18,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_shards
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
-from pentimento.diagnosis.experiment_design import Aliasing, in_short
+from pentimento.diagnosis.experiment_design import Aliasing, aliasing_in_short
 from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
@@ -76,7 +76,7 @@ def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> 
     tool = load_tool(tool_name)
     robot = VirtualRobot(Studio(load_world(world), config.seed))
     found = _aliasing(tool, robot.canvas_size_m, config)
-    print(f"What this design cannot tell apart: {in_short(found)}.", file=sys.stderr)
+    print(f"What this design cannot tell apart: {aliasing_in_short(found)}.", file=sys.stderr)
     rows = collect_strokes(GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config, run.log)
     return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0]))), found.largest
 

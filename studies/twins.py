@@ -19,7 +19,7 @@ import studies.blind_pushes.make as pushes
 from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.verdict import Judged
+from pentimento.diagnosis.verdict import DiagnosisResult
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from studies.blind.collect import as_table, record_world
 from studies.blind.design import view_of
@@ -74,7 +74,9 @@ class Pair:
         )
 
 
-def pair_of(truth: strokes.Truth | pushes.Truth, world: Judged, counterfactual: Judged) -> Pair | None:
+def pair_of(
+    truth: strokes.Truth | pushes.Truth, world: DiagnosisResult, counterfactual: DiagnosisResult
+) -> Pair | None:
     """None where the cause is not named exactly, or the floor is not known."""
     if tuple(finding.cause for finding in world.established) != truth.causes or world.floor is None:
         return None

@@ -21,8 +21,8 @@ from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, survey
-from pentimento.diagnosis.strokes.quarantine import sound_rows
-from pentimento.diagnosis.strokes.write import gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from studies.blind.pixelwise import named_by_pixels
@@ -37,12 +37,12 @@ def verdict_on(
         outside: another table, for the share of the gap that is closed there.
         without: a cause that is taken out of the vocabulary.
     """
-    measured = load_measured(sound_rows(table).table)
+    measured = load_measured(usable_rows(table).table)
     vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
     found = diagnose(measured, vocabulary, seed, lambda line: None)
     shifted = None
     if outside is not None:
-        shifted = gap_closed_on(load_measured(sound_rows(outside).table), found, paints_of(measured), seed)
+        shifted = gap_closed_on(load_measured(usable_rows(outside).table), found, paints_of(measured), seed)
     return verdict(found, len(measured), len(set(measured.action.tolist())), shifted), found, measured
 
 

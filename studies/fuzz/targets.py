@@ -26,7 +26,7 @@ from pentimento.contracts.images import decode_png, encode_png, read_image
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, read_plan, write_plan
 from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
 from pentimento.goals3d.height_files import height_file_relief
@@ -85,7 +85,7 @@ def _through_file(path: Path, read: Callable[[Path], Any]) -> Callable[[bytes], 
 
 def _tables(folder: Path) -> list[Target]:
     def strokes_of(path: Path) -> Any:
-        return sound_rows(read_table(path, strokes.CONTRACT).table)
+        return usable_rows(read_table(path, strokes.CONTRACT).table)
 
     def pushes_of(path: Path) -> Any:
         return load_pushes(read_table(path, pushes.CONTRACT).table)

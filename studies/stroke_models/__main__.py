@@ -20,7 +20,7 @@ import torch
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.diagnosis.strokes.quarantine import usable_rows
 from studies.stroke_models import figures, page
 from studies.stroke_models.compare import Results, compare, read_results
 from studies.stroke_models.measured import BRUSHES, PENS, held_out_of, parts
@@ -59,7 +59,7 @@ def main() -> None:
 
 def own(strokes: Path, seeds: int, out: Path) -> None:
     """A team's own table: every seed holds out another quarter of its actions."""
-    table = sound_rows(read_table(strokes, CONTRACT).table).table
+    table = usable_rows(read_table(strokes, CONTRACT).table).table
     found = []
     for seed in range(1, seeds + 1):
         training, held_out = held_out_of(table, seed - 1)

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.diagnosis.strokes.quarantine import usable_rows
 
 BRUSHES = (
     "brush_2022a", "brush_2022b", "brush_2022c_16x20", "brush_big_11x14", "brush_big_16x20", "brush_small_16x20",
@@ -41,8 +41,8 @@ def parts(folder: Path, name: str, number: int) -> tuple[pa.Table, dict[str, pa.
     """
     table, other = (pq.read_table(folder / f"{each}.parquet") for each in (name, LIKE[name]))
     some = np.sort(np.random.default_rng([0, 32]).permutation(other.num_rows)[:_OTHER])
-    training, held_out = held_out_of(sound_rows(table).table, number)
-    return training, {"own": held_out, "other": sound_rows(other.take(some)).table}
+    training, held_out = held_out_of(usable_rows(table).table, number)
+    return training, {"own": held_out, "other": usable_rows(other.take(some)).table}
 
 
 def held_out_of(table: pa.Table, number: int) -> tuple[pa.Table, pa.Table]:

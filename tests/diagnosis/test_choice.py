@@ -9,7 +9,7 @@ import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.score import Step, most_parsimonious, unconfirmed
-from pentimento.diagnosis.strokes.choice import by_what_is_left, prune_redundant, prune_unlikely
+from pentimento.diagnosis.strokes.choice import prefer_same_family, prune_redundant, prune_unlikely
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import Model, identity
@@ -92,9 +92,9 @@ def test_of_two_causes_by_which_a_mark_trails_what_goes_with_speed_decides_and_n
     scatter = 1e-6 * np.random.default_rng(4).standard_normal(60)
     losses = {hidden.cause: 1e-4 + worse_by + scatter, other: np.full(60, 1e-4)}
     step = Step({}, other, (hidden.cause,) if worse_by < 1e-6 else ())
-    settled = by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None)
+    settled = prefer_same_family(step, losses, 3e-4, refits, made, 0, lambda line: None)
     assert (settled.chosen, settled.rivals) == (hidden.cause, ())
-    kept = by_what_is_left(replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, made, 0, print)
+    kept = prefer_same_family(replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, made, 0, print)
     assert (kept.chosen, kept.rivals) == (hidden.cause, ())
 
 
@@ -102,14 +102,14 @@ def test_a_cause_that_removes_little_takes_nobodys_place_whatever_it_leaves() ->
     refits, made = refitted(Latency, [0.05], TRAILING)
     losses = {"latency": np.full(60, 2.5e-4), "bristle_lag": np.full(60, 1e-4)}
     step = Step({}, "bristle_lag", ())
-    assert by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+    assert prefer_same_family(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
 
 
 def test_causes_that_go_with_the_same_are_left_to_their_errors() -> None:
     refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, SpeedBleed))
     losses = {"speed_width": np.full(60, 1e-4), "speed_bleed": np.full(60, 1e-4)}
     step = Step({}, "speed_bleed", ("speed_width",))
-    assert by_what_is_left(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+    assert prefer_same_family(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
 
 
 def refitted(

@@ -7,14 +7,14 @@ from wildboottest.wildboottest import WildboottestCL
 
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import (
-    explained,
+    evidence_for,
     held_out_gains,
     information,
     interval_of_mean,
-    project,
+    projected_scores,
     scatter,
+    score_statistic,
     score_tests,
-    weighed,
 )
 
 BOTH = (information, scatter)
@@ -56,7 +56,7 @@ INDEX = {f"c{i}": np.array([NUISANCES + i]) for i in range(CANDIDATES)}
 
 def test_projection_leaves_nothing_to_the_nuisances() -> None:
     statistics = world(0)
-    scores = project(statistics, HELD, np.array([3, 4]))
+    scores = projected_scores(statistics, HELD, np.array([3, 4]))
     refit = np.linalg.solve(statistics.curvature.sum(0)[:3, :3], statistics.curvature.sum(0)[:3, 3:5])
     np.testing.assert_allclose(scores, statistics.slope[:, 3:5] - statistics.slope[:, :3] @ refit, atol=1e-4)
 
@@ -73,10 +73,10 @@ def test_without_an_effect_p_is_uniform_even_though_pixels_share_errors() -> Non
 def test_evidence_is_each_candidates_own_whatever_numbers_it_has() -> None:
     """The first candidate matters; it is found as the second of one number, and as a part of the first of two."""
     statistics, blocks = world(4, effect=0.8), np.arange(ACTIONS) // 3
-    single = weighed(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
+    single = evidence_for(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
     assert single["c0"].p_adjusted < 0.02 and single["c0"].min_gain > 0
     assert all(single[name].gain < 0.1 * single["c0"].gain for name in ("c1", "rest"))
-    paired = weighed(statistics, NUISANCES, {"both": 2, "others": 2}, blocks, 0)
+    paired = evidence_for(statistics, NUISANCES, {"both": 2, "others": 2}, blocks, 0)
     assert paired["both"].p_adjusted < 0.02 < paired["others"].p_adjusted
     assert paired["both"].gain == pytest.approx(single["c0"].gain, rel=0.1)
 
@@ -159,10 +159,10 @@ def test_scores_are_those_of_a_published_wild_cluster_bootstrap(effect: float) -
     """Action by action they are its restricted scores over the candidate's information, for any signs."""
     for seed in range(4):
         boot, statistics = published(seed, effect), world(seed, effect)
-        scores = project(statistics, HELD, INDEX["c0"])
+        scores = projected_scores(statistics, HELD, INDEX["c0"])
         information = 1 / np.linalg.inv(boot.tXX)[NUISANCES, NUISANCES]
         np.testing.assert_allclose(scores[:, 0], information * boot.Cg, rtol=1e-4, atol=1e-6 * np.abs(boot.Cg).max())
-        ours = explained(boot.v.T @ scores, np.array([[information]]))
+        ours = score_statistic(boot.v.T @ scores, np.array([[information]]))
         np.testing.assert_allclose(ours, information * np.square(boot.numer), rtol=1e-3, atol=1e-9)
 
 

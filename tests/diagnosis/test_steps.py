@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from pentimento.diagnosis.gauss_newton import Statistics, damped_step, promised
+from pentimento.diagnosis.gauss_newton import Statistics, damped_step, predicted_decrease
 
 NUMBERS = 5
 FREE = np.full(NUMBERS, -np.inf), np.full(NUMBERS, np.inf)
@@ -25,7 +25,7 @@ def test_without_damping_it_goes_to_the_least_and_keeps_its_promise() -> None:
     minimum = np.linalg.lstsq(columns.reshape(-1, NUMBERS), missed.ravel(), rcond=None)[0]
     np.testing.assert_allclose(there, minimum, atol=1e-6)
     fall = (np.square(missed) - np.square(missed - columns @ there)).sum(1).mean()
-    assert promised(there, none, statistics, hold) == pytest.approx(fall, rel=1e-6)
+    assert predicted_decrease(there, none, statistics, hold) == pytest.approx(fall, rel=1e-6)
 
 
 def test_what_holds_numbers_pulls_them_to_their_start() -> None:

@@ -11,7 +11,7 @@ from sklearn.utils._openmp_helpers import _openmp_effective_n_threads
 from threadpoolctl import threadpool_limits
 
 from pentimento.diagnosis import boosting
-from pentimento.diagnosis.boosting import cross_fitted, said_at
+from pentimento.diagnosis.boosting import cross_fitted, predict_held_out
 
 
 def drawn(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -30,11 +30,11 @@ def test_what_was_not_grown_on_is_told_and_believed() -> None:
 def test_elsewhere_they_say_what_they_learnt_of_others() -> None:
     features, missing, fold = drawn(0)
     grown, said, _ = cross_fitted(features, missing, np.ones(1200), fold, 40)
-    np.testing.assert_allclose(said_at(grown, features, fold), said)
-    beyond = said_at(grown, np.abs(features) + 1.0, fold)
+    np.testing.assert_allclose(predict_held_out(grown, features, fold), said)
+    beyond = predict_held_out(grown, np.abs(features) + 1.0, fold)
     assert beyond.min() > 0.8
     unknown = np.arange(1200) < 30
-    assert not said_at(grown, features, np.where(unknown, -1, fold))[unknown].any()
+    assert not predict_held_out(grown, features, np.where(unknown, -1, fold))[unknown].any()
 
 
 def test_noise_is_hardly_believed() -> None:

@@ -1,4 +1,4 @@
-"""Rows a few at a time: what is done to each has no need of the others."""
+"""Process rows in batches, on one or more threads."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ _R = TypeVar("_R")
 
 
 def in_batches(function: Callable[[slice], _R], rows: int, rows_at_once: int, threads: int = 1) -> list[_R]:
-    """The results for a few of so many rows at a time, in their order; the same for any number of threads, bit by bit.
-
-    Of more than one, the function must not come back here: it would wait for the threads that it holds.
+    """The results for batches of rows, in order; bitwise the same for any number of threads.
 
     Args:
-        threads: more than one only for work on whole arrays; where most is said in Python, they wait for each other.
+        function: gets the slice of rows. With several threads it must not call ``in_batches`` itself, which would
+            deadlock.
+        rows: in all.
+        rows_at_once: rows a batch.
+        threads: more than one pays only for work on whole arrays that releases the interpreter lock.
     """
 
     def of(some: slice) -> _R:
@@ -32,11 +34,10 @@ def in_batches(function: Callable[[slice], _R], rows: int, rows_at_once: int, th
 
 
 def one_openmp_thread() -> AbstractContextManager[Any]:
-    """Inside, what the calling thread starts is not shared out any further by OpenMP, whose threads wait for each other
-    a hundred times as long on busy cores as they work.
+    """Limit OpenMP to one thread for the calling thread.
 
-    It is said where work starts and not once for a diagnosis, for OpenMP counts for each thread by itself, and Numba
-    sets its number when it starts its own.
+    OpenMP threads on busy cores wait for each other far longer than they work. OpenMP counts for each thread
+    separately, and Numba sets the number when it starts its own, so the limit is set where work starts.
     """
     return _pools().limit(limits=1, user_api="openmp")
 

@@ -1,5 +1,6 @@
-"""Boosted trees that learn what no base of a few numbers foretells, each said of actions that it has not seen
-(cross-fitting; Chernozhukov et al. 2018), and what of it looks like a cause.
+"""Cross-fitted gradient boosting for the learned residual model, and the part of it that resembles causes.
+
+Each prediction for an action comes from trees that have not seen it (cross-fitting: Chernozhukov et al. 2018).
 """
 
 from __future__ import annotations
@@ -19,30 +20,31 @@ from pentimento.render.threads import in_threads
 Array = NDArray[Any]
 
 _FOLDS = 3
+"""Folds of actions."""
 _LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 64, 30, 0.18, 255
+"""Leaves a tree, pixels a leaf at least, learning rate, bins a feature."""
 _CAUSE_RIDGE = 1e-4
+"""Relative ridge of the projection on causes."""
 _SURE_OF_CAUSE = 3.5
-"""Standard errors. What goes with something that no tree is told (speed, time, the sheet) is no habit. Where habits
-look like it by a chance of the design, that must go with them: with all else gone, it would stand out.
-"""
+"""Standard errors from which the learned prediction counts as resembling a cause. The trees see no covariate of a cause
+(speed, time, sheet). A chance association in the design must not enter the prediction, since it would stand out as an
+effect."""
 
 
 class Trees(NamedTuple):
-    """Trees on features [n, F] as numbers of bins: left to bin them by itself, a regressor with weights takes four
-    times as long for that as for growing.
-    """
+    """Boosted trees on binned features [n, F]. The regressor's own binning with weights takes four times as long."""
 
     edges: Array  # [F, bins - 1]
-    grown: HistGradientBoostingRegressor
+    regressor: HistGradientBoostingRegressor
 
-    def say(self, features: Array) -> Array:
-        """What they foretell of each pixel [n]."""
+    def predict(self, features: Array) -> Array:
+        """Predictions for pixels with these features, [n]."""
         with one_openmp_thread():
-            return np.asarray(self.grown.predict(_bins(features, self.edges)))
+            return np.asarray(self.regressor.predict(_bins(features, self.edges)))
 
 
 def folds(action: Array, rows: Array, seed: int) -> Array:
-    """Of each row the fold that its action is in, [B]; -1 where it is none of ``rows``."""
+    """The fold of each row's action, [B]; -1 for rows that are not among ``rows``."""
     _, number = np.unique(action[rows], return_inverse=True)
     drawn = np.random.default_rng([seed, 21]).permutation(number.max() + 1) % _FOLDS
     fold = np.full(len(action), -1)
@@ -53,32 +55,37 @@ def folds(action: Array, rows: Array, seed: int) -> Array:
 def cross_fitted(
     features: Array, missing: Array, weight: Array, fold: Array, count: int
 ) -> tuple[tuple[Trees, ...], Array, float]:
-    """``count`` trees for each ``fold`` [n], which are not grown on its pixels; what they say is ``missing`` where they
-    were not grown, [n]; and what share of this is to be believed, 0 to 1.
+    """Fit ``count`` trees for each fold to the pixels of the other folds.
 
     Args:
         features: [n, F] of pixels.
-        weight: [n] of each one's squared error.
-        fold: [n], -1 for pixels that none is grown on.
+        missing: target at each pixel, [n].
+        weight: of each pixel's squared error, [n].
+        fold: [n]; -1 for pixels that no trees are fitted to.
+        count: of boosting rounds.
+
+    Returns:
+        The trees of each fold; the held-out predictions [n] (the mean of all folds where ``fold`` is -1); and the
+            shrinkage factor, 0 to 1, that minimises their held-out error.
     """
     known = fold >= 0
 
     def of_fold(k: int) -> tuple[Trees, Array, Array]:
-        part = grown(features, missing, weight, known & (fold != k), count)
-        told = ~known | (fold == k)  # an action that was learnt from, by those that did not see it
-        return part, told, part.say(features[told])
+        part = grow(features, missing, weight, known & (fold != k), count)
+        held_out = ~known | (fold == k)  # held-out pixels of this fold, and all without a fold
+        return part, held_out, part.predict(features[held_out])
 
     trees, *parts = zip(*in_threads(of_fold, range(_FOLDS), get_num_threads()), strict=True)
-    said = np.zeros(len(missing))
-    for told, what in zip(*parts, strict=True):
-        said[told] += what
-    said[~known] /= _FOLDS
-    right = (weight * missing * said)[known].sum() / max((weight * said**2)[known].sum(), 1e-12)
-    return trees, said, float(np.clip(right, 0.0, 1.0))
+    predictions = np.zeros(len(missing))
+    for held_out, predicted in zip(*parts, strict=True):
+        predictions[held_out] += predicted
+    predictions[~known] /= _FOLDS
+    right = (weight * missing * predictions)[known].sum() / max((weight * predictions**2)[known].sum(), 1e-12)
+    return trees, predictions, float(np.clip(right, 0.0, 1.0))
 
 
-def grown(features: Array, missing: Array, weight: Array, used: Array, count: int) -> Trees:
-    """``count`` trees that learn what is ``missing`` at the pixels ``used``, bool[n]; the rest as ``cross_fitted``."""
+def grow(features: Array, missing: Array, weight: Array, used: Array, count: int) -> Trees:
+    """Fit ``count`` trees to ``missing`` at the pixels ``used``, bool[n]; other arguments as for ``cross_fitted``."""
     seen = features[used]
     edges = np.quantile(seen, np.linspace(0, 1, _BINS + 1)[1:-1], axis=0).T
     trees = HistGradientBoostingRegressor(
@@ -89,26 +96,30 @@ def grown(features: Array, missing: Array, weight: Array, used: Array, count: in
         return Trees(edges, trees.fit(_bins(seen, edges), missing[used], weight[used]))
 
 
-def said_at(trees: Sequence[Trees], features: Array, fold: Array) -> Array:
-    """What cross-fitted trees say at other ``features`` [n, F] of the pixels, each of those that they were not grown
-    on; 0 of a pixel that none was grown on, [n].
+def predict_held_out(trees: Sequence[Trees], features: Array, fold: Array) -> Array:
+    """Held-out predictions of cross-fitted trees at other ``features`` [n, F] of the same pixels; 0 where ``fold`` is
+    -1.
     """
-    said = np.zeros(len(features))
+    predictions = np.zeros(len(features))
     for k, part in enumerate(trees):
-        told = fold == k
-        said[told] = part.say(features[told])
-    return said
+        held_out = fold == k
+        predictions[held_out] = part.predict(features[held_out])
+    return predictions
 
 
-def like_causes(statistics: Statistics, nuisances: int) -> Array:
-    """Changes [P] of a model's numbers that come nearest to what was said of the actions in ``statistics``; 0 of those
-    beyond the first ``nuisances`` that come to no more than chance.
+def cause_projection(statistics: Statistics, nuisances: int) -> Array:
+    """Parameter changes [P] that come nearest to the predictions that ``statistics`` describe; causes within chance are
+    0.
+
+    Args:
+        statistics: of the model with all causes, where the learned prediction takes the place of the residual.
+        nuisances: number of parameters before the causes; these are always kept.
     """
     curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
     ridged = curvature + np.diag(_CAUSE_RIDGE * np.diag(curvature) + 1e-15)
     inverse = np.linalg.pinv(ridged, hermitian=True)
     amounts = inverse @ slope
-    # An action is one witness (White 1980): what it asks for beyond what all do.
+    # Cluster-robust scores (White 1980): each action's deviation from the common fit.
     own = (statistics.slope - statistics.curvature @ amounts) @ inverse
     sure = np.abs(amounts) > _SURE_OF_CAUSE * np.sqrt(np.square(own).sum(0))
     sure[:nuisances] = True
@@ -122,13 +133,16 @@ def _bins(features: Array, edges: Array) -> Array:
 
 
 def action_effect(values: Array, by: Array, weight: Array, row: Array) -> Array:
-    """Of ``values`` of pixels what combinations of ``by``, another for each row, come nearest to, [n].
+    """The random effect of each row in ``values`` [n] of pixels: the weighted least-squares fit by K regressors a row,
+    [n].
+
+    Position and width of a single action vary by chance. That variation hides what all actions share.
 
     Args:
         values: [n].
-        by: [n, K]: how each pixel changes with K numbers of its row.
-        weight: [n] of each pixel's squared error.
-        row: [n], which row it is of.
+        by: derivative of each pixel by the K effects of its row, [n, K].
+        weight: of each pixel's squared error, [n].
+        row: row of each pixel, [n].
     """
     rows = int(row.max()) + 1
 

@@ -1,4 +1,4 @@
-"""Which strokes find causes, which confirm them, and which are sealed until the end (docs/diagnosis.md §2)."""
+"""What is measured on held-out actions: the three splits, and the noise floor (docs/diagnosis.md §2 and §7)."""
 
 from __future__ import annotations
 
@@ -14,26 +14,29 @@ from pentimento.contracts.statistics import interval, resamples
 Array = NDArray[Any]
 
 _FEWEST_ACTIONS = 12
+"""Below it, three splits are too small for any test."""
 _FEWEST_REPEATED = 6
+"""From this number on, repeated actions go to the test split first."""
 _TEST, _CONFIRMATION = 0.2, 0.2
-FEWEST = 3
-"""Repeated actions from which a floor can be read."""
+"""Shares of the actions."""
+MIN_REPEATED = 3
+"""Repeated actions that a noise floor needs."""
 
 
 class Actions(Protocol):
-    """Rows of a table, as far as their splitting goes."""
+    """Rows of a table, as far as splitting needs them."""
 
     @property
     def action(self) -> Array:
-        """int64[B]: rows of one value repeat one command."""
+        """int64[B]: rows of equal value repeat one command."""
 
     @property
     def block(self) -> Array:
-        """int64[B]: what should stay together."""
+        """int64[B]: rows of equal value should stay in one split."""
 
 
 class Splits(NamedTuple):
-    """Row indices; all rows of one action are in one part."""
+    """Row indices; all rows of one action are in one split."""
 
     discovery: Array
     confirmation: Array
@@ -41,13 +44,13 @@ class Splits(NamedTuple):
 
 
 def split(measured: Actions, seed: int) -> Splits:
-    """60 % of the actions find, 20 % confirm, 20 % are sealed.
+    """Split rows into 60 % discovery, 20 % confirmation and 20 % test, by action.
 
-    Repeated actions are sealed first: the noise floor is read off them. Blocks (strokes between two dips, pushes
-    between two smoothings) stay together, as far as their actions allow.
+    Repeated actions go to the test split first, because the noise floor is read from them. Blocks (strokes between two
+    dips, pushes between two smoothings) stay together as far as their actions allow.
 
     Raises:
-        ContractError: too few actions for three parts.
+        ContractError: too few actions for three splits.
     """
     actions, first, count = np.unique(measured.action, return_index=True, return_counts=True)
     if len(actions) < _FEWEST_ACTIONS:
@@ -76,33 +79,33 @@ class Floor(NamedTuple):
 
     mse: float
     interval: tuple[float, float]
-    """95 %, by resampling actions."""
+    """95 % interval, by resampling actions."""
 
     @property
     def standard_error(self) -> float:
-        """As normal an error has it: a quarter of what is between the ends of the interval."""
+        """Standard error under normality: a quarter of the interval."""
         return (self.interval[1] - self.interval[0]) / 4
 
     def moved(self, by: float) -> Floor:
-        """As much higher, or lower; no lower than where its interval begins at 0."""
+        """The floor shifted by an amount, so that its interval does not go below 0."""
         low, high = self.interval
         by = max(by, -low)
         return Floor(self.mse + by, (low + by, high + by))
 
 
 def floor_of_repeats(rest: Array, valid: Array, groups: Sequence[Array], seed: int) -> Floor | None:
-    """``noise_floor`` from residuals [B, H, W, ...], 0 where not ``valid`` [B, H, W], and rows of one action each.
+    """The floor from residuals [B, H, W, ...] and groups of rows of one action each; None with too few groups.
 
-    Pixels count that are valid in all of an action's rows.
+    Only pixels count that are ``valid`` [B, H, W] in all rows of an action; residuals elsewhere are 0.
     """
-    values = spreads(rest, valid, groups)
-    if len(values) < FEWEST:
+    values = repeat_variances(rest, valid, groups)
+    if len(values) < MIN_REPEATED:
         return None
-    return floor_of(values, np.ones(len(values)), seed)
+    return weighted_floor(values, np.ones(len(values)), seed)
 
 
-def spreads(rest: Array, valid: Array, groups: Sequence[Array]) -> Array:
-    """How far rows of one action differ from their mean, squared: [K], one of each group of two rows or more."""
+def repeat_variances(rest: Array, valid: Array, groups: Sequence[Array]) -> Array:
+    """Variance of the rows about the mean of their action, [K], one of each group of two rows or more."""
     found = []
     for rows in groups:
         if len(rows) < 2:
@@ -113,8 +116,8 @@ def spreads(rest: Array, valid: Array, groups: Sequence[Array]) -> Array:
     return np.array(found)
 
 
-def floor_of(values: Array, weights: Array, seed: int) -> Floor:
-    """The weighted mean of spreads [K], and between what it lies where the actions that count are drawn again."""
+def weighted_floor(values: Array, weights: Array, seed: int) -> Floor:
+    """The weighted mean of variances [K], with its interval by resampling the actions of positive weight."""
     values, weights = values[weights > 0], weights[weights > 0]
     drawn = resamples(len(values), 1999, [seed, 8])
     means = (weights * values)[drawn].sum(1) / weights[drawn].sum(1)

@@ -11,9 +11,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.experiment_design import ALIKE, Aliasing
+from pentimento.diagnosis.experiment_design import ALIASED, Aliasing
 from pentimento.diagnosis.residual_structure import Dependence, TemporalDrift
-from pentimento.diagnosis.verdict import STROKES, Judged, Kind
+from pentimento.diagnosis.verdict import STROKES, DiagnosisResult, Kind
 from pentimento.report.figures import BLUE, INK, OCHRE, drawing, png
 
 Array = NDArray[Any]
@@ -182,13 +182,13 @@ def aliasing_heat(found: Aliasing, named: Sequence[str]) -> bytes:
             if label.get_text() in named:
                 label.set_fontweight("bold")
         axes.tick_params(length=0)
-        for i, j in np.argwhere(lower > ALIKE):
+        for i, j in np.argwhere(lower > ALIASED):
             axes.plot(j, i, "s", ms=20, mfc="none", mec=BLUE, mew=2)
         figure.colorbar(image, ax=axes, label="|cosine|", shrink=0.7)
         return png(figure)
 
 
-def leave_one_out(diagnosis: Judged, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
+def leave_one_out(diagnosis: DiagnosisResult, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
     """From the base's error on sealed rows by that of the extended model without each of its causes to what this
     misses with all of them, and to the floor; a given model's error before it.
 

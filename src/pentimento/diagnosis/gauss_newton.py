@@ -1,7 +1,6 @@
-"""How what a model foretells of measured strokes changes with each of its numbers.
+"""Sums over actions for least squares: damped Gauss-Newton steps within bounds, and cluster-robust covariance.
 
-Marks by differences, from there to pixels by the imprint's own derivatives; paint and gain by central differences. All
-numbers of a row share one pass over its pixels.
+Score tests, held-out gains, standard errors and designs use the same sums (docs/diagnosis.md §3).
 """
 
 from __future__ import annotations
@@ -14,16 +13,17 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 _STEP_RIDGE = 1e-8
+"""Ridge of a step, relative to the largest curvature. It keeps the linear system regular."""
 _SEEN = 1e-10
-"""Of the largest curvature: what lies below is not seen at all."""
+"""Directions with less than this share of the largest curvature are not estimable and are left out."""
 _OPEN = 0.01
-"""Directions of which a single action decides all but so little tell nothing about its scatter."""
+"""Directions in which one action has a leverage above 1 minus this value have no leave-one-out score."""
 
 
 class Statistics(NamedTuple):
-    """All that tests, held-out gains, bootstraps and designs need of n actions (docs/diagnosis.md §3).
+    """Sums of n actions for P parameters (docs/diagnosis.md §3).
 
-    Per pixel: divided by the number of a row's pixels, and averaged over an action's rows.
+    Each row's sums are divided by its number of pixels, then averaged over the rows of an action.
     """
 
     curvature: Array  # [n, P, P] J^T J
@@ -31,12 +31,12 @@ class Statistics(NamedTuple):
     energy: Array  # [n] r^T r
 
     def of(self, columns: Array) -> Statistics:
-        """Of some of the numbers alone."""
+        """The statistics of a subset of the parameters."""
         return Statistics(self.curvature[:, columns][:, :, columns], self.slope[:, columns], self.energy)
 
 
 def by_action(values: Array, action: Array) -> Array:
-    """Means over the rows of each action, in the order of the actions' numbers."""
+    """Means over the rows of each action [n, ...], in the order of the action numbers."""
     _, group, count = np.unique(action, return_inverse=True, return_counts=True)
     sums = np.zeros((len(count), *values.shape[1:]))
     np.add.at(sums, group, values)
@@ -46,12 +46,15 @@ def by_action(values: Array, action: Array) -> Array:
 def damped_step(
     now: Array, away: Array, statistics: Statistics, damping: float, hold: Array, low: Array, high: Array
 ) -> Array:
-    """All numbers [P] after a step; those that would leave their range stay at its end.
+    """The parameters [P] after one Levenberg-Marquardt step; a parameter that would leave its range stays at its bound.
 
     Args:
-        away: how far each number is from its start.
-        damping: of a number's own curvature.
-        hold: curvature [P, P] of what holds the numbers near their start.
+        now: parameters [P].
+        away: their distance [P] from the prior's mean.
+        damping: share of each parameter's own curvature that is added to the diagonal.
+        hold: curvature [P, P] of the Gaussian prior.
+        low: lower bounds [P].
+        high: upper bounds [P].
     """
     curvature = statistics.curvature.mean(0) + hold
     slope = statistics.slope.mean(0) - hold @ away
@@ -71,23 +74,28 @@ def damped_step(
     return new
 
 
-def promised(step: Array, away: Array, statistics: Statistics, hold: Array) -> float:
-    """How much lower a step makes what is minimised, to second order."""
+def predicted_decrease(step: Array, away: Array, statistics: Statistics, hold: Array) -> float:
+    """By how much a step lowers the penalised loss, to second order."""
     curvature = statistics.curvature.mean(0) + hold
     slope = statistics.slope.mean(0) - hold @ away
     return float(2 * slope @ step - step @ curvature @ step)
 
 
 def covariance(statistics: Statistics) -> NDArray[np.float64]:
-    """Of all numbers of a fitted model, [P, P]."""
+    """Cluster-robust covariance of all parameters of a fitted model, [P, P]; the cluster is the action.
+
+    The sandwich is A^-1 (sum_i h_i h_i^T) A^-1 over actions i (Liang and Zeger 1986). Residuals of a fit are too small,
+    the more so with few actions and many nuisances. Each score is therefore corrected to its leave-one-out value, h_i =
+    (1 - A_i A^-1)^-1 g_i (CR3: Bell and McCaffrey 2002).
+    """
     whole = statistics.curvature.sum(0)
-    unit = 1 / np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))  # in which each number is seen as well
+    unit = 1 / np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))  # scales parameters to equal curvature
     size, direction = np.linalg.eigh(whole * np.outer(unit, unit))
     seen = size > _SEEN * size[-1]
     half = unit[:, None] * direction[:, seen] / np.sqrt(size[seen])
-    # In these directions what an action decides of each, its leverage, lies between nothing and all.
+    # In these directions the leverage of an action lies between 0 and 1.
     open_share, own = np.linalg.eigh(np.eye(half.shape[1]) - half.T @ statistics.curvature @ half)  # [n, K], [n, K, K]
     factor = np.where(open_share > _OPEN, 1 / np.maximum(open_share, _OPEN), 0.0)
     score = np.einsum("nij,ni->nj", own, statistics.slope @ half) * factor
-    left_out = np.einsum("nij,nj->ni", own, score) @ half.T  # [n, P]: by what leaving an action out moves each number
+    left_out = np.einsum("nij,nj->ni", own, score) @ half.T  # [n, P]: change by leaving the action out
     return np.asarray(left_out.T @ left_out)

@@ -9,11 +9,11 @@ from importlib.resources import files
 import numpy as np
 
 from pentimento.diagnosis import figures
-from pentimento.diagnosis.experiment_design import ALIKE
+from pentimento.diagnosis.experiment_design import ALIASED
 from pentimento.diagnosis.figures import Surveyed
 from pentimento.diagnosis.score import Evidence
 from pentimento.diagnosis.strokes.model import UnevenEnds
-from pentimento.diagnosis.verdict import Finding, Judged
+from pentimento.diagnosis.verdict import DiagnosisResult, Finding
 from pentimento.report.html import Album, bar, table
 from pentimento.report.wording import decimal, percent
 
@@ -47,7 +47,7 @@ def html_page(said: str, sections: Sequence[str]) -> bytes:
     return page.encode("utf-8")
 
 
-def lead(diagnosis: Judged) -> str:
+def lead(diagnosis: DiagnosisResult) -> str:
     """What was found, in a few words of HTML."""
     if diagnosis.established:
         return (
@@ -61,7 +61,7 @@ def lead(diagnosis: Judged) -> str:
     return "No known cause is established."
 
 
-def temporal_drift(diagnosis: Judged, album: Album) -> str:
+def temporal_drift(diagnosis: DiagnosisResult, album: Album) -> str:
     """What wanders, as a figure; nothing where nothing does."""
     if diagnosis.drifts is None:
         return ""
@@ -79,7 +79,7 @@ def section(name: str, title: str, content: str) -> str:
     return f'<section id="{name}"><h2>{title}</h2>{content}</section>'
 
 
-def leaderboard(diagnosis: Judged, survey: Surveyed) -> str:
+def leaderboard(diagnosis: DiagnosisResult, survey: Surveyed) -> str:
     """HTML: established, suspected, then all others by p; last those that these rows cannot show."""
     rows = [_found(f, "established", survey) for f in diagnosis.established]
     rows += [_found(f, "suspected", survey) for f in diagnosis.suspected]
@@ -127,7 +127,7 @@ def _alike(cause: str, rivals: tuple[str, ...], survey: Surveyed) -> str:
         said += [
             f"<i>{escape(other)}&nbsp;{survey.aliasing.of(cause, other):.2f}</i>"
             for other in survey.aliasing.causes
-            if other != cause and survey.aliasing.of(cause, other) > ALIKE
+            if other != cause and survey.aliasing.of(cause, other) > ALIASED
         ]
     return ", ".join(said)
 

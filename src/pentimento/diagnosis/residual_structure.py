@@ -1,10 +1,10 @@
-"""What is left when no known cause explains more: modes of the residual against everything that was recorded.
+"""Structure in what a model leaves: residual modes over covariates, and unmodelled temporal drift (docs/diagnosis.md
+§9).
 
-A mode is a way in which a mark can differ as a whole: amplitude, width, shifts along and across its path and along the
-canvas's axes, blur. Each row's residual is projected on each mode, and the projections, weighted as they scatter (in
-a short or shallow mark a mode is hardly seen), are tested against covariates by permutation of strokes, max-T over all
-pairs. What the strongest covariate does is taken out of all modes before the
-next is looked for: what merely goes along with it (time with wear, temperature with both) is not named beside it.
+A residual mode is a way in which an action deviates as a whole. Its amount in each row is weighted by certainty,
+because a short or shallow action hardly shows some modes. Amounts are tested against covariates by permutation of
+actions, with the maximum over all pairs (max-T). The strongest covariate is regressed out of all modes before the next
+is sought, so that covariates that only correlate with it are not reported beside it.
 """
 
 from __future__ import annotations
@@ -20,29 +20,33 @@ Array = NDArray[Any]
 
 _DRAWS = 1999
 _P = 0.01
+"""Significance level of both tests."""
 _MAX_PAIRS = 6
+"""Reported pairs of mode and covariate at most."""
 _OUTLYING = 4
-"""In usual deviations: beyond, a score counts as this much."""
+"""Scores are clipped at so many robust standard deviations."""
 _MIN_SEEN = 50.0
-"""Times the usual variance: a mode that is seen less in a mark counts as this."""
+"""Upper bound of a score's pixel variance, relative to the median one."""
 _BINS = 7
+"""Bins of a drawn dependence."""
 _SHOWN = 6
+"""Drawn dependences."""
 _MIN_DRIFT = 0.05
-"""Of the error: what is worth less may be what a base lacks where neighbours share a load of paint or a surface."""
+"""Smallest drift, as a share of the error. A smaller one may be misfit that neighbours share (paint load, surface)."""
 _TINY = 1e-12
 
 
 class Unexplained(NamedTuple):
-    """A mode that still depends on a covariate."""
+    """A residual mode that still depends on a covariate."""
 
     mode: str
     covariate: str
     p: float
     generic_gain: float
-    """Share of the error that a quadratic of the covariate in this mode would remove, to second order."""
+    """Share of the error that a generic function of the covariate in this mode would remove."""
 
 
-def structure(
+def find_structure(
     modes: Sequence[str],
     scores: Array,
     energy: Array,
@@ -51,21 +55,21 @@ def structure(
     action: Array,
     seed: int,
 ) -> tuple[list[Unexplained], Array, list[str]]:
-    """``unexplained`` for amounts of any modes.
+    """The significant pairs of mode and covariate, strongest first; all statistics |t| [M, C]; the covariates' names.
 
     Args:
         modes: names, [M].
         scores: amount of each mode in each row's residual, in typical sizes, [B, M].
-        energy: what one typical size of each is worth in the row's error, [B, M].
+        energy: error of a row that one typical size of each mode makes, [B, M].
         error: mean over the rows.
-        columns: what the modes may depend on, [B] each, without gaps.
-        action: rows of one value repeat one command, [B].
+        columns: covariates, [B] each, without gaps.
+        action: rows of equal value repeat one command, [B].
         seed: of the permutations.
     """
     names = list(columns)
     if not names:
         return [], np.zeros((len(modes), 0)), []
-    scores, weight, spread = levelled(scores, energy)
+    scores, weight, spread = standardise(scores, energy)
     root = np.sqrt(weight)
     lines = np.stack([_standard(c) for c in columns.values()])  # [C, B]
     basis = np.stack([lines, np.stack([_standard(line**2) for line in lines])])
@@ -82,7 +86,7 @@ def structure(
         standing = np.flatnonzero(observed[:, c] >= limit)
         if not len(standing):
             break
-        # Neighbouring modes answer to one cause: the one by which it would explain most of the picture.
+        # One effect excites several modes: report the one whose dependence explains most of the error.
         gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[:, c].T) / error for m in standing]
         m = int(standing[int(np.argmax(gains))])
         p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
@@ -92,9 +96,9 @@ def structure(
     return found, np.sqrt(whole), names
 
 
-def levelled(scores: Array, energy: Array) -> tuple[Array, Array, Array]:
-    """Scores [B, M] about their median, in their usual deviation, outliers clipped; their weights [B, M], 1 on average;
-    and the usual deviations [M].
+def standardise(scores: Array, energy: Array) -> tuple[Array, Array, Array]:
+    """Scores [B, M] in robust deviations about the median, outliers clipped; weights [B, M] with mean 1; deviations
+    [M].
     """
     scores = scores - np.median(scores, axis=0)
     spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
@@ -105,26 +109,28 @@ def levelled(scores: Array, energy: Array) -> tuple[Array, Array, Array]:
 
 
 def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Array:
-    """Row indices [draws, B] with whole actions exchanged for others of as many rows: repeats of one command are alike,
-    and taken apart they would make what they share look surer than it is.
+    """Row indices [draws, B] in which whole actions are exchanged for others with as many rows.
+
+    Repeats of one command are correlated; permuting single rows would make shared structure look too certain.
     """
     rows = [np.flatnonzero(action == number) for number in np.unique(action)]
     order = np.tile(np.arange(len(action)), (draws, 1))
     for size in sorted({len(own) for own in rows}):
-        alike = np.stack([own for own in rows if len(own) == size])
-        exchanged = rng.permuted(np.tile(np.arange(len(alike)), (draws, 1)), axis=1)
-        order[:, alike] = alike[exchanged]
+        same_size = np.stack([own for own in rows if len(own) == size])
+        exchanged = rng.permuted(np.tile(np.arange(len(same_size)), (draws, 1)), axis=1)
+        order[:, same_size] = same_size[exchanged]
     return order
 
 
 def _certainty(scores: Array, energy: Array) -> Array:
-    """Weights of scores [B, M]: one over their variance, which is one for all, as actions differ, and one that falls
-    with the mode's own energy, as the noise of pixels does; how much of each, their squares say.
+    """Weights of scores [B, M]: the inverse of their variance, which has a part that is equal for all actions and a
+    part that falls with the mode's energy (pixel noise). Non-negative least squares on the squared scores gives the two
+    parts.
     """
     weight = np.empty_like(scores)
     for m, (score, own) in enumerate(zip(scores.T, energy.T, strict=True)):
         by_pixels = np.minimum(np.median(own) / np.maximum(own, 1e-12), _MIN_SEEN)
-        expected = 1 / (1 + by_pixels)  # squares scatter by themselves: what is larger says less
+        expected = 1 / (1 + by_pixels)  # squares scatter in proportion to their mean
         shapes = np.stack([np.ones_like(by_pixels), by_pixels], axis=1)
         shares, _ = nnls(shapes * expected[:, None], np.clip(np.square(score), 0, _OUTLYING**2) * expected)
         weight[:, m] = 1 / np.maximum(shapes @ shares, 1e-6)
@@ -132,11 +138,12 @@ def _certainty(scores: Array, energy: Array) -> Array:
 
 
 def _strength(scores: Array, weight: Array, basis: Array) -> Array:
-    """How strongly each mode goes with each covariate, or with its square, chi-squared [M, C], by weighted correlation.
+    """Strength of each mode's weighted correlation with each covariate or its square, chi-squared [M, C].
 
     Args:
-        scores, weight: [B, M].
-        basis: [2, C, B] each covariate, and its square.
+        scores: [B, M].
+        weight: [B, M].
+        basis: each covariate and its square, standardised, [2, C, B].
     """
     total, weighed = weight.sum(0), weight * scores
     mean = weighed.sum(0) / total
@@ -148,13 +155,13 @@ def _strength(scores: Array, weight: Array, basis: Array) -> Array:
 
 
 def _least_squares(basis: Array, values: Array, root_weight: Array) -> Array:
-    """Coefficients [K] of [B, K] for values [B] with these roots of weights."""
+    """Coefficients [K] of [B, K] for values [B] with these square roots of weights."""
     found: Array = np.linalg.lstsq(basis * root_weight[:, None], values * root_weight, rcond=None)[0]
     return found
 
 
 def _generic_gain(amount: Array, energy: Array, basis: Array) -> float:
-    """Mean error that a quadratic of the covariate would remove, to second order."""
+    """Mean error that a quadratic function of the covariate would remove, to second order."""
     fitted = basis @ _least_squares(basis, amount, np.sqrt(energy))
     return float((energy * (amount**2 - (amount - fitted) ** 2)).mean())
 
@@ -166,19 +173,19 @@ def _standard(values: Array) -> Array:
 
 
 class Dependence(NamedTuple):
-    """How one mode of the residual goes with one covariate, in bins of equally many strokes."""
+    """One residual mode over one covariate, in bins of equally many rows."""
 
     mode: str
     covariate: str
     centre: Array
-    """[K] of the covariate."""
+    """[K] mean of the covariate in each bin."""
     base: Array
-    """[K, 2] mean of the mode's amount in typical sizes, and the half width of its 95 % band."""
+    """[K, 2] mean of the mode's amount in robust deviations, and half width of its 95 % band."""
     extended: Array
 
 
 def mode_strength(amounts: Array, covariates: dict[str, Array]) -> Array:
-    """How strongly modes [B, M] go with covariates, linearly or by their square: sqrt(n) |r|, [M, C]."""
+    """sqrt(n) |r| of modes [B, M] with covariates or their squares, whichever is larger, [M, C]."""
     if not covariates:
         return np.zeros((amounts.shape[1], 0))
     y = _standard(np.clip(amounts, -4, 4))
@@ -189,8 +196,8 @@ def mode_strength(amounts: Array, covariates: dict[str, Array]) -> Array:
     return np.stack(found, axis=1) * np.sqrt(len(y))
 
 
-def standing(scores: Array) -> Array:
-    """Modes about their medians, in robust deviations."""
+def robust_deviations(scores: Array) -> Array:
+    """Scores about their medians, in robust standard deviations."""
     centred = scores - np.median(scores, axis=0)
     deviations: Array = centred / (np.median(np.abs(centred), axis=0) * 1.4826 + 1e-12)
     return deviations
@@ -204,7 +211,7 @@ def dependences(
     strengths: dict[str, Array],
     action: Array,
 ) -> tuple[Dependence, ...]:
-    """The strongest pairs of the base, and of what is left, each covariate at most twice."""
+    """The strongest pairs of mode and covariate in the base or extended model; each covariate at most twice."""
     names = list(covariates)
     scale = strengths["base"], strengths["extended"]
     ranked = sorted(
@@ -233,7 +240,7 @@ def dependences(
 
 
 def _mean_and_band(values: Array, action: Array) -> tuple[float, float]:
-    """Mean over actions and 1.96 of its standard errors; NaN where a single action says nothing of a spread."""
+    """Mean over actions and 1.96 standard errors; NaN for a single action."""
     _, group, count = np.unique(action, return_inverse=True, return_counts=True)
     means = np.bincount(group, values) / count
     band = 1.96 * means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
@@ -241,14 +248,14 @@ def _mean_and_band(values: Array, action: Array) -> tuple[float, float]:
 
 
 class TemporalDrift(NamedTuple):
-    """A mode of the residual that wanders."""
+    """A residual mode that drifts with the order of execution."""
 
     mode: str
     p: float
     mse: float
-    """What it is worth: mean squared error of rows, sRGB in [0, 1] or mm²."""
+    """Error due to the drift, mean over rows: sRGB in [0, 1] squared, or mm²."""
     mse_of_repeats: float
-    """How much of that the spread of repeats holds."""
+    """How much of that the variance of repeats contains."""
     amount: Array
     """[B] of the mode in each row's residual, in robust standard deviations, in the order of execution."""
 
@@ -256,53 +263,57 @@ class TemporalDrift(NamedTuple):
 def temporal_drift(
     modes: Sequence[str], scores: Array, energy: Array, error: float, action: Array, turn: Array, seed: int
 ) -> TemporalDrift | None:
-    """The mode in which neighbours in time are most alike, by permutation of actions, max-T over the modes; None where
-    none is, beyond chance.
+    """The mode with the strongest lag-1 autocovariance in the order of execution; None if it is not significant.
+
+    A state that nobody recorded (temperature, thickening paint, settling material) makes neighbours in time deviate in
+    the same way. Repeats of one action, executed at different times, differ by it, so a floor from their variance
+    contains it. For a model that knew the state it would not be noise.
 
     Args:
         modes: names, [M].
         scores: amount of each mode in each row's residual, [B, M].
-        energy: what one unit of each is worth in the row's error, [B, M].
+        energy: error of a row that one unit of each mode makes, [B, M].
         error: mean over the rows.
-        action: rows of one value repeat one command, [B].
-        turn: place of each row in the order of execution, 0 to B - 1, [B].
+        action: rows of equal value repeat one command, [B].
+        turn: rank of each row in the order of execution, [B].
         seed: of the permutations.
     """
-    amounts, weight, spread = levelled(scores, energy)
+    amounts, weight, spread = standardise(scores, energy)
     amounts = amounts - (weight * amounts).sum(0) / weight.sum(0)
     order = np.argsort(turn)
     pairs = np.stack([order[:-1], order[1:]])
-    pairs = pairs[:, action[pairs[0]] != action[pairs[1]]]  # else what an action's rows share would pass for it
+    pairs = pairs[:, action[pairs[0]] != action[pairs[1]]]  # rows of one action are correlated anyway
     if not pairs.size:
         return None
     root = np.sqrt(weight)
     own = np.maximum(np.square(root * amounts).mean(0), _TINY)
 
-    def alike(rows: Array) -> Array:
+    def autocorrelation(rows: Array) -> Array:
         return np.asarray((root * amounts)[rows[pairs]].prod(0).mean(0) / own)
 
-    observed = alike(np.arange(len(action)))
+    observed = autocorrelation(np.arange(len(action)))
     orders = permuted_actions(action, _DRAWS, np.random.default_rng([seed, 15]))
-    largest = np.array([alike(rows).max() for rows in orders])
+    largest = np.array([autocorrelation(rows).max() for rows in orders])
     m = int(np.argmax(observed))
     p = float((1 + (largest >= observed[m]).sum()) / (_DRAWS + 1))
 
-    def worth(pairs: Array) -> float:
+    def mse_of(pairs: Array) -> float:
         weights = weight[:, m][pairs].prod(0)
         covariance = (weights * amounts[:, m][pairs].prod(0)).sum() / weights.sum()
         return max(float(covariance * spread[m] ** 2 * energy[:, m].mean()), 0.0)
 
-    whole = worth(pairs)
+    whole = mse_of(pairs)
     if p >= _P or whole <= _MIN_DRIFT * error:
         return None
     apart = _at_the_times_of_repeats(action, order)
-    of_repeats = max(whole - worth(apart), 0.0) if apart.size else 0.0
+    of_repeats = max(whole - mse_of(apart), 0.0) if apart.size else 0.0
     return TemporalDrift(modes[m], p, whole, of_repeats, amounts[order, m])
 
 
 def _at_the_times_of_repeats(action: Array, order: Array) -> Array:
-    """Pairs of rows [2, K], of other actions, that lie as far apart in time as repeats of one do: a repeat, and what
-    came just before or after another.
+    """Pairs of rows [2, K] of different actions that are as far apart in time as repeats of one action.
+
+    Each pairs a row with a neighbour in time of another repeat of the row's action.
     """
     place = np.argsort(order)
     found = []

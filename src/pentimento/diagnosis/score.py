@@ -1,9 +1,9 @@
-"""Which causes the strokes speak for: cluster-robust score tests and held-out gains from statistics by action.
+"""Evidence for candidate causes from sums by action, and the parsimonious choice among refitted candidates.
 
-The action is the unit: pixels of one stroke share their errors. At the fitted model the projected score of a candidate
-is, for each action,  s_i = g_ic - A_cb A_bb^-1 g_ib  with the nuisances b projected out, so that its signs can be
-flipped at random without refitting anything (Rademacher wild bootstrap: Cameron, Gelbach and Miller 2008; Roodman et
-al. 2019). The smallest p over all candidates gives the adjusted one (min-P: Westfall and Young 1993).
+The action is the unit, because pixels of one action share their errors. At the fitted model the projected score of a
+candidate is s_i = g_ic - A_cb A_bb^-1 g_ib for each action, with the nuisances b projected out. Its signs can be
+flipped at random without any refit (Rademacher wild bootstrap: Cameron, Gelbach and Miller 2008; Roodman et al. 2019).
+The smallest p over all candidates gives the adjusted p (min-P: Westfall and Young 1993).
 """
 
 from __future__ import annotations
@@ -21,50 +21,53 @@ from pentimento.diagnosis.gauss_newton import Statistics
 Array = NDArray[Any]
 
 _RIDGE = 1e-6
+"""Relative ridge of linear systems."""
 _FOLDS = 6
+"""Folds of blocks for held-out gains."""
 _DRAWS, _RESAMPLED = 4999, 999
 Scale = Callable[[Array, Array], Array]
-"""From a candidate's projected slope [n, Q] and curvature [n, Q, Q] of each action to what its scores' sum is measured
-by, [Q, Q]."""
+"""Maps projected slope [n, Q] and curvature [n, Q, Q] of the actions to the metric [Q, Q] of the summed score."""
 _SIGN_FLIPS = 4999
 _WORSE_P, _CONFIRMED_P = 0.05, 0.4
-_NEARLY = 0.95  # of what the best one removes
+"""Below it a refit is worse than the best one; p up to the second value is enough to confirm the first cause."""
+_NEARLY = 0.95
+"""A candidate that removes this share of what the best one removes counts as tied with it, even if surely worse."""
 
 
 class Evidence(NamedTuple):
-    """For one candidate."""
+    """Evidence for one candidate."""
 
     p: float
-    """Of its own test."""
+    """p of its own score test."""
     p_adjusted: float
-    """Over all candidates tested together."""
+    """p adjusted for all candidates tested together."""
     gain: float
-    """Mean squared error that it removes from held-out actions, per action, to second order."""
+    """Error that it removes from held-out actions, to second order, as a share of the model's error."""
     gain_interval: tuple[float, float]
-    """95 %."""
+    """95 % interval of the gain."""
     min_gain: float
-    """At 5 %, one-sided."""
+    """Lower bound of the gain, 5 %, one-sided."""
 
 
 def information(slope: Array, curvature: Array) -> Array:
-    """How much error the candidate's numbers change: the statistic is the error that they would remove.
+    """The information matrix as metric: the statistic is the error that the candidate would remove.
 
-    It is not divided by what the scores' spread would make of it: signs say how far chance goes, and where few actions
-    show a cause (paint is crossed in few strokes) that spread is the effect itself.
+    It is not divided by the scatter of the scores. The sign flips give the null distribution, and where few actions
+    show a cause that scatter is the effect itself.
     """
     total: Array = curvature.sum(0)
     return total
 
 
 def scatter(slope: Array, curvature: Array) -> Array:
-    """How far the actions' scores spread: the statistic is a robust one (Wald's). Where every action has much chance of
-    its own in some of a candidate's numbers and little in others, the error that the first seem to remove would drown
-    the second: each push comes to lie half a millimetre too high or too low.
+    """The scatter of the scores as metric: a robust (Wald) statistic.
+
+    It suits candidates of which some quantities carry much random variation by action and others little.
     """
     return slope.T @ slope
 
 
-def weighed(
+def evidence_for(
     statistics: Statistics,
     nuisances: int,
     quantities: Mapping[str, int],
@@ -75,9 +78,12 @@ def weighed(
     """Evidence for each candidate at a fitted model.
 
     Args:
-        statistics: of the model's own numbers, the ``nuisances``, and after them those of all candidates.
-        quantities: how many numbers each candidate has, in their order.
-        block: of each action, [n]: what is left out together.
+        statistics: of the model's own parameters, the ``nuisances``, followed by those of all candidates.
+        nuisances: number of the model's own parameters.
+        quantities: number of parameters of each candidate, in their order.
+        block: block of each action [n]; a block is left out as a whole.
+        seed: of sign flips, folds and resampling.
+        scales: metrics of the statistic; the one with the smaller p counts.
     """
     held = np.arange(nuisances)
     index = _columns(nuisances, quantities)
@@ -92,31 +98,31 @@ def weighed(
     return evidence
 
 
-def with_each(statistics: Statistics, nuisances: int, quantities: Mapping[str, int]) -> dict[str, Statistics]:
-    """The statistics of the model with each candidate alone; arguments as of ``weighed``."""
+def statistics_with_each(
+    statistics: Statistics, nuisances: int, quantities: Mapping[str, int]
+) -> dict[str, Statistics]:
+    """The statistics of the model with each candidate alone; arguments as for ``evidence_for``."""
     own = np.arange(nuisances)
     columns = _columns(nuisances, quantities)
     return {cause: statistics.of(np.concatenate([own, its])) for cause, its in columns.items()}
 
 
 def _columns(nuisances: int, quantities: Mapping[str, int]) -> dict[str, Array]:
-    """Where the numbers of each candidate stand."""
+    """Indices of the parameters of each candidate."""
     ends = nuisances + np.cumsum(list(quantities.values()))
     return {cause: np.arange(end - quantities[cause], end) for cause, end in zip(quantities, ends, strict=True)}
 
 
-def project(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
-    """Scores of a candidate's numbers with the nuisances projected out, [n, Q]."""
-    pull = _pull(statistics, nuisances, candidate)
+def projected_scores(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
+    """Scores [n, Q] of a candidate's parameters with the nuisances projected out."""
+    pull = _nuisance_response(statistics, nuisances, candidate)
     projected: Array = statistics.slope[:, candidate] - statistics.slope[:, nuisances] @ pull
     return projected
 
 
-def projected(statistics: Statistics, nuisances: Array, candidate: Array) -> tuple[Array, Array]:
-    """Slope [n, Q] and curvature [n, Q, Q] of each action in a candidate's numbers, with what the nuisances do to make
-    up for them, over all actions, projected out.
-    """
-    pull = _pull(statistics, nuisances, candidate)
+def projected_statistics(statistics: Statistics, nuisances: Array, candidate: Array) -> tuple[Array, Array]:
+    """Slope [n, Q] and curvature [n, Q, Q] of each action in a candidate's parameters, nuisances projected out."""
+    pull = _nuisance_response(statistics, nuisances, candidate)
     slope = statistics.slope[:, candidate] - statistics.slope[:, nuisances] @ pull
     made_up = pull.T @ statistics.curvature[:, nuisances][:, :, candidate]
     curvature = statistics.curvature[:, candidate][:, :, candidate] - made_up - made_up.swapaxes(1, 2)
@@ -124,17 +130,15 @@ def projected(statistics: Statistics, nuisances: Array, candidate: Array) -> tup
     return slope, curvature
 
 
-def _pull(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
-    """What the nuisances do to make up for the candidate's numbers, [nuisances, candidate]."""
+def _nuisance_response(statistics: Statistics, nuisances: Array, candidate: Array) -> Array:
+    """Change of the nuisances per change of the candidate's parameters, [nuisances, candidate]."""
     curvature = statistics.curvature.sum(0)
     held = curvature[np.ix_(nuisances, nuisances)]
     return np.asarray(np.linalg.lstsq(_ridged(held), curvature[np.ix_(nuisances, candidate)], rcond=None)[0])
 
 
-def explained(pulls: Array, scale: Array) -> Array:
-    """The statistic of a candidate, [R], were its actions' scores to sum up to pulls [R, Q]; ``scale`` [Q, Q]: by its
-    information the error that it would remove.
-    """
+def score_statistic(pulls: Array, scale: Array) -> Array:
+    """The statistic [R] for summed scores ``pulls`` [R, Q] in the metric ``scale`` [Q, Q]."""
     each = np.sqrt(np.maximum(np.diag(scale), 1e-300))
     scaled = pulls / each
     removed: Array = np.einsum("rq,qr->r", scaled, np.linalg.solve(_ridged(scale / np.outer(each, each)), scaled.T))
@@ -151,15 +155,15 @@ def score_tests(
 ) -> dict[str, tuple[float, float]]:
     """(p, adjusted p) of each candidate by the wild bootstrap over actions.
 
-    What is compared over all candidates is their p: statistics of those that few actions show have longer tails, which
-    would drown the others. Of several ``scales`` the one counts by which a candidate has the smaller p, in every draw.
+    Candidates are compared by p, not by statistic: statistics that depend on few actions have longer tails. Of several
+    ``scales`` the smaller p counts, in every draw.
     """
     n = len(statistics.energy)
     signs = np.concatenate([np.ones((1, n)), np.random.default_rng([seed, 1]).choice((-1.0, 1.0), (draws, n))])
     p = np.empty((len(candidates), draws + 1))  # in the first column as observed
     for c, index in enumerate(candidates.values()):
-        slope, curvature = projected(statistics, nuisances, index)
-        by_each = [_share_at_least(explained(signs @ slope, scale(slope, curvature))) for scale in scales]
+        slope, curvature = projected_statistics(statistics, nuisances, index)
+        by_each = [_share_at_least(score_statistic(signs @ slope, scale(slope, curvature))) for scale in scales]
         p[c] = _share_at_most(np.min(by_each, axis=0))
     smallest = p.min(0)
     return {name: (float(p[c, 0]), float((smallest <= p[c, 0]).mean())) for c, name in enumerate(candidates)}
@@ -177,21 +181,20 @@ def _share_at_most(values: Array) -> Array:
 
 
 def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, block: Array, seed: int) -> Array:
-    """How much less each action's error becomes by the candidate when it is fitted to the other blocks, [n].
+    """By how much the candidate lowers each action's error [n] when it is fitted to the other folds.
 
-    To second order about the fitted model, with what the nuisances can do projected out once, over all actions: fitted
-    anew in each fold, they would wander along what few strokes leave open. ``block`` [n] holds what is left out
-    together.
+    To second order about the fitted model. The nuisances are projected out once, over all actions, because refits
+    within a fold would move along directions that few actions determine.
     """
     fold = folds(block, seed)
-    slope, curvature = projected(statistics, nuisances, candidate)
+    slope, curvature = projected_statistics(statistics, nuisances, candidate)
     gains = np.zeros(len(block))
     for k in range(_FOLDS):
         out = fold == k
         if out.all() or not out.any():
             continue
         known, pulls = curvature[~out].sum(0), slope[~out]
-        # Of the order of what is typical: what strokes leave open is not learnt from their noise.
+        # A ridge of the size of the noise: directions without information are not fitted to noise.
         noise = np.square(pulls).sum() / max(np.trace(known), 1e-300)
         step = np.linalg.lstsq(_ridged(known) + noise * np.eye(len(known)), pulls.sum(0), rcond=None)[0]
         gains[out] = 2 * slope[out] @ step - np.einsum("p,npq,q->n", step, curvature[out], step)
@@ -199,19 +202,19 @@ def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, b
 
 
 def folds(block: Array, seed: int) -> Array:
-    """Number of the fold of each action, int[n]; a block is never split."""
+    """Fold number of each action, int[n]; a block is never split."""
     blocks = np.unique(block)
     fold_of = dict(zip(blocks, np.random.default_rng([seed, 2]).permutation(len(blocks)) % _FOLDS, strict=True))
     return np.array([fold_of[b] for b in block])
 
 
 def interval_of_mean(values: Array, draws: int, seed: int) -> tuple[float, float]:
-    """95 % of the mean, by resampling actions."""
+    """95 % bootstrap interval of the mean over actions."""
     return mean_and_bounds(values, draws, seed)[1]
 
 
 def mean_and_bounds(values: Array, draws: int, seed: int) -> tuple[float, tuple[float, float], float]:
-    """The mean, 95 % of it, and what it is at least (5 %, one-sided), by resampling actions."""
+    """The mean, its 95 % bootstrap interval over actions, and its one-sided 5 % bound."""
     means = values[resamples(len(values), draws, [seed, 3])].mean(1)
     return float(values.mean()), interval(means), float(np.quantile(means, 0.05))
 
@@ -223,13 +226,15 @@ def _ridged(curvature: Array) -> Array:
 
 @dataclass(frozen=True)
 class Step:
-    """One round of the search."""
+    """One round of forward selection."""
 
     evidence: dict[str, Evidence]
-    """Of every candidate at the model so far; gains as shares of the error at that point."""
+    """Of every candidate at the model so far."""
     chosen: str | None
+    """The accepted cause; None in the last round."""
     rivals: tuple[str, ...]
-    """Causes whose refit in the chosen one's place is not worse at 5 %, paired by action."""
+    """Indistinguishable alternatives: causes whose refit in the chosen one's place is not worse at 5 %, paired by
+    action."""
 
 
 def most_parsimonious(
@@ -240,13 +245,19 @@ def most_parsimonious(
     seed: int,
     log: Callable[[str], None],
 ) -> Step:
-    """The cause with the fewest quantities of those whose refit leaves no more error than the best one's, by losses [n]
-    of each; the others are its rivals.
+    """Choose the cause with the fewest quantities among those that explain as much as the best; the others are its
+    rivals.
 
-    What has a dozen quantities (each sheet of paper its own) can do what a tool's wear does, and a little more: of
-    causes that cannot be told apart, the one with the fewest is taken. Nor can those be told apart of which one
-    removes nearly as much of the ``error`` before them as the other, however surely less: no cause's form is quite
-    right, and a spare quantity takes up what the form lacks.
+    A cause explains as much if its refit is not worse at 5 %, or removes nearly as much of the error. A cause with many
+    quantities can mimic a simple one and fit a little better, because no cause's functional form is exact.
+
+    Args:
+        evidence: of all candidates, kept in the step.
+        losses: error of each action [n] with each refitted cause.
+        error: mean error before.
+        quantities: number of quantities of each cause.
+        seed: of the paired test.
+        log: gets one line.
     """
     minimum = min(losses, key=lambda cause: float(losses[cause].mean()))
     nearly = error - _NEARLY * (error - float(losses[minimum].mean()))
@@ -258,17 +269,17 @@ def most_parsimonious(
 
 
 def unconfirmed(found: Sequence[str], confirmed_p: Mapping[str, float], beside_p: float) -> list[str]:
-    """Causes, in the order in which they were found, that rows which were not searched do not confirm.
+    """The causes, in the order in which they were found, that the confirmation split does not support.
 
-    For the first they must only speak. For a further one they must speak clearly (p of at most ``beside_p``): what the
-    form of the first lacks looks like something.
+    The first needs p <= 0.4. Further ones need p <= ``beside_p``, because the error of the first one's form can look
+    like another cause.
     """
     limits = [_CONFIRMED_P, *[beside_p] * len(found)]
     return [cause for cause, limit in zip(found, limits, strict=False) if confirmed_p[cause] > limit]
 
 
 def paired_p(differences: Array, seed: int) -> float:
-    """One-sided p that the mean of ``differences`` [n] is not above 0: sign flips of what is left after centring."""
+    """One-sided p that the mean of ``differences`` [n] is not above 0, by sign flips."""
     n = len(differences)
     signs = np.random.default_rng([seed, 5]).choice((-1.0, 1.0), (_SIGN_FLIPS, n))
     observed = differences.mean() / max(differences.std(), 1e-300)

@@ -63,7 +63,7 @@ class Extended(Protocol):
         """One for each cause."""
 
 
-class Judged(Protocol):
+class DiagnosisResult(Protocol):
     """See ``diagnosis.strokes.diagnose.Diagnosis``."""
 
     @property
@@ -131,7 +131,7 @@ class Finding:
 
 
 def verdict(
-    diagnosis: Judged,
+    diagnosis: DiagnosisResult,
     rows: int,
     actions: int,
     shifted: float | None = None,
@@ -200,7 +200,7 @@ def _entry(finding: Finding) -> dict[str, Any]:
     }
 
 
-def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
+def sentence(diagnosis: DiagnosisResult, kind: Kind = STROKES) -> str:
     """One paragraph."""
     base, extended = diagnosis.base_losses.mean(), diagnosis.extended_losses.mean()
     said = [f"On sealed {kind.name} the base model misses by {base:.3g} (mean squared, {kind.unit})."]
@@ -237,7 +237,7 @@ def sentence(diagnosis: Judged, kind: Kind = STROKES) -> str:
     return " ".join(said)
 
 
-def _structured(diagnosis: Judged) -> str:
+def _structured(diagnosis: DiagnosisResult) -> str:
     """What the first of what is unexplained depends on, and what established causes say of that already."""
     mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
     told = [
@@ -265,7 +265,7 @@ def _not_observable(reasons: dict[str, str]) -> list[str]:
     return [f"Not decided, because {reason}: {', '.join(causes)}." for reason, causes in by_reason.items()]
 
 
-def _of_a_given_model(diagnosis: Judged, mse: float | None) -> list[str]:
+def _of_a_given_model(diagnosis: DiagnosisResult, mse: float | None) -> list[str]:
     """How it stands to the finder's base, which differs from it in nothing but how free it is."""
     if mse is None:
         return []

@@ -16,7 +16,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, read_table
-from pentimento.diagnosis.experiment_design import sentences
+from pentimento.diagnosis.experiment_design import aliasing_sentences
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import observable_causes
 from pentimento.diagnosis.strokes.aliasing import aliasing_of
@@ -87,7 +87,7 @@ def _columns(rows: Path) -> list[str]:
 
 def _of_strokes(table: pa.Table) -> _Told:
     measured = load_measured(table)
-    alike = sentences(aliasing_of(first_model(measured), measured, OF_STROKES))
+    alike = aliasing_sentences(aliasing_of(first_model(measured), measured, OF_STROKES))
     return _Told(commanded_strokes(table), shown_strokes(table), heading_of_strokes(table), _not_shown(measured), alike)
 
 

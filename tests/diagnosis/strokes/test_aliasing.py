@@ -8,11 +8,11 @@ from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.experiment_design import (
     Aliasing,
     Columns,
+    aliased_pairs,
     aliasing,
-    in_short,
+    aliasing_in_short,
+    aliasing_sentences,
     information,
-    pairs_alike,
-    sentences,
 )
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.strokes.aliasing import aliasing_of, design
@@ -67,24 +67,24 @@ def test_what_the_nuisances_can_do_themselves_is_not_seen(jacobian: np.ndarray) 
     jacobian[..., 3] = jacobian[..., 0] - 2 * jacobian[..., 1]
     found = aliasing(statistics_of(jacobian), COLUMNS)
     assert np.isnan(found.of("a", "b")) and not np.isnan(found.of("a", "c"))
-    assert any("b leaves no trace" in line for line in sentences(found))
+    assert any("b leaves no trace" in line for line in aliasing_sentences(found))
 
 
 def test_twins_are_named(jacobian: np.ndarray) -> None:
     jacobian[..., 3] = -4 * jacobian[..., 2] + 0.01 * jacobian[..., 3] + jacobian[..., 1]
     found = aliasing(statistics_of(jacobian), COLUMNS)
     assert found.of("a", "b") > 0.999
-    assert sentences(found)[0].startswith("a and b imitate each other (1.00)")
+    assert aliasing_sentences(found)[0].startswith("a and b imitate each other (1.00)")
 
 
 def test_in_short_the_closest_come_first_and_the_largest_is_theirs() -> None:
     cosine = np.array([[1, 0.91, 0.2, np.nan], [0.91, 1, 0.97, np.nan], [0.2, 0.97, 1, np.nan], [np.nan] * 4])
     found = Aliasing(("a", "b", "c", "d"), cosine)
-    assert in_short(found) == "b ~ c .97, a ~ b .91, no trace of d"
-    assert in_short(found, 0.99) == "no two causes above .99 (b ~ c .97), no trace of d"
+    assert aliasing_in_short(found) == "b ~ c .97, a ~ b .91, no trace of d"
+    assert aliasing_in_short(found, 0.99) == "no two causes above .99 (b ~ c .97), no trace of d"
     assert found.largest == 0.97
     alone = Aliasing(("a",), np.eye(1))
-    assert alone.largest == 0.0 and in_short(alone) == "no two causes above .90"
+    assert alone.largest == 0.0 and aliasing_in_short(alone) == "no two causes above .90"
 
 
 def test_information_is_lost_to_nuisances_only(jacobian: np.ndarray) -> None:
@@ -97,7 +97,7 @@ def test_information_is_lost_to_nuisances_only(jacobian: np.ndarray) -> None:
 def test_rivals_and_imitators_make_pairs_once() -> None:
     cosine = np.array([[1, 0.95, 0.2], [0.95, 1, 0.1], [0.2, 0.1, 1]])
     found = Aliasing(("a", "b", "c"), cosine)
-    assert pairs_alike(found, {"a": ("c",), "b": ()}) == [("a", "c"), ("a", "b")]
+    assert aliased_pairs(found, {"a": ("c",), "b": ()}) == [("a", "c"), ("a", "b")]
 
 
 def commands(headings: np.ndarray, ink_m: np.ndarray, places_m: np.ndarray) -> pa.Table:

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.score import Step
-from pentimento.diagnosis.strokes.candidates import FIRST_P, weigh
+from pentimento.diagnosis.strokes.candidates import FIRST_P, evaluate_candidates
 from pentimento.diagnosis.strokes.fit import fit
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model, identity
-from pentimento.diagnosis.strokes.search import Search, confirmation, with_one_borderline
+from pentimento.diagnosis.strokes.search import Search, accept_borderline, confirmation_p
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.path_scale import PathScale
 from tests.diagnosis.strokes.test_large_effects import strokes_of
@@ -26,7 +26,7 @@ def halves(strokes: Measured) -> tuple[Measured, NDArray[np.bool_]]:
 def ended(discovery_split: Measured, model: Model, p_adjusted: float) -> Search:
     """A search that has found nothing and is in doubt about an offset."""
     observable = {kind.cause: identity(kind, discovery_split.context) for kind in (PathOffset, PathScale)}
-    evidence = weigh(model, list(observable.values()), discovery_split, 0)[0]
+    evidence = evaluate_candidates(model, list(observable.values()), discovery_split, 0)[0]
     evidence["path_offset"] = evidence["path_offset"]._replace(p_adjusted=p_adjusted, gain=0.1)
     evidence["path_scale"] = evidence["path_scale"]._replace(p_adjusted=0.9)
     return Search(model, model, (Step(evidence, None, ()),), observable, {}, 0.0, {}, frozenset())
@@ -38,7 +38,7 @@ def test_what_is_in_doubt_is_taken_where_confirming_strokes_ask_for_it(p_adjuste
     discovery_split, fresh = halves(strokes)
     _, plain = strokes_of(PathOffset, 0.0, 0.0)
     begun = ended(discovery_split, fit(plain, discovery_split), p_adjusted)
-    found = with_one_borderline(begun, discovery_split, strokes, fresh, 0, lambda _: None)
+    found = accept_borderline(begun, discovery_split, strokes, fresh, 0, lambda _: None)
     assert found.found == ({"path_offset"} if named else frozenset())
     if named:
         assert [step.chosen for step in found.steps] == ["path_offset", None]
@@ -57,13 +57,13 @@ def test_and_not_where_these_do_not() -> None:
     after[in_discovery_split] = with_offset.samples.after[in_discovery_split]
     known = replace(without, samples=without.samples._replace(after=after))
     begun = ended(discovery_split, fit(plain, discovery_split), 0.1)
-    assert with_one_borderline(begun, discovery_split, known, fresh, 0, lambda _: None) is begun
+    assert accept_borderline(begun, discovery_split, known, fresh, 0, lambda _: None) is begun
 
 
 def test_confirmation_asks_for_the_cause_in_its_direction() -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, 0.0)
     discovery_split, fresh = halves(strokes)
     model = fit(plain.plus(identity(PathOffset, strokes.context)), discovery_split)
-    assert confirmation(model, "path_offset", strokes, fresh, 0) < 0.01
+    assert confirmation_p(model, "path_offset", strokes, fresh, 0) < 0.01
     other_way = model.at(np.where(np.arange(len(model.vector)) >= model.nuisances, -model.vector, model.vector))
-    assert confirmation(other_way, "path_offset", strokes, fresh, 0) > 0.5
+    assert confirmation_p(other_way, "path_offset", strokes, fresh, 0) > 0.5

@@ -11,14 +11,14 @@ from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import Evidence
 from pentimento.diagnosis.strokes import candidates
 from pentimento.diagnosis.strokes.candidates import (
-    can_leave_what_looks_like,
+    backward_elimination,
+    can_mimic,
+    evaluate_candidates,
+    form_error_share,
     is_far,
     is_physical,
-    left_by_form,
     shortlist,
-    weigh,
-    with_that_of_refits,
-    without_idle,
+    with_refit_evidence,
 )
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import load_measured
@@ -75,7 +75,7 @@ def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
     strokes = photographed(measured, noisy)
     model = fit(first_model(strokes), strokes)
     lag = identity(BristleLag, strokes.context)
-    assert weigh(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
+    assert evaluate_candidates(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
 
 
 def test_a_step_that_no_fit_would_take_hides_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,9 +95,9 @@ def test_a_step_that_no_fit_would_take_hides_no_cause(monkeypatch: pytest.Monkey
         np.square(missing).mean(1),
     )
     monkeypatch.setattr(candidates, "linearise", lambda model, measured: statistics)
-    stiff = weigh(model, [darker], measured, 0)[0][Vignetting.cause]
+    stiff = evaluate_candidates(model, [darker], measured, 0)[0][Vignetting.cause]
     monkeypatch.setattr(candidates, "steadied", lambda statistics, model, share: statistics)
-    free = weigh(model, [darker], measured, 0)[0][Vignetting.cause]
+    free = evaluate_candidates(model, [darker], measured, 0)[0][Vignetting.cause]
     assert stiff.p < 0.001 and stiff.gain > 0 and free.p > 0.05
 
 
@@ -105,7 +105,7 @@ def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
     strokes = load_measured(example_table(40))
     model = fit(first_model(strokes), strokes)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (BristleLag, PathScale)}
-    _, at_start = weigh(model, list(observable.values()), strokes, 0)
+    _, at_start = evaluate_candidates(model, list(observable.values()), strokes, 0)
     from_tests = {cause: fit(model.plus(kind), strokes, at_start[cause]) for cause, kind in observable.items()}
     for cause, kind in observable.items():
         np.testing.assert_allclose(from_tests[cause].vector, fit(model.plus(kind), strokes).vector, atol=1e-5)
@@ -118,7 +118,7 @@ def test_ends_must_be_surer_than_a_cause_to_stay_beside_a_new_one(
     measured = load_measured(example_table(12))
     model = first_model(measured).plus(*(identity(k, measured.context) for k in (UnevenEnds, PathScale, BristleLag)))
     monkeypatch.setattr(candidates, "paired_p", lambda differences, seed: p)
-    left = without_idle(model, frozenset(), measured, 0, lambda line: None)
+    left = backward_elimination(model, frozenset(), measured, 0, lambda line: None)
     assert {m.cause for m in left.mechanisms} == stay | {"bristle_lag"}
 
 
@@ -127,10 +127,10 @@ def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset
     strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
     silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
     refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
-    evidence = with_that_of_refits(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
+    evidence = with_refit_evidence(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
     assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
     said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
-    assert with_that_of_refits(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
+    assert with_refit_evidence(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
 
 
 def test_what_acts_with_the_wrong_sign_beside_a_new_cause_goes_however_much_it_does() -> None:
@@ -138,15 +138,17 @@ def test_what_acts_with_the_wrong_sign_beside_a_new_cause_goes_however_much_it_d
     model = fit(plain.plus(*(identity(kind, strokes.context) for kind in (BristleLag, PathOffset))), strokes)
     assert float(model.mechanisms[0].values) < 0
     kept = frozenset({BristleLag.cause})
-    assert [m.cause for m in without_idle(model, kept, strokes, 0, lambda _: None).mechanisms] == [PathOffset.cause]
+    assert [m.cause for m in backward_elimination(model, kept, strokes, 0, lambda _: None).mechanisms] == [
+        PathOffset.cause
+    ]
 
 
 def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_all() -> None:
     kinds = (BristleLag, PathScale, LensDistortion, PathOffset, SpeedWidth)
     lag, scale, lens, offset, width = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
-    assert can_leave_what_looks_like(lag, scale) and can_leave_what_looks_like(lens, offset)
-    assert not can_leave_what_looks_like(offset, lag)
-    assert not can_leave_what_looks_like(lag, width) and not can_leave_what_looks_like(width, lag)
+    assert can_mimic(lag, scale) and can_mimic(lens, offset)
+    assert not can_mimic(offset, lag)
+    assert not can_mimic(lag, width) and not can_mimic(width, lag)
 
 
 def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_goes_with_nothing_of_its_own() -> None:
@@ -155,6 +157,8 @@ def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_
     assert set(late.informative_covariates) & set(lens.informative_covariates) and not set(
         ink.informative_covariates
     ) & set(width.informative_covariates)
-    assert left_by_form(late, lag) > left_by_form(late, lens) > left_by_form(width, ink) > 0
-    assert left_by_form(late, offset) == left_by_form(late, lens)  # on average, a form may leave the same for all
-    assert left_by_form(late, width) == 0  # one displaces the mark, the other does not
+    assert form_error_share(late, lag) > form_error_share(late, lens) > form_error_share(width, ink) > 0
+    assert form_error_share(late, offset) == form_error_share(
+        late, lens
+    )  # on average, a form may leave the same for all
+    assert form_error_share(late, width) == 0  # one displaces the mark, the other does not

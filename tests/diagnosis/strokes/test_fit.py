@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.boosting import like_causes
+from pentimento.diagnosis.boosting import cause_projection
 from pentimento.diagnosis.gauss_newton import Statistics
-from pentimento.diagnosis.score import projected
-from pentimento.diagnosis.strokes.fit import fit, held, steadied, tempered
+from pentimento.diagnosis.score import projected_statistics
+from pentimento.diagnosis.strokes.fit import fit, huber_weighted, stiffened, with_prior
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
@@ -30,7 +30,7 @@ def asked(statistics: Statistics, model: Model) -> float:
     columns = model.columns_of(SpeedBleed.cause)
     rest = np.setdiff1d(np.arange(len(model.vector)), columns)
     values = model.vector[columns]
-    return float(values @ projected(statistics, rest, columns)[1].mean(0) @ values)
+    return float(values @ projected_statistics(statistics, rest, columns)[1].mean(0) @ values)
 
 
 def test_the_base_takes_back_of_a_cause_no_more_than_a_fit_without_it_does(softened: tuple[Measured, Model]) -> None:
@@ -39,13 +39,13 @@ def test_the_base_takes_back_of_a_cause_no_more_than_a_fit_without_it_does(softe
     without = fit(model.without(SpeedBleed.cause), strokes)
     comes_back = float((action_losses(without, strokes) - action_losses(model, strokes)).mean())
     statistics = linearise(model, strokes)
-    assert asked(held(statistics, model), model) == pytest.approx(comes_back, rel=0.3)
-    assert asked(statistics, model) < 0.9 * asked(held(statistics, model), model)
+    assert asked(with_prior(statistics, model), model) == pytest.approx(comes_back, rel=0.3)
+    assert asked(statistics, model) < 0.9 * asked(with_prior(statistics, model), model)
 
 
 def test_at_its_end_a_fit_is_pulled_nowhere(softened: tuple[Measured, Model]) -> None:
     strokes, model = softened
-    slope = held(linearise(model, strokes), model).slope
+    slope = with_prior(linearise(model, strokes), model).slope
     assert np.abs(slope.sum(0)).max() < 0.02 * np.abs(slope).sum(0).max()
 
 
@@ -56,7 +56,7 @@ def test_one_stroke_that_is_wrong_by_far_does_not_say_all(softened: tuple[Measur
     after[0] = after[0].flip(1)
     spoilt = replace(strokes, samples=strokes.samples._replace(after=after))
     losses = action_losses(model, spoilt)
-    tame = tempered(spoilt, model)
+    tame = huber_weighted(spoilt, model)
     usual = np.median(losses)
     assert losses.max() > 10 * usual
     np.testing.assert_allclose(action_losses(model, tame), np.minimum(losses, 3 * usual), rtol=1e-6)
@@ -83,5 +83,5 @@ def test_what_strokes_leave_open_is_not_anything(softened: tuple[Measured, Model
     curvature[:, 0], curvature[:, :, 0], slope[:, 0] = 0.0, 0.0, 0.0
     curvature[0, 0, 0], slope[0, 0] = 1e-12, 1e-11  # ten millimetres, if nothing holds them
     opened = Statistics(curvature, slope, statistics.energy)
-    assert like_causes(opened, model.nuisances)[0] > 5.0
-    assert abs(like_causes(steadied(opened, model, 0.001), model.nuisances)[0]) < 0.5
+    assert cause_projection(opened, model.nuisances)[0] > 5.0
+    assert abs(cause_projection(stiffened(opened, model, 0.001), model.nuisances)[0]) < 0.5

@@ -7,7 +7,7 @@ import torch
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.candidates import is_large
 from pentimento.diagnosis.strokes.fit import first_model, fit
-from pentimento.diagnosis.strokes.large_effects import _far, find_large
+from pentimento.diagnosis.strokes.large_effects import _far_refits, find_large
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
 from pentimento.diagnosis.strokes.predict import predicted
@@ -57,6 +57,6 @@ def test_a_tip_that_trails_further_than_the_mark_is_wide_is_found_from_its_typic
     strokes, plain = strokes_of(BristleLag, 0.009)
     model = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
     candidates = [identity(kind, strokes.context) for kind in (BristleLag, PathOffset)]
-    refits = _far(model, candidates, strokes)
+    refits = _far_refits(model, candidates, strokes)
     assert list(refits) == ["bristle_lag"]
     assert float(refits["bristle_lag"].mechanisms[-1].values[0]) == pytest.approx(0.009, rel=0.1)

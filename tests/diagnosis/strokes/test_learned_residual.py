@@ -9,7 +9,7 @@ import torch
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.jacobian import linearise
-from pentimento.diagnosis.strokes.learned_residual import in_the_mirror, learn_residual, one_sided
+from pentimento.diagnosis.strokes.learned_residual import learn_residual, mirrored_features, one_sided
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import BASE, WIDTHS, Model, identity
 from pentimento.diagnosis.strokes.predict import ink, mean_squared_error, predicted, residual
@@ -41,8 +41,8 @@ def strokes() -> tuple[Measured, Model, list[Mechanism]]:
 def streaked(strokes: tuple[Measured, Model, list[Mechanism]]) -> tuple[Measured, Model]:
     """The same with a pale streak to the left of every stroke's middle, and a model that does what it can."""
     measured, model, _ = strokes
-    left = ink(model, measured).imprint.place[..., :1]
-    pale = 0.2 * np.exp(-(((left - 0.4) / 0.25) ** 2)) * (ink(model, measured).imprint.coverage[..., None] > 0.5)
+    left = ink(model, measured).footprint.place[..., :1]
+    pale = 0.2 * np.exp(-(((left - 0.4) / 0.25) ** 2)) * (ink(model, measured).footprint.coverage[..., None] > 0.5)
     pale_strokes = photographed(measured, measured.samples.after.numpy() + pale)
     return pale_strokes, fit(model, pale_strokes.pick(KNOWN))
 
@@ -62,7 +62,7 @@ def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
 
 
 def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[Measured, Model]) -> None:
-    """What scatters with each stroke's place is not in the way: the habit is nearly the same as without it."""
+    """What scatters with each stroke's place is not in the way: the prediction is nearly the same as without it."""
     measured, model = streaked
     placed, causes = model.plus(identity(PathOffset, measured.context)), [identity(BristleLag, measured.context)]
     apart = np.zeros((len(measured), *predicted(model, measured).shape[1:]))
@@ -72,7 +72,9 @@ def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[
             predicted(moved, measured.pick(np.array([row]))) - predicted(model, measured.pick(np.array([row])))
         )[0]
     scattered = photographed(measured, measured.samples.after.numpy() + apart)
-    calm, found = (learn_residual(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    calm, found = (
+        learn_residual(each, model, KNOWN, causes, 0)[1].residual_prediction[FRESH] for each in (measured, scattered)
+    )
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()
 
 
@@ -144,7 +146,9 @@ def test_strokes_that_come_later_get_the_habits_that_the_others_have(
 ) -> None:
     measured, model = streaked
     learned_residual, learnt = learn_residual(measured, model, KNOWN, strokes[2], 0)
-    np.testing.assert_allclose(learned_residual.of(measured.pick(FRESH)).habit, learnt.habit[FRESH], atol=1e-5)
+    np.testing.assert_allclose(
+        learned_residual.of(measured.pick(FRESH)).residual_prediction, learnt.residual_prediction[FRESH], atol=1e-5
+    )
 
 
 def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
@@ -154,8 +158,10 @@ def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
     measured, model = streaked
     learned_residual, learnt = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
     more, known = learned_residual.learnt_from_all(learnt, KNOWN)
-    np.testing.assert_array_equal(known.habit[KNOWN], learnt.habit[KNOWN])
-    np.testing.assert_allclose(more.of(measured.pick(FRESH)).habit, known.habit[FRESH], atol=1e-5)
+    np.testing.assert_array_equal(known.residual_prediction[KNOWN], learnt.residual_prediction[KNOWN])
+    np.testing.assert_allclose(
+        more.of(measured.pick(FRESH)).residual_prediction, known.residual_prediction[FRESH], atol=1e-5
+    )
     noise = error(clean, plain, FRESH)
     assert error(model, known, FRESH) - noise < 0.9 * (error(model, learnt, FRESH) - noise)
 
@@ -174,25 +180,25 @@ def test_a_paint_that_was_never_seen_changes_no_habit(
         learned_residual.of(few),
         learned_residual.seen_from(more).of(replace(few, paints=few.paints + 2)),
     )
-    assert np.abs(known.habit).max() > 0.01
-    np.testing.assert_allclose(painted_anew.habit, known.habit, atol=1e-6)
+    assert np.abs(known.residual_prediction).max() > 0.01
+    np.testing.assert_allclose(painted_anew.residual_prediction, known.residual_prediction, atol=1e-6)
 
 
 def test_the_mirror_of_the_mirror_is_what_was_there() -> None:
     """Left changes sides, and with it the sine of how the tool lies to its way; nothing else does."""
     features = np.random.default_rng(4).normal(size=(50, 9))
-    other = in_the_mirror(features)
+    other = mirrored_features(features)
     changed = [k for k in range(9) if not (other[:, k] == features[:, k]).all()]
     assert changed == [0, 8]
-    np.testing.assert_array_equal(in_the_mirror(other), features)
-    plain = in_the_mirror(features[:, :7])
+    np.testing.assert_array_equal(mirrored_features(other), features)
+    plain = mirrored_features(features[:, :7])
     np.testing.assert_array_equal(plain, other[:, :7])
 
 
 def test_both_sides_are_one_side() -> None:
     features = np.random.default_rng(5).normal(size=(50, 9))
     assert (one_sided(features)[:, 0] >= 0).all()
-    np.testing.assert_array_equal(one_sided(features), one_sided(in_the_mirror(features)))
+    np.testing.assert_array_equal(one_sided(features), one_sided(mirrored_features(features)))
 
 
 @pytest.mark.parametrize(("sides", "mirrored"), [((0.4, -0.4), True), ((0.4,), False)])
@@ -200,7 +206,7 @@ def test_a_tool_that_draws_its_left_as_its_right_is_seen_so(
     strokes: tuple[Measured, Model, list[Mechanism]], sides: tuple[float, ...], mirrored: bool
 ) -> None:
     measured, model, causes = strokes
-    laid = ink(model, measured).imprint
+    laid = ink(model, measured).footprint
     pale = sum(np.exp(-(((laid.place[..., :1] - side) / 0.15) ** 2)) for side in sides)
     streaked = photographed(measured, measured.samples.after.numpy() + 0.2 * pale * (laid.coverage[..., None] > 0.5))
     learned_residual, _ = learn_residual(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, causes, 0)
@@ -215,5 +221,7 @@ def test_a_streak_is_learnt_from_strokes_that_are_not_equally_wide(streaked: tup
     apart = amount * (predicted(wider, measured) - predicted(model, measured))
     scattered = photographed(measured, measured.samples.after.numpy() + apart)
     causes: list[Mechanism] = [identity(BristleLag, measured.context)]
-    calm, found = (learn_residual(each, model, KNOWN, causes, 0)[1].habit[FRESH] for each in (measured, scattered))
+    calm, found = (
+        learn_residual(each, model, KNOWN, causes, 0)[1].residual_prediction[FRESH] for each in (measured, scattered)
+    )
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()

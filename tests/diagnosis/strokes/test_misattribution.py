@@ -12,11 +12,11 @@ from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.misattribution import (
-    curve_is_as_good,
-    ends_do_as_much,
+    generic_curve_suffices,
     shows_signature,
     trails_both_ways,
     trails_by_another_power,
+    uneven_ends_suffice,
 )
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
 from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation
@@ -60,7 +60,7 @@ def wear_gives_way(model: Model, strokes: Measured) -> bool:
     assert (
         action_losses(worn, test_split).mean() < 0.97 * action_losses(model, test_split).mean()
     )  # it does explain something
-    return curve_is_as_good(wear, worn, model, known, test_split, 0)
+    return generic_curve_suffices(wear, worn, model, known, test_split, 0)
 
 
 def test_wear_gives_way_where_the_warmth_that_rises_over_the_session_explains_as_much() -> None:
@@ -192,4 +192,4 @@ def test_what_trails_at_its_ends_alone_cuts_no_corners(kind: type[Mechanism]) ->
         made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
         model = fit(base.plus(idle), made)
         assert float(model.mechanisms[-1].values[0]) > 0
-        assert ends_do_as_much(model.mechanisms[-1], model, made, 0) == at_ends
+        assert uneven_ends_suffice(model.mechanisms[-1], model, made, 0) == at_ends

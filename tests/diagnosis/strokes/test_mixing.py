@@ -7,7 +7,7 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.fit import first_model, fit, mixed
+from pentimento.diagnosis.strokes.fit import choose_mixing, first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import BASE, Model
 from pentimento.diagnosis.strokes.predict import ink, predicted_linear
@@ -37,10 +37,10 @@ def test_paint_that_mixes_in_the_numbers_of_a_picture_is_found_out(measured: Mea
     in_light = fit(plain, made)
     assert in_light.mixes_in_light
     # What holds numbers near the plainest base goes with the error at the start of a fit.
-    found = fit(mixed(in_light, made, 0), made)
+    found = fit(choose_mixing(in_light, made, 0), made)
     assert found.base[BASE.index("mixing")] == pytest.approx(-0.8, abs=0.15)
 
 
 def test_paint_that_mixes_in_light_is_left_at_that(measured: Measured) -> None:
     plain, made = pale_red(measured, 0.0)
-    assert mixed(fit(plain, made), made, 0).mixes_in_light
+    assert choose_mixing(fit(plain, made), made, 0).mixes_in_light

@@ -8,7 +8,7 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.residual_structure import permuted_actions, structure
+from pentimento.diagnosis.residual_structure import find_structure, permuted_actions
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown, load_measured
 from pentimento.diagnosis.strokes.model import Model
@@ -67,9 +67,9 @@ def test_a_mode_that_is_hardly_seen_in_most_rows_is_read_off_the_others() -> Non
     energy = np.where(rng.random(160) < 0.3, 1.0, 0.004)[:, None]  # what noise of 1 leaves of it is 1 / root of that
     scores = 1.2 * speed[:, None] + rng.standard_normal((160, 1)) / np.sqrt(energy)
     columns = {"speed": speed, "else": rng.standard_normal(160)}
-    found, strength, _ = structure(("width",), scores, energy, 1.0, columns, rows, 0)
+    found, strength, _ = find_structure(("width",), scores, energy, 1.0, columns, rows, 0)
     assert [one.covariate for one in found] == ["speed"]
-    alike, same, _ = structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
+    alike, same, _ = find_structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
     assert not alike and same[0, 0] < strength[0, 0]
 
 
@@ -77,7 +77,7 @@ def test_with_equal_energies_strength_is_correlation() -> None:
     rng = np.random.default_rng(4)
     speed = rng.standard_normal(90)
     scores = 0.2 * speed[:, None] + rng.standard_normal((90, 1))
-    _, strength, _ = structure(("width",), scores, np.ones((90, 1)), 1.0, {"speed": speed}, np.arange(90), 0)
+    _, strength, _ = find_structure(("width",), scores, np.ones((90, 1)), 1.0, {"speed": speed}, np.arange(90), 0)
     assert strength[0, 0] == pytest.approx(np.sqrt(90) * abs(np.corrcoef(speed, scores[:, 0])[0, 1]), rel=1e-6)
 
 

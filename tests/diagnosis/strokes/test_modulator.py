@@ -19,8 +19,8 @@ from pentimento.diagnosis.strokes.modes import (
     Generic,
     Modulation,
     Modulator,
+    evaluate_modulator,
     fit_modulator,
-    generic,
     modulated,
 )
 from pentimento.diagnosis.strokes.predict import ink, mark_px, predicted_linear, residual
@@ -59,10 +59,10 @@ def humid() -> tuple[Model, Measured]:
 
 
 @pytest.fixture(scope="module")
-def worth(humid: tuple[Model, Measured]) -> Generic:
+def design_value(humid: tuple[Model, Measured]) -> Generic:
     model, strokes = humid
     both = left("width", "humidity") + left("normal", "decoy")
-    return generic(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
+    return evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
 
 
 def test_most_of_the_gap_that_a_covariate_makes_is_closed_on_sealed_strokes(
@@ -92,13 +92,13 @@ def test_the_curve_is_the_law(worth: Generic) -> None:
 def test_a_covariate_that_is_dealt_out_anew_closes_nothing(humid: tuple[Model, Measured]) -> None:
     model, strokes = humid
     shuffled = replace(strokes, covariates={"humidity": np.random.default_rng(7).permutation(HUMIDITY)})
-    found = generic(model, shuffled.pick(KNOWN), shuffled.pick(TEST_SPLIT), left("width", "humidity"), 0)
+    found = evaluate_modulator(model, shuffled.pick(KNOWN), shuffled.pick(TEST_SPLIT), left("width", "humidity"), 0)
     assert found.gain < 0.1
 
 
 def test_shifts_are_found_as_well(humid: tuple[Model, Measured]) -> None:
     model, strokes = measured_with("normal", 2 * np.sign(HUMIDITY - 0.45), {"humidity": HUMIDITY})
-    found = generic(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("normal", "humidity"), 0)
+    found = evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("normal", "humidity"), 0)
     assert found.gain_interval[0] > 0.2
     (curve,) = found.modulator.curves
     assert curve.amounts[0] < -1 and curve.amounts[-1] > 1
@@ -107,7 +107,7 @@ def test_shifts_are_found_as_well(humid: tuple[Model, Measured]) -> None:
 def test_without_structure_there_is_no_curve(humid: tuple[Model, Measured]) -> None:
     """Blocks left out decide: pure noise is not worth a curve."""
     model, strokes = measured_with("width", np.zeros(72), {"humidity": HUMIDITY})
-    found = generic(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("width", "humidity"), 0)
+    found = evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("width", "humidity"), 0)
     assert found.gain == pytest.approx(0.0, abs=0.01)
     constant = replace(strokes, covariates={"humidity": np.full(72, 0.4)})
     assert fit_modulator(model, constant, [("width", "humidity")], 0) == Modulator(())

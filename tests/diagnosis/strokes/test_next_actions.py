@@ -8,9 +8,9 @@ import pytest
 
 from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.experiment_design import Aliasing, alike, questions, worth
+from pentimento.diagnosis.experiment_design import Aliasing, design_value, pair_aliasing, questions
 from pentimento.diagnosis.strokes.aliasing import columns_of
-from pentimento.diagnosis.strokes.candidate_actions import Action, draw_sequence, in_turn, ranges_of, state_after
+from pentimento.diagnosis.strokes.candidate_actions import Action, draw_sequence, executable, ranges_of, state_after
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.jacobian import linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
@@ -46,7 +46,7 @@ def test_imitation_falls_well_below_and_further_than_by_chance(
     before, after = proposal.aliasing[PAIR]
     so_far, ranges = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes)
     by_chance = [
-        alike(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns_of(model), PAIR)
+        pair_aliasing(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns_of(model), PAIR)
         for actions in (draw_sequence(np.random.default_rng(seed), ranges, strokes, 8) for seed in range(7))
     ]
     assert before > 0.95 and after < 0.5
@@ -57,10 +57,10 @@ def test_it_is_worth_more_than_any_of_many_random_designs(model: Model, strokes:
     so_far, ranges, columns = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes), columns_of(model)
 
     def value(actions: Sequence[Action]) -> float:
-        return worth(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])
+        return design_value(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])
 
     best = max(value(draw_sequence(np.random.default_rng(seed), ranges, strokes, 8)) for seed in range(12))
-    assert value(proposal.actions) > best > worth(so_far, columns, [PAIR])
+    assert value(proposal.actions) > best > design_value(so_far, columns, [PAIR])
 
 
 def bulge(path: np.ndarray) -> float:
@@ -84,13 +84,13 @@ def test_actions_stay_within_what_was_recorded(strokes: Measured, proposal: Prop
 
 def test_ink_runs_from_dip_to_dip_and_never_out(strokes: Measured, proposal: Proposal) -> None:
     ranges = ranges_of(strokes)
-    assert ranges.most_ink_m is not None and proposal.actions[0].reload
-    actions, columns = in_turn(proposal.actions, strokes, ranges)
+    assert ranges.max_ink_m is not None and proposal.actions[0].reload
+    actions, columns = executable(proposal.actions, strokes, ranges)
     since = 0.0
     for action, told in zip(actions, columns, strict=True):
         since = 0.0 if action.reload else since
         assert told["ink_since_reload_m"] == pytest.approx(since, abs=1e-6)
-        assert since <= ranges.most_ink_m
+        assert since <= ranges.max_ink_m
         since += np.hypot(*np.diff(action.path[:, 1:3], axis=0).T).sum()
     ages = [told["tool_age_m"] for told in columns]
     assert ages[0] >= state_after(strokes).memory.tool_age_m and (np.diff(ages) > 0).all()

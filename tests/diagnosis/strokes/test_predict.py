@@ -88,7 +88,7 @@ def test_some_pixels_are_foretold_as_in_the_whole(measured: Measured) -> None:
     for model in (first_model(measured), with_all_causes(measured)):
         moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
         laid = ink(moved, few)
-        seen = laid.imprint.segment >= 0
+        seen = laid.footprint.segment >= 0
         some = predicted_linear(laid, few, np.flatnonzero(seen))
         np.testing.assert_array_equal(some, predicted_linear(laid, few)[seen])
 

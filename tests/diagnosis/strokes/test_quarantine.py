@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.diagnosis.strokes.quarantine import usable_rows
 
 TABLE = example_table(12)
 
@@ -24,13 +24,13 @@ STILL = {"path": [[t, 0.1, 0.1, -0.001, 0.0] for t in (0.0, 0.5, 1.0)]}
 
 
 def test_good_rows_pass_as_they_are() -> None:
-    sound = sound_rows(TABLE)
+    sound = usable_rows(TABLE)
     assert sound.table is TABLE and not sound.bad and not sound.copies and sound.sentences() == []
 
 
 @pytest.mark.parametrize(("fault", "says"), [(ELSEWHERE, "indow"), (STILL, "does not move")])
 def test_one_bad_row_is_left_out_and_named(fault: dict[str, Any], says: str) -> None:
-    sound = sound_rows(changed({4: fault}))
+    sound = usable_rows(changed({4: fault}))
     assert list(sound.bad) == [4] and says in sound.bad[4]
     assert sound.table["order"].to_pylist() == [n for n in range(12) if n != 4]
     assert "Row 4" in sound.sentences()[0]
@@ -38,26 +38,26 @@ def test_one_bad_row_is_left_out_and_named(fault: dict[str, Any], says: str) -> 
 
 def test_too_many_bad_rows_are_an_error_that_names_them() -> None:
     with pytest.raises(ContractError, match=r"Rows 2, 5 .*does not move"):
-        sound_rows(changed({2: STILL, 5: STILL}))
+        usable_rows(changed({2: STILL, 5: STILL}))
 
 
 def test_copies_are_left_out_however_many() -> None:
-    sound = sound_rows(pa.concat_tables([TABLE, TABLE]))
+    sound = usable_rows(pa.concat_tables([TABLE, TABLE]))
     assert sound.copies == tuple(range(12, 24)) and sound.table.num_rows == 12
     assert "and 4 more" in sound.sentences()[0]
 
 
 def test_a_repeated_action_is_no_copy() -> None:
     """Another photograph of the same command is what a noise floor is made of."""
-    assert sound_rows(changed({1: {"path": TABLE["path"][0].as_py(), "action_id": 0}})).copies == ()
+    assert usable_rows(changed({1: {"path": TABLE["path"][0].as_py(), "action_id": 0}})).copies == ()
 
 
 def test_an_empty_table_stays_empty() -> None:
-    assert sound_rows(TABLE.slice(0, 0)).table.num_rows == 0
+    assert usable_rows(TABLE.slice(0, 0)).table.num_rows == 0
 
 
 def test_strokes_without_a_mark_are_used_and_counted() -> None:
     before = {n: {"after": row["before"]} for n, row in enumerate(TABLE.to_pylist()) if n < 6}
-    sound = sound_rows(changed(before))
+    sound = usable_rows(changed(before))
     assert sound.unmarked == 6 and sound.table.num_rows == 12
     assert "6 of 12 rows show no mark" in sound.sentences()[0]

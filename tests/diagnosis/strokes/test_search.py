@@ -5,11 +5,17 @@ import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.score import Step
-from pentimento.diagnosis.strokes.candidates import displaces, weigh
+from pentimento.diagnosis.strokes.candidates import displaces, evaluate_candidates
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.model import UnevenEnds, identity
-from pentimento.diagnosis.strokes.search import Search, _hidden_by_ends, enough, is_kin_of_what_suffices, settle
+from pentimento.diagnosis.strokes.search import (
+    Search,
+    _hidden_by_ends,
+    min_removed,
+    recheck_alternatives,
+    same_family_suffices,
+)
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.mechanisms.lens_distortion import LensDistortion
@@ -29,7 +35,7 @@ def test_a_further_cause_must_be_worth_something_beside_others_whose_form_may_le
     def asked(mechanism: Mechanism, **gained: float) -> float:
         measured = load_measured(example_table(16))
         model = first_model(measured)
-        return enough(mechanism, 1e-3, Search(model, model, (), observable, {}, 1e-3, gained, frozenset()))
+        return min_removed(mechanism, 1e-3, Search(model, model, (), observable, {}, 1e-3, gained, frozenset()))
 
     minimum = asked(lens)
     assert minimum == pytest.approx(1e-5)  # a hundredth of the floor
@@ -45,11 +51,11 @@ def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_ri
 ) -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, -0.0005)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (taken, rival)}
-    evidence = weigh(plain, list(observable.values()), strokes, 0)[0]
+    evidence = evaluate_candidates(plain, list(observable.values()), strokes, 0)[0]
     model = fit(plain.plus(observable[taken.cause]), strokes)
     step, last = Step(evidence, taken.cause, (rival.cause,)), Step(evidence, None, ())
     begun = Search(plain, model, (step, last), observable, {}, 0.0, {taken.cause: 1e-4}, frozenset())
-    settled = settle(begun, strokes, 0, lambda _: None)
+    settled = recheck_alternatives(begun, strokes, 0, lambda _: None)
     assert [(s.chosen, s.rivals) for s in settled.steps] == [("path_offset", ()), (None, ())]
     assert settled.found == {"path_offset"} and list(settled.gained) == ["path_offset"]
 
@@ -60,20 +66,20 @@ def test_beside_a_delay_that_leaves_nothing_by_speed_no_lag_is_needed(taken: typ
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
     model = fit(plain.plus(observable[taken.cause]), strokes)
     (other,) = observable.keys() - {taken.cause}
-    assert is_kin_of_what_suffices(other, model, observable, strokes, 0) == needless
-    assert not is_kin_of_what_suffices(other, plain, observable, strokes, 0)
+    assert same_family_suffices(other, model, observable, strokes, 0) == needless
+    assert not same_family_suffices(other, plain, observable, strokes, 0)
 
 
 def test_in_the_end_a_lag_gives_way_to_a_delay_that_leaves_nothing_by_speed() -> None:
     """Though it was never its rival."""
     strokes, plain = strokes_of(Latency, 0.05)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
-    evidence = weigh(plain, list(observable.values()), strokes, 0)[0]
+    evidence = evaluate_candidates(plain, list(observable.values()), strokes, 0)[0]
     model = fit(plain.plus(observable["bristle_lag"]), strokes)
     begun = Search(
         plain, model, (Step(evidence, "bristle_lag", ()),), observable, {}, 0.0, {"bristle_lag": 1e-4}, frozenset()
     )
-    assert settle(begun, strokes, 0, lambda _: None).found == {"latency"}
+    assert recheck_alternatives(begun, strokes, 0, lambda _: None).found == {"latency"}
 
 
 @pytest.mark.parametrize(("hidden", "seconds", "asked_for"), [(Latency, 0.05, ["latency"]), (BristleLag, 0.005, [])])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from pentimento.diagnosis.strokes.soft_edge import LEVELS, change_of_coverage, imprint
+from pentimento.diagnosis.strokes.soft_edge import LEVELS, change_of_coverage, footprint_of
 
 SHAPE = (48, 64)
 PLAIN = np.eye(len(LEVELS))[0]
@@ -18,7 +18,7 @@ def stroke(radius: float = 4.0, edge: float = 0.8, bend: float = 0.0, shift: flo
 
 @pytest.mark.parametrize("edge", [0.5, 1.5])
 def test_across_a_straight_stroke_the_profile_is_the_convolved_slab(edge: float) -> None:
-    coverage = imprint(stroke(edge=edge), PLAIN, SHAPE).coverage[0, :, 30]
+    coverage = footprint_of(stroke(edge=edge), PLAIN, SHAPE).coverage[0, :, 30]
     distance = np.abs(np.arange(SHAPE[0]) - 24)
     expected = 0.9 * (norm.cdf((4 - distance) / edge) - norm.cdf((-4 - distance) / edge))
     np.testing.assert_allclose(coverage, expected, atol=1e-4)
@@ -30,11 +30,13 @@ def test_blur_does_not_change_how_much_ink_there_is() -> None:
     """Sharp or soft, and wherever it lies between pixels: the sawteeth of pointwise sampling would break that."""
     area = 0.9 * (2 * 4 * 36 + np.pi * 4**2)
     for edge, shift in [(0.4, 0.0), (0.4, 0.5), (1.2, 0.0)]:
-        assert imprint(stroke(edge=edge, shift=shift), PLAIN, SHAPE).coverage.sum() == pytest.approx(area, rel=0.02)
+        assert footprint_of(stroke(edge=edge, shift=shift), PLAIN, SHAPE).coverage.sum() == pytest.approx(
+            area, rel=0.02
+        )
 
 
 def test_a_shift_by_whole_pixels_shifts_the_picture() -> None:
-    here, there = (imprint(stroke(bend=6, shift=s), PLAIN, SHAPE).coverage for s in (0.0, 5.0))
+    here, there = (footprint_of(stroke(bend=6, shift=s), PLAIN, SHAPE).coverage for s in (0.0, 5.0))
     np.testing.assert_allclose(there[:, :, 5:], here[:, :, :-5], atol=1e-6)
 
 
@@ -44,21 +46,21 @@ def test_derivatives_by_smooth_changes_of_the_mark(field: int) -> None:
     mark, change = stroke(bend=6), np.zeros((1, 1, 24, 5))
     change[..., field] = np.cos(np.linspace(0, 2, 24))
     step = 1e-3
-    up, down = (imprint(mark + sign * step * change[0], weights, SHAPE).coverage for sign in (1, -1))
+    up, down = (footprint_of(mark + sign * step * change[0], weights, SHAPE).coverage for sign in (1, -1))
     numeric = (up - down) / (2 * step)
-    made = imprint(mark, weights, SHAPE)
+    made = footprint_of(mark, weights, SHAPE)
     reached = np.flatnonzero(made.segment >= 0)
     exact = change_of_coverage(made, change, reached)[:, 0]
     assert np.linalg.norm(exact - numeric.ravel()[reached]) < 0.03 * np.linalg.norm(numeric)
 
 
 def test_derivatives_by_the_profile_are_exact() -> None:
-    made = imprint(stroke(bend=6), np.full(len(LEVELS), 0.2), SHAPE)
+    made = footprint_of(stroke(bend=6), np.full(len(LEVELS), 0.2), SHAPE)
     np.testing.assert_allclose((made.by_level * 0.2).sum(-1), made.coverage, atol=1e-5)
 
 
 def test_left_and_ahead_are_told_from_the_direction_of_motion() -> None:
-    made = imprint(stroke(), PLAIN, SHAPE)
+    made = footprint_of(stroke(), PLAIN, SHAPE)
     left, ahead = made.place[0, ..., 0], made.place[0, ..., 1]
     assert left[22, 30] == pytest.approx(0.5, abs=1e-5)  # it goes right; up, where rows are fewer, is left
     assert left[26, 30] == pytest.approx(-0.5, abs=1e-5)
@@ -67,8 +69,8 @@ def test_left_and_ahead_are_told_from_the_direction_of_motion() -> None:
 
 
 def test_one_point_and_a_stroke_off_the_window() -> None:
-    dot = imprint(stroke()[:, :1], PLAIN, SHAPE)
+    dot = footprint_of(stroke()[:, :1], PLAIN, SHAPE)
     assert dot.coverage.sum() == pytest.approx(0.9 * np.pi * (4**2 + 0.8**2), rel=0.01)  # of the convolved rim
-    away = imprint(stroke(shift=500), PLAIN, SHAPE)
+    away = footprint_of(stroke(shift=500), PLAIN, SHAPE)
     assert not away.coverage.any()
     assert (away.segment == -1).all()

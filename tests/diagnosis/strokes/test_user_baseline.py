@@ -8,8 +8,8 @@ import pytest
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes import report
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.strokes.out_of_distribution import UserBaseline, evaluate_baseline
 from pentimento.diagnosis.strokes.report import build_page
-from pentimento.diagnosis.strokes.write import Given, given_on
 from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.evaluation import predict_with, score_model
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
@@ -26,28 +26,28 @@ def strokes() -> Measured:
 def test_a_model_that_foretells_all_misses_nothing_and_a_tone_by_its_square(strokes: Measured) -> None:
     told = predict_with(PARAMETERS, strokes.samples)
     true = replace(strokes, samples=strokes.samples._replace(after=told))
-    assert given_on(PARAMETERS, true).mse == 0
+    assert evaluate_baseline(PARAMETERS, true).mse == 0
     paler = replace(strokes, samples=strokes.samples._replace(after=told + 0.1))
-    np.testing.assert_allclose(given_on(PARAMETERS, paler).losses, 0.01, rtol=1e-4)
+    np.testing.assert_allclose(evaluate_baseline(PARAMETERS, paler).losses, 0.01, rtol=1e-4)
 
 
 def test_repeats_of_an_action_count_as_one(strokes: Measured) -> None:
     thrice = strokes.pick(np.array([0, 1, 1, 1]))
-    singly = given_on(PARAMETERS, strokes.pick(np.array([0, 1]))).losses
-    np.testing.assert_allclose(given_on(PARAMETERS, thrice).losses, singly, rtol=1e-5)
+    singly = evaluate_baseline(PARAMETERS, strokes.pick(np.array([0, 1]))).losses
+    np.testing.assert_allclose(evaluate_baseline(PARAMETERS, thrice).losses, singly, rtol=1e-5)
 
 
 def test_it_is_the_error_that_training_reports_where_windows_are_alike(strokes: Measured) -> None:
     one = strokes.pick(np.array([2]))
-    assert given_on(PARAMETERS, one).mse == pytest.approx(score_model(PARAMETERS, one.samples).mse, rel=1e-4)
+    assert evaluate_baseline(PARAMETERS, one).mse == pytest.approx(score_model(PARAMETERS, one.samples).mse, rel=1e-4)
 
 
 @pytest.fixture(scope="module")
-def given(written: Written) -> Given:
-    return given_on(PARAMETERS, written.survey.test_split)
+def given(written: Written) -> UserBaseline:
+    return evaluate_baseline(PARAMETERS, written.survey.test_split)
 
 
-def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Written, given: Given) -> None:
+def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Written, given: UserBaseline) -> None:
     plain, beside = (verdict(written.diagnosis, 56, 42, given_mse=mse) for mse in (None, given.mse))
     assert beside["mse"].pop("given") == given.mse > beside["mse"]["base"]
     added = beside["sentence"].replace(plain["sentence"], "").strip()
@@ -57,7 +57,7 @@ def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Wr
     assert "no more than the base" in better["sentence"]
 
 
-def test_the_page_shows_what_it_foretells(written: Written, given: Given) -> None:
+def test_the_page_shows_what_it_foretells(written: Written, given: UserBaseline) -> None:
     told = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
     pages = [build_page(written.diagnosis, written.survey, written.proposal, told, one) for one in (None, given)]
     assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}

@@ -13,8 +13,9 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.model import UnevenEnds, read_model
+from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of, with_joint_paints
 from pentimento.diagnosis.strokes.predict import residual
-from pentimento.diagnosis.strokes.write import applied, gap_closed_on, paints_of, write_diagnosis
+from pentimento.diagnosis.strokes.write import write_diagnosis
 from tests.diagnosis.strokes.conftest import Written
 
 
@@ -40,7 +41,7 @@ def test_the_extended_model_foretells_the_same_when_read_again(written: Written)
     model, paints = read_model(written.folder / "extended_model.json")
     causes = {m.cause for m in model.mechanisms} - {UnevenEnds.cause}  # which are the base's
     assert causes == {f.cause for f in written.diagnosis.established}
-    model, strokes = applied(model, paints, written.measured)
+    model, strokes = with_joint_paints(model, paints, written.measured)
     np.testing.assert_allclose(
         residual(model, strokes), residual(written.diagnosis.extended, written.measured), atol=1e-6
     )
@@ -48,7 +49,7 @@ def test_the_extended_model_foretells_the_same_when_read_again(written: Written)
 
 def test_a_paint_that_the_model_has_not_seen_gets_no_offset(written: Written) -> None:
     model, paints = written.diagnosis.extended, paints_of(written.measured)
-    other, strokes = applied(model, paints + 0.5, written.measured)
+    other, strokes = with_joint_paints(model, paints + 0.5, written.measured)
     assert len(other.color_offset) == 2 * len(paints)
     np.testing.assert_array_equal(other.color_offset[strokes.paint], 0.0)
 
@@ -56,7 +57,7 @@ def test_a_paint_that_the_model_has_not_seen_gets_no_offset(written: Written) ->
 def test_a_colour_of_another_session_gets_the_mean_of_its_mixes(written: Written) -> None:
     model, paints = written.diagnosis.extended, paints_of(written.measured)
     darker = replace(model, color_offset=np.concatenate([model.color_offset, model.color_offset - 0.02]))
-    other, strokes = applied(darker, np.concatenate([paints, paints]), written.measured)
+    other, strokes = with_joint_paints(darker, np.concatenate([paints, paints]), written.measured)
     np.testing.assert_allclose(
         other.color_offset[strokes.paint], (model.color_offset - 0.01)[written.measured.paint], atol=1e-12
     )

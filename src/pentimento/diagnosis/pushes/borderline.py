@@ -14,7 +14,7 @@ from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.search import MAX_CAUSES, Search, could_be_the_base
-from pentimento.diagnosis.score import Step, paired_p, projected
+from pentimento.diagnosis.score import Step, paired_p, projected_statistics
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 
 Array = NDArray[Any]
@@ -39,7 +39,7 @@ def confirmations(model: AnalyticPush, measured: MeasuredPushes, test_split: Arr
     confirmed = {}
     for mechanism in model.mechanisms:
         columns = model.columns_of(mechanism.cause)
-        slope, curvature = projected(statistics, np.setdiff1d(every, columns), columns)
+        slope, curvature = projected_statistics(statistics, np.setdiff1d(every, columns), columns)
         values = model.vector[columns]
         asked = slope @ values + np.einsum("p,npq,q->n", values, curvature, values)
         confirmed[mechanism.cause] = paired_p(asked[test_split], seed)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.gauss_newton import damped_step, promised
+from pentimento.diagnosis.gauss_newton import damped_step, predicted_decrease
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, mean_squared_error, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
@@ -106,7 +106,7 @@ def fit(
         if not improved:
             break
         gained = loss - new
-        promise = promised(moved - model.vector, _away(model, start), statistics, hold)
+        promise = predicted_decrease(moved - model.vector, _away(model, start), statistics, hold)
         at_reach = ((moved == near[0]) & (moved > low)) | ((moved == near[1]) & (moved < high))
         if at_reach.any():
             ended = gained < _ENOUGH_ON_THE_WAY * new

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.evaluation import FEWEST, Floor, floor_of, spreads
+from pentimento.diagnosis.evaluation import MIN_REPEATED, Floor, repeat_variances, weighted_floor
 from pentimento.diagnosis.pushes.jacobian import action_losses, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.noise import error_by_noise
@@ -23,7 +23,7 @@ def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Flo
     Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
     """
     _, spread = _spread_of_repeats(model, measured)
-    return floor_of(spread, np.ones(len(spread)), seed) if len(spread) >= FEWEST else None
+    return weighted_floor(spread, np.ones(len(spread)), seed) if len(spread) >= MIN_REPEATED else None
 
 
 def floor_of_test_split(model: AnalyticPush, measured: MeasuredPushes, test_split: Array, seed: int) -> Floor | None:
@@ -33,14 +33,14 @@ def floor_of_test_split(model: AnalyticPush, measured: MeasuredPushes, test_spli
     corrected for what the same noise does on its surface.
     """
     repeated, spread = _spread_of_repeats(model, measured)
-    if len(spread) < FEWEST:
+    if len(spread) < MIN_REPEATED:
         return None
     own = np.array([measured.action[rows[0]] in measured.action[test_split] for rows in repeated])
     single = np.setdiff1d(measured.action[test_split], [measured.action[rows[0]] for rows in repeated])
     noise = error_by_noise(model, measured, repeated)
     usual = np.mean([noise[rows].mean() for rows in repeated])
     more = [noise[measured.action == action].mean() - usual for action in single]
-    floor = floor_of(spread, own + len(single) / len(spread), seed)
+    floor = weighted_floor(spread, own + len(single) / len(spread), seed)
     return floor.moved(float(np.sum(more)) / int(own.sum() + len(single)))
 
 
@@ -58,4 +58,4 @@ def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[l
     window = measured.samples.window_m
     aligned = [g for g in groups if len(g) > 1 and np.ptp(window[g], axis=0).max() < measured.scene.pixel_m / 2]
     rest = np.sqrt(measured.weight) * residual(model, measured)
-    return aligned, spreads(rest, measured.valid, aligned)
+    return aligned, repeat_variances(rest, measured.valid, aligned)

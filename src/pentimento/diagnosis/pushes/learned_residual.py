@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.boosting import Trees, action_effect, cross_fitted, folds, grown, like_causes
+from pentimento.diagnosis.boosting import Trees, action_effect, cause_projection, cross_fitted, folds, grow
 from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.noise import by_scatter
@@ -42,13 +42,13 @@ class LearnedPushResidual:
     trees: tuple[Trees, ...]
     share: float
     """By how much what the trees say is to be believed, 0 to 1."""
-    like_causes: Array
+    cause_projection: Array
     """[P] of the model's numbers: what of it they would do."""
 
     def of(self, measured: MeasuredPushes) -> MeasuredPushes:
         """Pushes that nothing was learnt from, with their habits."""
         features, seen = _pixels(self.model, measured)
-        return self._joined(measured, seen, np.mean([trees.say(features) for trees in self.trees], axis=0))
+        return self._joined(measured, seen, np.mean([trees.predict(features) for trees in self.trees], axis=0))
 
     def learnt_from_all(self, measured: MeasuredPushes, rows: Array) -> tuple[LearnedPushResidual, MeasuredPushes]:
         """Habits learnt once more, from all pushes with the indices ``rows`` by one set of trees, which knows more than
@@ -62,15 +62,15 @@ class LearnedPushResidual:
         push, weight = np.nonzero(seen)[0], measured.weight[seen]
         left, missing = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
         missing -= action_effect(left, _scatter(self.model, measured, seen), weight, push)
-        trees = grown(features, missing, weight, np.isin(push, rows), _TREES)
+        trees = grow(features, missing, weight, np.isin(push, rows), _TREES)
         learned_residual = replace(self, trees=(trees,))
-        habit = learned_residual._joined(bare, seen, trees.say(features)).habit
+        habit = learned_residual._joined(bare, seen, trees.predict(features)).habit
         habit[rows] = measured.habit[rows]
         return learned_residual, replace(measured, habit=habit)
 
     def _joined(self, measured: MeasuredPushes, seen: Array, said: Array) -> MeasuredPushes:
         scene = measured.scene
-        moved = self.model.at(self.model.vector + _SMALL * self.like_causes)
+        moved = self.model.at(self.model.vector + _SMALL * self.cause_projection)
         alike = (moved.change(scene) - self.model.change(scene)) * np.float32(MM / _SMALL)
         return replace(measured, habit=self.share * _maps(said, seen) - alike)
 
@@ -97,7 +97,7 @@ def learn_residual(
     full = model.plus(*candidates)
     maps = share * _maps(said, seen)
     asked = replace(measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM))
-    amounts = like_causes(linearise(full, asked.pick(rows)), full.nuisances)
+    amounts = cause_projection(linearise(full, asked.pick(rows)), full.nuisances)
     learned_residual = LearnedPushResidual(full, trees, share, amounts)
     return learned_residual, learned_residual._joined(measured, seen, said)
 

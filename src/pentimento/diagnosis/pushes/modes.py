@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.residual_structure import Unexplained, structure
+from pentimento.diagnosis.residual_structure import Unexplained, find_structure
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled
@@ -70,7 +70,7 @@ def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, A
 
 def unexplained(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
     """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
-    return structure(MODES, *mode_scores(model, measured), covariates_shown(measured), measured.action, seed)
+    return find_structure(MODES, *mode_scores(model, measured), covariates_shown(measured), measured.action, seed)
 
 
 def covariates_shown(measured: MeasuredPushes) -> dict[str, Array]:

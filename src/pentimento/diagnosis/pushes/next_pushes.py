@@ -16,7 +16,14 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.schema import vector
-from pentimento.diagnosis.experiment_design import Columns, Question, alike, best_of_turns, questions, says_most_about
+from pentimento.diagnosis.experiment_design import (
+    Columns,
+    Question,
+    greedy_exchange,
+    most_informed_question,
+    pair_aliasing,
+    questions,
+)
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
@@ -75,12 +82,12 @@ def propose(
     action, settings = _drawn_pairs(measured, count, rng)
     strange = as_measured(action, settings, model, measured)
     says = linearise_rows(model, strange)[0].reshape(_SEQUENCES, pairs, 2, *so_far.shape)
-    best = best_of_turns(so_far, says.sum(2), columns, asked)
+    best = greedy_exchange(so_far, says.sum(2), columns, asked)
     of_turn = np.array([sequence * pairs + turn for turn, sequence in enumerate(best)])
     rows = (2 * of_turn[:, None] + np.arange(2)).ravel()
     chosen = says.reshape(-1, *so_far.shape)[rows]
     total = so_far + chosen.sum(0)
-    about = tuple(says_most_about(total, one, columns, asked) for one in chosen)
+    about = tuple(most_informed_question(total, one, columns, asked) for one in chosen)
     return PushProposal(
         action[rows], {name: values[rows] for name, values in settings.items()}, about,
         _likeness(so_far, total, columns, asked),
@@ -184,4 +191,4 @@ def _likeness(
     so_far: Array, total: Array, columns: Columns, asked: Sequence[Question]
 ) -> dict[tuple[str, str], tuple[float, float]]:
     pairs = [(question[0], question[1]) for question in asked if len(question) == 2]
-    return {pair: (alike(so_far, columns, pair), alike(total, columns, pair)) for pair in pairs}
+    return {pair: (pair_aliasing(so_far, columns, pair), pair_aliasing(total, columns, pair)) for pair in pairs}

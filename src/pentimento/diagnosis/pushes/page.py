@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from pentimento.diagnosis import figures as drawn
-from pentimento.diagnosis.experiment_design import ALIKE, sentences
+from pentimento.diagnosis.experiment_design import ALIASED, aliasing_sentences
 from pentimento.diagnosis.page import html_page, lead, leaderboard, section, temporal_drift
 from pentimento.diagnosis.pushes import figures
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
@@ -104,9 +104,9 @@ def _aliasing(diagnosis: PushDiagnosis, survey: PushSurvey, album: Album) -> str
         "aliasing.png", drawn.aliasing_heat(survey.aliasing, named),
         "The imitation matrix of the causes.",
         "How well one cause can pass for another <i>in these pushes</i>, when the base may adapt: |cosine| of their "
-        f"derivatives. Framed above {ALIKE}.",
+        f"derivatives. Framed above {ALIASED}.",
     )  # fmt: skip
-    said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.aliasing))
+    said = "".join(f"<li>{escape(line)}</li>" for line in aliasing_sentences(survey.aliasing))
     alike = f"<ul>{said}</ul>" if said else "<p>No two causes imitate each other.</p>"
     return section("aliasing", "What these pushes cannot tell apart", alike + heat)
 

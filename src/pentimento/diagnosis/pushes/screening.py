@@ -13,7 +13,7 @@ from pentimento.diagnosis.pushes.jacobian import linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, covariates_shown, mode_scores
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, standing
+from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, robust_deviations
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
@@ -50,7 +50,7 @@ def survey(diagnosis: PushDiagnosis) -> PushSurvey:
     statistics, columns = linearise(full, measured), columns_of(full)
     covariates = covariates_shown(measured)
     models = {"base": diagnosis.base, "extended": diagnosis.extended}
-    amounts = {name: standing(mode_scores(model, measured)[0]) for name, model in models.items()}
+    amounts = {name: robust_deviations(mode_scores(model, measured)[0]) for name, model in models.items()}
     strengths = {name: mode_strength(values, covariates) for name, values in amounts.items()}
     rests = {name: np.where(measured.valid, residual(model, measured), np.nan) for name, model in models.items()}
     return PushSurvey(

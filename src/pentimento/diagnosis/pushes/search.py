@@ -16,7 +16,7 @@ from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.pushes.fit import fit, fit_without
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.score import Evidence, Step, information, most_parsimonious, paired_p, scatter, weighed
+from pentimento.diagnosis.score import Evidence, Step, evidence_for, information, most_parsimonious, paired_p, scatter
 from pentimento.dynamics.pushes.analytic import AnalyticPush, identity
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
@@ -169,7 +169,7 @@ def _weigh(
     _, first = np.unique(measured.action, return_index=True)
     quantities = {cause: len(its) for cause, its in columns.items()}
     some = statistics.of(np.concatenate([own, *columns.values()]))
-    return weighed(some, len(own), quantities, measured.block[first], seed, (information, scatter))
+    return evidence_for(some, len(own), quantities, measured.block[first], seed, (information, scatter))
 
 
 def _minimum(mechanism: Mechanism, beside_others: bool, floor: float, misfit: float) -> float:

@@ -1,8 +1,4 @@
-"""Which causes a set of strokes can tell apart: the imitation matrix (docs/diagnosis.md §11).
-
-Two causes imitate each other where their derivatives, less what the nuisances can take up, point the same way in the
-space of all photographs. That is a property of the strokes' design: it takes commands and a model, and no photograph.
-"""
+"""Aliasing of causes in measured strokes, or in a design that is not executed yet (docs/diagnosis.md §11)."""
 
 from __future__ import annotations
 
@@ -22,6 +18,7 @@ from pentimento.diagnosis.strokes.model import Model, identity
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable
 
 _PAPER = 237
+"""Grey of blank paper, 0 to 255."""
 _LONGER_SIDE_PX = 64
 _MARGIN_M = 0.012
 
@@ -36,7 +33,7 @@ def columns_of(model: Model) -> Columns:
 
 
 def with_all(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Model:
-    """The model with every cause that these strokes can show and that it has not yet, at no effect."""
+    """The model with every observable cause that it lacks, with all quantities 0."""
     there = {mechanism.cause for mechanism in model.mechanisms}
     more = []
     for kind in vocabulary:
@@ -50,17 +47,16 @@ def with_all(model: Model, measured: Measured, vocabulary: Sequence[type[Mechani
 
 
 def aliasing_of(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Aliasing:
-    """Between all causes that these strokes can show, at a model."""
+    """Aliasing of all causes that these strokes can show, at a model."""
     full = with_all(model, measured, vocabulary)
     return aliasing(linearise(full, measured), columns_of(full))
 
 
 def design(commands: pa.Table) -> Measured:
-    """Strokes that have not been made yet, so that the imitation matrix can be known before any is.
+    """Strokes that are not executed yet, for the aliasing matrix of their design.
 
-    ``commands`` is a table of the strokes contract; of its required columns, ``window_m``, ``before`` and ``after`` may
-    be absent. Photographs that are not there are blank paper, so that what depends on paint below (``wet_mixing``)
-    shows only where ``before`` is given.
+    ``commands`` is a table of the strokes contract in which ``window_m``, ``before`` and ``after`` may be absent.
+    Missing photographs are blank paper, so causes that depend on paint below (``wet_mixing``) need ``before``.
 
     Raises:
         ContractError: the table has no rows, or a row (it is named) makes no sample.

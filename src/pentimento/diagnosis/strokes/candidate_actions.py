@@ -1,4 +1,4 @@
-"""What the recorded strokes span, and so what tool, robot and camera are known to do."""
+"""Candidate actions for the next collection: random strokes within the ranges of the recorded ones."""
 
 from __future__ import annotations
 
@@ -21,48 +21,53 @@ from pentimento.robots.strokes import stroke_points
 
 Array = NDArray[Any]
 
-_LONG_WAIT = 0.2  # of the time that the recording took
+_LONG_WAIT = 0.2
+"""A long wait as a share of the recording's duration."""
 _LONGEST_WAIT_S = 600.0
-_REACHED = 0.75  # of its control points' height by a Bézier stroke
+_REACHED = 0.75
+"""Height of a Bézier stroke as a share of its control points' height."""
 _TRIES = 60
+"""Attempts at a path that fits."""
 _POINTS = 24
 _PAUSE_S = 3.0
+"""Pause between strokes."""
 _CROSSING = 0.4
+"""Share of candidates that cross the stroke before."""
 _FULL_CONTRAST = 0.15
-"""In linear light: difference from paper that counts as fully painted."""
+"""Difference from paper in linear light that counts as fully painted."""
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Of strokes; pairs are least and most."""
+    """Ranges of the recorded strokes; pairs are minimum and maximum."""
 
     length_m: tuple[float, float]
     bend: tuple[float, float]
-    """Of the length: height of a Bézier stroke's inner control points, left positive."""
+    """Height of a Bézier stroke's inner control points relative to its length, left positive."""
     bend_m: tuple[float, float]
-    """The same height in metres: the longest strokes need not have been the most bent."""
+    """The same height in metres; the longest strokes need not be the most bent."""
     press_m: tuple[float, float]
     yaw_rad: tuple[float, float]
     speed_m_s: tuple[float, float] | None
     """None where times are unknown."""
     place_m: tuple[Array, Array] | None
-    """Lower left and upper right [2] of all paths; None where strokes are recorded in their own frame."""
-    most_ink_m: float | None
-    """Length drawn since a dip; None where the tool is not dipped or it was not recorded."""
+    """Lower left and upper right [2] of all paths; None where places on the canvas are unknown."""
+    max_ink_m: float | None
+    """Length drawn since a dip; None where the tool is not dipped or this was not recorded."""
     long_wait_s: float
-    """0 where it was not recorded when strokes were made."""
+    """0 where start times were not recorded."""
     window_px: tuple[int, int]
-    """Longer and shorter side of what is photographed, lying or upright as the stroke does."""
+    """Longer and shorter side of the photographed window."""
     room_m: Array
-    """[2] what a path may take of that, margins left out."""
+    """[2] extent of a path within the window, margins left out."""
     crossing: bool
     """Whether recorded strokes are known to cross wet paint."""
     paper_srgb: Array
-    """float32[3], the usual brightest tone of the canvases."""
+    """float32[3], the brightest usual tone of the canvases."""
 
 
 def ranges_of(measured: Measured) -> Ranges:
-    """What the recorded strokes span."""
+    """The ranges of the recorded strokes."""
     path = measured.samples.path.double().numpy()
     chord = path[:, -1, 1:3] - path[:, 0, 1:3]
     length = np.maximum(np.hypot(*chord.T), 1e-6)
@@ -88,7 +93,7 @@ def ranges_of(measured: Measured) -> Ranges:
         yaw_rad=(float(path[..., 4].min()), float(path[..., 4].max())),
         speed_m_s=_range(drawn / duration) if timed else None,
         place_m=(xy.min(0), xy.max(0)) if placed else None,
-        most_ink_m=float(ink.max()) if ink is not None and dipped else None,
+        max_ink_m=float(ink.max()) if ink is not None and dipped else None,
         long_wait_s=min(_LONG_WAIT * float(np.ptp(clock)), _LONGEST_WAIT_S)
         if clock is not None and known_clock
         else 0.0,
@@ -112,7 +117,9 @@ def _sides_px(measured: Measured) -> Array:
 
 
 def _room(measured: Measured, window_px: tuple[int, int]) -> Array:
-    """What a path may take of a window, [2] along its longer and its shorter side: as much as most recorded do."""
+    """Extent of a path within a window, [2] along its longer and shorter side, with the margin of most recorded
+    strokes.
+    """
     samples = measured.samples
     xy = samples.path[..., 1:3].double().numpy()
     k = samples.pixels_per_m.double().numpy()
@@ -122,7 +129,7 @@ def _room(measured: Measured, window_px: tuple[int, int]) -> Array:
 
 
 def _range(values: Array) -> tuple[float, float]:
-    low, high = np.quantile(values, [0.02, 0.98]) + 0.0  # not -0.0, from which to 0.0 NumPy draws nothing
+    low, high = np.quantile(values, [0.02, 0.98]) + 0.0  # turns -0.0 into 0.0: NumPy draws nothing between them
     return float(low), float(high)
 
 
@@ -130,20 +137,20 @@ class Action(NamedTuple):
     """A stroke that a robot can make."""
 
     path: Array
-    """[N, 5] in the frame of the recording; times NaN where the recording has none."""
+    """[N, 5] in the frame of the recording; times are NaN where the recording has none."""
     like: int
-    """The recorded row whose paint it takes."""
+    """Index of the recorded row whose paint it uses."""
     reload: bool
-    """Dip the tool just before it."""
+    """Dip the tool before it."""
     wait_s: float
-    """Wait so long before it."""
+    """Wait this long before it."""
     crosses: bool = False
-    """Whether it is laid over the stroke before it, while that is wet."""
+    """Whether it crosses the stroke before it while that is wet."""
 
 
 def draw(rng: np.random.Generator, ranges: Ranges, measured: Measured, reload: bool) -> Action:
-    """An action at random: place, heading, length, bend, press, speed, paint and wait jointly."""
-    path = _fitting(rng, ranges)
+    """A random action: place, heading, length, bend, press, speed, paint and wait are drawn jointly."""
+    path = _feasible_path(rng, ranges)
     if ranges.speed_m_s is not None:
         path = timed_path(path[:, 1:], float(np.exp(rng.uniform(*np.log(ranges.speed_m_s)))))
     wait_s = ranges.long_wait_s * float(rng.choice((0.0, 0.0, 0.3, 1.0)))
@@ -152,23 +159,24 @@ def draw(rng: np.random.Generator, ranges: Ranges, measured: Measured, reload: b
 
 
 def draw_sequence(rng: np.random.Generator, ranges: Ranges, measured: Measured, count: int) -> list[Action]:
-    """Random actions one after another; dips before the 1st, 2nd, 4th, 8th, ..., so that loads last 1, 2, 4, ... of
-    them and the ink that is left goes with nothing else.
+    """Random actions in sequence. Dips before the 1st, 2nd, 4th, 8th, ... vary the length of loads, so that remaining
+    ink correlates with nothing else.
     """
-    dipped = ranges.most_ink_m is not None
+    dipped = ranges.max_ink_m is not None
     return [draw(rng, ranges, measured, dipped and (turn + 1) & turn == 0) for turn in range(count)]
 
 
 class State(NamedTuple):
-    """Where a session stands before its next stroke."""
+    """State of a session before its next stroke."""
 
     memory: Memory
     clock_s: float
-    made: int
+    executed: int
+    """Number of executed strokes."""
 
 
 def state_after(measured: Measured) -> State:
-    """After the last recorded stroke, on a new blank sheet."""
+    """The state after the last recorded stroke, on a new blank sheet."""
     last = {name: float(values[-1]) for name, values in measured.covariates.items()}
     xy = measured.samples.path[..., 1:3].double().numpy()
     size = float(max(xy[..., 0].max(), 1e-3)), float(max(xy[..., 1].max(), 1e-3))
@@ -187,52 +195,52 @@ def state_after(measured: Measured) -> State:
     return State(memory, known("t_start_s") + _PAUSE_S, int(known("order")) + 1)
 
 
-def columns_at(action: Action, state: State, measured: Measured) -> dict[str, float]:
-    """What would be recorded beside the action: columns with memory advanced, all others as they were last."""
+def predicted_columns(action: Action, state: State, measured: Measured) -> dict[str, float]:
+    """What would be recorded beside the action: columns with memory are advanced, the others keep their last values."""
     row = {name: float(values[-1]) for name, values in measured.covariates.items()}
     start_s = state.clock_s + action.wait_s
     event = _event(action, start_s, measured)
-    told = covariates(state.memory, event) | paint_pickup(state.memory, event)
-    known = {name: float(value) for name, value in told.items() if not isinstance(value, list)}
-    known |= {"order": float(state.made), "t_start_s": start_s, "t_before_s": start_s}
+    advanced = covariates(state.memory, event) | paint_pickup(state.memory, event)
+    known = {name: float(value) for name, value in advanced.items() if not isinstance(value, list)}
+    known |= {"order": float(state.executed), "t_start_s": start_s, "t_before_s": start_s}
     known["t_after_s"] = start_s + _duration_s(action)
     return row | {name: value for name, value in known.items() if name in row}
 
 
 def after(action: Action, state: State, measured: Measured) -> State:
-    """The session when the action has been made."""
+    """The state after the action."""
     start_s = state.clock_s + action.wait_s
     memory = advance(state.memory, _event(action, start_s, measured))
-    return State(memory, start_s + _duration_s(action) + _PAUSE_S, state.made + 1)
+    return State(memory, start_s + _duration_s(action) + _PAUSE_S, state.executed + 1)
 
 
-def in_turn(
+def executable(
     actions: Sequence[Action], measured: Measured, ranges: Ranges
 ) -> tuple[list[Action], list[dict[str, float]]]:
-    """Actions as they can be made after the recorded ones, and what would be recorded beside each.
+    """The actions as they can be executed after the recorded ones, and what would be recorded beside each.
 
-    Where the paint would not last, the tool is dipped; what crosses is moved onto the stroke before it.
+    The tool is dipped where paint would not last. A crossing action is moved onto the stroke before it.
     """
     state = state_after(measured)
-    made: list[Action] = []
+    feasible: list[Action] = []
     columns: list[dict[str, float]] = []
     for action in actions:
-        empty = ranges.most_ink_m is not None and state.memory.ink_since_reload_m > ranges.most_ink_m
-        possible = action._replace(reload=action.reload or empty, crosses=action.crosses and bool(made))
+        empty = ranges.max_ink_m is not None and state.memory.ink_since_reload_m > ranges.max_ink_m
+        possible = action._replace(reload=action.reload or empty, crosses=action.crosses and bool(feasible))
         if possible.crosses:
-            possible = possible._replace(path=_moved_onto(made[-1].path, action.path, ranges))
-        made.append(possible)
-        columns.append(columns_at(possible, state, measured))
+            possible = possible._replace(path=_moved_onto(feasible[-1].path, action.path, ranges))
+        feasible.append(possible)
+        columns.append(predicted_columns(possible, state, measured))
         state = after(possible, state, measured)
-    return made, columns
+    return feasible, columns
 
 
 def as_measured(
     actions: Sequence[Action], columns: Sequence[dict[str, float]], model: Model, measured: Measured, ranges: Ranges
 ) -> Measured:
-    """A sequence of actions as strokes whose photographs nobody has yet (``after`` is ``before``).
+    """A sequence of actions as strokes without photographs (``after`` is ``before``).
 
-    They lie on blank paper; where one crosses, on the stroke before it as the model foretells it.
+    They lie on blank paper, or on the predicted stroke before them where they cross it.
     """
     strokes = _on_paper(actions, columns, measured, ranges)
     rows = [row for row, action in enumerate(actions) if action.crosses and row]
@@ -280,12 +288,12 @@ def _on_paper(
         samples=samples,
         covariates={name: np.array([row[name] for row in columns]) for name in measured.covariates},
         painted=np.zeros(valid.shape, np.float32),
-        habit=np.zeros((*valid.shape, 3), np.float32),
+        residual_prediction=np.zeros((*valid.shape, 3), np.float32),
     )
 
 
 def window_of(action: Action, measured: Measured, ranges: Ranges) -> Array:
-    """What to photograph, [4] x_min, y_min, x_max, y_max: of the recorded size, around the path."""
+    """The window to photograph, [4] x_min, y_min, x_max, y_max: of the recorded size, around the path."""
     size = np.array(_shape(action, ranges)) / float(measured.samples.pixels_per_m[action.like])
     xy = action.path[:, 1:3]
     middle = (xy.min(0) + xy.max(0)) / 2
@@ -293,13 +301,13 @@ def window_of(action: Action, measured: Measured, ranges: Ranges) -> Array:
 
 
 def _shape(action: Action, ranges: Ranges) -> tuple[int, int]:
-    """Width and height of its window in pixels."""
+    """Width and height of the action's window in pixels."""
     width, height = np.ptp(action.path[:, 1:3], axis=0)
     return ranges.window_px if width >= height else (ranges.window_px[1], ranges.window_px[0])
 
 
-def _fitting(rng: np.random.Generator, ranges: Ranges) -> Array:
-    """A path [N, 5] without times that fits into a window and into the place; the last of many tries if none does."""
+def _feasible_path(rng: np.random.Generator, ranges: Ranges) -> Array:
+    """A path [N, 5] without times that fits the window and the place; the last attempt if none does."""
     for _ in range(_TRIES):
         length = rng.uniform(*ranges.length_m)
         bend = length * rng.uniform(*ranges.bend)
@@ -318,7 +326,7 @@ def _fitting(rng: np.random.Generator, ranges: Ranges) -> Array:
 
 
 def _moved_onto(target: Array, path: Array, ranges: Ranges) -> Array:
-    """A path with its middle on that of another one, as far as it stays within the place."""
+    """A path with its middle moved onto that of another one, as far as it stays within the place."""
     xy = path[:, 1:3] + target[len(target) // 2, 1:3] - path[len(path) // 2, 1:3]
     if ranges.place_m is not None:
         low, high = ranges.place_m

@@ -1,4 +1,4 @@
-"""What speaks for a cause that a model does not have yet: tests at the model, and the model refitted with it."""
+"""Evidence for a candidate cause: tests at the model without it, refits with it, and the backward step."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.gauss_newton import Statistics
-from pentimento.diagnosis.score import Evidence, held_out_gains, mean_and_bounds, paired_p, weighed, with_each
-from pentimento.diagnosis.strokes.fit import fit, held, steadied
+from pentimento.diagnosis.score import (
+    Evidence,
+    evidence_for,
+    held_out_gains,
+    mean_and_bounds,
+    paired_p,
+    statistics_with_each,
+)
+from pentimento.diagnosis.strokes.fit import fit, stiffened, with_prior
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds
@@ -21,21 +28,23 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 Array = NDArray[Any]
 
 FIRST_P, LATER_P = 0.02, 0.01
-_IDLE_P = 0.05
-"""Beyond it a cause of the model is idle beside a new one: to stay asks for less than to come. Uneven ends, which stand
-in for a cause that moves the path, stay only as surely as one comes."""
-_SHORTLIST = 0.4  # of the best gain
-_MAX_REFITS, _MAX_KIN = 4, 2
-_LARGE = 2.0  # times what is typical
-_LEFT, _LEFT_TO_ITS_DRIVER, _LEFT_TO_THE_UNRELATED = 0.05, 0.1, 0.01
-"""Of what a cause removes. A little is always left where an effect's true form is not the mechanism's; it is taken up
-by causes of the same driver first."""
-_MIN_PICKUP, _MAX_TAKEN_UP = -0.5, 3.0
-"""Of a lens's displacement at the strokes' edge: nothing where a picture is not rectified; where it is, what brings
-markers a little beyond the strokes back to their places. What is linear alone is a wrong scale, and no lens."""
+"""Limits of the adjusted p in the first and in later rounds (docs/diagnosis.md §5)."""
+_KEEP_P = 0.05
+"""A cause of the model stays if dropping it is worse at this level; uneven ends need the level of a new cause."""
+_SHORTLIST = 0.4
+"""Share of the best gain that a candidate needs for a refit."""
+_MAX_REFITS, _MAX_FAMILY = 4, 2
+_LARGE = 2.0
+"""Multiple of the typical size from which an effect is large."""
+_LEFT, _LEFT_TO_SAME_FAMILY, _LEFT_TO_UNRELATED = 0.05, 0.1, 0.01
+"""Share of a cause's effect that its inexact functional form may leave for another cause: in general, for one of the
+same family, for one with other covariates."""
+_MIN_PICKUP, _MAX_PICKUP = -0.5, 3.0
+"""Bounds of a lens's non-linear displacement at the strokes' edge relative to the linear one. A purely linear
+displacement is a wrong scale and no lens."""
 
 
-def weigh(
+def evaluate_candidates(
     model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int
 ) -> tuple[dict[str, Evidence], dict[str, Statistics]]:
     """Evidence for each candidate at a fitted model, and the statistics of the model with it."""
@@ -43,38 +52,40 @@ def weigh(
         return {}, {}
     full = model.plus(*candidates)
     statistics = linearise(full, measured)
-    # As stiff as a fit holds the base, or a step that none would take (paint far from what was told) would do a cause's
-    # work. Without its pull, which would be charged to whatever a cause shares with the base.
-    stiff = steadied(statistics, full, 1.0)
+    # The prior's curvature keeps the nuisances from compensating a cause by implausible steps. Its gradient is left
+    # out, because it would bias causes that overlap with the base.
+    stiff = stiffened(statistics, full, 1.0)
     _, first = np.unique(measured.action, return_index=True)
     quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
     size = len(model.vector)
-    return weighed(stiff, size, quantities, measured.block[first], seed), with_each(statistics, size, quantities)
+    return evidence_for(stiff, size, quantities, measured.block[first], seed), statistics_with_each(
+        statistics, size, quantities
+    )
 
 
-def stands(evidence: Evidence, limit: float) -> bool:
-    """Whether a test at a model without the cause speaks for it, and it is of use on strokes it is not fitted to."""
+def is_significant(evidence: Evidence, limit: float) -> bool:
+    """Whether the test supports the cause and its held-out gain is positive."""
     return evidence.p_adjusted < limit and evidence.gain > 0
 
 
 def shortlist(
-    evidence: Mapping[str, Evidence], limit: float, kin_limit: float, observable: Mapping[str, Mechanism]
+    evidence: Mapping[str, Evidence], limit: float, family_limit: float, observable: Mapping[str, Mechanism]
 ) -> list[str]:
-    """Who is worth a refit: the best of those whose p is below ``limit``, those near to it, and those at its site whose
-    p is at most ``kin_limit``: a large effect is far from linear, and a lag of centimetres looks like little from none.
+    """The candidates to refit: the best significant one, those with a similar gain, and those at its site with p up to
+    ``family_limit``. A large effect is far from linear and may show little in a test at 0.
     """
-    standing = [cause for cause, e in evidence.items() if stands(e, limit)]
+    standing = [cause for cause, e in evidence.items() if is_significant(e, limit)]
     if not standing:
         return []
     best = max(standing, key=lambda cause: evidence[cause].gain)
     near = [cause for cause in standing if evidence[cause].gain > _SHORTLIST * evidence[best].gain]
     near = sorted(near, key=lambda cause: -evidence[cause].gain)[:_MAX_REFITS]
-    kin = [
+    relative = [
         cause
         for cause, e in evidence.items()
-        if observable[cause].site == observable[best].site and e.p_adjusted <= kin_limit and cause not in near
+        if observable[cause].site == observable[best].site and e.p_adjusted <= family_limit and cause not in near
     ]
-    return near + sorted(kin, key=lambda cause: -evidence[cause].gain)[:_MAX_KIN]
+    return near + sorted(relative, key=lambda cause: -evidence[cause].gain)[:_MAX_FAMILY]
 
 
 def refits_with(
@@ -84,10 +95,14 @@ def refits_with(
     measured: Measured,
     at_start: Mapping[str, Statistics] | None = None,
 ) -> dict[str, Model]:
-    """The model with each cause added, where its fit makes physical sense.
+    """The model with each cause added, where the fit is physically possible.
 
     Args:
-        at_start: statistics of the model with each, where they are known.
+        model: fitted to ``measured``.
+        causes: to add, one at a time.
+        observable: mechanisms by cause.
+        measured: strokes.
+        at_start: statistics of the model with each cause, if known.
     """
     known = at_start or {}
     refits = {cause: refit_with(model, observable[cause], measured, known.get(cause)) for cause in causes}
@@ -97,8 +112,7 @@ def refits_with(
 def refit_with(model: Model, mechanism: Mechanism, measured: Measured, at_start: Statistics | None = None) -> Model:
     """The model with one more mechanism.
 
-    Ends that have been fitted in the place of a cause that moves the path hide it from small steps: such a cause is
-    tried without them, too.
+    Fitted uneven ends hide a cause that moves the path from small steps. Such a cause is also tried without them.
     """
     refits = [fit(model.plus(mechanism), measured, at_start)]
     if mechanism.site == "trajectory" and any(isinstance(m, UnevenEnds) for m in model.mechanisms):
@@ -107,15 +121,17 @@ def refit_with(model: Model, mechanism: Mechanism, measured: Measured, at_start:
 
 
 def held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
-    """Mean squared error of each action, sRGB, [n], had its last mechanism been fitted to the other blocks alone."""
+    """Error of each action, sRGB [n], had the last mechanism been fitted to the other folds only."""
     columns = model.columns_of(model.mechanisms[-1].cause)
     nuisances = np.setdiff1d(np.arange(len(model.vector)), columns)
     _, first = np.unique(measured.action, return_index=True)
-    gains = held_out_gains(held(linearise(model, measured), model), nuisances, columns, measured.block[first], seed)
+    gains = held_out_gains(
+        with_prior(linearise(model, measured), model), nuisances, columns, measured.block[first], seed
+    )
     return action_losses(model, measured) - gains
 
 
-def with_that_of_refits(
+def with_refit_evidence(
     evidence: Mapping[str, Evidence],
     refits: Mapping[str, Model],
     limit: float,
@@ -123,11 +139,13 @@ def with_that_of_refits(
     measured: Measured,
     seed: int,
 ) -> dict[str, Evidence]:
-    """The evidence; where a cause's test does not speak for it, what its refit removes from actions that it was not
-    fitted to, for as many as need that with Bonferroni's correction.
+    """The evidence, replaced by that of the refit where the score test is not significant, with Bonferroni's
+    correction.
+
+    The refit's evidence is the error that it removes from held-out actions.
     """
-    unsaid = [cause for cause in refits if not stands(evidence[cause], limit)]
-    # What the base alone gains by being fitted longer is no cause's.
+    unsaid = [cause for cause in refits if not is_significant(evidence[cause], limit)]
+    # Refit the base too: the gain of a longer fit is not the cause's.
     before = action_losses(fit(model, measured) if unsaid else model, measured)
     weighed = dict(evidence)
     for cause in unsaid:
@@ -138,76 +156,76 @@ def with_that_of_refits(
 
 
 def is_physical(mechanism: Mechanism) -> bool:
-    """Whether all of its quantities have signs that they can have; of a lens, whether they can be of one picture."""
+    """Whether a mechanism's quantities have possible signs; for a lens, whether they can belong to one picture."""
     if isinstance(mechanism, LensDistortion):
         at_edge, picked_up = map(float, mechanism.values)
-        return _MIN_PICKUP * at_edge**2 <= picked_up * at_edge <= _MAX_TAKEN_UP * at_edge**2
-    return has_its_signs(mechanism)
+        return _MIN_PICKUP * at_edge**2 <= picked_up * at_edge <= _MAX_PICKUP * at_edge**2
+    return signs_are_valid(mechanism)
 
 
-def has_its_signs(mechanism: Mechanism) -> bool:
-    """Whether all of its quantities have signs that they can have."""
+def signs_are_valid(mechanism: Mechanism) -> bool:
+    """Whether all quantities have possible signs."""
     return all(q.signed or float(v) >= 0 for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
 
 
 def is_large(mechanism: Mechanism) -> bool:
-    """Whether one of its quantities is many times what is typical."""
+    """Whether a quantity is at least ``_LARGE`` times its typical size."""
     return any(abs(float(v)) >= _LARGE * q.typical for q, v in zip(mechanism.quantities, mechanism.values, strict=True))
 
 
 def is_far(model: Model, measured: Measured) -> bool:
-    """Whether its last mechanism moves marks by more than their half-width, by the root mean square: so far that the
-    surroundings of no effect say little of it.
+    """Whether the last mechanism moves marks by more than their half-width (root mean square), which is far from
+    linear.
     """
     moved, unmoved = mark_px(model, measured), mark_px(model.without(model.mechanisms[-1].cause), measured)
     return bool(np.square(moved[..., :2] - unmoved[..., :2]).sum(-1).mean() > np.square(unmoved[..., 2]).mean())
 
 
 def displaces(mechanism: Mechanism) -> bool:
-    """Whether it moves the mark; the others change it where it lies."""
+    """Whether it moves the mark; other mechanisms change the mark in place."""
     return mechanism.site == "trajectory" or isinstance(mechanism, LensDistortion)
 
 
-def can_leave_what_looks_like(other: Mechanism, mechanism: Mechanism) -> bool:
-    """Whether what the form of one cause lacks may look like another: where both displace the mark, or neither does.
-    What a displacement leaves has two signs across a mark: no width takes it up.
+def can_mimic(other: Mechanism, mechanism: Mechanism) -> bool:
+    """Whether the error of one cause's form may look like another cause: both displace the mark, or neither does.
 
-    What is the same for all strokes has no form that could lack anything.
+    A displacement error has two signs across a mark, which no width explains. A cause without covariates has no form
+    that could be wrong.
     """
     return displaces(other) == displaces(mechanism) and bool(other.informative_covariates)
 
 
-def left_by_form(other: Mechanism, mechanism: Mechanism) -> float:
-    """Of what one cause removes, how much its form may leave that looks like another: where this goes with something,
-    and with nothing that it goes with, no more than chance, as strokes are drawn at random.
-    """
-    if not can_leave_what_looks_like(other, mechanism):
+def form_error_share(other: Mechanism, mechanism: Mechanism) -> float:
+    """The share of one cause's effect that its form's error may leave for another cause."""
+    if not can_mimic(other, mechanism):
         return 0.0
     if other.driving_covariate == mechanism.driving_covariate:
-        return _LEFT_TO_ITS_DRIVER
+        return _LEFT_TO_SAME_FAMILY
     unrelated = mechanism.informative_covariates and not set(other.informative_covariates) & set(
         mechanism.informative_covariates
     )
-    return _LEFT_TO_THE_UNRELATED if unrelated else _LEFT
+    return _LEFT_TO_UNRELATED if unrelated else _LEFT
 
 
-def without_idle(
+def backward_elimination(
     model: Model, kept: frozenset[str], measured: Measured, seed: int, log: Callable[[str], None]
 ) -> Model:
-    """The model less the mechanisms that it no longer needs, now that it has a new one, or that would have to act with
-    the wrong sign beside it; of the others the causes ``kept`` stay.
+    """Drop mechanisms that the model no longer needs beside its last one, or whose sign became impossible.
+
+    Args:
+        kept: causes that are only dropped for an impossible sign.
     """
     for mechanism in model.mechanisms[:-1]:
         ends = isinstance(mechanism, UnevenEnds)
         if ends and model.mechanisms[-1].site != "trajectory":
             continue
-        possible = has_its_signs(mechanism)
+        possible = signs_are_valid(mechanism)
         if possible and mechanism.cause in kept:
             continue
         refit = fit(model.without(mechanism.cause), measured)
-        limit = LATER_P if ends else _IDLE_P
+        limit = LATER_P if ends else _KEEP_P
         worse_p = paired_p(action_losses(refit, measured) - action_losses(model, measured), seed)
         if not possible or worse_p > limit:
             log(f"{mechanism.cause} is no longer needed")
-            return without_idle(refit, kept, measured, seed, log)
+            return backward_elimination(refit, kept, measured, seed, log)
     return model

@@ -1,4 +1,6 @@
-"""Which of several causes to take, each refitted in the same place; the others may be its rivals."""
+"""Choice among refitted candidate causes: parsimony, same-family causes, nested models, redundant rivals
+(docs/diagnosis.md §5).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from typing import Any
 import torch
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.residual_structure import structure
+from pentimento.diagnosis.residual_structure import find_structure
 from pentimento.diagnosis.score import Evidence, Step, most_parsimonious
 from pentimento.diagnosis.strokes.fit import values_with_errors
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
@@ -19,13 +21,16 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_ALL_BUT = 0.99  # of what a cause removes that has more quantities
-_SURE = 4.5  # standard errors of a quantity that one cause has beyond another
+_ALL_BUT = 0.99
+"""Share of a larger cause's effect that a nested one must remove to be compared with it."""
+_SURE = 4.5
+"""Standard errors from which an extra quantity is certain."""
 _MINOR = 0.5
+"""A rival whose extra effect is surely below this share of the common effect is redundant."""
 _DISPLACED = ("tangential", "normal")
-"""Modes that tell apart causes that move a mark."""
-_MAX_OF_IT = 0.5
-"""Of what the best one removes: what its kin must remove to take its place."""
+"""Residual modes that tell apart causes that move a mark."""
+_MIN_OF_BEST = 0.5
+"""Share of the best cause's effect that a same-family cause must remove to replace it."""
 
 
 def choose(
@@ -37,15 +42,23 @@ def choose(
     seed: int,
     log: Callable[[str], None],
 ) -> Step:
-    """``most_parsimonious`` of refits, or its kin where that leaves less of what tells the two apart
-    (``by_what_is_left``); without rivals that say the same (``prune_redundant``).
+    """The step with the most parsimonious cause, after the same-family check and without redundant rivals.
+
+    Args:
+        evidence: of all candidates.
+        losses: error of each action [n] with each refit.
+        error: mean error before.
+        refits: models with each cause as last mechanism.
+        measured: strokes of the fits.
+        seed: of tests.
+        log: gets one line.
     """
     quantities = {cause: len(refits[cause].mechanisms[-1].quantities) for cause in losses}
     step = most_parsimonious(evidence, losses, error, quantities, seed, log)
-    return prune_redundant(by_what_is_left(step, losses, error, refits, measured, seed, log), refits, measured)
+    return prune_redundant(prefer_same_family(step, losses, error, refits, measured, seed, log), refits, measured)
 
 
-def by_what_is_left(
+def prefer_same_family(
     step: Step,
     losses: Mapping[str, Array],
     error: float,
@@ -54,20 +67,19 @@ def by_what_is_left(
     seed: int,
     log: Callable[[str], None],
 ) -> Step:
-    """The step with its cause's kin in its place, where that leaves less displacement that goes with what only one of
-    the two goes with.
+    """Replace the cause by one of its family that leaves less displacement over the covariates of only one of the two.
 
-    Bristles trail by a length, a late arm by a time. Either shortens a mark as well as the other, and which one leaves
-    less error hangs on what the base's imprint lacks; but of a mark that trails by a time, a length leaves a shift
-    along the path that goes with speed. Where errors do not tell the two apart, less of that decides; where they do,
-    only that one surely leaves something and the other does not.
+    Bristles trail by a length, a late arm by a time. Either shortens a mark, and which leaves less error depends on the
+    base's profile. But for a mark that trails by a time, a length leaves a shift along the path that depends on speed.
+    If errors cannot tell the two apart, the smaller remaining displacement decides. If they can, a significant
+    displacement for only one of the two decides.
     """
     assert step.chosen is not None
     last = {cause: refits[cause].mechanisms[-1] for cause in losses}
     chosen, removed = step.chosen, {cause: error - float(each.mean()) for cause, each in losses.items()}
-    for other in kin_of(last[chosen], list(last.values())):
-        columns = told_by_one_of(last[chosen], last[other], measured)
-        if not columns or removed[other] < _MAX_OF_IT * removed[chosen]:
+    for other in same_family(last[chosen], list(last.values())):
+        columns = covariates_of_one_only(last[chosen], last[other], measured)
+        if not columns or removed[other] < _MIN_OF_BEST * removed[chosen]:
             continue
         (own_is_sure, own), (its_is_sure, its) = (
             displacement_left(refits[cause], measured, columns, seed) for cause in (chosen, other)
@@ -82,8 +94,8 @@ def by_what_is_left(
     return step
 
 
-def kin_of(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
-    """Causes of the same driver that go with something else."""
+def same_family(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
+    """Causes with the same driving covariate and other informative covariates."""
     return [
         other.cause
         for other in others
@@ -93,17 +105,17 @@ def kin_of(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
 
 
 def displacement_left(model: Model, measured: Measured, columns: Mapping[str, Array], seed: int) -> tuple[bool, float]:
-    """Whether what a model misses is surely displaced by an amount that goes with one of the columns [B]; and how
-    strongly, as |t|.
-    """
+    """Whether the residual's displacement significantly depends on one of the columns [B]; and the strength, |t|."""
     scores, energy, error = mode_scores(model, measured)
     own = [MODES.index(mode) for mode in _DISPLACED]
-    left, strength, _ = structure(_DISPLACED, scores[:, own], energy[:, own], error, columns, measured.action, seed)
+    left, strength, _ = find_structure(
+        _DISPLACED, scores[:, own], energy[:, own], error, columns, measured.action, seed
+    )
     return bool(left), float(strength.max())
 
 
-def told_by_one_of(one: Mechanism, other: Mechanism, measured: Measured) -> dict[str, Array]:
-    """What was recorded and only one of two causes goes with, [B] each."""
+def covariates_of_one_only(one: Mechanism, other: Mechanism, measured: Measured) -> dict[str, Array]:
+    """Known covariates that only one of two causes depends on, [B] each."""
     shown = covariates_shown(measured)
     return {
         name: shown[name]
@@ -115,11 +127,11 @@ def told_by_one_of(one: Mechanism, other: Mechanism, measured: Measured) -> dict
 def prune_unlikely(
     losses: Mapping[str, Array], error: float, refits: Mapping[str, Model], measured: Measured
 ) -> dict[str, Array]:
-    """Of a cause and another that has all of its quantities and more, the right one, where what there is more is sure
-    and removes more of the ``error`` than what a form that is not quite right lacks.
+    """Decide between nested causes, of which one has all quantities of the other and more.
 
-    Less paint at speed (``speed_density``) can do all that ``speed_bleed`` does, and is paler. If that is sure, it is
-    named, but not where the rest surely contradicts it: then what is paler is a lack of the other's form.
+    The smaller cause is dropped if an extra quantity is certain and matters to the error. The larger one is dropped
+    instead if its certain quantities contradict what it is named for: then the extra quantity corrects the smaller
+    cause's form. Example: ``speed_density`` does all that ``speed_bleed`` does and is paler.
     """
     last = {cause: refits[cause].mechanisms[-1] for cause in losses}
     names = {cause: {q.name for q in mechanism.quantities} for cause, mechanism in last.items()}
@@ -140,11 +152,10 @@ def prune_unlikely(
 
 
 def prune_redundant(step: Step, refits: Mapping[str, Model], measured: Measured) -> Step:
-    """The step without rivals that say the same as its cause: they can do all that it does, and do it, and what they
-    can do beside that is surely less than half as much, each in its quantities' typical sizes.
+    """Drop rivals that contain the chosen cause's effect and whose additional effect is surely less than half of it.
 
-    Ink that bleeds at speed is spread wider and has a soft edge. Where the edge surely stays as it is, the mark is
-    wider, and that is all.
+    Example: ink that bleeds at speed spreads wider and softens the edge. If the edge surely stays, the mark is only
+    wider.
     """
     assert step.chosen is not None
     own = _by_effect(refits[step.chosen])
@@ -165,12 +176,12 @@ def _by_effect(refit: Model) -> set[str]:
 
 
 def _effect(name: str) -> str:
-    """What a quantity does to a mark: one that spreads is wider."""
+    """The effect of a quantity on a mark: spreading makes it wider."""
     return name.replace("spreading", "width")
 
 
 def _in_typical_sizes(refit: Model, measured: Measured) -> dict[str, tuple[float, float]]:
-    """The last mechanism's quantities with their standard errors, in typical sizes, by name."""
+    """The last mechanism's quantities and standard errors in typical sizes, by name."""
     last = refit.mechanisms[-1]
     found, typical = values_with_errors(refit, last, measured), {q.name: q.typical for q in last.quantities}
     return {name: (value / typical[name], error / typical[name]) for name, (value, error) in found.items()}

@@ -14,23 +14,23 @@ from pentimento.contracts.statistics import interval, resamples
 from pentimento.diagnosis.evaluation import Floor, Splits, split
 from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained, temporal_drift
 from pentimento.diagnosis.score import unconfirmed
-from pentimento.diagnosis.strokes.candidates import can_leave_what_looks_like, left_by_form
-from pentimento.diagnosis.strokes.fit import first_model, fit, mixed, tempered, values_with_errors
+from pentimento.diagnosis.strokes.candidates import can_mimic, form_error_share
+from pentimento.diagnosis.strokes.fit import choose_mixing, first_model, fit, huber_weighted, values_with_errors
 from pentimento.diagnosis.strokes.large_effects import find_large
 from pentimento.diagnosis.strokes.learned_residual import LearnedResidual, learn_residual
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
 from pentimento.diagnosis.strokes.misattribution import (
-    curve_is_as_good,
-    ends_do_as_much,
+    generic_curve_suffices,
     shows_signature,
     trails_both_ways,
     trails_by_another_power,
+    uneven_ends_suffice,
     with_uneven_ends,
 )
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds
-from pentimento.diagnosis.strokes.modes import MODES, generic, mode_scores, unexplained
+from pentimento.diagnosis.strokes.modes import MODES, evaluate_modulator, mode_scores, unexplained
 from pentimento.diagnosis.strokes.predict import action_losses, mean_squared_error, noise_floor, residual
-from pentimento.diagnosis.strokes.search import Search, confirmation, search, settle, with_one_borderline
+from pentimento.diagnosis.strokes.search import Search, accept_borderline, confirmation_p, recheck_alternatives, search
 from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.strokes.simulation import Mechanism
 
@@ -106,28 +106,30 @@ def diagnose(
     """
     splits = split(measured, seed)
     plain = measured.pick(splits.discovery)
-    first = mixed(fit(first_model(plain), plain), plain, seed)
+    first = choose_mixing(fit(first_model(plain), plain), plain, seed)
     noise = noise_floor(first, measured, seed)
     error = float(mean_squared_error(residual(first, plain), plain).mean())
     share = min(noise.mse / error, 1.0) if noise else 0.0
-    weighed = tempered(measured, first)
+    weighed = huber_weighted(measured, first)
     found = find_large(first, weighed.pick(splits.discovery), measured.context, share, vocabulary, seed, log)
     # Twice where causes are found: in a residual that still holds their effects, habits are hard to see.
     for _ in range(_PASSES):
         before = found.found
         unfound = [m for cause, m in found.observable.items() if cause not in before]
         learned_residual, weighed = learn_residual(weighed, found.model, splits.discovery, unfound, seed)
-        weighed = tempered(weighed, found.model)
+        weighed = huber_weighted(weighed, found.model)
         found = search(found, weighed.pick(splits.discovery), seed, log)
         if found.found == before:
             break
     unsealed = np.sort(np.concatenate(splits[:2]))
     fresh = np.isin(np.unique(weighed.action[unsealed]), weighed.action[splits.confirmation])
     discovery_split, known = weighed.pick(splits.discovery), weighed.pick(unsealed)
-    found = with_one_borderline(settle(found, discovery_split, seed, log), discovery_split, known, fresh, seed, log)
-    found = _with_ends_for_what_trails(found, discovery_split, weighed, seed, log)
+    found = accept_borderline(
+        recheck_alternatives(found, discovery_split, seed, log), discovery_split, known, fresh, seed, log
+    )
+    found = _uneven_ends_for_lags(found, discovery_split, weighed, seed, log)
     named = [m for m in found.model.mechanisms if not isinstance(m, UnevenEnds)]
-    confirmed_p = {m.cause: confirmation(found.model, m.cause, known, fresh, seed) for m in named}
+    confirmed_p = {m.cause: confirmation_p(found.model, m.cause, known, fresh, seed) for m in named}
     learned_residual, weighed = learned_residual.learnt_from_all(weighed, unsealed)
     measured = replace(weighed, weight=np.ones(len(weighed)))  # what is told of sealed strokes is told of all alike
     test, known = measured.pick(splits.test), measured.pick(unsealed)
@@ -171,7 +173,7 @@ def diagnose(
             not shows_signature(mechanism, finding.values)
             or trails_by_another_power(mechanism, extended, known)
             or trails_both_ways(mechanism, extended, measured)
-            or curve_is_as_good(mechanism, extended, without(extended, [finding.cause]), known, test, seed)
+            or generic_curve_suffices(mechanism, extended, without(extended, [finding.cause]), known, test, seed)
         )
 
     established = findings(extended)
@@ -197,7 +199,7 @@ def diagnose(
         replace(finding(fit(extended.plus(m), known), m), misattributed=m.cause in misattributed) for m in doubtful
     )
     left, strength, names = unexplained(extended, known, covariates_shown(known), seed)
-    worth = generic(extended, known, test, left, seed)
+    worth = evaluate_modulator(extended, known, test, left, seed)
     left = [one._replace(generic_gain=worth.gain_of[one.mode, one.covariate]) for one in left]
     return Diagnosis(
         splits, measured, learned_residual, found, extended, base, established, suspected, floor, drifts, base_losses,
@@ -223,7 +225,7 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
         ((value, error),) = finding.values.values()
         if abs(value) < _SURELY_THERE * error:
             return False
-    others = [f for f in established if f is not finding and can_leave_what_looks_like(found.observable[f.cause], its)]
+    others = [f for f in established if f is not finding and can_mimic(found.observable[f.cause], its)]
     sure = finding.confirmed_p <= _SURE_P and not others and test_split <= _FEW
     if sure and len(established) == 1:
         return finding.gain > 0
@@ -232,7 +234,7 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     if (finding.of_what_is_left if beyond_doubt else finding.gain) < minimum:
         return False
     for f in others:  # forms leave little to what goes with nothing of theirs; that must be there beyond doubt
-        may_be_left = left_by_form(found.observable[f.cause], its) if beyond_doubt else _MIN_BESIDE
+        may_be_left = form_error_share(found.observable[f.cause], its) if beyond_doubt else _MIN_BESIDE
         if finding.gain < f.gain * min(may_be_left, _MIN_BESIDE):
             return False
     if finding.confirmed_p <= _CERTAIN_P:
@@ -242,7 +244,7 @@ def _is_of_use(finding: Finding, established: Sequence[Finding], found: Search, 
     return finding.gain >= good or finding.gain_interval[0] > 0
 
 
-def _with_ends_for_what_trails(
+def _uneven_ends_for_lags(
     found: Search, discovery_split: Measured, measured: Measured, seed: int, log: Callable[[str], None]
 ) -> Search:
     """What was found, with uneven ends in the place of a cause by which a mark trails, where they do as much.
@@ -250,7 +252,7 @@ def _with_ends_for_what_trails(
     A large one takes their place before other causes are known: what these do at a stroke's ends was in its favour.
     """
     for mechanism in found.model.mechanisms:
-        if ends_do_as_much(mechanism, found.model, measured, seed):
+        if uneven_ends_suffice(mechanism, found.model, measured, seed):
             log(f"uneven ends do as much as {mechanism.cause}")
             base, model = (
                 with_uneven_ends(m, discovery_split) for m in (found.base, found.model.without(mechanism.cause))

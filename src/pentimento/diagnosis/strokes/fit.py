@@ -1,4 +1,4 @@
-"""Least squares: Gauss-Newton with Levenberg's damping on the sum over actions."""
+"""Fits of stroke models: Levenberg-Marquardt on the sums over actions, with a Gaussian prior on the base."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.gauss_newton import Statistics, covariance, damped_step, promised
+from pentimento.diagnosis.gauss_newton import Statistics, covariance, damped_step, predicted_decrease
 from pentimento.diagnosis.score import paired_p
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
@@ -18,9 +18,9 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_HOLD = 0.01
-"""Of the error: what a number costs that lies as far from its start as is likely."""
-_LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
+_PRIOR_WEIGHT = 0.01
+"""Cost of a parameter one prior scale from its mean, as a share of the error."""
+_PRIOR_SCALE = dict.fromkeys(SLABS[1:], 0.3) | {
     "density_by_press": 0.5,
     "edge_by_press": 0.5,
     "ends_mm": 3.0,
@@ -29,12 +29,14 @@ _LIKELY = dict.fromkeys(SLABS[1:], 0.3) | {
     "ends_widening": 0.5,
     "mixing": 0.5,
 }
-_LIKELY_BEND = 0.1  # of the half-width's curve between neighbours, mm per mm
-_LIKELY_COLOR = 0.03  # linear light
+_PRIOR_BEND = 0.1
+"""Prior scale of the half-width curve's second difference, in half-widths."""
+_PRIOR_COLOR = 0.03  # linear light
 _ENOUGH = 5e-4
-"""Relative fall of the error below which a fit has ended."""
+"""Relative decrease of the error below which a fit ends."""
 _FIRST_DAMPING = 1e-3  # of a number's own curvature
 _LONGEST = dict.fromkeys(SLABS, 0.3) | {"log_edge_px": 0.3, "ends_widening": 0.3, "mixing": 0.3}
+"""Largest step of one iteration, in the parameter's unit."""
 _LONGEST_WIDTH_MM = 0.7
 _RANGE = (
     dict.fromkeys(WIDTHS, (0.02, 50.0))
@@ -50,14 +52,16 @@ _RANGE = (
         "mixing": (-2.5, 0.7),
     }
 )
+"""Bounds of the base's parameters."""
 _MAX_OF_USUAL = 3.0
+"""Huber's limit: an action's error counts as at most so many times the median."""
 _FARTHEST_ENDS, _MAX_UNEVEN = 0.5, 0.2
-"""Half-widths by which both ends, and each beside the other, may miss their command: what a tool's shape can do."""
+"""Half-widths by which both ends, and each of two uneven ends, may miss their command."""
 _MAX_WIDENED = 3.0  # times what is typical
 _FLATTEST = 1e-6  # m of press: below it all presses count as one
 _MIXING_START = -0.4
 _MIXING_P, _MIN_MIXING = 0.01, 0.1
-"""How sure another mixing than in light must be, and what it must remove of the error."""
+"""Significance, and minimum share of the error removed, for a mixing other than in linear light."""
 
 
 def first_model(measured: Measured) -> Model:
@@ -77,15 +81,16 @@ def first_model(measured: Measured) -> Model:
 
 
 def fit(model: Model, measured: Measured, at_start: Statistics | None = None, iterations: int = 40) -> Model:
-    """The model whose foretold photographs are nearest to the measured, by weighted mean squared error.
+    """Fit a model to measured strokes by weighted mean squared error.
 
-    What the strokes leave open is held near the plainest base: a hard edge, a smooth curve of widths, paint as told.
+    The prior holds parameters that the strokes leave open near the simplest base: a hard edge, a smooth curve of
+    widths, paint as recorded.
 
     Args:
-        at_start: the model's ``linearise`` on these strokes, where it is known.
+        at_start: the model's ``linearise`` on these strokes, if known.
     """
     statistics = linearise(model, measured) if at_start is None else at_start
-    hold = _hold(model, _loss(statistics))
+    hold = _prior(model, _loss(statistics))
     loss = _loss(statistics) + _cost(model.vector, hold)
     damping = _FIRST_DAMPING
     low, high = _bounds(model)
@@ -96,16 +101,16 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
         for _ in range(6):
             candidate = model.at(damped_step(model.vector, model.vector, statistics, damping, hold, *near))
             step = candidate.vector - model.vector
-            promise = promised(step, model.vector, statistics, hold)
-            # What went as far as one step may has not arrived: how little falls here says nothing of the rest.
+            promise = predicted_decrease(step, model.vector, statistics, hold)
+            # A step at its limit has not converged, however small its decrease.
             cut_short = (np.abs(step) > 0.999 * reach).any()
             if (
                 promise < _ENOUGH * loss
                 and not cut_short
                 and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss
             ):
-                return candidate  # there is no next step that would need derivatives
-            there = linearise(candidate, measured)  # where a step is taken, the next one needs it
+                return candidate  # converged: no derivatives needed
+            there = linearise(candidate, measured)  # needed by the next step if this one is accepted
             new = _loss(there) + _cost(candidate.vector, hold)
             if new < loss:
                 improved = True
@@ -120,10 +125,8 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
     return model
 
 
-def tempered(measured: Measured, model: Model) -> Measured:
-    """The strokes with weights: no action's error about the model counts as more than ``_MAX_OF_USUAL`` times the
-    median (Huber 1964, by action): a single stroke that is wrong by ten times as much as others would say all.
-    """
+def huber_weighted(measured: Measured, model: Model) -> Measured:
+    """Weights for strokes: no action's error counts as more than ``_MAX_OF_USUAL`` times the median (Huber 1964)."""
     plain = replace(measured, weight=np.ones(len(measured)))
     losses = action_losses(model, plain)
     _, action = np.unique(measured.action, return_inverse=True)
@@ -131,36 +134,32 @@ def tempered(measured: Measured, model: Model) -> Measured:
     return replace(measured, weight=weight[action])
 
 
-def held(statistics: Statistics, model: Model) -> Statistics:
-    """Statistics of what ``fit`` minimises: strokes, and what holds the base where they leave it open, shared out among
-    actions. Without that, a step that no fit would take may seem to make up for a cause.
-    """
-    hold = _hold(model, _loss(statistics))
+def with_prior(statistics: Statistics, model: Model) -> Statistics:
+    """Statistics of the penalised loss that ``fit`` minimises; the prior is shared among actions."""
+    hold = _prior(model, _loss(statistics))
     pull = hold @ model.vector
     return Statistics(
         statistics.curvature + hold, statistics.slope - pull, statistics.energy + _cost(model.vector, hold)
     )
 
 
-def steadied(statistics: Statistics, model: Model, share: float) -> Statistics:
-    """Statistics of changes from where a model is, some of which strokes leave open: those cost a ``share`` of what
-    they cost a fit.
-    """
-    return statistics._replace(curvature=statistics.curvature + share * _hold(model, _loss(statistics)))
+def stiffened(statistics: Statistics, model: Model, share: float) -> Statistics:
+    """Statistics whose curvature includes a ``share`` of the prior's, for steps from the model's present parameters."""
+    return statistics._replace(curvature=statistics.curvature + share * _prior(model, _loss(statistics)))
 
 
-def _hold(model: Model, loss: float) -> Array:
-    """Curvature [P, P] of what holds the base where strokes leave it open."""
+def _prior(model: Model, loss: float) -> Array:
+    """Curvature [P, P] of the Gaussian prior on the base."""
     size = len(model.vector)
-    rows = [np.eye(size)[BASE.index(name)] / likely for name, likely in _LIKELY.items()]
+    rows = [np.eye(size)[BASE.index(name)] / likely for name, likely in _PRIOR_SCALE.items()]
     half_mm = float(model.base[: len(WIDTHS)].mean())
     for k in range(1, len(WIDTHS) - 1):
         bend = np.zeros(size)
         bend[k - 1 : k + 2] = 1, -2, 1
-        rows.append(bend / (_LIKELY_BEND * half_mm))
-    rows += [np.eye(size)[p] / _LIKELY_COLOR for p in range(len(BASE), model.nuisances)]
+        rows.append(bend / (_PRIOR_BEND * half_mm))
+    rows += [np.eye(size)[p] / _PRIOR_COLOR for p in range(len(BASE), model.nuisances)]
     held = np.stack(rows)
-    return _HOLD * loss * held.T @ held
+    return _PRIOR_WEIGHT * loss * held.T @ held
 
 
 def _cost(away: Array, hold: Array) -> float:
@@ -168,7 +167,7 @@ def _cost(away: Array, hold: Array) -> float:
 
 
 def _bounds(model: Model) -> tuple[Array, Array]:
-    """Where the model's numbers mean something."""
+    """Lower and upper bounds of the model's parameters."""
     low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
         low[i], high[i] = _RANGE[name]
@@ -186,7 +185,7 @@ def _bounds(model: Model) -> tuple[Array, Array]:
 
 
 def _longest_steps(model: Model) -> Array:
-    """How far each number may go in one iteration: some act far from linearly."""
+    """Largest step of each parameter in one iteration; some act far from linearly."""
     reach = np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
         reach[i] = _LONGEST_WIDTH_MM if name in WIDTHS else _LONGEST.get(name, np.inf)
@@ -199,16 +198,18 @@ def _loss(statistics: Statistics) -> float:
 
 
 def _loss_of(model: Model, measured: Measured) -> float:
-    """The same without derivatives, in a quarter of the time."""
+    """``_loss`` without derivatives, in a quarter of the time."""
     return float(action_losses(model, measured).mean())
 
 
-def mixed(model: Model, measured: Measured, seed: int) -> Model:
-    """The fitted base, or one in which paint and ground mix in another power of light, where that is surely nearer to
-    the photographs than the best that mixes in light.
+def choose_mixing(model: Model, measured: Measured, seed: int) -> Model:
+    """The fitted base, or one in which paint and ground mix in another power of light where that surely fits better.
+
+    A wrong mixing looks like paint pickup where strokes lie over older paint. For one dark ink on white paper the power
+    is not identifiable, because the profile compensates for it; the base then keeps linear light.
     """
     other = fit(_mixing_by(model, _MIXING_START), measured)
-    # What another start does for all other numbers is not the mixing's.
+    # Compare with linear light from the same start, so that only the mixing differs.
     rival = fit(_mixing_by(other, 0.0), measured)
     plain = min(model, rival, key=lambda each: float(linearise(each, measured).energy.mean()))
     before = linearise(plain, measured).energy
@@ -224,13 +225,13 @@ def _mixing_by(model: Model, mixing: float) -> Model:
 
 
 def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
-    """Each quantity of a fitted mechanism with its standard error, both in the quantity's unit, by name.
+    """Each quantity of a fitted mechanism with its standard error, in the quantity's unit, by name.
 
     Args:
         model: fitted to ``measured``.
-        mechanism: the model's, by its cause.
+        mechanism: of the model; looked up by its cause.
     """
-    spread = covariance(held(linearise(model, measured), model))
+    spread = covariance(with_prior(linearise(model, measured), model))
     number = [m.cause for m in model.mechanisms].index(mechanism.cause)
     fitted = model.mechanisms[number]
     at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])

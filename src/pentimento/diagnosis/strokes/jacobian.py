@@ -1,7 +1,7 @@
-"""How what a model foretells of measured strokes changes with each of its numbers.
+"""The Jacobian of predicted photographs, summed up by action.
 
-Marks by differences, from there to pixels by the imprint's own derivatives; paint and gain by central differences. All
-numbers of a row share one pass over its pixels.
+Derivatives of marks are differences; from there to pixels the footprint has analytic derivatives. Paint and gain use
+central differences. All parameters of a row share one pass over its pixels.
 """
 
 from __future__ import annotations
@@ -28,23 +28,25 @@ from pentimento.diagnosis.strokes.predict import (
     paint_laid,
     predicted_linear,
 )
-from pentimento.diagnosis.strokes.soft_edge import Imprint, change_of_coverage, mixture, slopes_of_mixture
+from pentimento.diagnosis.strokes.soft_edge import Footprint, change_of_coverage, mixture, slopes_of_mixture
 
 Array = NDArray[Any]
 
 _MIXING = BASE.index("mixing")
 _COLOR_STEP = 0.01
+"""Step of central differences of paint, gain and mixing, in the parameter's unit."""
 _MARK_STEP = 1e-5
+"""Step of differences of marks."""
 
 
 def slope_by_coverage(laid: Ink, measured: Measured) -> Array:
-    """Derivative of the foretold photographs (sRGB) by coverage, float32[B, H, W, 3]."""
+    """Derivative of the predicted photographs (sRGB) by coverage, float32[B, H, W, 3]."""
     _, steepness = _srgb_and_slope(predicted_linear(laid, measured))
     return steepness * _slopes(laid, measured)[0]
 
 
 def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> Array:
-    """To first order, sRGB float32[B, H, W, 3], by changes [P] of the model's numbers."""
+    """First-order change of the photographs, sRGB float32[B, H, W, 3], by changes ``amounts`` [P] of the parameters."""
     mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
     change = np.tensordot(amounts[number], changes, 1)
 
@@ -59,16 +61,16 @@ def _change_of_photographs(
 ) -> Array:
     laid = ink_of(mark, model, measured)
     linear = predicted_linear(laid, measured)
-    inked = np.flatnonzero(laid.imprint.segment >= 0)
-    drawn = np.zeros_like(laid.imprint.coverage)
-    drawn.ravel()[inked] = change_of_coverage(laid.imprint, change_of_mark[None], inked)[:, 0]
-    drawn += laid.imprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
+    inked = np.flatnonzero(laid.footprint.segment >= 0)
+    drawn = np.zeros_like(laid.footprint.coverage)
+    drawn.ravel()[inked] = change_of_coverage(laid.footprint, change_of_mark[None], inked)[:, 0]
+    drawn += laid.footprint.by_level @ amounts[len(WIDTHS) : len(WIDTHS) + len(SLABS)].astype(np.float32)
     _, steepness = _srgb_and_slope(linear)
     by_coverage, by_paint = _slopes(laid, measured)
     change = steepness * by_coverage * drawn[..., None]
     if not model.mixes_in_light:
         change += steepness * amounts[_MIXING] * _by_mixing(laid, measured)
-    for p, paint, gain in _changes_of_paint(model, measured, laid.imprint):
+    for p, paint, gain in _changes_of_paint(model, measured, laid.footprint):
         change += steepness * by_paint * (amounts[p] * paint)
         if gain is not None:
             change += steepness * linear / laid.gain[..., None] * (amounts[p] * gain)[..., None]
@@ -76,12 +78,12 @@ def _change_of_photographs(
 
 
 def linearise(model: Model, measured: Measured) -> Statistics:
-    """Jacobian of the foretold photographs in all numbers of the model, summed up by action."""
+    """The statistics of the model on these strokes: its Jacobian in all parameters, summed up by action."""
     return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
 
 
 def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """The same of each row, by its weight: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
+    """Weighted sums of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
     mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
 
     def of(some: slice) -> tuple[Array, Array, Array]:
@@ -98,17 +100,18 @@ def _row_statistics(
 ) -> tuple[Array, Array, Array]:
     """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
 
-    What changes the mark changes all channels of a pixel in one proportion, so that its part of J is kept as one map of
-    coverage; only what changes the paint or the picture needs all three.
+    A parameter of the mark changes all channels of a pixel in proportion, so that its part of J is one map of coverage.
+    Only parameters of paint or picture need all three channels.
 
     Args:
-        mark: of the model, as ``mark_px``.
-        number, changes: as ``_changes_of_mark``.
+        mark: of the model, as from ``mark_px``.
+        number: parameters that change marks, as from ``_changes_of_mark``.
+        changes: derivatives of the marks, likewise.
     """
     laid = ink_of(mark, model, measured)
     of_mark = np.concatenate([np.arange(len(WIDTHS), len(WIDTHS) + len(SLABS)), number])
-    of_paint = _changes_of_paint(model, measured, laid.imprint)
-    inked = laid.imprint.segment >= 0  # elsewhere nothing changes but what the camera does
+    of_paint = _changes_of_paint(model, measured, laid.footprint)
+    inked = laid.footprint.segment >= 0  # other pixels change with the camera only
     first = np.concatenate([[0], np.cumsum(inked.sum((1, 2)))])
     pixels = np.flatnonzero(inked)
 
@@ -119,13 +122,13 @@ def _row_statistics(
     by_coverage, by_paint = (steepness * slope for slope in _slopes(laid, measured, pixels))
     by_mixing = None if model.mixes_in_light else steepness * _by_mixing(laid, measured, pixels)
     by_gain = steepness * linear / at_pixels(laid.gain, pixels)[:, None]
-    rest = (samples.after.numpy() - samples.before.numpy() - measured.habit) * valid[..., None]
+    rest = (samples.after.numpy() - samples.before.numpy() - measured.residual_prediction) * valid[..., None]
     change = (srgb - at_pixels(samples.before.numpy(), pixels)) * at_pixels(valid, pixels)[:, None]
     missing = at_pixels(rest, pixels) - change
     rest.reshape(-1, 3)[pixels] = missing
 
-    by_level = at_pixels(laid.imprint.by_level, pixels)
-    maps = np.concatenate([by_level, change_of_coverage(laid.imprint, changes, pixels)], axis=1)
+    by_level = at_pixels(laid.footprint.by_level, pixels)
+    maps = np.concatenate([by_level, change_of_coverage(laid.footprint, changes, pixels)], axis=1)
     curvature = np.zeros((len(measured), len(model.vector), len(model.vector)))
     slope = np.zeros((len(measured), len(model.vector)))
     of_mark_twice = of_mark[:, None], of_mark
@@ -147,7 +150,7 @@ def _row_statistics(
         index, whole = np.array(list(pictures)), np.stack(list(pictures.values()))
         cross = drawn.T @ (whole * depth).sum(-1).T
         flat = whole.reshape(len(index), -1)
-        # A mechanism may act on the mark and on the paint: its two parts add up.
+        # A mechanism may act on mark and paint: the two parts add.
         curvature[b][np.ix_(of_mark, index)] += cross
         curvature[b][np.ix_(index, of_mark)] += cross.T
         curvature[b][np.ix_(index, index)] += flat @ flat.T
@@ -162,14 +165,15 @@ def _row_statistics(
 def _add_bare_ground(
     curvature: Array, slope: Array, rest: Array, gains: dict[int, Array], laid: Ink, measured: Measured
 ) -> None:
-    """Add the pixels that strokes leave bare, of which a camera's gain changes the picture, to the sums over the
-    others; and take off ``rest`` [B, H, W, 3] what the gain has changed of them.
+    """Add to the sums the pixels without ink, which change with the camera's gain only.
+
+    ``rest`` [B, H, W, 3] gets the residual at these pixels.
 
     Args:
-        gains: by number of the model, its derivative by that, [B, H, W].
+        gains: by parameter index, derivative of the gain, [B, H, W].
     """
     index, maps = np.array(list(gains)), np.stack(list(gains.values()))
-    bare = (laid.imprint.segment < 0) & (measured.samples.valid.numpy() > 0)
+    bare = (laid.footprint.segment < 0) & (measured.samples.valid.numpy() > 0)
     before, before_linear = measured.samples.before.numpy(), measured.samples.before_linear.numpy()
     for b, here in enumerate(bare):
         below, gain = before_linear[b][here], laid.gain[b][here][:, None]
@@ -182,10 +186,10 @@ def _add_bare_ground(
 
 
 def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
-    """Numbers that change marks, and the marks' derivatives by them, [P', B, N, 5].
+    """Indices of parameters that change marks, and the marks' derivatives by them, [P', B, N, 5].
 
-    What is at work is moved together, to one side; each mechanism that is not yet, with that and without the others, to
-    both, for no effect is where a form may have a kink.
+    Active mechanisms are differenced together, one-sided. An inactive mechanism is differenced on both sides, with the
+    active ones and without the other inactive ones, because its form may have a kink at 0.
     """
     drawing = [m for m in model.mechanisms if "mark" in acts_on(m)]
     busy = [m for m in drawing if m.active]
@@ -205,8 +209,10 @@ def _changes_of_mark(model: Model, measured: Measured) -> tuple[Array, Array]:
     return np.concatenate(numbers), np.concatenate(slopes)
 
 
-def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[tuple[int, Array, Array | None]]:
-    """Number, and the derivatives by it of the paint (as ``Ink.paint``) and, if it is the camera's, of the gain."""
+def _changes_of_paint(model: Model, measured: Measured, footprint: Footprint) -> list[tuple[int, Array, Array | None]]:
+    """(index, derivative of the paint as ``Ink.paint``, derivative of the gain or None) of parameters of paint and
+    camera.
+    """
     changes: list[tuple[int, Array, Array | None]] = []
     for p in range(model.color_offset.size):
         one_hot = np.eye(3, dtype=np.float32)[p % 3] * (measured.paint == p // 3)[:, None]
@@ -219,7 +225,9 @@ def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[t
             up, down = model.at(model.vector + step), model.at(model.vector - step)
             paint, gain = none, None
             if of_paint:
-                paint = (paint_laid(up, measured, made) - paint_laid(down, measured, made)) / (2 * _COLOR_STEP)
+                paint = (paint_laid(up, measured, footprint) - paint_laid(down, measured, footprint)) / (
+                    2 * _COLOR_STEP
+                )
             if of_picture:
                 gain = (gain_of_camera(up, measured) - gain_of_camera(down, measured)) / (2 * _COLOR_STEP)
             changes.append((int(at), paint, gain))
@@ -227,7 +235,7 @@ def _changes_of_paint(model: Model, measured: Measured, made: Imprint) -> list[t
 
 
 def _slopes(laid: Ink, measured: Measured, pixels: Array | None = None) -> tuple[Array, Array]:
-    """Derivatives of the windows' linear light by coverage and by paint, [..., 3], as ``at_pixels``."""
+    """Derivatives of the windows' linear light by coverage and by paint, [..., 3], as from ``at_pixels``."""
     gain = at_pixels(laid.gain, pixels)[..., None]
     slopes = slopes_of_mixture(*_mixed(laid, measured, pixels), laid.power)
     by_coverage, by_paint = (slope * gain for slope in slopes)
@@ -235,20 +243,20 @@ def _slopes(laid: Ink, measured: Measured, pixels: Array | None = None) -> tuple
 
 
 def _by_mixing(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
-    """Derivative of the same by ``mixing``: central differences."""
+    """Derivative of the windows' linear light by ``mixing``: central differences."""
     mixed = _mixed(laid, measured, pixels)
     up, down = (mixture(*mixed, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
     return np.asarray((up - down) / (2 * _COLOR_STEP) * at_pixels(laid.gain, pixels)[..., None])
 
 
 def _mixed(laid: Ink, measured: Measured, pixels: Array | None) -> tuple[Array, Array, Array]:
-    """What is below, the paint, and how much it covers."""
+    """What is below, the paint, and its coverage."""
     below = at_pixels(measured.samples.before_linear.numpy(), pixels)
-    return below, paint_at(laid, pixels), at_pixels(laid.imprint.coverage, pixels)[..., None]
+    return below, paint_at(laid, pixels), at_pixels(laid.footprint.coverage, pixels)[..., None]
 
 
 def _srgb_and_slope(linear: Array) -> tuple[Array, Array]:
-    """sRGB, and d sRGB / d linear light. The curve is a power of the light, whose slope is the power over the light."""
+    """sRGB, and d sRGB / d linear light."""
     srgb = linear_to_srgb(linear)
     steep = (srgb + np.float32(0.055)) / (np.float32(2.4) * np.maximum(linear, np.float32(0.0031308)))
     return srgb, np.where(linear <= 0.0031308, np.float32(12.92), steep)

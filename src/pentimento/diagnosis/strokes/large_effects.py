@@ -1,4 +1,4 @@
-"""Large causes come first: in a residual that holds them, what a tool does alike in every stroke cannot be learnt."""
+"""Search for large effects, which must be found before the learned residual model can be fitted."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pentimento.diagnosis.score import Evidence, Step
 from pentimento.diagnosis.strokes.candidates import (
     FIRST_P,
     LATER_P,
+    backward_elimination,
+    evaluate_candidates,
     is_far,
     is_large,
     is_physical,
+    is_significant,
     refit_with,
     refits_with,
     shortlist,
-    stands,
-    weigh,
-    with_that_of_refits,
-    without_idle,
+    with_refit_evidence,
 )  # fmt: skip
 from pentimento.diagnosis.strokes.choice import choose, prune_unlikely
 from pentimento.diagnosis.strokes.fit import fit
@@ -30,10 +30,9 @@ from pentimento.diagnosis.strokes.search import MAX_CAUSES, Search
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, StrokeContext
 
 _LARGE_OF_MISFIT = 0.04
-"""Of the error above the noise floor: what a large cause removes."""
+"""Share of the error above the noise floor that a large cause removes."""
 _ALL_BUT = 0.95
-"""Of the error that uneven ends remove, and of what they do beside a cause: where it removes as much without them, it
-needs none."""
+"""Share of the effect of uneven ends that a cause must reach, with and without them, to replace them."""
 
 
 def find_large(
@@ -45,11 +44,16 @@ def find_large(
     seed: int,
     log: Callable[[str], None],
 ) -> Search:
-    """Extend the base, fitted from ``start``, by causes that explain a good part of what it leaves.
+    """Extend the base, fitted from ``start``, by causes that explain a large part of the error.
 
     Args:
-        all_strokes: with those that causes will be confirmed and valued on: a cause must be observable there, too.
-        noise_share: what of the base's error is the noise floor; 0 if that is unknown.
+        start: a base.
+        measured: the discovery split.
+        all_strokes: context of all splits, in which a cause must be observable.
+        noise_share: the noise floor as a share of the base's error; 0 if unknown.
+        vocabulary: kinds of mechanisms.
+        seed: of tests.
+        log: gets one line a step.
     """
     plain = fit(start, measured)
     base = model = fit(plain.plus(identity(UnevenEnds, measured.context)), measured)
@@ -64,9 +68,9 @@ def find_large(
             unseen[kind.cause] = str(reason)
     steps: list[Step] = []
     gained: dict[str, float] = {}
-    instead = _instead_of_ends(plain, base, floor, observable, measured)
-    evidence = weigh(plain, list(observable.values()), measured, seed)[0] if instead else {}
-    instead = {cause: refit for cause, refit in instead.items() if stands(evidence[cause], FIRST_P)}
+    instead = _replacing_uneven_ends(plain, base, floor, observable, measured)
+    evidence = evaluate_candidates(plain, list(observable.values()), measured, seed)[0] if instead else {}
+    instead = {cause: refit for cause, refit in instead.items() if is_significant(evidence[cause], FIRST_P)}
     if instead:
         losses = {cause: action_losses(refit, measured) for cause, refit in instead.items()}
         before = float(action_losses(plain, measured).mean())
@@ -79,7 +83,7 @@ def find_large(
     while len(steps) < MAX_CAUSES:
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken]
-        evidence, at_start = weigh(model, candidates, measured, seed + len(steps))
+        evidence, at_start = evaluate_candidates(model, candidates, measured, seed + len(steps))
         limit = LATER_P if steps else FIRST_P
         short = shortlist(evidence, limit, 1.0, observable)
         found = _large_step(
@@ -91,25 +95,26 @@ def find_large(
             measured,
             seed,
             log,
-        ) or _large_step(model, _far(model, candidates, measured), evidence, limit, floor, measured, seed, log)
+        ) or _large_step(model, _far_refits(model, candidates, measured), evidence, limit, floor, measured, seed, log)
         if found is None:
             break
         step, refit = found
         assert step.chosen is not None
         steps.append(step)
         gained[step.chosen] = error - float(action_losses(refit, measured).mean())
-        model = without_idle(refit, frozenset(), measured, seed, log)
+        model = backward_elimination(refit, frozenset(), measured, seed, log)
         error = float(action_losses(model, measured).mean())
     large = frozenset(m.cause for m in model.mechanisms if m.cause in observable and is_large(m))
     return Search(base, model, tuple(steps), observable, unseen, floor, gained, large)
 
 
-def _instead_of_ends(
+def _replacing_uneven_ends(
     plain: Model, uneven: Model, floor: float, observable: Mapping[str, Mechanism], measured: Measured
 ) -> dict[str, Model]:
-    """The plain base with each cause that does what its ``uneven`` ends do, in their place, where one of these leaves
-    them nothing to do: a lag is one number, and explains why a mark is short where it ends; uneven ends are four, and
-    hide it.
+    """The base with each same-family cause in the place of the uneven ends, where one of these leaves them nothing to
+    do.
+
+    A lag is one quantity that explains where a mark ends; uneven ends are four, and hide it.
     """
 
     def left(model: Model) -> float:
@@ -118,10 +123,10 @@ def _instead_of_ends(
     missed, at_best = left(plain), left(uneven)
     if missed - at_best < _LARGE_OF_MISFIT * (missed - floor):
         return {}
-    alike = [
+    family = [
         cause for cause, mechanism in observable.items() if mechanism.driving_covariate == UnevenEnds.driving_covariate
     ]
-    instead = refits_with(plain, alike, observable, measured)
+    instead = refits_with(plain, family, observable, measured)
     removed = {cause: missed - left(refit) for cause, refit in instead.items()}
     instead = {c: refit for c, refit in instead.items() if removed[c] >= _ALL_BUT * (missed - at_best)}
     ends = identity(UnevenEnds, measured.context)
@@ -130,11 +135,10 @@ def _instead_of_ends(
     return {}
 
 
-def _far(model: Model, candidates: Sequence[Mechanism], measured: Measured) -> dict[str, Model]:
-    """The model with each cause by which a tip trails, where that is by more than the mark's half-width.
+def _far_refits(model: Model, candidates: Sequence[Mechanism], measured: Measured) -> dict[str, Model]:
+    """The model with each cause that displaces the mark by more than its half-width.
 
-    The tests are about no effect. There, and in every small step from there, such a cause may show nothing of what it
-    does: it is fitted from its typical size.
+    Tests at 0 may show nothing of such an effect. It is fitted from its typical size.
     """
 
     def is_there(refit: Model) -> bool:
@@ -145,7 +149,7 @@ def _far(model: Model, candidates: Sequence[Mechanism], measured: Measured) -> d
         if mechanism.site == "trajectory" and not any(quantity.signed for quantity in mechanism.quantities):
             typical = torch.tensor([quantity.typical for quantity in mechanism.quantities], dtype=torch.float64)
             at_size = type(mechanism)(typical, mechanism.reference)
-            # Most tools do not trail that far: one fit, without the ends that stand in for it, says so.
+            # Most tools do not trail that far: a single fit without uneven ends rules it out.
             if not is_there(fit(model.without(UnevenEnds.cause).plus(at_size), measured)):
                 continue
             refit = refit_with(model, at_size, measured)
@@ -164,12 +168,10 @@ def _large_step(
     seed: int,
     log: Callable[[str], None],
 ) -> tuple[Step, Model] | None:
-    """The step to the best of the refits of causes, where it removes a good part of the error and is large or far; and
-    that refit.
-    """
-    evidence = with_that_of_refits(evidence, refits, limit, model, measured, seed)
+    """The step to the best refit that removes a large part of the error and is large or far, with it; or None."""
+    evidence = with_refit_evidence(evidence, refits, limit, model, measured, seed)
     error = float(action_losses(model, measured).mean())
-    losses = {c: action_losses(refit, measured) for c, refit in refits.items() if stands(evidence[c], limit)}
+    losses = {c: action_losses(refit, measured) for c, refit in refits.items() if is_significant(evidence[c], limit)}
     losses = {c: each for c, each in losses.items() if error - each.mean() >= _LARGE_OF_MISFIT * (error - floor)}
     if not losses:
         return None

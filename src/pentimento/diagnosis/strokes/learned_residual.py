@@ -1,14 +1,13 @@
-"""What a tool does alike in every stroke and no base of a few numbers foretells: tufts, ragged ends, a paler side.
+"""Learned residual model of strokes: what a tool does in every stroke beyond a small base (docs/diagnosis.md §4).
 
-Boosted trees learn it, pixel by pixel, from where a pixel lies about its place of the path, the press there and how it
-changes, how far it is to the stroke's ends, and how a tool that is turned lies to its way: nothing else that a cause
-depends on (no speed, time, load, heading on the canvas, bend, length, place). Two things keep them from learning an
-effect instead (docs/diagnosis.md §4). What they say of a stroke was learnt from others (cross-fitting; Chernozhukov et
-al. 2018), and what of it looks, over all strokes and beyond chance, like any of the causes is left in the residual, so
-that this cause's score does not change: only the misfit about it falls. They learn twice: where each stroke as a whole
-came to lie and how wide is chance, hides what is alike, and is known better once that has been learnt. Of a tool that
-draws its left as it draws its right, which the first trees tell, they then see one half, twice as often. Sealed
-strokes have no part in any of it, and are told in the end by trees that learn from all others at once.
+Boosted trees predict coverage errors pixel by pixel (tufts, ragged ends, a paler side). Their inputs are the pixel's
+position relative to its place on the path, coverage, press and its slope, distance to the ends, and how a turned tool
+lies to its heading. No covariate of a cause is an input. Predictions for a stroke come from other strokes
+(cross-fitting), and the part that resembles a cause is projected out, so that no cause's score changes.
+
+The trees are fitted twice. The first fit serves to estimate each stroke's own displacement and width, which are removed
+from the target of the second. If the first trees find the tool symmetric, the second see mirrored pixels as one side.
+Test strokes get predictions of one set of trees that is fitted to all other strokes.
 """
 
 from __future__ import annotations
@@ -21,134 +20,156 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.boosting import Trees, action_effect, cross_fitted, folds, grown, like_causes, said_at
-from pentimento.diagnosis.strokes.fit import steadied
+from pentimento.diagnosis.boosting import (
+    Trees,
+    action_effect,
+    cause_projection,
+    cross_fitted,
+    folds,
+    grow,
+    predict_held_out,
+)
+from pentimento.diagnosis.strokes.fit import stiffened
 from pentimento.diagnosis.strokes.jacobian import change_of_photographs, linearise, slope_by_coverage
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model
 from pentimento.diagnosis.strokes.predict import ink_of, mark_px, predicted, press_shares, residual
-from pentimento.diagnosis.strokes.soft_edge import Imprint
+from pentimento.diagnosis.strokes.soft_edge import Footprint
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
-_FAINTEST = 0.03  # squared slope of sRGB by coverage at which coverage cannot be seen
-_FARTHEST = 3.0  # half-widths from an end: beyond, a stroke's body is the same everywhere
+_FAINTEST = 0.03
+"""Squared slope of sRGB by coverage below which coverage is not visible."""
+_FARTHEST = 3.0
+"""Half-widths from an end beyond which a stroke's body is uniform."""
 _STEADIED = 0.001
-"""Of what holds a fit: too little to leave in the photographs what the base would do, enough where nothing was seen."""
+"""Share of the fit's prior in the projection on causes: too small to shrink it, enough where nothing was seen."""
 _TURNED_RAD = 0.2
-"""Standard deviation of a tool's yaw from which its bundle is seen from several sides."""
+"""Standard deviation of a tool's yaw from which the tool's lie is an input."""
 _TREES = 50
-_FIRST_TREES = 20  # enough to see by how much each stroke is displaced
+_FIRST_TREES = 20
+"""Boosting rounds of the first fit; enough to estimate each stroke's displacement."""
 _LEFT, _SINE = 0, 8
-"""Features that change their sign in the mirror."""
+"""Indices of features that change their sign under reflection."""
 
 
 @dataclass(frozen=True)
 class LearnedResidual:
-    """What was learnt, as seen from a model."""
+    """A fitted learned residual model, relative to a stroke model."""
 
     model: Model
     trees: tuple[Trees, ...]
     share: float
-    """By how much what the trees say is to be believed, 0 to 1."""
-    like_causes: Array
-    """[P] of the model's numbers: what of it they would do."""
+    """Shrinkage factor of the trees' predictions, 0 to 1."""
+    cause_projection: Array
+    """[P] parameter changes of the model that the predictions resemble."""
     turned: bool
-    """Whether they know how the tool lies to its way."""
+    """Whether the tool's lie is an input."""
     mirrored: bool
-    """Whether left and right are one to them."""
+    """Whether left and right are treated as one side."""
 
     def seen_from(self, model: Model) -> LearnedResidual:
-        """The same, seen from a model that knows more paints: what is like causes does nothing to those."""
+        """The same relative to a model with more paints; the projection is 0 for these."""
         new = model.nuisances - self.model.nuisances
-        return replace(self, model=model, like_causes=np.insert(self.like_causes, [self.model.nuisances] * new, 0.0))
+        return replace(
+            self, model=model, cause_projection=np.insert(self.cause_projection, [self.model.nuisances] * new, 0.0)
+        )
 
     def of(self, measured: Measured) -> Measured:
-        """Strokes that nothing was learnt from, with their habits."""
+        """The strokes with predictions; none of them may have been used for the fit."""
         pixels = _Pixels(self.model, measured, self.turned)
-        return self._joined(measured, pixels, self._say(pixels))
+        return self._joined(measured, pixels, self._predict(pixels))
 
     def learnt_from_all(self, measured: Measured, rows: Array) -> tuple[LearnedResidual, Measured]:
-        """Habits learnt once more, from all strokes with the indices ``rows`` by one set of trees, which knows more
-        than sets that each learn from a part; and the strokes, of which those that are none of ``rows`` have these.
+        """Refit one set of trees to all strokes with the indices ``rows``, and predict the others with it.
 
         Args:
-            measured: strokes that have these habits.
+            measured: strokes with this model's predictions; those of ``rows`` keep theirs.
+            rows: indices of the strokes of the fit.
         """
-        bare = replace(measured, habit=np.zeros_like(measured.habit))
+        bare = replace(measured, residual_prediction=np.zeros_like(measured.residual_prediction))
         pixels = _Pixels(self.model, bare, self.turned)
         left = pixels.along_slope(residual(self.model, measured))
         missing = pixels.along_slope(residual(self.model, bare))
         missing -= action_effect(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
-        trees = grown(self._told_of(pixels), missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
+        trees = grow(self._inputs_of(pixels), missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
         learned_residual = replace(self, trees=(trees,))
-        habit = learned_residual._joined(bare, pixels, learned_residual._say(pixels)).habit
-        habit[rows] = measured.habit[rows]
-        return learned_residual, replace(measured, habit=habit)
+        residual_prediction = learned_residual._joined(
+            bare, pixels, learned_residual._predict(pixels)
+        ).residual_prediction
+        residual_prediction[rows] = measured.residual_prediction[rows]
+        return learned_residual, replace(measured, residual_prediction=residual_prediction)
 
-    def _told_of(self, pixels: _Pixels) -> Array:
+    def _inputs_of(self, pixels: _Pixels) -> Array:
         return one_sided(pixels.features) if self.mirrored else pixels.features
 
-    def _say(self, pixels: _Pixels) -> Array:
-        features = self._told_of(pixels)
-        return np.asarray(np.mean([trees.say(features) for trees in self.trees], axis=0))
+    def _predict(self, pixels: _Pixels) -> Array:
+        features = self._inputs_of(pixels)
+        return np.asarray(np.mean([trees.predict(features) for trees in self.trees], axis=0))
 
-    def _joined(self, measured: Measured, pixels: _Pixels, said: Array) -> Measured:
-        habit = self.share * pixels.photographs(said)
-        return replace(measured, habit=habit - change_of_photographs(self.model, measured, self.like_causes))
+    def _joined(self, measured: Measured, pixels: _Pixels, predictions: Array) -> Measured:
+        residual_prediction = self.share * pixels.photographs(predictions)
+        return replace(
+            measured,
+            residual_prediction=residual_prediction
+            - change_of_photographs(self.model, measured, self.cause_projection),
+        )
 
 
 def learn_residual(
     measured: Measured, model: Model, rows: Array, candidates: Sequence[Mechanism], seed: int
 ) -> tuple[LearnedResidual, Measured]:
-    """Habits of the strokes with the indices ``rows``, and all strokes with theirs instead of any that they had.
+    """Fit to the strokes with the indices ``rows``, and return all strokes with predictions that replace any earlier
+    ones.
 
     Args:
-        model: fitted to them.
+        measured: all strokes.
+        model: fitted to the strokes ``rows``.
+        rows: indices.
         candidates: causes beside the model's whose effects must stay in the residual.
+        seed: of the folds.
     """
-    measured = replace(measured, habit=np.zeros_like(measured.habit))
-    # Of one that is never turned, that would be the way on the canvas, which causes depend on.
+    measured = replace(measured, residual_prediction=np.zeros_like(measured.residual_prediction))
+    # For a tool that is never turned, the lie is the heading on the canvas, which causes depend on.
     turned = bool(measured.samples.path[rows, 0, 4].std() > _TURNED_RAD)
     pixels = _Pixels(model, measured, turned)
     missing = pixels.along_slope(residual(model, measured))
     features, fold = pixels.features, folds(measured.action, rows, seed)[pixels.stroke]
-    trees, said, share = cross_fitted(features, missing, pixels.depth, fold, _FIRST_TREES)
-    both = (said + said_at(trees, in_the_mirror(features), fold)) / 2
+    trees, predictions, share = cross_fitted(features, missing, pixels.depth, fold, _FIRST_TREES)
+    both = (predictions + predict_held_out(trees, mirrored_features(features), fold)) / 2
     learnt = fold >= 0
-    mirrored = bool((pixels.depth * (np.square(missing - both) - np.square(missing - said)))[learnt].sum() < 0)
-    # Where a stroke as a whole came to lie, and how wide, is chance, and much of the noise. It shows once what is alike
-    # is taken away.
-    missing -= action_effect(missing - share * said, pixels.by_place_and_width, pixels.depth, pixels.stroke)
+    mirrored = bool((pixels.depth * (np.square(missing - both) - np.square(missing - predictions)))[learnt].sum() < 0)
+    # Each stroke's own displacement and width are chance. They are estimated once the common part is subtracted.
+    missing -= action_effect(missing - share * predictions, pixels.by_place_and_width, pixels.depth, pixels.stroke)
     features = one_sided(features) if mirrored else features
-    trees, said, share = cross_fitted(features, missing, pixels.depth, fold, _TREES)
+    trees, predictions, share = cross_fitted(features, missing, pixels.depth, fold, _TREES)
     full = model.plus(*candidates)
-    amounts = _fitted(share * pixels.photographs(said), measured, full, rows)
+    amounts = _fitted(share * pixels.photographs(predictions), measured, full, rows)
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]
     columns = [full.columns_of(cause) for cause in unlike]
     amounts = np.delete(amounts, np.concatenate(columns) if columns else [])
     learned_residual = LearnedResidual(full.without(*unlike), trees, share, amounts, turned, mirrored)
-    return learned_residual, learned_residual._joined(measured, pixels, said)
+    return learned_residual, learned_residual._joined(measured, pixels, predictions)
 
 
 class _Pixels:
-    """Pixels of strokes where coverage can be seen."""
+    """Pixels of strokes where coverage is visible."""
 
     def __init__(self, model: Model, measured: Measured, turned: bool) -> None:
         mark = mark_px(model, measured)
         laid = ink_of(mark, model, measured)
         self._towards = slope_by_coverage(laid, measured)
         depth = np.square(self._towards).sum(-1)
-        self._seen = (laid.imprint.segment >= 0) & (depth > _FAINTEST)
+        self._seen = (laid.footprint.segment >= 0) & (depth > _FAINTEST)
         self.depth = depth[self._seen]
         """How clearly coverage shows, [n]."""
         self.stroke = np.nonzero(self._seen)[0]
         """Index of each one's stroke, [n]."""
-        self.by_place_and_width = laid.imprint.by_mark[self._seen][:, :3].astype(float)
+        self.by_place_and_width = laid.footprint.by_mark[self._seen][:, :3].astype(float)
         """How coverage changes as the mark there moves, two ways, and widens, [n, 3]."""
         lie = _lie(mark, measured.samples.path[..., 4].double().numpy()) if turned else []
-        self.features = _features(laid.imprint, self._seen, mark, press_shares(model, measured), lie)
+        self.features = _features(laid.footprint, self._seen, mark, press_shares(model, measured), lie)
 
     def along_slope(self, photographs: Array) -> Array:
         """The coverage [n] that photographs [B, H, W, 3] amount to."""
@@ -161,31 +182,32 @@ class _Pixels:
         return change
 
 
-def in_the_mirror(features: Array) -> Array:
-    """Those of ``_features`` of what lies on the other side of the way, in a mirror along it."""
+def mirrored_features(features: Array) -> Array:
+    """The features of the mirrored pixel on the other side of the path."""
     mirrored = features.copy()
     mirrored[:, [_LEFT, *range(_SINE, features.shape[1])]] *= -1
     return mirrored
 
 
 def one_sided(features: Array) -> Array:
-    """The same of what lies on the left, and in the mirror of what lies on the right."""
-    return np.where(features[:, [_LEFT]] < 0, in_the_mirror(features), features)
+    """The features with all pixels reflected to the left side."""
+    return np.where(features[:, [_LEFT]] < 0, mirrored_features(features), features)
 
 
 def _lie(mark: Array, yaw: Array) -> list[Array]:
-    """How the tool lies to its way, [B, N] each: cosine and sine of twice the angle, a half turn being none."""
+    """How the tool lies to its heading, [B, N] each: cosine and sine of twice the angle, because half a turn is no
+    change.
+    """
     step = np.gradient(mark[..., :2], axis=1)
     twice = 2 * (np.arctan2(-step[..., 1], step[..., 0]) - yaw)
     return [np.cos(twice), np.sin(twice)]
 
 
-def _features(made: Imprint, seen: Array, mark: Array, press: Array, lie: Sequence[Array]) -> Array:
-    """[n, 7 and one for each of ``lie``]: how far left and ahead of its place on the path a pixel lies, its coverage;
-    press there, and its slope; how far it is to the start and to the end; how the tool lies there. Lengths in
-    half-widths.
+def _features(footprint: Footprint, seen: Array, mark: Array, press: Array, lie: Sequence[Array]) -> Array:
+    """[n, 7 + len(lie)]: position left and ahead of the place on the path; coverage; press and its slope; distances to
+    start and end; the tool's lie. Lengths in half-widths.
     """
-    stroke, k, t = np.nonzero(seen)[0], made.segment[seen].astype(int), made.along[seen]
+    stroke, k, t = np.nonzero(seen)[0], footprint.segment[seen].astype(int), footprint.along[seen]
     half = np.maximum(mark[..., 2], 1e-3)
     step = np.linalg.norm(np.diff(mark[..., :2], axis=1), axis=-1)
     arc = np.concatenate([np.zeros((len(step), 1)), np.cumsum(step, axis=1)], axis=1)
@@ -198,14 +220,16 @@ def _features(made: Imprint, seen: Array, mark: Array, press: Array, lie: Sequen
     here, width = there(arc), there(half)
     ends = [np.minimum(far / width, _FARTHEST) for far in (here, arc[stroke, -1] - here)]
     turns = [there(values) for values in lie]
-    return np.stack([*made.place[seen].T, made.coverage[seen], there(press), there(slope), *ends, *turns], axis=1)
+    return np.stack(
+        [*footprint.place[seen].T, footprint.coverage[seen], there(press), there(slope), *ends, *turns], axis=1
+    )
 
 
 def _fitted(photographs: Array, measured: Measured, model: Model, rows: Array) -> Array:
-    """Changes [P] of the model's numbers that would do to the strokes ``rows`` what comes nearest to photographs
-    [B, H, W, 3]; 0 of those quantities of mechanisms that come to no more than chance.
+    """Parameter changes [P] of the model whose effect on the strokes ``rows`` comes nearest to ``photographs`` [B, H,
+    W, 3].
     """
     after = torch.from_numpy((predicted(model, measured) + photographs).astype(np.float32))
     asked = replace(measured, samples=measured.samples._replace(after=after)).pick(rows)
-    # What strokes leave open would be anything, and an absurdity on one that was not looked at.
-    return like_causes(steadied(linearise(model, asked), model, _STEADIED), model.nuisances)
+    # A weak prior: directions without information would extrapolate to absurd values on other strokes.
+    return cause_projection(stiffened(linearise(model, asked), model, _STEADIED), model.nuisances)

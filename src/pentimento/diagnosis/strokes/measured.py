@@ -22,43 +22,49 @@ from pentimento.dynamics.strokes.simulation import StrokeContext
 Array = NDArray[Any]
 
 _POINTS = 24
+"""Points of a resampled path."""
 _LARGEST_SIDE_PX = 112
+"""Images are averaged down to this size."""
 _FEWEST_BLOCKS = 12
+"""With fewer loads of paint, each action is its own block."""
 _FEWEST_OF_A_MIX = 8  # blocks
 _NOT_COVARIATES = ("action_id",)
-_FEW_MISSING = 0.1  # of the rows
+_FEW_MISSING = 0.1
+"""Share of rows up to which missing covariate values are interpolated."""
 _ANEW_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
-_NAN_SAYS_SOMETHING = ("wet_age_s",)  # nothing painted below
+"""Covariates that start anew with each load of paint."""
+_NAN_SAYS_SOMETHING = ("wet_age_s",)
+"""Covariates whose NaN has a meaning: nothing was painted below."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """B strokes that can be compared with what a model foretells."""
+    """B strokes for comparison with predictions."""
 
     samples: StrokeSamples
     covariates: dict[str, Array]
     """float64[B] each: every numeric scalar column but identities; NaN where unknown."""
     paint: Array
-    """int64[B]: which of the distinct paints, by ``mixes``."""
+    """int64[B]: index of the distinct paint, by ``mixes``."""
     paints: int
-    """How many of these the whole table has."""
+    """Number of distinct paints in the whole table."""
     block: Array
-    """int64[B]: which session and load of paint."""
+    """int64[B]: session and load of paint."""
     turn: Array
     """int64[B]: rank in the order of execution, session by session."""
     painted: Array
     """float32[B, H, W]: how much paint there is before the stroke, 0 to 1."""
     weight: Array
-    """float64[B]: of each stroke's squared error in fits and tests; 1 unless ``fit.tempered`` has looked at them."""
-    habit: Array
-    """float32[B, H, W, 3]: what is foretold beside what any model says (``learned_residual``), sRGB."""
+    """float64[B]: weight of each stroke's squared error; 1 unless set by ``fit.huber_weighted``."""
+    residual_prediction: Array
+    """float32[B, H, W, 3], sRGB: prediction of the learned residual model, added to any model's prediction."""
 
     def __len__(self) -> int:
         return len(self.block)
 
     @property
     def action(self) -> Array:
-        """int64[B]: rows of one value repeat one command."""
+        """int64[B]: rows of equal value repeat one command."""
         return self.samples.action.numpy()
 
     @cached_property
@@ -68,18 +74,19 @@ class Measured:
         return StrokeContext(self.samples.path[:, None].double(), columns)
 
     def pick(self, rows: Array | slice) -> Measured:
-        """The strokes with these indices; of a slice, nothing is copied."""
+        """The strokes with these indices; a slice copies nothing."""
         index = rows if isinstance(rows, slice) else torch.as_tensor(np.asarray(rows))
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
             self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
             block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows], weight=self.weight[rows],
-            habit=self.habit[rows],
+            residual_prediction=self.residual_prediction[rows],
         )  # fmt: skip
 
 
 def load_measured(table: pa.Table) -> Measured:
-    """Rows of the strokes contract, photographs averaged down to about a hundred pixels a side, `before` denoised.
+    """Load rows of the strokes contract; photographs are averaged down to about a hundred pixels a side, ``before``
+    denoised.
 
     Raises:
         ContractError: the table has no rows, or a row (it is named) makes no sample.
@@ -101,15 +108,16 @@ def load_measured(table: pa.Table) -> Measured:
 
 
 def mixes(color_srgb: Array, session: Array, block: Array) -> Array:
-    """Number of each stroke's paint, int[B]: its colour, as it was mixed for its session where every session shows each
-    of its colours in enough blocks for what is fitted to some to hold for all.
+    """Index of each stroke's paint, int[B]: its colour, by session where every session shows each colour in enough
+    blocks.
 
-    A paint that is a little paler from session to session would else pass for whatever grows over the sessions (a
-    tool's wear).
+    A paint that is mixed anew for each session varies a little. Without an offset for each mix, that would look like a
+    drift over sessions, such as tool wear.
 
     Args:
         color_srgb: [B, 3].
-        session, block: int[B].
+        session: int[B].
+        block: int[B].
     """
     color = np.unique(color_srgb.round(3), axis=0, return_inverse=True)[1].reshape(-1)
     mixed = np.unique(np.stack([session, color]), axis=1, return_inverse=True)[1].reshape(-1)
@@ -118,10 +126,10 @@ def mixes(color_srgb: Array, session: Array, block: Array) -> Array:
 
 
 def covariates_of(table: pa.Table) -> dict[str, Array]:
-    """Every numeric scalar column but identities, float64[B]; surfaces count as levels in the order of their names.
+    """Every numeric scalar column but identities, float64[B]; surfaces are numbered in the order of their names.
 
-    A value that is missing here and there is interpolated in the order of execution, within a session, and within a
-    load of the tool where it starts anew with each.
+    Few missing values are interpolated in the order of execution, within a session, or within a load for columns that
+    restart with each load.
     """
     found: dict[str, Array] = {}
     order = np.asarray(table["order"].to_pylist(), dtype=np.float64)
@@ -144,12 +152,12 @@ def covariates_of(table: pa.Table) -> dict[str, Array]:
 
 
 def _sessions(table: pa.Table) -> Array:
-    """Number of each row's session, int[B]."""
+    """Index of each row's session, int[B]."""
     return np.asarray(np.unique(table["session"].to_pylist(), return_inverse=True)[1])
 
 
 def _loads(table: pa.Table) -> Array:
-    """Number of each row's session and load of the tool, int[B]; without loads, of its session."""
+    """Index of each row's session and load of the tool, int[B]."""
     load = table["reload_id"].to_pylist() if "reload_id" in table.schema.names else [None] * table.num_rows
     names = [f"{session} {reload}" for session, reload in zip(table["session"].to_pylist(), load, strict=True)]
     return np.asarray(np.unique(names, return_inverse=True)[1])
@@ -180,17 +188,17 @@ def _resolution(table: pa.Table) -> float:
 
 
 def _painted(before_linear: Array) -> Array:
-    """By the difference from each window's paper, [B, H, W]."""
+    """Amount of paint from the difference to each window's paper, [B, H, W]."""
     paper = np.quantile(before_linear, 0.9, axis=(1, 2), keepdims=True).astype(np.float32)
     return np.clip(np.abs(before_linear - paper).max(-1) / 0.15, 0.0, 1.0)
 
 
 def _denoised(image: Array) -> Array:
-    """A photograph [H, W, 3] less its pixel noise, edges kept: noise in `before` would pass for an effect of the paint
+    """A photograph [H, W, 3] without its pixel noise, edges kept: noise in ``before`` resembles an effect of the paint
     below (docs/diagnosis.md §3).
     """
     grey = image.mean(-1)
-    # Immerkaer's estimate: a mask that no plane and no straight edge excites.
+    # Immerkaer's noise estimate: its mask does not respond to planes and straight edges.
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     noise = float(np.median(np.abs(cv2.filter2D(grey, -1, mask)))) / 0.6745 / 6
     if noise < 1e-4:
@@ -199,8 +207,8 @@ def _denoised(image: Array) -> Array:
 
 
 def covariates_shown(measured: Measured) -> dict[str, Array]:
-    """Recorded ones and those of the path that are known of all strokes and vary, float64[B] each; of paint that is
-    carried along, how much, and not its colour's channels.
+    """Recorded and path covariates that are known for all strokes and vary, float64[B] each; of paint pickup only the
+    amount.
     """
     recorded = {name: values for name, values in measured.covariates.items() if name not in PICKUP_COLUMNS[1:]}
     known = {name: values for name, values in recorded.items() if np.isfinite(values).all() and np.ptp(values) > 1e-9}
@@ -208,7 +216,7 @@ def covariates_shown(measured: Measured) -> dict[str, Array]:
 
 
 def path_covariates(measured: Measured) -> dict[str, Array]:
-    """Those that vary, float64[B] each."""
+    """Covariates of the commanded path that vary (length, press, heading, place, speed), float64[B] each."""
     path = measured.samples.path.double().numpy()
     steps = np.hypot(*np.diff(path[..., 1:3], axis=1).transpose(2, 0, 1))
     chord = path[:, -1, 1:3] - path[:, 0, 1:3]

@@ -1,14 +1,11 @@
-"""Whether a cause merely stands where something belongs that has no name.
+"""Misattribution checks: whether a cause only stands in for an effect outside the vocabulary (docs/diagnosis.md §8).
 
-What is not in the vocabulary is often told passably by a neighbour that is: a mark that widens over the session, by a
-number for each sheet of paper; one that narrows with speed, by a bleed without a softer edge; one that trails by a
-time, by a length. So a cause must show what it is named for, and it has a rival without a name: a curve (``modulator``)
-over whatever was recorded that it does not go with. The right cause knows more of a stroke than any such curve, be its
-form as wrong as that of all materials.
+An effect without a name is often fitted passably by a neighbour in the vocabulary. Drift over a session resembles a
+number for each sheet of paper, and narrowing with speed resembles a bleed without a softer edge. A cause must therefore
+show its signature, and beat a generic curve over covariates that it does not depend on.
 
-And what trails has a direction in time. Paint that overlaps on the inside of bends draws a mark inwards before a bend
-as after it, where a patch that trails cuts the corner only behind the tip. A tool that comes down and lifts off in
-different ways leaves ends that look like a lag, and no corner is cut.
+A lag has a direction in time. Paint that overlaps inside bends draws a mark inwards before and after a bend, whereas a
+trailing patch cuts the corner only behind the tip. A tool whose ends differ resembles a lag but cuts no corner.
 """
 
 from __future__ import annotations
@@ -36,22 +33,21 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 Array = NDArray[Any]
 
-_SURE = 2.0  # standard errors
-_LITTLE = 0.5
-"""Of what the cause does alone."""
-_THE_SAME = 0.9
-"""Rank correlation: beyond, a column says what one says that the cause goes with (a clock beside the order)."""
+_SURE = 2.0
+"""Standard errors."""
+_LITTLE_LEFT = 0.5
+"""A cause whose effect falls below this share beside a generic curve is not needed."""
+_SAME_RANKS = 0.9
+"""Rank correlation above which two covariates are the same (clock and order)."""
 
 _POWER_OF_SPEED = {BristleLag.cause: 0, Latency.cause: 1}
-"""By which power of a stroke's speed that grows by which its mark trails."""
+"""Power of speed with which the trailing distance grows."""
 _ANOTHER_POWER = 0.15
-"""How far off a power must be seen to be another. A wrong cause, fitted, has taken up half of the difference of 1 and
-more: .16 to .55 are seen of it, and of a right one's .2 at most."""
+"""Deviation from that power which counts as another power. A fitted wrong cause hides half or more of a difference of
+1: .16 to .55 remain visible, for a right cause at most .2."""
 _LEADS, _LEADS_BACKWARDS = 0.45, 0.5
-"""Share of a distance that a mark trails by, that it might lead by, beside; and would surely do the contrary of leading
-by. Of paint that overlaps in bends, .7 are seen, and less of little of it; of marks that trail, in photographs by
-others .33 at most and in simulations .01 to -.68, to within .01 to .38: bristles that cut corners less than a patch
-that is dragged. Of marks drawn to the outside before bends as after them it is -1.
+"""Leading distance beside a lag, as a share of the lag, that refutes it; and the opposite one. Overlapping paint shows
+.7, less if weak. Real and simulated lags show at most .33 and .38. Marks drawn outwards on both sides of bends show -1.
 """
 
 
@@ -66,11 +62,11 @@ def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, floa
 
 
 def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
-    """Whether a mark trails by what surely grows with another power of the speed than the cause says; False of causes
-    by which nothing trails, and where speeds are unknown.
+    """Whether the trailing distance grows with another power of speed than the cause implies; False for other causes or
+    unknown speeds.
 
-    What is left is a shift along the path; its slope over log speed, in units of the distance, is what the power lacks.
-    Uneven ends would take up the distance of a wrong one: it is asked without them.
+    The residual shift along the path has a slope over log speed, which in units of the distance is the error of the
+    power. Uneven ends are left out, because they would compensate a wrong cause.
 
     Args:
         model: with the cause, fitted to ``measured``.
@@ -100,13 +96,11 @@ def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measur
 
 
 def trails_both_ways(mechanism: Mechanism, model: Model, measured: Measured) -> bool:
-    """Whether a mark that trails by a distance or a time might lead by nearly half as much beside that, as far as can
-    be told, or would surely do the contrary of leading: it is bent alike before and after its bends, and nothing
-    trails. False of any other cause.
+    """Whether a lag may lead as well as trail: marks shift the same way before and after bends. False for others.
 
     Args:
         model: with the cause.
-        measured: all strokes there are: what bends say is faint.
+        measured: all strokes, because bends give weak evidence.
     """
     if not isinstance(mechanism, BristleLag | Latency):
         return False
@@ -117,13 +111,14 @@ def trails_both_ways(mechanism: Mechanism, model: Model, measured: Measured) -> 
     return leads_m + error_m > _LEADS * trails_m or leads_m + _SURE * error_m < -_LEADS_BACKWARDS * trails_m
 
 
-def ends_do_as_much(mechanism: Mechanism, model: Model, measured: Measured, seed: int) -> bool:
-    """Whether a mark trails at its two ends alone: beside ends that differ, the cause does not surely remove anything
-    from strokes that it is not fitted to. Where strokes bend, what trails cuts corners, too. False of any other cause.
+def uneven_ends_suffice(mechanism: Mechanism, model: Model, measured: Measured, seed: int) -> bool:
+    """Whether beside uneven ends a lag removes no significant error; False for other causes.
+
+    Where strokes bend, a real lag also cuts corners.
 
     Args:
         model: with the cause.
-        measured: all strokes there are: what bends say beside ends is faint.
+        measured: all strokes, because bends give weak evidence.
     """
     if not isinstance(mechanism, BristleLag | Latency):
         return False
@@ -134,13 +129,13 @@ def ends_do_as_much(mechanism: Mechanism, model: Model, measured: Measured, seed
 
 
 def with_uneven_ends(model: Model, measured: Measured) -> Model:
-    """The model fitted with ends that may differ."""
+    """The model with uneven ends, fitted."""
     differ = any(isinstance(m, UnevenEnds) for m in model.mechanisms)
     return fit(model if differ else model.plus(identity(UnevenEnds, measured.context)), measured)
 
 
 class _Leading(BristleLag):
-    """The same backwards in time: the mark leads its tip as one trails that is drawn from end to start."""
+    """A lag reversed in time: the mark leads its tip, as if drawn from end to start."""
 
     cause = "leading"
 
@@ -149,14 +144,18 @@ class _Leading(BristleLag):
         return mark._replace(points_m=backwards.points_m.flip(-2))
 
 
-def curve_is_as_good(
+def generic_curve_suffices(
     mechanism: Mechanism, model: Model, rest: Model, known: Measured, test_split: Measured, seed: int
 ) -> bool:
-    """Whether a curve over what a cause does not go with does its work: in its place no more error is left, and beside
-    it the cause has little left to do. (Of two effects that are there, each keeps its own.)
+    """Whether a curve over covariates that the cause does not depend on can replace it.
+
+    In its place the curve leaves no more error, and beside the curve the cause has little effect left. (Of two real
+    effects, each keeps its own.)
 
     Args:
-        model, rest: with the cause and without it, fitted to ``known``.
+        model: with the cause, fitted to ``known``.
+        rest: without it, likewise.
+        test_split: strokes of the comparison.
     """
     left, _, _ = unexplained(rest, known, _foreign(mechanism, known), seed)
     if not left:
@@ -170,23 +169,23 @@ def curve_is_as_good(
     if instead.mean() > losses.mean():
         return False
     beside, alone = instead - with_curve(model), action_losses(rest, test_split) - losses
-    return bool(beside.mean() < _LITTLE * alone.mean())
+    return bool(beside.mean() < _LITTLE_LEFT * alone.mean())
 
 
 def _foreign(mechanism: Mechanism, measured: Measured) -> dict[str, Array]:
-    """What was recorded and the cause does not go with, [B] each."""
+    """Known covariates that the cause does not depend on, [B] each."""
     columns = covariates_shown(measured)
     own = [columns[name] for name in mechanism.informative_covariates if name in columns and not _is_a_kind(name)]
     return {
         name: values
         for name, values in columns.items()
         if name not in mechanism.informative_covariates
-        and not any(_rank_correlation(values, each) > _THE_SAME for each in own)
+        and not any(_rank_correlation(values, each) > _SAME_RANKS for each in own)
     }
 
 
 def _is_a_kind(name: str) -> bool:
-    """Whether values are kinds, in no order."""
+    """Whether the values are categories without order."""
     return name == "surface_level"
 
 

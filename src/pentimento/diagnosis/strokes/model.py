@@ -1,10 +1,9 @@
-"""What a model foretells of measured strokes.
+"""The stroke model as a value: a base and any mechanisms of the vocabulary, and its file ``extended_model.json``.
 
-A model is a base and any mechanisms of the vocabulary. The base is the thesis's (half-width by press, a profile, an
-amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration
-(docs/diagnosis.md §3): the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of
-each paint's colour, a power of light in which paint and ground mix, both ends a little beyond their command and wider.
-What is left of the mark's own shape comes with the strokes (``learned_residual``).
+The base is the thesis's stroke model (half-width by press, a profile, an amplitude, a blur), made free enough that no
+cause explains a plain miscalibration (docs/diagnosis.md §3). The half-width is a curve over press, the profile a stack
+of slabs. Each paint has a colour offset. Paint and ground mix in a power of light. Both ends may lie beyond their
+command and be wider.
 """
 
 from __future__ import annotations
@@ -31,32 +30,34 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 Array = NDArray[Any]
 
 PRESSES = tuple(np.expm1(np.linspace(0, np.log(4), 12)) / 3)
-"""Shares of the range from the lightest to the deepest press at which the base has a half-width of its own: closer
-together where the tool just touches. Fewer leave a misfit, for a tip has a knee, from where it spreads no further.
-"""
+"""Knots of the half-width curve, as shares of the range from the lightest to the deepest press. They are denser at
+light press, because a tip has a knee beyond which it spreads no further."""
 WIDTHS = tuple(f"half_width_{k}_mm" for k in range(len(PRESSES)))
 SLABS = tuple(f"slab_{level:g}" for level in LEVELS)
 BASE = (
     *WIDTHS, *SLABS, "density_by_press", "edge_by_press", "log_edge_px", "ends_mm", "side_mm", "outward_mm",
     "ends_widening", "mixing",
 )  # fmt: skip
-"""``mixing``: paint and ground mix in light to the power of ``exp(mixing)``: 0 is linear light, about -0.8 the
-numbers of an sRGB picture, far below that a filter that dims by a share."""
-_OUTERMOST = 3  # pieces of the half-width's curve
+"""Names of the base's parameters. ``mixing``: paint and ground mix in light to the power of ``exp(mixing)``. 0 is
+linear light, about -0.8 sRGB numbers, far below that a filter."""
+_OUTERMOST = 3
+"""Pieces of the half-width curve whose slope extrapolates it."""
 _THINNEST_M = 1e-5
+"""Smallest half-width."""
 _TIGHT_M = 0.02
-"""Radius of a bend to whose outer side a mark lies by ``outward_mm``, also where no cause is at work."""
+"""Radius of a bend at which a mark lies outwards by ``outward_mm``."""
 _UNIT_EDGE = 0.15
-"""Softness that stands for the base's edge: so hard that mechanisms that soften it leave the width alone."""
+"""Softness that represents the base's edge. It is hard enough that mechanisms that soften it leave the width unchanged.
+"""
 SCHEMA = 2
 
 
 @dataclass(frozen=True)
 class Model:
-    """All numbers of a model, in the order in which Jacobians list them: base, colours, mechanisms."""
+    """All parameters of a model, in the order in which Jacobians list them: base, colours, mechanisms."""
 
     press_m: tuple[float, float]
-    """Lightest and deepest press that the base's widths are for."""
+    """Lightest and deepest press of the base's half-width curve."""
     base: Array
     """[len(BASE)]"""
     color_offset: Array
@@ -65,23 +66,23 @@ class Model:
 
     @cached_property
     def vector(self) -> Array:
-        """All numbers; a mechanism's in units of what is typical."""
+        """All parameters; a mechanism's in units of their typical size."""
         parts = [self.base, self.color_offset.ravel()]
         parts += [m.values.double().numpy() / _typical(m) for m in self.mechanisms]
         return np.concatenate(parts)
 
     @property
     def mixes_in_light(self) -> bool:
-        """Whether paint and ground mix in linear light, which a fit then leaves at that: no Jacobian has ``mixing``."""
+        """Whether paint and ground mix in linear light. A fit then keeps that, because no Jacobian has ``mixing``."""
         return bool(self.base[BASE.index("mixing")] == 0)
 
     @property
     def nuisances(self) -> int:
-        """How many come before the mechanisms' quantities."""
+        """Number of parameters before the mechanisms' quantities."""
         return len(self.base) + self.color_offset.size
 
     def at(self, vector: Array) -> Model:
-        """The same model with other numbers."""
+        """The same model with other parameters."""
         n, k = len(self.base), self.color_offset.size
         mechanisms, at = [], n + k
         for m in self.mechanisms:
@@ -93,20 +94,20 @@ class Model:
         )
 
     def plus(self, *mechanisms: Mechanism) -> Model:
-        """With more mechanisms."""
+        """The model with more mechanisms."""
         return replace(self, mechanisms=(*self.mechanisms, *mechanisms))
 
     def without(self, *causes: str) -> Model:
-        """With fewer."""
+        """The model without the mechanisms of these causes."""
         return replace(self, mechanisms=tuple(m for m in self.mechanisms if m.cause not in causes))
 
     @property
-    def at_work(self) -> tuple[Mechanism, ...]:
-        """The mechanisms that change anything."""
+    def active(self) -> tuple[Mechanism, ...]:
+        """The mechanisms with any non-zero quantity."""
         return tuple(m for m in self.mechanisms if m.active)
 
     def columns_of(self, cause: str) -> Array:
-        """Where a mechanism's quantities stand among all numbers."""
+        """Indices of a mechanism's quantities among all parameters."""
         at = self.nuisances
         for m in self.mechanisms:
             if m.cause == cause:
@@ -115,12 +116,12 @@ class Model:
         raise KeyError(cause)
 
     def mark(self, context: StrokeContext) -> Mark:
-        """What the strokes leave, [B, S, N]; ``softness`` counts the base's edges, in ``_UNIT_EDGE``."""
-        return _mark(self.press_m, torch.tensor(self.base, dtype=torch.float64), self.at_work, context)
+        """The strokes' marks, [B, S, N]; ``softness`` is relative to the base's edge, in ``_UNIT_EDGE``."""
+        return _mark(self.press_m, torch.tensor(self.base, dtype=torch.float64), self.active, context)
 
 
 def _mark(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
-    """See ``Model.mark``; ``base`` [len(BASE)]."""
+    """``Model.mark`` for base parameters [len(BASE)]."""
     number = dict(zip(BASE, base, strict=True))
     low, high = press_m
 
@@ -146,8 +147,8 @@ def _mark(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Mecha
 
 
 def interpolate(values: Tensor, share: Tensor) -> Tensor:
-    """The curve through ``values`` at the shares ``PRESSES`` of the range of presses, straight between them; beyond the
-    range as steep as over the outermost pieces.
+    """The curve through ``values`` at the knots ``PRESSES``, piecewise linear, extrapolated by the slope of the outer
+    pieces.
     """
     knots = torch.tensor(PRESSES, dtype=share.dtype)
     within = share.clamp(0.0, 1.0)
@@ -160,7 +161,7 @@ def interpolate(values: Tensor, share: Tensor) -> Tensor:
 
 
 def acts_on(mechanism: Mechanism) -> set[str]:
-    """Of mark, paint and picture, what it changes."""
+    """Which of mark, paint and picture a mechanism changes."""
     kind = type(mechanism)
     overridden = {"mark": kind.mark, "paint": kind.composite, "picture": kind.camera}
     plain = {"mark": Mechanism.mark, "paint": Mechanism.composite, "picture": Mechanism.camera}
@@ -172,16 +173,19 @@ def _typical(mechanism: Mechanism) -> Array:
 
 
 def identity(kind: type[Mechanism], context: StrokeContext) -> Mechanism:
-    """A mechanism that changes nothing yet.
+    """A mechanism with all quantities 0.
 
     Raises:
-        NotObservable: these strokes cannot show it.
+        NotObservable: these strokes cannot show the cause.
     """
     return kind(torch.zeros(len(kind.quantities), dtype=torch.float64), kind.reference_of(context))
 
 
 class UnevenEnds(Mechanism):
-    """See above."""
+    """A mark whose two ends differ, as a tool leaves it where it comes down and lifts off; part of the base.
+
+    On straight strokes it resembles a lag. Where a lag leaves nothing for it, the lag replaces it.
+    """
 
     cause = "uneven_ends"
     site = "trajectory"
@@ -203,7 +207,7 @@ class UnevenEnds(Mechanism):
 
 
 def model_as_json(model: Model, paints: Array) -> dict[str, Any]:
-    """What ``extended_model.json`` holds; ``paints`` [K, 3] sRGB are those of the model's colour offsets."""
+    """The content of ``extended_model.json``; ``paints`` [K, 3] sRGB are those of the model's colour offsets."""
     return {
         "schema": SCHEMA,
         "kind": "strokes",
@@ -232,7 +236,7 @@ def read_model(path: Path) -> tuple[Model, Array]:
     """Read ``extended_model.json``: the model, and the paints [K, 3] sRGB of its colour offsets.
 
     Raises:
-        ContractError: missing, not JSON, of another schema, or with causes or numbers that this version does not know.
+        ContractError: the file is missing, not JSON, of another schema, or has unknown causes or parameters.
     """
     try:
         stored = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -1,10 +1,9 @@
-"""What is left when no known cause explains more: modes of the residual against everything that was recorded.
+"""Residual modes of strokes, and the generic modulator: curves from covariates to modes (docs/diagnosis.md §9).
 
-A mode is a way in which a mark can differ as a whole: amplitude, width, shifts along and across its path and along the
-canvas's axes, blur. Each row's residual is projected on each mode, and the projections, weighted as they scatter (in
-a short or shallow mark a mode is hardly seen), are tested against covariates by permutation of strokes, max-T over all
-pairs. What the strongest covariate does is taken out of all modes before the
-next is looked for: what merely goes along with it (time with wear, temperature with both) is not named beside it.
+Each mode that depends on a covariate gets a piecewise linear curve over it, constant beyond the outer knots. All curves
+are fitted together at the model, from the same sums as fits, with a ridge chosen by cross-validation over blocks. The
+modulator states what an explanation would gain. Unlike a named cause it has no warrant outside the conditions of its
+fit.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.statistics import interval, resamples
-from pentimento.diagnosis.residual_structure import Unexplained, structure
+from pentimento.diagnosis.residual_structure import Unexplained, find_structure
 from pentimento.diagnosis.score import folds
 from pentimento.diagnosis.strokes.jacobian import linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, path_covariates
@@ -36,13 +35,13 @@ MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "
 _KNOTS = (0.0, 1 / 3, 2 / 3, 1.0)
 """Quantiles of the covariate."""
 _RIDGES = (0.01, 0.1, 1.0, 10.0)
-"""Of each curve's own curvature; beside them no modulation at all."""
+"""Ridge candidates, relative to each curve's own curvature; without any gain there is no modulation."""
 _STEPS = 2
 _DRAWS = 1999
 
 
 class AllModes(Mechanism):
-    """All of them at once, by an amount of each that is the same for all strokes."""
+    """All modes at once, by an amount of each that is equal for all strokes."""
 
     cause: ClassVar[str] = "modes"
     site = "density"
@@ -70,9 +69,7 @@ class AllModes(Mechanism):
 
 
 def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array, float]:
-    """Each row's residual in each mode, in typical sizes, [B, M]; the modes' own energies [B, M]; and the mean error
-    of the rows.
-    """
+    """Each row's residual in each mode, typical sizes [B, M]; the modes' energies [B, M]; the rows' mean error."""
     curvature, slope, error = linearise_rows(model.plus(AllModes(torch.zeros(len(MODES)), {})), measured)
     own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
     return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own, float(error.mean())
@@ -81,17 +78,17 @@ def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array, float]:
 def unexplained(
     model: Model, measured: Measured, columns: Mapping[str, Array], seed: int
 ) -> tuple[list[Unexplained], Array, list[str]]:
-    """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map.
+    """The significant pairs of mode and covariate; all statistics |t| [M, C]; the covariates' names.
 
     Args:
         columns: covariates, [B] each, without gaps.
     """
-    return structure(MODES, *mode_scores(model, measured), columns, measured.action, seed)
+    return find_structure(MODES, *mode_scores(model, measured), columns, measured.action, seed)
 
 
 class Modulation(Mechanism):
-    """Marks with their modes changed by an amount of each stroke's own, ``modulation_<mode>`` among the covariates, and
-    by one for all, ``values``; both in the quantities' units.
+    """Marks whose modes change by an amount of each stroke's own, ``modulation_<mode>`` among the covariates, plus a
+    common one, ``values``; both in the quantities' units.
     """
 
     cause: ClassVar[str] = "modulation"
@@ -119,7 +116,7 @@ class Modulation(Mechanism):
             density=mark.density * torch.exp(amplitude),
         )
         still: Tensor = torch.zeros_like(mark.radius_m)
-        # The base's edge may be harder than the hardest that bleeding knows; without blur it stays as it is.
+        # The base's edge may be harder than bleeding's hardest edge: scale the base's own softness.
         return bleed(moved, blur.expand_as(still), still)._replace(softness=mark.softness * torch.exp(blur))
 
 
@@ -129,19 +126,18 @@ class Curve(NamedTuple):
     mode: str
     covariate: str
     knots: Array
-    """[K] rising."""
+    """[K], ascending."""
     amounts: Array
-    """[K] at the knots, in the mode's typical sizes, 0 on average over the strokes that it was fitted to: what is the
-    same for all is the base's. Level beyond the first and the last."""
+    """[K] at the knots, in typical sizes, with mean 0 over the strokes of the fit; constant beyond the outer knots."""
 
 
 class Modulator(NamedTuple):
-    """Curves that add up where they are of one mode; none if nothing holds on blocks left out."""
+    """Curves; those of one mode add up. Empty if nothing generalises to left-out blocks."""
 
     curves: tuple[Curve, ...]
 
     def amounts(self, measured: Measured) -> Array:
-        """Of each stroke in each mode, typical sizes, [B, M]; nothing where a covariate is unknown."""
+        """Amount of each stroke in each mode, typical sizes, [B, M]; 0 where a covariate is unknown."""
         found = np.zeros((len(measured), len(MODES)))
         for curve in self.curves:
             found[:, MODES.index(curve.mode)] += (
@@ -151,27 +147,29 @@ class Modulator(NamedTuple):
 
 
 class Generic(NamedTuple):
-    """What a modulator is worth on sealed strokes."""
+    """Gain of a modulator on the test split."""
 
     modulator: Modulator
     losses: Array
-    """Mean squared error of each sealed action with it, sRGB."""
+    """Error of each action of the test split with the modulator, sRGB."""
     gain: float
-    """Share of the model's error on sealed strokes that it removes; below 0 where it harms."""
+    """Share of the model's error on the test split that it removes; negative where it harms."""
     gain_interval: tuple[float, float]
-    """95 %, by resampling actions."""
+    """95 % interval, by resampling actions."""
     gain_of: dict[tuple[str, str], float]
-    """The same of each (mode, covariate) by itself."""
+    """The gain of each (mode, covariate) alone."""
 
 
-def generic(model: Model, known: Measured, test_split: Measured, left: Sequence[Unexplained], seed: int) -> Generic:
-    """Fit a modulator to what is left unexplained and measure it on strokes that had no part in it.
+def evaluate_modulator(
+    model: Model, known: Measured, test_split: Measured, left: Sequence[Unexplained], seed: int
+) -> Generic:
+    """Fit a modulator to unexplained structure and measure it on the test split.
 
     Args:
-        model: the extended one, fitted to ``known``.
-        known: with weights, as in fits.
-        sealed: without.
-        left: what depends on what, the strongest first.
+        model: the extended model, fitted to ``known``.
+        known: strokes outside the test split.
+        test_split: strokes.
+        left: significant pairs, strongest first.
         seed: of folds and resampling.
     """
     pairs = [(one.mode, one.covariate) for one in left]
@@ -187,9 +185,7 @@ def generic(model: Model, known: Measured, test_split: Measured, left: Sequence[
 
 
 def modulated(model: Model, modulator: Modulator, measured: Measured) -> tuple[Model, Measured]:
-    """The model with the modulator, and the strokes with the amounts that it reads: what ``residual`` and
-    ``action_losses`` take.
-    """
+    """The model with the modulator, and the strokes with the amounts that it reads, as arguments of ``residual``."""
     typical = np.array([quantity.typical for quantity in Modulation.quantities])
     amounts = modulator.amounts(measured) * typical
     columns = {_column(mode): amounts[:, m] for m, mode in enumerate(MODES)}
@@ -198,10 +194,10 @@ def modulated(model: Model, modulator: Modulator, measured: Measured) -> tuple[M
 
 
 def fit_modulator(model: Model, measured: Measured, pairs: Sequence[tuple[str, str]], seed: int) -> Modulator:
-    """Curves for pairs of mode and covariate, by Gauss-Newton at the model and a ridge.
+    """Fit curves for pairs of mode and covariate, by Gauss-Newton steps with a ridge.
 
-    The ridge is the one whose curves, fitted to the other blocks, foretell left-out actions best; where none foretells
-    them better than no curve, there is none.
+    The ridge is the one whose curves predict left-out blocks best. If none predicts them better than no curve, the
+    modulator is empty.
     """
     empty = Modulator(())
     columns = {name: _covariate(measured, name) for _, name in pairs}
@@ -222,7 +218,7 @@ def fit_modulator(model: Model, measured: Measured, pairs: Sequence[tuple[str, s
         theta = theta + _solved(curvature.sum(0), slope.sum(0), ridge * hold, theta)
         better = _modulator(shapes, theta, average)
         if _loss(model, better, measured) >= _loss(model, found, measured):
-            break  # too far from linear: what was found before stands
+            break  # too non-linear: keep the previous step
         found = better
     return found
 
@@ -247,7 +243,7 @@ def _knots_of(values: Array) -> Array:
 
 
 def _hats(values: Array, knots: Array) -> Array:
-    """How much of the amount at each knot counts at the values, [B, K]: linear between, level beyond; 0 for NaN."""
+    """Weights [B, K] of the knots at the values: linear between knots, constant beyond; 0 for NaN."""
     at = np.clip(np.nan_to_num(values, nan=knots[0]), knots[0], knots[-1])
     left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
     share = (at - knots[left]) / (knots[left + 1] - knots[left])
@@ -259,8 +255,8 @@ def _hats(values: Array, knots: Array) -> Array:
 
 
 def _design(shapes: Sequence[tuple[str, str, Array]], columns: dict[str, Array]) -> tuple[Array, Array]:
-    """[B, M, P]: what each curve's amounts at its knots do to each stroke's modes, about the average stroke of which
-    its covariate is known; and [P], what they do to that one.
+    """[B, M, P]: effect of the curves' amounts on each stroke's modes, centred over the strokes with known covariate;
+    and the centres [P].
     """
     size = sum(len(knots) for _, _, knots in shapes)
     rows = len(columns[shapes[0][1]])
@@ -275,7 +271,7 @@ def _design(shapes: Sequence[tuple[str, str, Array]], columns: dict[str, Array])
 
 
 def _by_curves(model: Model, measured: Measured, design: Array) -> tuple[Array, Array]:
-    """J^T J [B, P, P] and J^T r [B, P] of the curves' amounts; rows of one action share one vote."""
+    """J^T J [B, P, P] and J^T r [B, P] of the curves' amounts; rows of one action share a weight of 1."""
     curvature, slope, _ = linearise_rows(model, measured)
     m = len(MODES)
     _, group, count = np.unique(measured.action, return_inverse=True, return_counts=True)
@@ -288,7 +284,7 @@ def _by_curves(model: Model, measured: Measured, design: Array) -> tuple[Array, 
 
 
 def _solved(curvature: Array, slope: Array, hold: Array, theta: Array) -> Array:
-    """The step that minimises the quadratic with the ridge on all of theta."""
+    """The step that minimises the quadratic with a ridge on theta."""
     held = curvature + np.diag(hold + 1e-9 * np.diag(curvature).max() + 1e-15)
     step: Array = np.linalg.solve(held, slope - hold * theta)
     return step
@@ -311,7 +307,7 @@ def _best_ridge(curvature: Array, slope: Array, measured: Measured, seed: int) -
 
 
 def _modulator(shapes: Sequence[tuple[str, str, Array]], theta: Array, average: Array) -> Modulator:
-    """Curves from amounts at knots [P] about those of the average stroke [P]."""
+    """Curves from amounts at the knots [P] relative to the centres [P]."""
     curves, at = [], 0
     for mode, name, knots in shapes:
         own = slice(at, at + len(knots))

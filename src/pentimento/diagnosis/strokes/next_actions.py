@@ -1,9 +1,6 @@
-"""The strokes that would best tell rival causes apart: a D_s-optimal design (Atkinson, Donev & Tobias 2007, ch. 10).
+"""The next strokes after a diagnosis, by a D_s-optimal design, and what the report shows beside the verdict.
 
-What strokes say of a cause's quantities when base, rivals and all else are free is the Schur complement S of their
-curvature; it is small where a rival can take the cause's place. Strokes are chosen one after another to raise the sum
-of log det S over the causes in question, among random feasible ones whose ink, wear and clock are those of their turn;
-then each is exchanged while another one is better (Fedorov 1972).
+Random feasible sequences provide a candidate for each turn, with the ink, wear and clock of that turn.
 """
 
 from __future__ import annotations
@@ -21,21 +18,21 @@ from pentimento.diagnosis.experiment_design import (
     Aliasing,
     Question,
     aliasing,
-    alike,
-    best_of_turns,
+    design_value,
     detectable,
+    greedy_exchange,
+    most_informed_question,
+    pair_aliasing,
     questions,
-    says_most_about,
-    worth,
 )
-from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, standing
+from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, robust_deviations
 from pentimento.diagnosis.strokes.aliasing import columns_of, with_all
 from pentimento.diagnosis.strokes.candidate_actions import (
     Action,
     Ranges,
     as_measured,
     draw_sequence,
-    in_turn,
+    executable,
     ranges_of,
     window_of,
 )
@@ -51,19 +48,19 @@ Array = NDArray[Any]
 
 ACTIONS = 16
 _SEQUENCES = 24
-"""Random ones; each turn takes its action from one of them."""
+"""Random sequences; each turn takes its action from one of them."""
 _FOR_WAITING = 0.1
-"""Of log det S: what waiting between strokes must be worth."""
+"""Gain of log det S for which waits between strokes are kept."""
 
 
 class Proposal(NamedTuple):
-    """Actions in the order in which they are to be made."""
+    """Actions in the order of execution."""
 
     actions: tuple[Action, ...]
     question: tuple[Question, ...]
-    """For each action, what it says most about."""
+    """For each action, the question that it informs most."""
     aliasing: dict[tuple[str, str], tuple[float, float]]
-    """Of each pair: so far, and as it will be with these actions."""
+    """Aliasing of each pair now, and predicted with these actions."""
 
 
 def proposal_for(diagnosis: Diagnosis, seen: Survey, seed: int) -> Proposal:
@@ -78,50 +75,55 @@ def proposal_for(diagnosis: Diagnosis, seen: Survey, seed: int) -> Proposal:
 
 
 def propose(model: Model, measured: Measured, asked: Sequence[Question], seed: int, count: int = ACTIONS) -> Proposal:
-    """The ``count`` actions that say most about the questions, given the strokes made so far.
+    """The ``count`` actions that inform the questions most, given the strokes so far.
 
     Args:
-        model: with a mechanism for every cause that the questions name.
+        model: with a mechanism for every cause in the questions.
         measured: the strokes so far; actions stay within their ranges.
     """
     columns, ranges = columns_of(model), ranges_of(measured)
     so_far = linearise_rows(model, measured)[0].sum(0)
     rng = np.random.default_rng([seed, 14])
     sequences = [draw_sequence(rng, ranges, measured, count) for _ in range(_SEQUENCES)]
-    _, says = curvatures(sequences, model, measured, ranges)
-    chosen = best_of_turns(so_far, says, columns, asked)
-    # A turn's ink and clock follow from the strokes before it, so that the sequence is looked at once more as a whole.
+    _, gains = curvatures(sequences, model, measured, ranges)
+    chosen = greedy_exchange(so_far, gains, columns, asked)
+    # Ink and clock of a turn depend on the strokes before it: evaluate the composed sequence as a whole.
     best = [sequences[s][turn] for turn, s in enumerate(chosen)]
     (actions,), (gathered,) = curvatures([best], model, measured, ranges)
     without_waiting = [action._replace(wait_s=0.0) for action in actions]
     (hasty,), (quickly,) = curvatures([without_waiting], model, measured, ranges)
-    if worth(so_far + quickly.sum(0), columns, asked) > worth(so_far + gathered.sum(0), columns, asked) - _FOR_WAITING:
+    if (
+        design_value(so_far + quickly.sum(0), columns, asked)
+        > design_value(so_far + gathered.sum(0), columns, asked) - _FOR_WAITING
+    ):
         actions, gathered = hasty, quickly
     total = so_far + gathered.sum(0)
-    about = tuple(says_most_about(total, one, columns, asked) for one in gathered)
+    about = tuple(most_informed_question(total, one, columns, asked) for one in gathered)
     pairs = [(q[0], q[1]) for q in asked if len(q) == 2]
-    return Proposal(tuple(actions), about, {p: (alike(so_far, columns, p), alike(total, columns, p)) for p in pairs})
+    return Proposal(
+        tuple(actions), about, {p: (pair_aliasing(so_far, columns, p), pair_aliasing(total, columns, p)) for p in pairs}
+    )
 
 
 def curvatures(
     sequences: Sequence[Sequence[Action]], model: Model, measured: Measured, ranges: Ranges
 ) -> tuple[list[list[Action]], Array]:
-    """Sequences of k actions as they can be made one after another, each where the recorded strokes end, and what every
-    action will say of the model's numbers, [S, k, P, P].
+    """Sequences of k actions as they can be executed, each after the recorded strokes, and their curvatures [S, k, P,
+    P].
     """
-    turns = [in_turn(actions, measured, ranges) for actions in sequences]
-    actions = [action for made, _ in turns for action in made]
+    turns = [executable(actions, measured, ranges) for actions in sequences]
+    actions = [action for feasible, _ in turns for action in feasible]
     columns = [row for _, rows in turns for row in rows]
     curvature = linearise_rows(model, as_measured(actions, columns, model, measured, ranges))[0]
-    return [made for made, _ in turns], curvature.reshape(len(sequences), -1, *curvature.shape[1:])
+    return [feasible for feasible, _ in turns], curvature.reshape(len(sequences), -1, *curvature.shape[1:])
 
 
 def as_table(proposal: Proposal, measured: Measured) -> pa.Table:
-    """What a robot needs, to be made in its order on a new sheet: one row for each action.
+    """The proposal as a table for a robot: one row for each action, in order, on a new sheet.
 
-    ``order``; ``path`` [N, 5] in the recording's frame (times NaN where it has none); ``window_m`` to photograph
-    before and after; ``color_srgb``; ``reload``: dip first; ``wait_s``: wait before it; ``separates``: the causes that
-    it says most about, joined by " | ".
+    ``order``; ``path`` [N, 5] in the recording's frame (times NaN where it has none); ``window_m`` to photograph before
+    and after; ``color_srgb``; ``reload``: dip first; ``wait_s``: wait before it; ``separates``: the causes that it
+    informs most about, joined by " | ".
     """
     schema = pa.schema(
         [
@@ -164,7 +166,7 @@ class Survey(NamedTuple):
     modes: tuple[str, ...]
     dependence: tuple[Dependence, ...]
     base_residual: Array
-    """[B, H, W] of all strokes, measured less foretold, mean over the channels; NaN outside the windows."""
+    """[B, H, W] of all strokes, measured minus predicted, mean over the channels; NaN outside the windows."""
     extended_residual: Array
 
 
@@ -176,7 +178,7 @@ def survey(diagnosis: Diagnosis) -> Survey:
     columns = columns_of(full)
     covariates = covariates_shown(measured)
     amounts = {
-        name: standing(mode_scores(model, measured)[0])
+        name: robust_deviations(mode_scores(model, measured)[0])
         for name, model in (("base", diagnosis.base), ("extended", diagnosis.extended))
     }
     strengths = {name: mode_strength(values, covariates) for name, values in amounts.items()}

@@ -1,11 +1,4 @@
-"""What a model foretells of measured strokes.
-
-A model is a base and any mechanisms of the vocabulary. The base is the thesis's (half-width by press, a profile, an
-amplitude, a blur), each as free as it must be to keep a cause from explaining a plain miscalibration
-(docs/diagnosis.md §3): the half-width a curve over press, the profile a stack of slabs (``imprint``), an offset of
-each paint's colour, a power of light in which paint and ground mix, both ends a little beyond their command and wider.
-What is left of the mark's own shape comes with the strokes (``learned_residual``).
-"""
+"""Predicted photographs of measured strokes, residuals, errors, and the noise floor."""
 
 from __future__ import annotations
 
@@ -23,40 +16,41 @@ from pentimento.diagnosis.batches import in_batches, one_openmp_thread
 from pentimento.diagnosis.evaluation import Floor, floor_of_repeats
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import _UNIT_EDGE, BASE, SLABS, Model, _mark, _typical, acts_on
-from pentimento.diagnosis.strokes.soft_edge import Imprint, imprint, mixture, picked_up
+from pentimento.diagnosis.strokes.soft_edge import Footprint, footprint_of, mixture, picked_up
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
 ROWS_AT_ONCE = 24
+"""Strokes a batch."""
 
 
 class Ink(NamedTuple):
     """What a model lays on each window."""
 
-    imprint: Imprint
-    paint: Array  # float32[B, 1, 1, 3], or [B, H, W, 3] where paint below is carried along; linear light
-    gain: Array  # float32[B, H, W], of the camera on the whole picture
+    footprint: Footprint
+    paint: Array  # float32[B, 1, 1, 3], or [B, H, W, 3] with paint pickup; linear light
+    gain: Array  # float32[B, H, W], the camera's gain
     power: float  # of linear light, in which paint and what is below mix
 
 
 def ink(model: Model, measured: Measured) -> Ink:
-    """Coverage, and paint and picture after what the mechanisms do to them."""
+    """Coverage, paint and gain of a model on measured strokes."""
     return ink_of(mark_px(model, measured), model, measured)
 
 
 def ink_of(mark: Array, model: Model, measured: Measured) -> Ink:
-    """The same where the model's mark, as ``mark_px``, is known."""
+    """``ink`` for a known mark, as from ``mark_px``."""
     number = dict(zip(BASE, map(float, model.base), strict=True))
     weights = np.array([number[name] for name in SLABS])
     height, width = measured.samples.valid.shape[1:]
-    made = imprint(mark, weights, (height, width))
-    paint, gain = paint_laid(model, measured, made), gain_of_camera(model, measured)
-    return Ink(made, paint, gain, float(np.exp(number["mixing"])))
+    footprint = footprint_of(mark, weights, (height, width))
+    paint, gain = paint_laid(model, measured, footprint), gain_of_camera(model, measured)
+    return Ink(footprint, paint, gain, float(np.exp(number["mixing"])))
 
 
 def press_shares(model: Model, measured: Measured) -> Array:
-    """Press at each point of the paths, 0 the lightest and 1 the deepest that the base is for, float64[B, N]."""
+    """Press at each point of the paths, as a share of the base's range, float64[B, N]."""
     low, high = model.press_m
     return (-measured.samples.path[..., 3].double().numpy() - low) / (high - low)
 
@@ -65,14 +59,14 @@ def mark_px(model: Model, measured: Measured) -> Array:
     """float64[B, N, 5]: column, row, half-width, density, edge."""
     base = torch.tensor(model.base, dtype=torch.float64)
     with one_openmp_thread():
-        return _mark_px(model.press_m, base, model.at_work, measured).numpy()
+        return _mark_px(model.press_m, base, model.active, measured).numpy()
 
 
 def marks_px(model: Model, mechanisms: Sequence[Mechanism], vectors: Array, measured: Measured) -> Array:
-    """The marks of a model at many numbers at once, float64[K, B, N, 5] as ``mark_px``.
+    """The marks of a model for K parameter vectors, float64[K, B, N, 5] as from ``mark_px``.
 
     Args:
-        mechanisms: those of the model that are at work; the others are left out.
+        mechanisms: the model's mechanisms that are applied; others are left out.
         vectors: [K, P], as ``Model.vector``.
     """
     parts = [(m, model.columns_of(m.cause), torch.tensor(_typical(m))) for m in mechanisms]
@@ -93,18 +87,18 @@ def _mark_px(press_m: tuple[float, float], base: Tensor, mechanisms: Sequence[Me
     return torch.cat([points, *(v.transpose(1, 2) for v in (mark.radius_m * scale, mark.density, edge))], dim=-1)
 
 
-def paint_laid(model: Model, measured: Measured, made: Imprint) -> Array:
+def paint_laid(model: Model, measured: Measured, footprint: Footprint) -> Array:
     """The paint that each stroke lays, as ``Ink.paint``."""
     samples = measured.samples
     color = srgb_to_linear(samples.color.double().numpy()) + model.color_offset[measured.paint]
     paint, pickup = torch.tensor(color, dtype=torch.float64)[:, None], None
-    for mechanism in model.at_work:
+    for mechanism in model.active:
         paint, pickup = mechanism.composite(paint, pickup, measured.context)
     laid = paint[:, 0].numpy().astype(np.float32)[:, None, None]
     if pickup is not None:
         below = samples.before_linear.numpy()
         laid = laid + pickup.numpy().astype(np.float32)[..., None, None] * picked_up(
-            made, laid, below, measured.painted
+            footprint, laid, below, measured.painted
         )
     return laid
 
@@ -112,30 +106,30 @@ def paint_laid(model: Model, measured: Measured, made: Imprint) -> Array:
 def gain_of_camera(model: Model, measured: Measured) -> Array:
     """The camera's gain on the picture, float32[B, H, W]."""
     picture = torch.ones(*measured.samples.valid.shape, 1)
-    for mechanism in model.at_work:
+    for mechanism in model.active:
         if "picture" in acts_on(mechanism):
             picture = mechanism.camera(picture, measured.samples.view)
     return picture[..., 0].numpy().astype(np.float32)
 
 
 def predicted_linear(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
-    """The windows after the strokes, linear light float32[B, H, W, 3]; or those ``pixels``, [n, 3]."""
+    """The windows after the strokes, linear light float32[B, H, W, 3]; or at those ``pixels``, [n, 3]."""
     below = at_pixels(measured.samples.before_linear.numpy(), pixels)
-    coverage = at_pixels(laid.imprint.coverage, pixels)[..., None]
+    coverage = at_pixels(laid.footprint.coverage, pixels)[..., None]
     mixed = mixture(below, paint_at(laid, pixels), coverage, laid.power)
     return np.maximum(mixed * at_pixels(laid.gain, pixels)[..., None], 0.0)
 
 
 def at_pixels(images: Array, pixels: Array | None) -> Array:
-    """Of images [B, H, W, ...] the values [n, ...] at pixels with those numbers, counted through all; of None, all.
+    """Values [n, ...] of images [B, H, W, ...] at pixels numbered through all; all values for None.
 
-    A mask would say the same, and takes ten times as long.
+    Ten times as fast as a mask.
     """
     return images if pixels is None else images.reshape(-1, *images.shape[3:]).take(pixels, axis=0)
 
 
 def paint_at(laid: Ink, pixels: Array | None) -> Array:
-    """The paint laid there, linear light, as ``at_pixels``."""
+    """The paint laid at pixels, linear light, as from ``at_pixels``."""
     whole = laid.paint.shape[1:3] == laid.gain.shape[1:3]
     if pixels is None or whole:
         return at_pixels(np.broadcast_to(laid.paint, (*laid.gain.shape, 3)), pixels)
@@ -143,7 +137,7 @@ def paint_at(laid: Ink, pixels: Array | None) -> Array:
 
 
 def residual(model: Model, measured: Measured) -> Array:
-    """Measured less foretold, sRGB float32[B, H, W, 3]; 0 in the padding."""
+    """Measured minus predicted, sRGB float32[B, H, W, 3]; 0 in the padding."""
     return (measured.samples.after.numpy() - predicted(model, measured)) * measured.samples.valid.numpy()[..., None]
 
 
@@ -159,29 +153,29 @@ def predicted(model: Model, measured: Measured) -> Array:
 
 def _predicted(model: Model, measured: Measured, mark: Array) -> Array:
     laid = ink_of(mark, model, measured)
-    changed = np.flatnonzero((laid.imprint.segment >= 0) | (laid.gain != 1))
+    changed = np.flatnonzero((laid.footprint.segment >= 0) | (laid.gain != 1))
     after = measured.samples.before.numpy().copy()
     after.reshape(-1, 3)[changed] = linear_to_srgb(predicted_linear(laid, measured, changed))
-    return np.asarray(after + measured.habit)
+    return np.asarray(after + measured.residual_prediction)
 
 
 def mean_squared_error(residuals: Array, measured: Measured) -> Array:
-    """Of each row, over its window: sRGB in [0, 1], [B]. What fits make small."""
+    """Error of each row over its window, sRGB in [0, 1] squared, [B]. Fits minimise it."""
     pixels = measured.samples.valid.numpy().sum((1, 2)) * 3
     return np.square(residuals).sum((1, 2, 3)) / pixels
 
 
 def action_losses(model: Model, measured: Measured) -> Array:
-    """Mean squared error of each action over its rows, by their weights, sRGB, in the order of the actions' numbers."""
+    """Weighted mean squared error of each action, sRGB, in the order of the action numbers."""
     rows = measured.weight * mean_squared_error(residual(model, measured), measured)
     _, group = np.unique(measured.action, return_inverse=True)
     return np.bincount(group, rows) / np.bincount(group)
 
 
 def noise_floor(model: Model, measured: Measured, seed: int) -> Floor | None:
-    """None where no action is repeated.
+    """The noise floor from residuals of repeated actions; None where too few are repeated.
 
-    Of the *residuals*, so that what differs between repeats and is foretold (ink used up, paint below) is not noise.
+    Residuals rather than images: predicted differences between repeats (less ink, other paint below) are not noise.
     """
     rest, valid = residual(model, measured), measured.samples.valid.numpy()
     groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]

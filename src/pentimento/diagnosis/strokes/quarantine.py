@@ -1,4 +1,4 @@
-"""Which rows of a strokes table can be used: bad ones are left out and counted (docs/diagnosis.md §13)."""
+"""Rows of a strokes table that can be used; bad rows and copies are left out and counted (docs/diagnosis.md §13)."""
 
 from __future__ import annotations
 
@@ -17,42 +17,43 @@ from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share, load
 
 _LISTED = 8
 _MANY_UNMARKED = 0.1
+"""Share of rows without a visible mark from which the verdict mentions it."""
 _VISIBLE_SHARE, _MIN_MARKED = 0.08, 0.0004
-"""A mark goes so far from paper to paint, in such a part of its window: pale pens mark little more."""
+"""A mark goes this far from paper to paint in this part of its window; pale pens mark little more."""
 _MIN_INSIDE = 0.2
-"""Of a path's points: what must lie in the window that shows the stroke."""
+"""Share of a path's points that must lie in its window."""
 
 
-class Sound(NamedTuple):
+class UsableRows(NamedTuple):
     """Rows that can be used, and what was left out."""
 
     table: pa.Table
     bad: dict[int, str]
     """Row of the table as given, and why it makes no sample."""
     copies: tuple[int, ...]
-    """Rows that say again what an earlier row says: they would pass for repeats without any noise."""
+    """Exact copies of earlier rows, which would pass for repeats without noise."""
 
     unmarked: int
-    """Rows that are used though nothing of the paint's colour appeared near the path."""
+    """Number of used rows without a visible mark of their paint near the path."""
 
     def sentences(self) -> list[str]:
-        """What was left out, for a person."""
-        said = []
+        """What was left out, as sentences."""
+        lines = []
         if self.bad:
-            said.append(f"{_rows(list(self.bad))} cannot be used and {_are(self.bad)} left out: {_why(self.bad)}.")
+            lines.append(f"{_rows(list(self.bad))} cannot be used and {_are(self.bad)} left out: {_why(self.bad)}.")
         if self.copies:
             copies = "is an exact copy of another" if len(self.copies) == 1 else "are exact copies of others"
-            said.append(f"{_rows(list(self.copies))} {copies} and left out; a copy is no repeat of an action.")
+            lines.append(f"{_rows(list(self.copies))} {copies} and left out; a copy is no repeat of an action.")
         if self.unmarked > _MANY_UNMARKED * self.table.num_rows:
-            said.append(
+            lines.append(
                 f"{self.unmarked} of {self.table.num_rows} rows show no mark of their paint near the path; check "
                 "color_srgb, the windows, and whether the tool touched."
             )
-        return said
+        return lines
 
 
-def sound_rows(table: pa.Table) -> Sound:
-    """The rows of a table that keeps the strokes contract from which samples can be made, each once.
+def usable_rows(table: pa.Table) -> UsableRows:
+    """The rows of a table of the strokes contract from which samples can be made, each once.
 
     Raises:
         ContractError: more than 1 % of the rows (and more than one) are bad; it names them.
@@ -74,11 +75,11 @@ def sound_rows(table: pa.Table) -> Sound:
         if _inside(row) < _MIN_INSIDE:
             bad[number] = "its path lies outside its window"
             continue
-        said = _fingerprint(row)
-        if said in seen:
+        fingerprint = _fingerprint(row)
+        if fingerprint in seen:
             copies.append(number)
             continue
-        seen.add(said)
+        seen.add(fingerprint)
         unmarked += not _shows_a_mark(samples)
     if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
         raise ContractError(
@@ -87,11 +88,11 @@ def sound_rows(table: pa.Table) -> Sound:
         )
     left_out = {*bad, *copies}
     kept = [number for number in range(table.num_rows) if number not in left_out]
-    return Sound(table if not left_out else table.take(kept), bad, tuple(copies), unmarked)
+    return UsableRows(table if not left_out else table.take(kept), bad, tuple(copies), unmarked)
 
 
 def _shows_a_mark(samples: StrokeSamples) -> bool:
-    """Whether some part of the one window goes towards the paint's colour by more than noise would."""
+    """Whether some part of the window changes towards the paint's colour by more than noise."""
     share = inked_share(samples.before, samples.after, samples.color[:, None, None])
     return float(share.flatten().quantile(1 - _MIN_MARKED)) > _VISIBLE_SHARE
 
@@ -105,10 +106,10 @@ def _inside(row: pa.Table) -> float:
 
 def _fingerprint(row: pa.Table) -> bytes:
     one = row.select(["session", "path", "window_m", "before", "after"]).to_pylist()[0]
-    told = hashlib.sha256(repr([one["session"], one["path"], one["window_m"]]).encode())
-    told.update(one["before"]["bytes"])
-    told.update(one["after"]["bytes"])
-    return told.digest()
+    digest = hashlib.sha256(repr([one["session"], one["path"], one["window_m"]]).encode())
+    digest.update(one["before"]["bytes"])
+    digest.update(one["after"]["bytes"])
+    return digest.digest()
 
 
 def _rows(numbers: list[int]) -> str:

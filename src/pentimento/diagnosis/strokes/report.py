@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pentimento.diagnosis import figures
-from pentimento.diagnosis.experiment_design import ALIKE, sentences
+from pentimento.diagnosis.experiment_design import ALIASED, aliasing_sentences
 from pentimento.diagnosis.figures import _GREEN, _QUIET, ResidualMap
 from pentimento.diagnosis.page import html_page, lead, leaderboard, section, temporal_drift
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.next_actions import Proposal, Survey
+from pentimento.diagnosis.strokes.out_of_distribution import UserBaseline
 from pentimento.diagnosis.strokes.predict import predicted
-from pentimento.diagnosis.strokes.write import Given
 from pentimento.report.figures import BLUE, ERROR_COLOURS, OCHRE, drawing, png, shared_top
 from pentimento.report.html import Album, table
 from pentimento.report.wording import count, decimal
@@ -39,7 +39,7 @@ def build_page(
     survey: Survey,
     proposal: Proposal,
     verdict: Mapping[str, Any],
-    given: Given | None = None,
+    given: UserBaseline | None = None,
 ) -> dict[str, bytes]:
     """``report.html``, which holds every picture, and the pictures as ``figures/<name>.png``.
 
@@ -66,12 +66,12 @@ def build_page(
     return pictures | {"report.html": html_page(lead(diagnosis), sections)}
 
 
-def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], given: Given | None, album: Album) -> str:
+def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], given: UserBaseline | None, album: Album) -> str:
     fall = album.plot(
         "leave_one_out.png", figures.leave_one_out(diagnosis, given and given.mse),
         "Bars from the base model's error by that without each cause to the extended model's, and to the noise floor.",
         "Mean squared error over the windows of sealed strokes, sRGB. "
-        + ("<b>Given model</b>: the one that was named. " if given else "")
+        + ("<b>UserBaseline model</b>: the one that was named. " if given else "")
         + "<b>Base</b>: the thesis's stroke model with free "
         "nuisances. Green: how much more is missed without one of the causes, all others fitted again. "
         "<b>Extended</b>: what is left with all of them. Hatched: what a smooth law of a mode that still has structure "
@@ -86,7 +86,7 @@ def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], given: Given | No
     return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{fall}")
 
 
-def _strokes(diagnosis: Diagnosis, survey: Survey, given: Given | None, album: Album) -> str:
+def _strokes(diagnosis: Diagnosis, survey: Survey, given: UserBaseline | None, album: Album) -> str:
     sheet = album.plot(
         "strokes.png", strokes(diagnosis, survey),
         "Sealed strokes: photographs before and after, what base and extended model foretell, and their errors.",
@@ -162,10 +162,10 @@ def _aliasing(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
         "aliasing.png", figures.aliasing_heat(survey.aliasing, named),
         "The imitation matrix of the causes.",
         "How well one cause can pass for another <i>in these strokes</i>, when the base may adapt: |cosine| of their "
-        f"derivatives. Framed above {ALIKE}. This is a property of how the strokes were chosen, and random place, "
+        f"derivatives. Framed above {ALIASED}. This is a property of how the strokes were chosen, and random place, "
         "heading, speed and dips lower it.",
     )  # fmt: skip
-    said = "".join(f"<li>{escape(line)}</li>" for line in sentences(survey.aliasing))
+    said = "".join(f"<li>{escape(line)}</li>" for line in aliasing_sentences(survey.aliasing))
     alike = f"<ul>{said}</ul>" if said else "<p>No two causes imitate each other.</p>"
     return section("aliasing", "What these strokes cannot tell apart", alike + heat)
 
@@ -201,7 +201,7 @@ def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     return _stroke_sheet(survey.test_split, {"base": base, "extended": extended}, shown)
 
 
-def given_strokes(given: Given, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
+def given_strokes(given: UserBaseline, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
     """The same with a given model in the base's place."""
     beside = {"given model": given.predicted, "extended": predicted(diagnosis.extended, survey.test_split)}
     return _stroke_sheet(survey.test_split, beside, shown)

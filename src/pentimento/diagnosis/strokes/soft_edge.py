@@ -1,13 +1,13 @@
-"""What a camera sees of a mark: a brush profile of free shape, softened at every edge by the blur of the picture.
+"""Image formation of a stroke: a soft-edge footprint, the mixture of paint with what is below, and paint pickup.
 
-The project's renderer evaluates a darkness at pixel centres; at three to six pixels of half-width that leaves saw-teeth
-along a hard rim ten times as strong as the camera's noise, in which a small effect drowns. Here each pixel takes the
-profile's convolution with the picture's blur. Across a stroke of half-width R at distance d from its path
+The renderer for planning evaluates coverage at pixel centres. At three to six pixels of half-width a hard rim then has
+sampling errors ten times as strong as camera noise. Here each pixel takes the brush profile's convolution with the
+camera's blur. Across a stroke of half-width R at distance d from its path
 
     coverage(d) = density * sum_k w_k [Phi((rho_k R - d) / sigma) - Phi((-rho_k R - d) / sigma)],
 
-Phi the normal distribution function: a stack of slabs of half-widths rho_k R, exact for a straight stroke. It is smooth
-in everything, so that derivatives can be taken pixel by pixel.
+where Phi is the normal distribution function: a stack of slabs of half-widths rho_k R, exact for a straight stroke. It
+is smooth in all parameters, so derivatives can be taken pixel by pixel.
 """
 
 from __future__ import annotations
@@ -22,67 +22,74 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 LEVELS = np.array([1.0, 0.4, 0.7, 0.85, 1.15, 1.35])
-"""Half-widths of the slabs over the stroke's; the first is the plain stroke."""
+"""Half-widths of the slabs relative to the stroke's; the first is the plain stroke."""
 _REACH_SIGMA = 4.0
-_SURE_SIGMA = 5.5  # from an edge, where a slab is whole or nothing in single precision
+"""Blur widths beyond the widest slab at which a stroke's reach ends."""
+_SURE_SIGMA = 5.5
+"""Blur widths from an edge beyond which a slab is 0 or 1 in single precision."""
 _THINNEST_PX = 0.05
 _NARROWEST_PX = 0.25
 _FIELDS = 5
-"""Of a mark's points: column, row, radius, density, edge."""
+"""Columns of a mark: column, row, radius, density, edge."""
 _DARKEST = 1e-3
-"""Linear light that a power is taken of at least."""
+"""Linear light is clipped to this minimum before a power is taken."""
 
 
-class Imprint(NamedTuple):
+class Footprint(NamedTuple):
     """Coverage of B windows, and its derivatives by the mark at the nearest place of the path."""
 
     coverage: Array
     """float32[B, H, W]"""
     by_mark: Array
-    """float32[B, H, W, 5]: by that place's column, row, radius, density, edge."""
+    """float32[B, H, W, 5]: derivatives by that place's column, row, radius, density, edge."""
     by_level: Array
-    """float32[B, H, W, K]: by the weights of the profile's levels."""
+    """float32[B, H, W, K]: derivatives by the weights of the profile's levels."""
     place: Array
-    """float32[B, H, W, 2]: left of the stroke and ahead of it from its nearest place, in half-widths."""
+    """float32[B, H, W, 2]: position left of the nearest place and ahead of it, in half-widths."""
     segment: Array
-    """int16[B, H, W]: which segment that place is on, -1 beyond the stroke's reach."""
+    """int16[B, H, W]: segment of that place, -1 beyond the stroke's reach."""
     along: Array
-    """float32[B, H, W]: where on it, 0 to 1."""
+    """float32[B, H, W]: position on that segment, 0 to 1."""
 
 
-def imprint(mark: Array, weights: Array, shape: tuple[int, int]) -> Imprint:
-    """The imprint of strokes.
+def footprint_of(mark: Array, weights: Array, shape: tuple[int, int]) -> Footprint:
+    """The footprint of strokes.
 
     Args:
-        mark: float64[B, N, 5]: column, row, half-width [px], density, blur of the edge [px] at each point.
+        mark: float64[B, N, 5]: column, row, half-width [px], density, edge blur [px] at each point.
         weights: float64[K] of ``LEVELS``.
         shape: H, W of the windows.
     """
     size = (len(mark), *shape)
-    made = Imprint(
+    footprint = Footprint(
         np.zeros(size, np.float32), np.zeros((*size, _FIELDS), np.float32), np.zeros((*size, len(weights)), np.float32),
         np.zeros((*size, 2), np.float32),
         np.full(size, -1, np.int16), np.zeros(size, np.float32),
     )  # fmt: skip
     for b in range(len(mark)):
-        _imprint_one(mark[b], weights, LEVELS, *(field[b] for field in made))
-    return made
+        _fill_footprint(mark[b], weights, LEVELS, *(field[b] for field in footprint))
+    return footprint
 
 
-def change_of_coverage(made: Imprint, change_of_mark: Array, pixels: Array) -> Array:
-    """To first order, float32[n, P], by P changes of the marks, float64[P, B, N, 5], at pixels [n] of the strokes'
-    reach, counted through all windows.
+def change_of_coverage(footprint: Footprint, change_of_mark: Array, pixels: Array) -> Array:
+    """First-order change of coverage, float32[n, P].
+
+    Args:
+        footprint: of the strokes.
+        change_of_mark: P changes of the marks, float64[P, B, N, 5].
+        pixels: [n] within the strokes' reach, numbered through all windows.
     """
-    size = made.coverage[0].size
+    size = footprint.coverage[0].size
     return _chain(
-        made.by_mark.reshape(-1, _FIELDS), made.segment.ravel(), made.along.ravel(), pixels, pixels // size,
+        footprint.by_mark.reshape(-1, _FIELDS), footprint.segment.ravel(), footprint.along.ravel(), pixels,
+        pixels // size,
         np.ascontiguousarray(np.moveaxis(change_of_mark, 0, -1), dtype=np.float32),
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _normal_cdf(x: float, peak: float) -> float:
-    """Phi(x), given exp(-x^2 / 2), to 8e-8: Abramowitz and Stegun 26.2.17, in a fraction of the time of erf."""
+    """Phi(x), given exp(-x^2 / 2), to 8e-8: Abramowitz and Stegun 26.2.17, several times as fast as erf."""
     t = 1 / (1 + 0.2316419 * abs(x))
     tail = t * (0.319381530 + t * (-0.356563782 + t * (1.781477937 + t * (-1.821255978 + t * 1.330274429))))
     beyond = 0.3989422804014327 * peak * tail
@@ -90,7 +97,7 @@ def _normal_cdf(x: float, peak: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _imprint_one(
+def _fill_footprint(
     mark: Array, weights: Array, levels: Array, coverage: Array, by_mark: Array, by_level: Array, place: Array,
     segment: Array, along: Array,
 ) -> None:  # fmt: skip
@@ -142,7 +149,7 @@ def _imprint_one(
                     continue
                 peak_near, peak_far = math.exp(-0.5 * near * near), 0.0
                 slab = _normal_cdf(near, peak_near)
-                if far > -_SURE_SIGMA:  # so thin that its far rim is seen from here
+                if far > -_SURE_SIGMA:  # the opposite rim is within reach
                     peak_far = math.exp(-0.5 * far * far)
                     slab -= _normal_cdf(far, peak_far)
                 by_level[row, column, level] = density * slab
@@ -152,7 +159,7 @@ def _imprint_one(
                 by_radius += scale * levels[level] * (peak_near + peak_far)
                 by_sigma -= scale * (near * peak_near - far * peak_far)
             coverage[row, column] = density * value
-            # The nearest place moves towards the pixel: the distance falls.
+            # Moving the nearest place towards the pixel lowers the distance.
             pull = -density * by_distance / max(distance, 1e-9)
             by_mark[row, column, 0], by_mark[row, column, 1] = pull * dx, pull * dy
             by_mark[row, column, 2] = density * by_radius
@@ -162,7 +169,7 @@ def _imprint_one(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _chain(by_mark: Array, segment: Array, along: Array, pixels: Array, stroke: Array, change: Array) -> Array:
-    """``change_of_coverage`` by ``change`` [B, N, 5, P]: the last axis goes many numbers an instruction."""
+    """``change_of_coverage`` for ``change`` [B, N, 5, P]; the last axis is vectorised."""
     changes = np.zeros((len(pixels), change.shape[-1]), np.float32)
     last = change.shape[1] - 1
     for i, pixel in enumerate(pixels):
@@ -176,7 +183,11 @@ def _chain(by_mark: Array, segment: Array, along: Array, pixels: Array, stroke: 
 
 
 def mixture(below: Array, paint: Array, coverage: Array, power: float) -> Array:
-    """Paint over what is below it: linear light, by a mean of its ``power``; what is to be mixed is not quite black."""
+    """Paint over what is below it, linear light: a weighted mean of their ``power``.
+
+    Power 1 mixes areas, as a camera sees a fine pattern. About 0.45 mixes sRGB numbers, as drawing programs do. Towards
+    0 the paint is a filter that dims by a factor.
+    """
     if power == 1:
         return np.asarray(below + coverage * (paint - below))
     raised, laid = (np.maximum(light, _DARKEST) ** np.float32(power) for light in (below, paint))
@@ -195,24 +206,26 @@ def slopes_of_mixture(below: Array, paint: Array, coverage: Array, power: float)
     return steepness * (laid - raised) / np.float32(power), of_paint
 
 
-def picked_up(made: Imprint, paint: Array, below: Array, painted: Array) -> Array:
-    """By how much the paint of a tool that takes up all that it crosses differs from its own, float32[B, H, W, 3].
+def picked_up(footprint: Footprint, paint: Array, below: Array, painted: Array) -> Array:
+    """Difference of the laid paint from the tool's own, were all paint picked up that the tool crosses, float32[B, H,
+    W, 3].
 
-    What is crossed is stirred in on the spot and carried along from there, by the renderer's law (``composition``).
+    Paint that is crossed is mixed in on the spot and carried along, by the renderer's law (``composition``).
 
     Args:
-        paint: [B, 1, 1, 3] linear light, the tool's own.
-        below: [B, H, W, 3] what is there before.
-        painted: [B, H, W] how much paint that is, 0 to 1.
+        footprint: of the strokes.
+        paint: the tool's own, linear light [B, 1, 1, 3].
+        below: what is there before, [B, H, W, 3].
+        painted: how much paint that is, 0 to 1, [B, H, W].
     """
     change = np.zeros_like(below)
-    for b in np.flatnonzero((painted * made.coverage).sum((1, 2)) > 0):
-        _take_up(made.segment[b], made.coverage[b], paint[b, 0, 0], below[b], painted[b], change[b])
+    for b in np.flatnonzero((painted * footprint.coverage).sum((1, 2)) > 0):
+        _pick_up(footprint.segment[b], footprint.coverage[b], paint[b, 0, 0], below[b], painted[b], change[b])
     return change
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _take_up(segment: Array, coverage: Array, paint: Array, below: Array, painted: Array, change: Array) -> None:
+def _pick_up(segment: Array, coverage: Array, paint: Array, below: Array, painted: Array, change: Array) -> None:
     """Fill ``change`` [H, W, 3] of one stroke."""
     height, width = segment.shape
     passed = np.zeros(segment.max() + 1)

@@ -5,31 +5,25 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.model import Model, model_as_json
+from pentimento.diagnosis.strokes.model import model_as_json
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, survey
-from pentimento.diagnosis.strokes.predict import action_losses, mean_squared_error, noise_floor
-from pentimento.diagnosis.strokes.quarantine import sound_rows
+from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.strokes.report import build_page
 from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import NotObservable
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-
-Array = NDArray[Any]
 
 STROKES = "strokes"
 """Folder of the table with the rows that were added."""
@@ -79,7 +73,7 @@ def write_diagnosis(
     log("drawing the report")
     seen = survey(found)
     proposal = proposal_for(found, seen, seed)
-    beside = None if given is None else given_on(given, seen.test_split)
+    beside = None if given is None else evaluate_baseline(given, seen.test_split)
     actions = len(set(measured.action.tolist()))
     result = verdict(found, len(measured), actions, shifted, notes, beside and beside.mse)
     written = build_page(found, seen, proposal, result, beside)
@@ -95,7 +89,7 @@ def write_diagnosis(
 
 def _usable(table: pa.Table, whose: str) -> tuple[Measured, list[str]]:
     """The strokes of a table, and sentences on what was left out."""
-    sound = sound_rows(table)
+    sound = usable_rows(table)
     return load_measured(sound.table), [whose + line for line in sound.sentences()]
 
 
@@ -164,71 +158,3 @@ def _not_recorded(rows: pa.Table, table: pa.Table) -> list[str]:
         for name in table.schema.names
         if not name.endswith("_id") and rows[name].null_count == rows.num_rows and table[name].null_count < len(table)
     ]
-
-
-def paints_of(measured: Measured) -> Array:
-    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that each session mixed anew is
-    there as often.
-    """
-    _, first = np.unique(measured.paint, return_index=True)
-    paints: Array = measured.samples.color.double().numpy()[first].round(3)
-    return paints
-
-
-def applied(model: Model, paints: Array, measured: Measured) -> tuple[Model, Measured]:
-    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean
-    offset of the model's mixes of its colour; a colour that the model has not seen gets none.
-
-    Args:
-        paints: [K, 3] sRGB, those that the model's colour offsets belong to.
-    """
-    same = (paints_of(measured)[:, None] == paints.round(3)).all(-1)
-    own = same @ model.color_offset / np.maximum(same.sum(1, keepdims=True), 1)
-    offsets = np.concatenate([model.color_offset, own])
-    return replace(model, color_offset=offsets), replace(
-        measured, paint=len(paints) + measured.paint, paints=len(offsets)
-    )
-
-
-def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: int) -> float | None:
-    """(base - extended) / (base - floor) on an outside table; the floor is its own where it repeats actions.
-
-    None where no floor is known, or where the base has no gap there.
-
-    Raises:
-        NotObservable: the table lacks a column that the extended model depends on.
-    """
-    models = diagnosis.base, diagnosis.extended, diagnosis.learned_residual.model
-    base, extended, seen_from = (applied(model, paints, outside)[0] for model in models)
-    strokes = applied(diagnosis.base, paints, outside)[1]
-    strokes = diagnosis.learned_residual.seen_from(seen_from).of(strokes)
-    floor = noise_floor(extended, strokes, seed) or diagnosis.floor
-    before, after = float(action_losses(base, strokes).mean()), float(action_losses(extended, strokes).mean())
-    if floor is None or before <= floor.mse:
-        return None
-    return (before - after) / (before - floor.mse)
-
-
-class Given(NamedTuple):
-    """On sealed strokes."""
-
-    predicted: Array
-    """sRGB float32[B, H, W, 3]"""
-    losses: Array
-    """Mean squared error of each action over its rows and their windows, sRGB, in the order of the actions' numbers."""
-
-    @property
-    def mse(self) -> float:
-        """Over actions."""
-        return float(self.losses.mean())
-
-
-def given_on(parameters: Traj2StrokeParameters, test_split: Measured) -> Given:
-    """What a given model foretells of strokes, and by how much it misses them."""
-    from pentimento.dynamics.strokes.evaluation import predict_with  # imports Lightning, which takes seconds
-
-    predicted = predict_with(parameters, test_split.samples).numpy()
-    missed = (test_split.samples.after.numpy() - predicted) * test_split.samples.valid.numpy()[..., None]
-    _, group = np.unique(test_split.action, return_inverse=True)
-    losses = np.bincount(group, mean_squared_error(missed, test_split)) / np.bincount(group)
-    return Given(predicted, losses)

@@ -1,0 +1,85 @@
+"""Models on strokes they were not fitted to: out-of-distribution evaluation, and a user-supplied baseline model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.strokes.diagnose import Diagnosis
+from pentimento.diagnosis.strokes.measured import Measured
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.predict import action_losses, mean_squared_error, noise_floor
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+
+Array = NDArray[Any]
+
+
+def paints_of(measured: Measured) -> Array:
+    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that each session mixed anew is
+    there as often.
+    """
+    _, first = np.unique(measured.paint, return_index=True)
+    paints: Array = measured.samples.color.double().numpy()[first].round(3)
+    return paints
+
+
+def with_joint_paints(model: Model, paints: Array, measured: Measured) -> tuple[Model, Measured]:
+    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean
+    offset of the model's mixes of its colour; a colour that the model has not seen gets none.
+
+    Args:
+        paints: [K, 3] sRGB, those that the model's colour offsets belong to.
+    """
+    same = (paints_of(measured)[:, None] == paints.round(3)).all(-1)
+    own = same @ model.color_offset / np.maximum(same.sum(1, keepdims=True), 1)
+    offsets = np.concatenate([model.color_offset, own])
+    return replace(model, color_offset=offsets), replace(
+        measured, paint=len(paints) + measured.paint, paints=len(offsets)
+    )
+
+
+def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: int) -> float | None:
+    """(base - extended) / (base - floor) on an outside table; the floor is its own where it repeats actions.
+
+    None where no floor is known, or where the base has no gap there.
+
+    Raises:
+        NotObservable: the table lacks a column that the extended model depends on.
+    """
+    models = diagnosis.base, diagnosis.extended, diagnosis.learned_residual.model
+    base, extended, seen_from = (with_joint_paints(model, paints, outside)[0] for model in models)
+    strokes = with_joint_paints(diagnosis.base, paints, outside)[1]
+    strokes = diagnosis.learned_residual.seen_from(seen_from).of(strokes)
+    floor = noise_floor(extended, strokes, seed) or diagnosis.floor
+    before, after = float(action_losses(base, strokes).mean()), float(action_losses(extended, strokes).mean())
+    if floor is None or before <= floor.mse:
+        return None
+    return (before - after) / (before - floor.mse)
+
+
+class UserBaseline(NamedTuple):
+    """On sealed strokes."""
+
+    predicted: Array
+    """sRGB float32[B, H, W, 3]"""
+    losses: Array
+    """Mean squared error of each action over its rows and their windows, sRGB, in the order of the actions' numbers."""
+
+    @property
+    def mse(self) -> float:
+        """Over actions."""
+        return float(self.losses.mean())
+
+
+def evaluate_baseline(parameters: Traj2StrokeParameters, test_split: Measured) -> UserBaseline:
+    """What a given model foretells of strokes, and by how much it misses them."""
+    from pentimento.dynamics.strokes.evaluation import predict_with  # imports Lightning, which takes seconds
+
+    predicted = predict_with(parameters, test_split.samples).numpy()
+    missed = (test_split.samples.after.numpy() - predicted) * test_split.samples.valid.numpy()[..., None]
+    _, group = np.unique(test_split.action, return_inverse=True)
+    losses = np.bincount(group, mean_squared_error(missed, test_split)) / np.bincount(group)
+    return UserBaseline(predicted, losses)
