@@ -4,7 +4,7 @@
 #   make check                   format, lint, types
 #   make deps                    write the code dependencies of every stage into dvc.yaml
 #   make bench                   the benchmarks, side by side with the slow references
-#   make studies [WORLDS=0.1]    the blind tests of the gap finder (hours), or a share of them; goes on where it was interrupted
+#   make studies [WORLDS=0.1]    the blind benchmark of the diagnosis (hours), or a share of them; resumes where it was interrupted
 #   make clean                   remove outputs and caches; environment, DVC's cache and MLflow's history stay
 #   make env                     the environment alone
 PYTHON ?= python3
@@ -57,8 +57,8 @@ bench: env
 	$(BIN)/python -m benchmarks
 
 studies: env
-	$(BIN)/python -m studies.blind.table --worlds $(WORLDS)
-	$(BIN)/python -m studies.blind_pushes.table --worlds $(WORLDS)
+	$(BIN)/python -m studies.blind.table strokes --worlds $(WORLDS)
+	$(BIN)/python -m studies.blind.table pushes --worlds $(WORLDS)
 	$(BIN)/python -m studies.stroke_models
 
 clean:

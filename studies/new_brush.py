@@ -27,7 +27,7 @@ import numpy as np
 from pentimento.contracts.errors import PentimentoError
 from pentimento.studio.world import Effects, World, load_world
 from pipelines._io import end_with_parent, write_json
-from studies.blind.worlds import CAUSES, misshapen, with_nuisances, without_effects
+from studies.blind.strokes.worlds import CAUSES, misshapen, with_nuisances, without_effects
 
 NAME, LIKE, SETTING = "drawn_brush", "round_brush", "colour"
 STAGES = ("collect_strokes", "train_stroke_dynamics", "diagnose_gap", "paint")

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 import pyarrow as pa
 
 from pentimento.contracts.atomic import atomic_write
-from studies.blind.one_world import write_parquet
+from studies.blind.truth import write_parquet
 
 
 class OtherWorld(Protocol):

@@ -14,8 +14,8 @@ from typing import Any
 
 from studies.another_clay.session import recorded
 from studies.another_clay.world import Clay, Effects, World
+from studies.blind.kinds import kind_of
 from studies.blind.one_world import verdict_by_table
-from studies.blind_pushes.one_world import VERDICT_OF
 from studies.other_worlds import listed, named, rivals, share_closed, verdicts
 
 _SOFT = Clay()
@@ -72,7 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m studies.another_clay.table", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("data/studies/another_clay"))
     given = parser.parse_args()
-    said = verdicts(WORLDS, recorded, partial(verdict_by_table, module=VERDICT_OF), given.out)
+    said = verdicts(WORLDS, recorded, partial(verdict_by_table, module=kind_of("pushes").verdict_module), given.out)
     Path("docs/another_clay.md").write_text(page(said))
 
 

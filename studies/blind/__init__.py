@@ -1,1 +1,1 @@
-"""Blind tests of the gap finder: worlds that hide an effect, and the tables that a robot records in them."""
+"""The blind benchmark of the diagnosis: simulated worlds of strokes and of pushes whose hidden causes it must name."""

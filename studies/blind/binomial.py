@@ -1,4 +1,4 @@
-"""Exact statements about a share of which only some were counted."""
+"""Exact binomial inference on the share of worlds that meet a criterion."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Literal
 
 from scipy.stats import binomtest
 
-LEVEL = 0.05
+LEVEL = 0.05  # of the one-sided test
 
 
 @dataclass(frozen=True)
 class Bar:
-    """What a share must be."""
+    """A bound that a share should meet."""
 
     way: Literal["at least", "at most"]
     share: float
@@ -22,15 +22,15 @@ class Bar:
 
 
 def interval(hits: int, of: int) -> tuple[float, float]:
-    """95 % of the share (Clopper and Pearson 1934); all of [0, 1] where nothing was counted."""
+    """95 % interval of the share (Clopper and Pearson 1934); [0, 1] where nothing was counted."""
     if of == 0:
         return 0.0, 1.0
     found = binomtest(hits, of).proportion_ci(0.95, method="exact")
     return float(found.low), float(found.high)
 
 
-def standing(hits: int, of: int, bar: Bar) -> str:
-    """In a word or two, how a counted share stands to its bar."""
+def standing(hits: int, of: int, bar: Bar) -> Literal["meets", "undecided", "falls short"]:
+    """How a counted share compares with its bar."""
     if falls_short(hits, of, bar):
         return "falls short"
     share = hits / of if of else bar.share

@@ -1,6 +1,4 @@
-"""Columns that a recording has beside the contract's: what a room and an arm report. They are
-drawn before anything is painted.
-"""
+"""Decoy columns: readings of a room and an arm that no hidden cause depends on."""
 
 from typing import Literal
 
@@ -19,12 +17,13 @@ COLUMNS: dict[str, tuple[float, float]] = {
 }
 """Name: (mean, standard deviation)."""
 FORMS: tuple[Form, ...] = ("independent", "temporal_drift", "walk", "trend")
-PERSISTENCE = 0.6  # of a wandering column from one stroke to the next
+PERSISTENCE = 0.6  # autoregression coefficient from one action to the next
 
 
 def draw_decoys(rows: int, seed: int, lively: str | None = None) -> dict[str, NDArray[np.float64]]:
-    """All `COLUMNS`, each float64[rows], in a form drawn at random; `lively` names one that is not to drift with the
-    session (independent or wandering), as a column must be whose effect is to be told from wear.
+    """All `COLUMNS`, each float64[rows], in a form drawn at random.
+
+    The column `lively` has no trend, so that its effect can be distinguished from wear.
     """
     columns = {}
     for index, (name, (mean, deviation)) in enumerate(COLUMNS.items()):

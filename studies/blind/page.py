@@ -1,4 +1,4 @@
-"""The page of the blind table, Markdown."""
+"""The benchmark's page, Markdown."""
 
 from __future__ import annotations
 
@@ -7,74 +7,67 @@ from collections.abc import Sequence
 from typing import Any
 
 from studies.blind.binomial import interval, standing
+from studies.blind.kinds import Kind
 from studies.blind.score_card import (
     Row,
+    by_series,
+    covariate_found,
     exact,
     hidden,
     in_rival_set,
-    judged_lines,
     named,
     outside_found,
     rows,
     unique_and_right,
     wrong_unique,
 )
-from studies.blind.series import SERIES
 
 Line = dict[str, Any]
 
-_INTRODUCTION = """\
-Written by `make studies`; do not edit. A world is drawn by seed in the virtual studio, whose physics shares no
-functional form with the vocabulary of causes; half of the tools have another imprint than the base can draw, and all
-tables have decoy columns. What it hides is sealed by its hash; a process of its own gets the table alone; the truth is
-opened after the verdict. q is the energy of the effect that the base cannot absorb over the noise floor.
+_METHOD = """\
+The hidden truth is committed to by its SHA-256 hash; a separate process diagnoses the table alone; the truth is read
+after the verdict. q is the energy of the effect that the base model cannot absorb, over the noise floor.
 
 *95 %* is the exact interval (Clopper–Pearson). A row *falls short* where an exact one-sided binomial test rejects its
 bar at 5 %, and is *undecided* where it misses its bar by less; a bar on a quantile is tested by how many worlds reach
-it. *Constant* is what is reached by always giving
-the most frequent truth of the row's worlds as the answer; *pixels* by naming causes with the same base and candidates
-by the likelihood of pixels (BIC, forward). False names are counted over all worlds of a randomised design. A world
-that led to no verdict counts as missed."""
-_SECOND = """\
-Strokes in raster order are judged twice: as they are, and gone on with by the 16 actions that the first verdict
-proposes. The shifted context is another session of the same world: 56 strokes, pressed in the deeper half of
-the tool's range and in the faster half of its speeds."""
+it. *Constant* is a baseline that always answers with the most frequent truth of the row's worlds. False names are
+counted over all worlds of a randomised design. A world without a verdict counts as missed."""
 
 
-def _share(lines: Sequence[Line]) -> str:
-    """How much of the table this is."""
-    whole = sum(series.worlds for series in SERIES)
-    made = sum(map(len, judged_lines(lines).values()))
-    if made >= whole:
-        return f"This is the whole table, {whole} worlds."
-    return f"**This is a share of the table**: {made} of its {whole} worlds; `make studies` makes the rest."
-
-
-def page(lines: Sequence[Line], commit: str) -> str:
+def page(kind: Kind, lines: Sequence[Line], commit: str) -> str:
     """The whole file, from the lines of one commit's worlds."""
     sections = [
-        "# Blind tests of the gap finder",
-        _INTRODUCTION,
-        _share(lines),
-        _SECOND,
+        f"# {kind.title}",
+        f"Written by `python -m studies.blind.table {kind.name}`; do not edit.",
+        kind.introduction,
+        _METHOD,
+        _share(kind, lines),
         _origin(lines, commit),
-        _table(rows(lines)),
+        _table(rows(kind, lines)),
         "## Worlds",
-        _worlds(lines),
+        _worlds(kind, lines),
         "## By cause",
-        _by_cause(lines),
+        _by_cause(kind, lines),
         "## Missed",
-        _missed(lines),
+        _missed(kind, lines),
     ]
     return "\n\n".join(sections) + "\n"
 
 
+def _share(kind: Kind, lines: Sequence[Line]) -> str:
+    whole = sum(series.worlds for series in kind.series)
+    known = sum(map(len, by_series(lines).values()))
+    if known >= whole:
+        return f"This is the whole benchmark, {whole} worlds."
+    return f"**This is a share of the benchmark**: {known} of its {whole} worlds; `make studies` makes the rest."
+
+
 def _origin(lines: Sequence[Line], commit: str) -> str:
     versions = sorted({line["code"] for line in lines})
-    said = f"Seeds: sha256 of the commit `{commit}`, the series and a number."
+    text = f"Seeds: sha256 of the commit `{commit}`, the series and a number."
     if len(versions) > 1:
-        said += f" **The worlds were judged by {len(versions)} versions of the code ({', '.join(versions)}).**"
-    return said
+        text += f" **The verdicts are of {len(versions)} versions of the code ({', '.join(versions)}).**"
+    return text
 
 
 def _table(found: Sequence[Row]) -> str:
@@ -84,11 +77,12 @@ def _table(found: Sequence[Row]) -> str:
 
 def _row(row: Row) -> str:
     low, high = interval(row.hits, row.of)
-    bar = "" if row.bar is None else str(row.bar)
-    said = "" if row.bar is None else standing(row.hits, row.of, row.bar).replace("falls short", "**falls short**")
+    bar, result = "", ""
+    if row.bar is not None:
+        bar, result = str(row.bar), standing(row.hits, row.of, row.bar).replace("falls short", "**falls short**")
     cells = [
         row.what, f"{row.hits}/{row.of}", _percent(row.hits / row.of), f"{_percent(low)} – {_percent(high)}", bar,
-        said, _percent(row.constant), _percent(row.pixelwise), row.note,
+        result, _percent(row.constant), _percent(row.pixelwise), row.note,
     ]  # fmt: skip
     return f"| {' | '.join(cells)} |"
 
@@ -97,70 +91,73 @@ def _percent(share: float | None) -> str:
     return "–" if share is None else f"{100 * share:.3g} %"
 
 
-def _worlds(lines: Sequence[Line]) -> str:
-    by = judged_lines(lines)
+def _worlds(kind: Kind, lines: Sequence[Line]) -> str:
+    by = by_series(lines)
     redrawn = Counter(line["series"] for line in lines if "redrawn" in line)
-    table = ["| series | of the table | judged | drawn again, as the effect cannot be so strong |", "|---|---|---|---|"]
-    table += [f"| {s.name} | {s.worlds} | {len(by.get(s.name, []))} | {redrawn[s.name]} |" for s in SERIES]
+    table = ["| series | in the benchmark | diagnosed | drawn again (effect not attainable) |", "|---|---|---|---|"]
+    table += [f"| {s.name} | {s.worlds} | {len(by.get(s.name, []))} | {redrawn[s.name]} |" for s in kind.series]
     return "\n".join(table)
 
 
-def _by_cause(lines: Sequence[Line]) -> str:
-    single = [line for name in ("one cause", "one faint cause") for line in judged_lines(lines).get(name, [])]
-    table = ["| one cause is hidden | exact set | named instead or beside |", "|---|---|---|"]
+def _by_cause(kind: Kind, lines: Sequence[Line]) -> str:
+    by = by_series(lines)
+    single = [line for name in kind.single_cause_series for line in by.get(name, [])]
+    table = ["| hidden cause | exact set | other causes named |", "|---|---|---|"]
     for cause in sorted({hidden(line)[0] for line in single}):
         own = [line for line in single if hidden(line) == (cause,)]
-        beside = Counter(name for line in own for name in named(line.get("verdict")) if name != cause)
-        others = ", ".join(f"{name} {count}" for name, count in beside.most_common())
-        table.append(f"| {cause} | {sum(map(exact, own))}/{len(own)} | {others} |")
+        others = Counter(name for line in own for name in named(line.get("verdict")) if name != cause)
+        listed = ", ".join(f"{name} {count}" for name, count in others.most_common())
+        table.append(f"| {cause} | {sum(map(exact, own))}/{len(own)} | {listed} |")
     return "\n".join(table)
 
 
-def _missed(lines: Sequence[Line]) -> str:
+def _missed(kind: Kind, lines: Sequence[Line]) -> str:
     table = ["| series | index | seed | tool | hidden (q) | verdict |", "|---|---|---|---|---|---|"]
     for line in lines:
-        if "redrawn" in line or not (why := _miss(line)):
+        if "redrawn" in line or not (why := _miss(kind, line)):
             continue
         truth = line["truth"]
         strengths = ", ".join(f"{s['q']:.2f}" for s in truth["strengths"])
         outside = truth["outside"]
-        told = " + ".join(truth["causes"]) or (f"{outside['mode']} by {outside['column']}" if outside else "nothing")
-        told += f" ({strengths})" if strengths else ""
-        cells = [line["series"], str(line["index"]), str(line["seed"]), truth["tool"], told, why]
+        content = " + ".join(truth["causes"]) or (f"{outside['mode']} by {outside['column']}" if outside else "nothing")
+        content += f" ({strengths})" if strengths else ""
+        cells = [line["series"], str(line["index"]), str(line["seed"]), truth["tool"], content, why]
         table.append(f"| {' | '.join(cells)} |")
     return "\n".join(table) if len(table) > 2 else "None."
 
 
-def _miss(line: Line) -> str:
-    """What a world's verdicts say where one is not right; else nothing."""
+def _miss(kind: Kind, line: Line) -> str:
+    """The verdicts of a world in words where one is wrong; otherwise an empty string."""
     if "failed" in line:
         return "no verdict: " + " ".join(line["failed"].split())[-200:].replace("|", "/")
-    said = line["verdict"]
+    verdict = line["verdict"]
     match line["series"]:
         case "outside":
-            right = outside_found(line) and not named(said)
+            right = (outside_found if kind.name == "strokes" else covariate_found)(line) and not named(verdict)
         case "raster":
-            if not in_rival_set(line) or wrong_unique(line):
-                return _told(said)
-            return "" if unique_and_right(line["second"], line) else "with more actions: " + _told(line["second"])
+            right = in_rival_set(line) and not wrong_unique(line)
+            if right and not unique_and_right(line["second"], line):
+                return "with more actions: " + _in_words(line["second"])
         case "deleted":
-            return "without the candidate: " + _told(line["second"]) if named(line["second"]) else ""
+            return "without the candidate: " + _in_words(line["second"]) if named(line["second"]) else ""
         case "shuffled":
             gone = not set(hidden(line)) & set(named(line["second"]))
-            return "" if gone else "shuffled: " + _told(line["second"])
+            right = gone and exact(line)
+            if not right:
+                return f"{_in_words(verdict)}; shuffled: {_in_words(line['second'])}"
         case _:
             right = exact(line)
-    return "" if right else _told(said)
+    return "" if right else _in_words(verdict)
 
 
-def _told(verdict: dict[str, Any]) -> str:
+def _in_words(verdict: dict[str, Any]) -> str:
     entries = [
         entry["cause"] + (f" (or {', '.join(entry['rivals'])})" if entry["rivals"] else "")
         for entry in verdict["established"]
     ]
-    said = " + ".join(entries) or "nothing named"
+    text = " + ".join(entries) or "nothing named"
     if verdict["suspected"]:
-        said += "; suspected " + ", ".join(entry["cause"] for entry in verdict["suspected"])
+        text += "; suspected " + ", ".join(entry["cause"] for entry in verdict["suspected"])
     if verdict["unexplained"]:
-        said += f"; {verdict['unexplained'][0]['mode']} by {verdict['unexplained'][0]['covariate']} unexplained"
-    return said
+        text += f"; {verdict['unexplained'][0]['mode']} by {verdict['unexplained'][0]['covariate']} unexplained"
+    return text

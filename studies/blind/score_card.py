@@ -1,4 +1,4 @@
-"""The rows of the blind table from the lines of its worlds (docs/blind_tests.md)."""
+"""The rows of the benchmark's table, from the lines of its worlds (docs/blind_tests.md)."""
 
 from __future__ import annotations
 
@@ -10,35 +10,34 @@ from typing import Any
 import numpy as np
 
 from studies.blind.binomial import Bar
-from studies.blind.worlds import GEOMETRIC
+from studies.blind.kinds import Kind
 
 Line = dict[str, Any]
-Judge = Callable[[Line], bool]
+Criterion = Callable[[Line], bool]
 
 HIDDEN = "hidden"
-"""The column of an outside effect that follows none of the table."""
-STRONG_Q = 0.2
-SECONDS = 10.0
+"""`column` of an outside effect that follows no column of the table."""
+STRONG_Q = 0.2  # of the effects over which the fraction of the gap closed is counted
 _QUANTILES = (
     ("median", "test", 0.92, 0.5),
     ("10th percentile", "test", 0.75, 0.9),
-    ("median, shifted context", "shifted", 0.85, 0.5),
+    ("median, out of distribution", "shifted", 0.85, 0.5),
 )
-"""What, where it stands in the verdict, the bar, and the share of worlds that is at or above such a quantile."""
+"""Quantile, key in the verdict, bar, and the share of worlds at or above such a quantile."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """`hits` of `of` worlds (or names) do `what`. Rivals: what share of the same the two simple ones have, if any."""
+    """`hits` of `of` worlds (or names) meet the criterion `what`; the same share for two simple baselines, if any."""
 
     what: str
     hits: int
     of: int
     bar: Bar | None = None
     constant: float | None = None
-    """Names the most frequent truth of its kind in every world."""
+    """Baseline that gives the most frequent truth as the answer for every world."""
     pixelwise: float | None = None
-    """Names by the likelihood of pixels (`pixelwise.py`)."""
+    """Baseline that selects by the likelihood of pixels (`strokes/pixelwise.py`)."""
     note: str = ""
 
 
@@ -53,22 +52,40 @@ def named(verdict: dict[str, Any] | None) -> tuple[str, ...]:
 
 
 def exact(line: Line) -> bool:
-    """Whether just what is hidden is named."""
+    """Whether the named causes are exactly the hidden ones."""
     return "verdict" in line and named(line["verdict"]) == hidden(line)
 
 
-def outside_found(line: Line) -> bool:
-    """Whether the strongest structure that is left unexplained is the hidden one, in mode and covariate.
+def any_name(line: Line) -> bool:
+    """Whether any cause is named; a missing verdict counts as one."""
+    return "verdict" not in line or bool(named(line["verdict"]))
 
-    Of an effect that follows no recorded column: whether nothing is named or blamed, and a gap is reported.
+
+def outside_found(line: Line) -> bool:
+    """Whether the strongest unexplained structure is the hidden one, in mode and covariate.
+
+    For an effect that follows no recorded column: whether nothing is named or unexplained, and a gap is reported.
     """
-    said, outside = line.get("verdict"), line["truth"]["outside"]
-    if said is None:
+    verdict, outside = line.get("verdict"), line["truth"]["outside"]
+    if verdict is None:
         return False
-    left = said["unexplained"]
+    left = verdict["unexplained"]
     if outside["column"] == HIDDEN:
-        return not left and not said["established"] and said["floor_reached"] is False
+        return not left and not verdict["established"] and verdict["floor_reached"] is False
     return bool(left) and (left[0]["mode"], left[0]["covariate"]) == (outside["mode"], outside["column"])
+
+
+def covariate_found(line: Line) -> bool:
+    """Whether any unexplained structure depends on the hidden column."""
+    left = line["verdict"]["unexplained"] if "verdict" in line else []
+    return any(entry["covariate"] == line["truth"]["outside"]["column"] for entry in left)
+
+
+def mode_found(line: Line) -> bool:
+    """Whether any unexplained structure is the hidden one, in mode and covariate."""
+    left = line["verdict"]["unexplained"] if "verdict" in line else []
+    outside = line["truth"]["outside"]
+    return any((entry["mode"], entry["covariate"]) == (outside["mode"], outside["column"]) for entry in left)
 
 
 def in_rival_set(line: Line) -> bool:
@@ -78,7 +95,7 @@ def in_rival_set(line: Line) -> bool:
 
 
 def wrong_unique(line: Line) -> bool:
-    """Whether a cause that is not hidden is named without rivals; no verdict is as bad."""
+    """Whether a cause that is not hidden is named without rivals; a missing verdict counts as one."""
     if "verdict" not in line:
         return True
     entries = line["verdict"]["established"]
@@ -86,14 +103,14 @@ def wrong_unique(line: Line) -> bool:
 
 
 def unique_and_right(verdict: dict[str, Any] | None, line: Line) -> bool:
-    """Whether just the hidden cause is named, and without rivals."""
+    """Whether exactly the hidden cause is named, and without rivals."""
     return named(verdict) == hidden(line) and all(not entry["rivals"] for entry in (verdict or {})["established"])
 
 
 def error_removed(verdict: dict[str, Any] | None, line: Line) -> float:
-    """How much error the hidden cause removes on sealed rows; 0 where it is not named.
+    """How much error the hidden cause removes on the test split; 0 where it is not named.
 
-    Its gain is a share of the gap above the floor, and one that fills it cannot rise.
+    Compared as an absolute error: a gain is a fraction of the gap above the floor, and one near 1 cannot rise.
     """
     if verdict is None:
         return 0.0
@@ -102,8 +119,8 @@ def error_removed(verdict: dict[str, Any] | None, line: Line) -> float:
     return float(gap * sum(entry["gain"] for entry in verdict["established"] if entry["cause"] in hidden(line)))
 
 
-def judged_lines(lines: Iterable[Line]) -> dict[str, list[Line]]:
-    """Worlds that could be made, by series; those without a verdict count."""
+def by_series(lines: Iterable[Line]) -> dict[str, list[Line]]:
+    """The worlds that could be made, by series; those without a verdict count."""
     found: dict[str, list[Line]] = {}
     for line in lines:
         if "redrawn" not in line:
@@ -111,58 +128,37 @@ def judged_lines(lines: Iterable[Line]) -> dict[str, list[Line]]:
     return found
 
 
-def rows(lines: Sequence[Line]) -> list[Row]:
-    """All rows of which there is a world."""
-    by = judged_lines(lines)
+def rows(kind: Kind, lines: Sequence[Line]) -> list[Row]:
+    """All rows that count at least one world."""
+    by = by_series(lines)
     one, faint, two, none, outside, raster = (
         by.get(name, []) for name in ("one cause", "one faint cause", "two causes", "none", "outside", "raster")
     )
-    geometric = [line for line in one if line["truth"]["causes"][0] in GEOMETRIC]
-    material = [line for line in one if line["truth"]["causes"][0] not in GEOMETRIC]
-    made = [
+    geometric = [line for line in one if line["truth"]["causes"][0] in kind.geometric]
+    material = [line for line in one if line["truth"]["causes"][0] not in kind.geometric]
+    found = [
         _exact("one geometric cause, q .1 to .4: exact set", geometric, 0.95),
         _exact("one material cause, q .1 to .4: exact set", material, 0.90),
         _exact("one cause, q .05: exact set", faint, 0.80),
         _exact("two causes: exact set", two, 0.88),
         Row(
-            "none: any name at all", _count(none, _any_name), len(none), Bar("at most", 0.03), 1.0,
-            _share(none, lambda line: bool(line.get("pixelwise"))),
+            "none: any name at all", _count(none, any_name), len(none), Bar("at most", 0.03), 1.0,
+            _pixelwise(none, lambda line: bool(line["pixelwise"])),
         ),
         _false_names([*one, *faint, *two, *none, *outside]),
-        Row(
-            "outside the vocabulary: right mode and covariate", _count(outside, outside_found), len(outside),
-            Bar("at least", 0.92), _commonest([str(line["truth"]["outside"]) for line in outside]),
-        ),
-        Row(
-            "outside the vocabulary: given a known name", _count(outside, _any_name), len(outside),
-            Bar("at most", 0.04), 1.0, _share(outside, lambda line: bool(line.get("pixelwise"))),
-        ),
+        *_outside(kind, outside),
         *_gap_closed([*one, *two]),
-        Row(
-            "raster order: truth in the rival set", _count(raster, in_rival_set), len(raster), Bar("at least", 0.97),
-            _commonest([hidden(line) for line in raster]),
-            _share(raster, lambda line: hidden(line)[0] in line.get("pixelwise", ())),
-        ),
-        Row(
-            "raster order: a wrong unique name", _count(raster, wrong_unique), len(raster), Bar("at most", 0.03),
-            _less(_commonest([hidden(line) for line in raster])),
-            _share(raster, lambda line: bool(set(line.get("pixelwise", ())) - set(hidden(line)))),
-        ),
-        Row(
-            "raster + 16 proposed actions: unique and right",
-            _count(raster, lambda line: unique_and_right(line.get("second"), line)), len(raster), Bar("at least", 0.95),
-            _commonest([hidden(line) for line in raster]),
-        ),
-        *_mutations(by.get("shuffled", []), by.get("doubled", []), by.get("deleted", [])),
-        _times(lines),
+        *_raster(raster),
+        *_interventions(by.get("shuffled", []), by.get("doubled", []), by.get("deleted", [])),
+        _times(lines, kind.seconds),
     ]  # fmt: skip
-    return [row for row in made if row.of]
+    return [row for row in found if row.of]
 
 
 def _exact(what: str, lines: Sequence[Line], bar: float) -> Row:
     return Row(
-        what, _count(lines, exact), len(lines), Bar("at least", bar), _commonest([hidden(line) for line in lines]),
-        _share(lines, lambda line: tuple(sorted(line.get("pixelwise", ()))) == hidden(line)),
+        what, _count(lines, exact), len(lines), Bar("at least", bar), _most_frequent([hidden(line) for line in lines]),
+        _pixelwise(lines, lambda line: tuple(sorted(line["pixelwise"])) == hidden(line)),
     )  # fmt: skip
 
 
@@ -183,13 +179,34 @@ def _false_names(lines: Sequence[Line]) -> Row:
     )  # fmt: skip
 
 
-def _gap_closed(lines: Sequence[Line]) -> list[Row]:
-    """Of worlds whose causes are all named, and no other, each hidden at q ≥ .2.
+def _outside(kind: Kind, lines: Sequence[Line]) -> list[Row]:
+    """Of strokes the strongest structure must be right in both; of pushes, any structure in its covariate."""
+    constant = _most_frequent([str(line["truth"]["outside"]) for line in lines])
+    minimum = Bar("at least", 0.92)
+    if kind.name == "strokes":
+        found = [Row("outside the vocabulary: right mode and covariate", _count(lines, outside_found), len(lines),
+                     minimum, constant)]  # fmt: skip
+    else:
+        found = [
+            Row("outside the vocabulary: right covariate", _count(lines, covariate_found), len(lines), minimum),
+            Row("outside the vocabulary: right covariate and mode", _count(lines, mode_found), len(lines)),
+        ]
+    return [
+        *found,
+        Row(
+            "outside the vocabulary: given a known name", _count(lines, any_name), len(lines), Bar("at most", 0.04),
+            1.0, _pixelwise(lines, lambda line: bool(line["pixelwise"])),
+        ),
+    ]  # fmt: skip
 
-    A median is at least x where half of all are: a test on a count does for quantiles, too.
+
+def _gap_closed(lines: Sequence[Line]) -> list[Row]:
+    """Of worlds whose causes are named exactly, each with q ≥ .2.
+
+    A median is at least x where half of the worlds reach x, so that a test on a count also tests a quantile.
     """
     strong = [line for line in lines if exact(line) and min(line["truth"]["wanted_q"]) >= STRONG_Q]
-    made = []
+    found = []
     for what, key, bar, minimum in _QUANTILES:
         closed = [line["verdict"]["gap_closed"][key] for line in strong]
         known = [float(value) for value in closed if value is not None]
@@ -199,55 +216,72 @@ def _gap_closed(lines: Sequence[Line]) -> list[Row]:
         if len(known) < len(closed):
             note += f"; unknown for {len(closed) - len(known)}"
         reached = sum(value >= bar for value in known)
-        said = f"named, q ≥ .2: gap closed ≥ {bar} ({what})"
-        made.append(Row(said, reached, len(known), Bar("at least", minimum), 0.0, note=note))
-    return made
+        criterion = f"named, q ≥ .2: gap closed ≥ {bar} ({what})"
+        found.append(Row(criterion, reached, len(known), Bar("at least", minimum), 0.0, note=note))
+    return found
 
 
-def _mutations(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Sequence[Line]) -> list[Row]:
-    """A name can only go in worlds whose cause is named as they are."""
+def _raster(lines: Sequence[Line]) -> list[Row]:
+    constant = _most_frequent([hidden(line) for line in lines])
+    return [
+        Row(
+            "raster order: truth in the rival set", _count(lines, in_rival_set), len(lines), Bar("at least", 0.97),
+            constant, _pixelwise(lines, lambda line: hidden(line)[0] in line["pixelwise"]),
+        ),
+        Row(
+            "raster order: a wrong unique name", _count(lines, wrong_unique), len(lines), Bar("at most", 0.03),
+            None if constant is None else 1 - constant,
+            _pixelwise(lines, lambda line: bool(set(line["pixelwise"]) - set(hidden(line)))),
+        ),
+        Row(
+            "raster + 16 proposed actions: unique and right",
+            _count(lines, lambda line: unique_and_right(line.get("second"), line)), len(lines), Bar("at least", 0.95),
+            constant,
+        ),
+    ]  # fmt: skip
+
+
+def _interventions(shuffled: Sequence[Line], doubled: Sequence[Line], deleted: Sequence[Line]) -> list[Row]:
+    """Shuffling is counted over worlds whose cause the first verdict names."""
     right = [line for line in shuffled if set(hidden(line)) <= set(named(line.get("verdict")))]
 
     def gone(line: Line) -> bool:
         return "second" in line and not set(hidden(line)) & set(named(line["second"]))
 
     def risen(line: Line) -> bool:
-        return "second" in line and error_removed(line["second"], line) > error_removed(line["verdict"], line)
+        return "second" in line and error_removed(line["second"], line) > error_removed(line.get("verdict"), line)
 
     def unnamed(line: Line) -> bool:
         return "second" in line and not named(line["second"])
+
+    def unexplained(line: Line) -> bool:
+        return "second" in line and bool(line["second"]["unexplained"])
 
     return [
         Row("true covariate shuffled: its name goes", _count(right, gone), len(right)),
         Row("effect doubled: it removes more error", _count(doubled, risen), len(doubled)),
         Row("true candidate deleted: no neighbour is named", _count(deleted, unnamed), len(deleted)),
+        Row("true candidate deleted: some structure is left unexplained", _count(deleted, unexplained), len(deleted)),
     ]
 
 
-def _times(lines: Sequence[Line]) -> Row:
+def _times(lines: Sequence[Line], limit_s: float) -> Row:
     seconds = [line["seconds"] for line in lines if "seconds" in line]
-    note = f"median {np.median(seconds):.1f} s, longest {max(seconds):.1f} s" if seconds else ""
+    note = f"median {np.median(seconds):.1f} s, max {max(seconds):.1f} s" if seconds else ""
     return Row(
-        f"verdict within {SECONDS:g} s of one processor", sum(s <= SECONDS for s in seconds), len(seconds), note=note
+        f"verdict within {limit_s:g} s of one processor", sum(s <= limit_s for s in seconds), len(seconds), note=note
     )
 
 
-def _any_name(line: Line) -> bool:
-    """No verdict is as bad."""
-    return "verdict" not in line or bool(named(line["verdict"]))
+def _count(lines: Sequence[Line], criterion: Criterion) -> int:
+    return sum(criterion(line) for line in lines)
 
 
-def _count(lines: Sequence[Line], judge: Judge) -> int:
-    return sum(judge(line) for line in lines)
+def _pixelwise(lines: Sequence[Line], criterion: Criterion) -> float | None:
+    """Share of all worlds that the baseline on pixels meets; None where it was not run on any."""
+    run = [line for line in lines if "pixelwise" in line]
+    return _count(run, criterion) / len(lines) if run else None
 
 
-def _share(lines: Sequence[Line], judge: Judge) -> float | None:
-    return _count(lines, judge) / len(lines) if lines else None
-
-
-def _commonest(truths: Sequence[Any]) -> float | None:
+def _most_frequent(truths: Sequence[Any]) -> float | None:
     return Counter(truths).most_common(1)[0][1] / len(truths) if truths else None
-
-
-def _less(share: float | None) -> float | None:
-    return None if share is None else 1 - share

@@ -1,9 +1,9 @@
-"""The blind table: `python -m studies.blind.table [--worlds 0.1] [--out data/studies/blind]`.
+"""The blind benchmark: `python -m studies.blind.table strokes|pushes [--worlds 0.1] [--out FOLDER]`.
 
-Draws the worlds of every series by seeds that follow from the commit, has each judged by its table alone, and writes
-docs/blind_tests.md; a part of the table has its page beside its lines, in <out>. Each world's line is appended to
-<out>/<commit>.jsonl as soon as it is there; what stands in that file is not made again, so that the table can be
-interrupted. A world without a verdict is tried again.
+Draws the worlds of every series by seeds that follow from the commit, has each diagnosed from its table alone, and
+writes docs/blind_tests.md (strokes) or docs/blind_pushes.md; the page of a part of the benchmark goes to FOLDER. Each
+world's line is appended to FOLDER/<commit>.jsonl as soon as it is known, and worlds with a line are not made again, so
+that the benchmark can be interrupted. Worlds without a verdict are tried again.
 """
 
 import argparse
@@ -17,17 +17,16 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, get_args
 
 from pentimento.contracts.atomic import atomic_write
 from pipelines._io import end_with_parent
-from studies.blind.one_world import ROOT, judged
+from studies.blind.kinds import Kind, KindName, kind_of
+from studies.blind.one_world import ROOT, diagnose_world
 from studies.blind.page import page
-from studies.blind.series import SERIES, Series, wanted
+from studies.blind.series import Series, wanted
 
 Line = dict[str, Any]
-
-PAGE = ROOT / "docs" / "blind_tests.md"
 
 
 def commit_of_head() -> str:
@@ -36,8 +35,8 @@ def commit_of_head() -> str:
     return done.stdout.strip()
 
 
-def code() -> str:
-    """A digest of all that makes and judges a world: verdicts of different code do not belong in one table."""
+def digest_of_code() -> str:
+    """A digest of all code that makes and diagnoses a world: one table should hold verdicts of one version."""
     digest = hashlib.sha256()
     for folder in (ROOT / "src", ROOT / "studies"):
         for path in sorted(folder.rglob("*")):
@@ -46,8 +45,8 @@ def code() -> str:
     return digest.hexdigest()[:12]
 
 
-def lines_of(path: Path) -> list[Line]:
-    """What is known, the last line of each world; a last line that was cut off while it was written is left out."""
+def read_lines(path: Path) -> list[Line]:
+    """The last line of each world; a final line that was cut off is ignored."""
     if not path.exists():
         return []
     known: dict[tuple[str, int], Line] = {}
@@ -59,18 +58,10 @@ def lines_of(path: Path) -> list[Line]:
     return list(known.values())
 
 
-class Named(Protocol):
-    """A series, as far as this goes."""
+def missing(series: Series, count: int, lines: Sequence[Line]) -> Iterator[int]:
+    """Indices of the worlds to make next, in order, until `count` worlds are made or in progress.
 
-    @property
-    def name(self) -> str:
-        """In the lines."""
-
-
-def missing(series: Named, count: int, lines: Sequence[Line]) -> Iterator[int]:
-    """Indices of worlds to be made next, in order, for as long as those that may still come to something are too few.
-
-    `lines` is looked at anew each time; the caller adds a line {"series", "index"} for each world under way.
+    `lines` is read anew at each step; the caller adds a line {"series", "index"} for each world in progress.
     """
     index = 0
     while True:
@@ -83,90 +74,89 @@ def missing(series: Named, count: int, lines: Sequence[Line]) -> Iterator[int]:
         yield index
 
 
-def run(commit: str, share: float, path: Path, workers: int) -> None:
-    """Make and judge what is missing of a `share` of the table, and append it to `path`."""
+def run(kind: Kind, commit: str, share: float, path: Path, workers: int) -> None:
+    """Make and diagnose what is missing of a `share` of the benchmark, and append it to `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    mend(path)
-    lines = [line for line in lines_of(path) if "failed" not in line]
+    _drop_cut_off_line(path)
+    lines = [line for line in read_lines(path) if "failed" not in line]
     for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"  # inherited by the workers, which are fresh processes, and by theirs
-    under_way: dict[Future[Line], Line] = {}
+    version = digest_of_code()
+    in_progress: dict[Future[Line], Line] = {}
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, end_with_parent) as pool:
         while True:
-            _submit(pool, commit, share, lines, under_way, workers)
-            if not under_way:
+            for series, index in _to_submit(kind, share, lines, workers - len(in_progress)):
+                lines.append({"series": series.name, "index": index})
+                in_progress[_submit(pool, kind, series, index, commit)] = lines[-1]
+            if not in_progress:
                 return
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                placeholder = under_way.pop(future)
-                line = future.result() | {"commit": commit, "code": code()}
+            for future in wait(in_progress, return_when=FIRST_COMPLETED).done:
+                placeholder = in_progress.pop(future)
+                line = future.result() | {"commit": commit, "code": version}
                 lines[lines.index(placeholder)] = line
                 with path.open("a") as file:
                     file.write(json.dumps(line) + "\n")
-                _tell(line)
+                _print_line(line)
 
 
-def _submit(
-    pool: Executor,
-    commit: str,
-    share: float,
-    lines: list[Line],
-    under_way: dict[Future[Line], Line],
-    workers: int,
-) -> None:
-    """Fill the workers: series after series."""
-    for series in SERIES:
+def _to_submit(kind: Kind, share: float, lines: list[Line], free: int) -> Iterator[tuple[Series, int]]:
+    """Worlds for the `free` workers, series after series; the caller adds each to `lines`."""
+    for series in kind.series:
         for index in missing(series, wanted(series, share), lines):
-            if len(under_way) >= workers:
+            if free == 0:
                 return
-            placeholder: Line = {"series": series.name, "index": index}
-            lines.append(placeholder)
-            under_way[pool.submit(_in_scratch, series, index, commit)] = placeholder
+            free -= 1
+            yield series, index
 
 
-def _in_scratch(series: Series, index: int, commit: str) -> Line:
+def _submit(pool: Executor, kind: Kind, series: Series, index: int, commit: str) -> Future[Line]:
+    return pool.submit(_in_temporary_folder, kind.name, series, index, commit)
+
+
+def _in_temporary_folder(name: KindName, series: Series, index: int, commit: str) -> Line:
     with tempfile.TemporaryDirectory() as folder:
-        return judged(series, index, commit, Path(folder))
+        return diagnose_world(kind_of(name), series, index, commit, Path(folder))
 
 
-def mend(path: Path) -> None:
-    """Drop a last line that was cut off."""
+def _drop_cut_off_line(path: Path) -> None:
     if path.exists():
         data = path.read_bytes()
         if not data.endswith(b"\n"):
             atomic_write(path, data[: data.rfind(b"\n") + 1])
 
 
-def _tell(line: Line) -> None:
+def _print_line(line: Line) -> None:
     name = f"{line['series']} {line['index']}"
     if "redrawn" in line:
         print(f"{name}: drawn again, {line['redrawn']}", flush=True)
     elif "failed" in line:
         print(f"{name}: {line['failed']}", flush=True)
     else:
-        truth, said = line["truth"], line["verdict"]
+        truth, verdict = line["truth"], line["verdict"]
         hidden = " + ".join(truth["causes"]) or str(truth["outside"])
-        named = " + ".join(entry["cause"] for entry in said["established"]) or "nothing"
+        named = " + ".join(entry["cause"] for entry in verdict["established"]) or "nothing"
         print(f"{name}: hidden {hidden}, named {named} ({line['make_s']} + {line['seconds']} s)", flush=True)
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.blind.table", description=__doc__)
-    parser.add_argument("--out", type=Path, default=ROOT / "data" / "studies" / "blind")
+    parser.add_argument("kind", choices=get_args(KindName))
+    parser.add_argument("--out", type=Path, help="default: data/studies/blind_<kind>")
     parser.add_argument("--worlds", type=float, default=1.0, help="share of each series: 0.1 for a quick look")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--commit", help="go on with the seeds of this commit; default: the one checked out")
-    given = parser.parse_args()
-    if not 0 < given.worlds <= 1:
-        sys.exit("--worlds is a share of the table, above 0 and at most 1.")
-    commit = given.commit or commit_of_head()
-    path = given.out / f"{commit[:12]}.jsonl"
-    run(commit, given.worlds, path, given.workers)
-    whole = given.worlds == 1
-    written = PAGE if whole else path.with_suffix(".md")
-    atomic_write(written, page(lines_of(path), commit).encode())
-    print(f"{written} is written from {path}.")
+    parser.add_argument("--commit", help="continue with the seeds of this commit; default: the one checked out")
+    args = parser.parse_args()
+    if not 0 < args.worlds <= 1:
+        sys.exit("--worlds is a share of the benchmark, above 0 and at most 1.")
+    kind, commit = kind_of(args.kind), args.commit or commit_of_head()
+    folder = args.out or ROOT / "data" / "studies" / f"blind_{kind.name}"
+    path = folder / f"{commit[:12]}.jsonl"
+    run(kind, commit, args.worlds, path, args.workers)
+    out = ROOT / kind.page if args.worlds == 1 else path.with_suffix(".md")
+    atomic_write(out, page(kind, read_lines(path), commit).encode())
+    print(f"{out} is written from {path}.")
 
 
 if __name__ == "__main__":

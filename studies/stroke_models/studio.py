@@ -13,8 +13,8 @@ from pentimento.contracts.frames import canvas_to_pixel, window_around
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.studio.world import load_world
-from studies.blind.collect import as_table, record_world
-from studies.blind.design import Command, View
+from studies.blind.strokes.collect import as_table, record_world
+from studies.blind.strokes.design import Command, View
 from studies.stroke_models.hands import HANDS, hand_stroke
 
 FloatArray = NDArray[np.float64]

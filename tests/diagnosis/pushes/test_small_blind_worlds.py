@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import pytest
 
-from studies.blind_pushes.collect import as_table, decoys, recorded_rows
-from studies.blind_pushes.verdict_of import verdict_on
-from studies.blind_pushes.worlds import sketch_world
+from studies.blind.pushes.collect import as_table, decoys, recorded_rows
+from studies.blind.pushes.verdict_of import verdict_on
+from studies.blind.pushes.worlds import sketch_world
 
 WORLDS: tuple[tuple[int, str | None, float], ...] = ((1, "tool_backlash", 1.5), (4, None, 0.0))
 """Seed, hidden cause, its strength."""

@@ -1,21 +1,21 @@
 """Ten small blind worlds: what is hidden is named, and little else. `make studies` has the large table.
 
-The strengths give q = .4 in the whole design (`studies.blind.strength.find_strength`), the lag's more, because a weak
-one is no more than an end that falls short, which may be the tool's; that search takes most of the time that a world
-costs, so its results stand here.
+The strengths give q = .4 in the whole design (`studies.blind.strokes.strength.find_strength`), the lag's more, because
+a weak one is no more than an end that falls short, which may be the tool's; that search takes most of the time that a
+world costs, so its results stand here.
 """
 
 from dataclasses import dataclass
 
 import pytest
 
-from studies.blind.collect import as_table, record_world
 from studies.blind.decoys import draw_decoys
-from studies.blind.design import view_of
-from studies.blind.make import commands_of
-from studies.blind.strength import disturbances
-from studies.blind.verdict_of import verdict_on
-from studies.blind.worlds import Stratum, ToolName, sketch_world
+from studies.blind.strokes.collect import as_table, record_world
+from studies.blind.strokes.design import view_of
+from studies.blind.strokes.make import commands_of
+from studies.blind.strokes.strength import disturbances
+from studies.blind.strokes.verdict_of import verdict_on
+from studies.blind.strokes.worlds import Stratum, ToolName, sketch_world
 
 SHEETS = 3  # of six: 84 strokes of 72 actions
 

@@ -1,4 +1,5 @@
-"""Further tables of a blind world: of a shifted context, with the proposed actions, and with a changed truth."""
+"""Other tables of a simulated world of strokes: out of distribution, with the proposed actions, with a doubled
+effect."""
 
 from __future__ import annotations
 
@@ -8,26 +9,19 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from studies.blind.collect import as_table, record_world
 from studies.blind.decoys import draw_decoys
-from studies.blind.design import Command, View, randomised, view_of
-from studies.blind.make import Truth, commands_of
-from studies.blind.strength import CEILING, STRONGEST, StrengthError
-from studies.blind.worlds import Sketch
+from studies.blind.strokes.collect import as_table, record_world
+from studies.blind.strokes.design import Command, View, randomised, view_of
+from studies.blind.strokes.make import commands_of
+from studies.blind.strokes.strength import CEILING, STRONGEST
+from studies.blind.strokes.worlds import Sketch
+from studies.blind.truth import StrengthError, Truth
 
 FloatArray = NDArray[np.float64]
 
 SHIFTED_SHEETS = (0, 2)
-"""Which repeat twelve actions once."""
-SHIFTED_REALISATION = 3  # of sheets, fills and noise: none that a strength was measured in
-
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "ink_depletion": ("since_reload", "reload_id", "ink_since_reload_m"),
-    "tool_wear": ("order", "t_before_s", "t_start_s", "t_after_s", "tool_age_m", "surface_id"),
-    "drying_shift": ("order", "t_before_s", "t_start_s", "t_after_s", "tool_age_m", "surface_id"),
-    "wet_mixing": ("wet_age_s",),
-}
-"""Columns that tell a cause's covariate, one as well as the other."""
+"""Sheets of the design that share twelve repeated actions."""
+SHIFTED_REALISATION = 3  # of sheets, fills and noise; 0 is the table's, 1 and 2 measured the strengths
 
 
 def shifted_table(sketch: Sketch, truth: Truth) -> pa.Table:
@@ -46,9 +40,9 @@ def shifted_table(sketch: Sketch, truth: Truth) -> pa.Table:
 
 
 def with_actions(sketch: Sketch, truth: Truth, table: pa.Table, actions: pa.Table) -> pa.Table:
-    """The world's recording, gone on with on a new sheet by proposed actions (the columns of `next_actions.parquet`).
+    """The world's recording, continued on a new sheet by proposed actions (the columns of `next_actions.parquet`).
 
-    What is waited before an action is waited before the photograph of the stroke before it.
+    The wait before an action is the wait before the previous stroke's photograph.
     """
     view = view_of(sketch.tool, fine=False)
     commands = commands_of(sketch, view)
@@ -77,20 +71,10 @@ def commands_from(actions: pa.Table, sketch: Sketch, view: View, sheet: int, fir
     return made
 
 
-def with_shuffled(table: pa.Table, cause: str, seed: int) -> pa.Table:
-    """The table with the covariate of a cause (one of `COLUMNS`) dealt out to the rows anew."""
-    order = np.random.default_rng([seed, 41]).permutation(table.num_rows)
-    for name in COLUMNS[cause]:
-        if name in table.column_names:
-            at = table.column_names.index(name)
-            table = table.set_column(at, table.schema.field(name), table[name].take(order))
-    return table
-
-
 def with_doubled(sketch: Sketch, truth: Truth, table: pa.Table) -> pa.Table:
     """The same world with its one cause at twice the strength.
 
-    Raises StrengthError where that is more than physics allows.
+    Raises StrengthError where that is above the max physical strength.
     """
     (cause,), (found,) = sketch.causes, truth.strengths
     strength = 2 * found.strength

@@ -1,6 +1,6 @@
-"""The verdict on one table of pushes, and nothing else: `python -m studies.blind_pushes.verdict_of table.parquet
-verdict.json`. Runs in a process of its own, which is given the table alone; it does what `pentimento diagnose` does,
-without the report.
+"""The verdict on one table of pushes: `python -m studies.blind.pushes.verdict_of table.parquet verdict.json`.
+
+Runs in a process of its own, which gets the table alone. Does what `pentimento diagnose` does, without the report.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
 
 def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[dict[str, Any], PushDiagnosis]:
-    """The verdict on rows of the pushes contract; `without` takes a cause out of the vocabulary."""
+    """The verdict on rows of the pushes contract; `without` removes a cause from the vocabulary."""
     measured, _ = usable(table)
     vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
     found = diagnose(measured, vocabulary, seed, lambda line: None)
@@ -32,17 +32,17 @@ def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m studies.blind_pushes.verdict_of", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m studies.blind.pushes.verdict_of", description=__doc__)
     parser.add_argument("table", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--without", help="a cause that is taken out of the vocabulary")
+    parser.add_argument("--without", help="a cause to remove from the vocabulary")
     given = parser.parse_args()
     table = read_table(given.table, CONTRACT).table
-    started = time.process_time()  # of one thread: others may be at work on the machine
-    said, _ = verdict_on(table, given.seed, given.without)
-    result = {"verdict": said, "seconds": round(time.process_time() - started, 2)}
-    atomic_write(given.out, (json.dumps(result) + "\n").encode())
+    started = time.process_time()  # not wall time: other processes may run on the machine
+    result, _ = verdict_on(table, given.seed, given.without)
+    output = {"verdict": result, "seconds": round(time.process_time() - started, 2)}
+    atomic_write(given.out, (json.dumps(output) + "\n").encode())
 
 
 if __name__ == "__main__":

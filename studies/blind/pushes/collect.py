@@ -1,4 +1,4 @@
-"""The robot presses a blind world's design and records it in the `pushes` contract, as the pipeline does."""
+"""Executes the design of a simulated world of pushes and records it in the `pushes` contract, as the pipeline does."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld
 from studies.blind.decoys import draw_decoys
-from studies.blind_pushes.worlds import Sketch
+from studies.blind.pushes.worlds import Sketch
 
 RECORDED = ("temperature_c", "humidity")
-"""What the room's own sensors say: no decoys of these names."""
+"""Readings of the room's sensors; there are no decoys of these names."""
 
 
 def recorded_rows(sketch: Sketch, world: ClayWorld, seed: int) -> list[dict[str, Any]]:
@@ -34,10 +34,12 @@ def recorded_rows(sketch: Sketch, world: ClayWorld, seed: int) -> list[dict[str,
 def rows_with_and_without(
     sketch: Sketch, world: ClayWorld, seed: int, config: PushCollectionConfig
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of a design made in a world under a seed; and the same rows with what each push would have left, on the same
-    surface and by the same chance, in the sketch's world without effects.
+    """Rows of a design executed in a world under a seed, and their counterfactual rows.
+
+    These have the result of each push on the same surface and with the same random numbers in the sketch's world
+    without effects.
     """
-    robot = _Twofold(_studio(sketch, world, seed), _scanned(sketch, sketch.world))
+    robot = _WithCounterfactuals(_studio(sketch, world, seed), _scanned(sketch, sketch.world))
     loud = _collected(robot, sketch, config)
     quiet = [
         row | {"after": {"bytes": encode_height_png(height_m, HEIGHT_PER_UNIT_M), "path": None}}
@@ -46,14 +48,14 @@ def rows_with_and_without(
     return loud, quiet
 
 
-class _Twofold(VirtualSculptingRobot):
-    """A robot whose every push is made in another world first, on a copy of the material as it is."""
+class _WithCounterfactuals(VirtualSculptingRobot):
+    """A robot that executes each push in another world first, on a copy of the current material."""
 
     def __init__(self, studio: ClayStudio, other: ClayWorld) -> None:
         super().__init__(studio)
         self._other = other
         self.quiet_m: list[NDArray[np.float64]] = []
-        """Of each push: the height that was scanned after it in the other world."""
+        """Height scanned after each push in the other world [H, W]."""
 
     def push(self, push: Push) -> NDArray[np.float64]:
         counterfactual = VirtualSculptingRobot(self._studio.in_world(self._other))
@@ -75,7 +77,7 @@ def _collected(robot: VirtualSculptingRobot, sketch: Sketch, config: PushCollect
 
 
 def as_table(rows: list[dict[str, Any]], columns: dict[str, NDArray[np.float64]]) -> pa.Table:
-    """Rows as a table of the contract, with the room's columns and further ones [rows] beside it."""
+    """Rows as a table of the contract, with the room's readings and additional columns [rows]."""
     known = {column.name for column in CONTRACT.columns}
     table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=known & set(rows[0])))
     room = {name: np.array([row[name] for row in rows]) for name in rows[0] if name not in known}
@@ -85,5 +87,5 @@ def as_table(rows: list[dict[str, Any]], columns: dict[str, NDArray[np.float64]]
 
 
 def decoys(rows: int, seed: int) -> dict[str, NDArray[np.float64]]:
-    """Columns that tell nothing."""
+    """Columns that no hidden cause depends on, each float64[rows]."""
     return {name: values for name, values in draw_decoys(rows, seed).items() if name not in RECORDED}

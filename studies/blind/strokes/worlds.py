@@ -1,4 +1,4 @@
-"""Blind worlds: a studio world drawn by seed, with a tool, nuisances, and the causes that it hides."""
+"""Simulated worlds of strokes: a studio world drawn by seed, with a tool, nuisance parameters and hidden causes."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Literal
@@ -10,9 +10,9 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.robots.tools import Tool as ToolFile
 from pentimento.robots.tools import load_tool
 from pentimento.studio.world import Effects, World, load_world
-from studies.blind.paint_context import Mode
+from studies.blind.series import Stratum
+from studies.blind.strokes.paint_context import Mode
 
-Stratum = Literal["none", "one", "two", "outside", "raster"]
 ToolName = Literal["marker", "round_brush", "flat_brush"]
 
 GEOMETRIC = (
@@ -27,8 +27,8 @@ GEOMETRIC = (
 )
 _EVERYWHERE = ("speed_width", "speed_density", "tool_wear", "paper_bleed")
 _PAINT = ("ink_depletion", "bristle_lag", "drying_shift", "wet_mixing")
-# What a marker has not: paint that dries visibly or stays wet, bristles that trail, a line that press widens. Its black
-# is as black in the light as beside it, and as it is never dipped, its ink's age is its own age.
+# A marker has no paint that dries visibly or stays wet, no trailing bristles and no line that press widens. Its black
+# shows no change of illumination. It is never dipped, so that ink_depletion and tool_wear are the same.
 CAUSES: dict[ToolName, tuple[str, ...]] = {
     "marker": (*_EVERYWHERE, "speed_bleed", "latency", "backlash", "path_scale", "path_offset", "lens_distortion"),
     "round_brush": (*_EVERYWHERE, "speed_bleed", *_PAINT, "curvature_width", *GEOMETRIC),
@@ -36,7 +36,7 @@ CAUSES: dict[ToolName, tuple[str, ...]] = {
 }
 """For each tool the causes that its worlds can hide."""
 CONFOUNDED = ("ink_depletion", "illumination_gradient", "canvas_tilt", "tool_wear", "drying_shift", "speed_width")
-"""Causes of worlds that are recorded in raster order: those that such an order makes imitate each other."""
+"""Causes of the worlds that are recorded in raster order, which aliases them with each other."""
 STRENGTHS_Q = (0.1, 0.2, 0.4)
 
 PALETTE_SRGB = (
@@ -48,8 +48,9 @@ PALETTE_SRGB = (
     (0.45, 0.30, 0.55),
 )
 WEAKEST = 1e-9
-"""Least orientation of a flat tool that has it among its causes. At 0 the studio turns the bundle with the stroke and
-not with the arm; what is irregular in the bundle would make that a jump."""
+"""Min strength of orientation_width where it is a hidden cause.
+
+At 0 the studio turns the bundle with the stroke and not with the arm: the effect would be discontinuous there."""
 _GROOMED, _LEVEL = 0.25, 3.0
 STROKES_PER_DIP = 14  # at most; the design dips more often
 
@@ -83,7 +84,7 @@ OUTSIDE: tuple[Outside, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """A world before its effects have their strengths: `world` has none at all."""
+    """A world whose effects have no strengths yet: all effects of `world` are 0."""
 
     stratum: Stratum
     seed: int
@@ -98,12 +99,12 @@ class Sketch:
     misshaped: bool
 
     def with_strengths(self, strengths: tuple[float, ...]) -> World:
-        """The world with its causes at these strengths (an outside effect is none of the world's)."""
+        """The world with its causes at these strengths. An outside effect is not part of the world."""
         given = dict(zip(self.causes, strengths, strict=True)) if self.outside is None else {}
         if "orientation_width" in given:
             given["orientation_width"] = max(given["orientation_width"], WEAKEST)
         tool = self.world.tool
-        # Trailing bristles lie down. The studio lets them lie fully at any strength; here it comes with the strength.
+        # Trailing bristles lie down: fully at any strength in the studio, in proportion to the strength here.
         tool = replace(tool, elongation=tool.elongation * min(given.get("bristle_lag", 0.0), 1.0))
         return replace(self.world, tool=tool, effects=replace(self.world.effects, **given))
 
@@ -115,8 +116,8 @@ def sketch_world(
     tool: ToolName | None = None,
     q: float | None = None,
 ) -> Sketch:
-    """Draw a world of a stratum: tool, nuisances and hidden causes follow from `seed` alone, as far as `cause`, `tool`
-    and `q` do not say them.
+    """Draw a world of a stratum. Tool, nuisance parameters and hidden causes follow from `seed`, unless `cause`, `tool`
+    or `q` give them.
 
     Raises ConfigError where no tool can have the cause.
     """
@@ -129,15 +130,15 @@ def sketch_world(
     misshaped = bool(rng.random() < 0.5)
     count = int(rng.integers(2, 5))
     palette = np.array(PALETTE_SRGB)[rng.permutation(len(PALETTE_SRGB))[:count]]
-    told = load_tool(name)
-    if told.color_srgb is not None:
-        palette = np.array([told.color_srgb])
+    tool_file = load_tool(name)
+    if tool_file.color_srgb is not None:
+        palette = np.array([tool_file.color_srgb])
     else:
-        told = replace(told, strokes_per_dip=STROKES_PER_DIP)
+        tool_file = replace(tool_file, strokes_per_dip=STROKES_PER_DIP)
     world = with_nuisances(without_effects(load_world(name)), rng)
     world = misshapen(world, rng) if misshaped else _even(world)
     return Sketch(
-        stratum, seed, told, world, palette, causes, outside, wanted if q is None else (q,) * hidden, misshaped
+        stratum, seed, tool_file, world, palette, causes, outside, wanted if q is None else (q,) * hidden, misshaped
     )
 
 
@@ -149,7 +150,7 @@ def _draw_tool(rng: np.random.Generator, stratum: Stratum, cause: str | None, to
     if tool is not None:
         able = [t for t in able if t == tool]
     if not able:
-        raise ConfigError(f"No {tool or 'tool'} of the blind worlds can have the cause {cause!r}; see CAUSES.")
+        raise ConfigError(f"No {tool or 'tool'} of the simulated worlds can have the cause {cause!r}; see CAUSES.")
     return able[rng.integers(len(able))]
 
 
@@ -171,7 +172,7 @@ def without_effects(world: World) -> World:
 
 
 def with_nuisances(world: World, rng: np.random.Generator) -> World:
-    """Another sheet, mixture, camera and arm than the shipped ones; nothing of it is a cause."""
+    """Perturb sheet, paint, camera and arm; none of these changes is a cause."""
 
     def by(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
@@ -190,7 +191,7 @@ def with_nuisances(world: World, rng: np.random.Generator) -> World:
         keystone=world.camera.keystone * float(rng.uniform(-1, 1)),
         rotation_rad=world.camera.rotation_rad * float(rng.uniform(-1, 1)),
         blur_m=world.camera.blur_m * by(0.7, 1.6),
-        # From a good camera to a webcam by lamplight: 0.2 to 1.5 % of noise in a pixel of the table.
+        # From a good camera to a webcam in dim light: 0.2 to 1.5 % of noise in a pixel of the table.
         full_well=world.camera.full_well * by(0.01, 0.5),
         read_noise=world.camera.read_noise * by(0.6, 4.0),
         gradient=tuple(rng.choice([-1.0, 1.0], 2) * np.array(world.camera.gradient)),
@@ -216,14 +217,14 @@ def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _even(world: World) -> World:
-    """A well-groomed bundle and paint that levels: an imprint near to what a simple profile describes."""
+    """A well-groomed bundle and paint that levels: a footprint close to a simple profile."""
     tool = replace(world.tool, raggedness_m=_GROOMED * world.tool.raggedness_m)
     paint = replace(world.paint, levelling_m=_LEVEL * world.paint.levelling_m)
     return replace(world, tool=tool, paint=paint)
 
 
 def misshapen(world: World, rng: np.random.Generator) -> World:
-    """A bundle whose imprint is another than the simulation's simple disc in yet another way."""
+    """Perturb the bundle so that its footprint is not the simulation's simple disc."""
     tool = world.tool
     scale = np.exp(rng.uniform(-0.6, 0.6, 6))
     bent = replace(

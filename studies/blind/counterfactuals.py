@@ -1,9 +1,8 @@
-"""What a hidden effect adds to the error, and how much of that a verdict takes away again, in blind worlds and their
-twins: `python -m studies.twins [--strokes 8] [--pushes 8]`.
+"""How much error a hidden effect adds, and how much of it a verdict removes: `python -m studies.blind.counterfactuals`.
 
-A verdict's share of the gap is of all that a base gets wrong, its tool's shape included. A world's twin is the same
-world, with the same actions under the same chance, without the effect: what its base misses is what no cause could have
-explained. Writes docs/blind_twins.md.
+The verdict's fraction of the gap closed is relative to all errors of a base, its tool's shape included. The
+counterfactual world is the same world without the effect, with the same actions and random numbers: its base error is
+what no cause could have explained. Writes docs/counterfactual_worlds.md.
 """
 
 from __future__ import annotations
@@ -14,44 +13,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import studies.blind.make as strokes
-import studies.blind_pushes.make as pushes
 from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.verdict import DiagnosisResult
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from studies.blind.collect import as_table, record_world
-from studies.blind.design import view_of
 from studies.blind.one_world import ROOT
+from studies.blind.pushes import make as pushes
+from studies.blind.pushes.collect import as_table as as_push_table
+from studies.blind.pushes.collect import decoys, rows_with_and_without
+from studies.blind.pushes.verdict_of import verdict_on
+from studies.blind.pushes.worlds import sketch_world as sketch_pushes
 from studies.blind.score_card import STRONG_Q
 from studies.blind.series import seed_of
-from studies.blind.strength import StrengthError
+from studies.blind.strokes import make as strokes
+from studies.blind.strokes.collect import as_table, record_world
+from studies.blind.strokes.design import view_of
+from studies.blind.strokes.worlds import sketch_world as sketch_strokes
 from studies.blind.table import commit_of_head
-from studies.blind.worlds import sketch_world as sketch_strokes
-from studies.blind_pushes.collect import as_table as as_push_table
-from studies.blind_pushes.collect import decoys, rows_with_and_without
-from studies.blind_pushes.verdict_of import verdict_on
-from studies.blind_pushes.worlds import sketch_world as sketch_pushes
+from studies.blind.truth import StrengthError, Truth
 
-PAGE = ROOT / "docs" / "blind_twins.md"
-_SERIES = "twins"
+PAGE = ROOT / "docs" / "counterfactual_worlds.md"
+_SERIES = {"strokes": "twins of strokes", "pushes": "twins of pushes"}  # seeds are drawn from these texts
 _INTRODUCTION = """\
-# What a hidden effect adds, and what a verdict takes away
+# The error that a hidden effect adds, and the part that a verdict removes
 
-Written by `python -m studies.twins`; do not edit. Worlds of the blind tests of [strokes](blind_tests.md) and
-[pushes](blind_pushes.md) with one cause of q ≥ 0.2 that is named exactly. Each has a *twin*: the same world, actions
-and chance without the effect; of pushes on the same surfaces, too, so that each finds what the world's has left. Errors
-are of sealed rows over the noise floor: of the *base* in the world, of the *extended* model there, and of the base in
-the *twin*. *Gap closed* is the verdict's, (base − extended) / (base − 1): of all that the base gets wrong. *Of the
-effect* is (base − extended) / (base − twin): of what the effect adds to that, which is all that a cause can explain.
-Where it is above 1, the base fares better with the effect explained than without it: chance, or a shape that the
-cause's own numbers help to draw; a dash, where the base misses no less without the effect."""
+Written by `python -m studies.blind.counterfactuals`; do not edit. Worlds of the blind benchmarks of
+[strokes](blind_tests.md) and [pushes](blind_pushes.md) with one cause of q ≥ 0.2 that is named exactly. The
+*counterfactual* world has the same seed, actions and random numbers without the effect; pushes have the same surfaces,
+too. Errors are of the test split over the noise floor: of the *base* and the *extended* model in the world, and of the
+base in the *counterfactual* world. *Gap closed* is the verdict's, (base − extended) / (base − 1), relative to all
+errors of the base. *Of the effect* is (base − extended) / (base − counterfactual), relative to the error that the
+effect adds, which is all that a cause can explain. It is above 1 where the extended model's error is below the base's
+without the effect, by chance or because the cause's parameters also fit the tool's shape. A dash: the effect adds no
+error."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A world and its twin. Errors are of sealed rows, over the world's noise floor."""
+    """A world and its counterfactual. Errors are of the test split, over the world's noise floor."""
 
     cause: str
     tool: str
@@ -63,20 +63,18 @@ class Pair:
 
     @property
     def closed(self) -> float:
-        """Share of the gap above the floor."""
+        """Fraction of the gap above the floor that is closed."""
         return (self.base - self.extended) / (self.base - 1)
 
     @property
     def of_the_effect(self) -> float | None:
-        """Share of what the effect adds; None where it adds nothing."""
+        """Fraction of the error added by the effect that is removed; None where it adds none."""
         return (
             (self.base - self.extended) / (self.base - self.counterfactual) if self.counterfactual < self.base else None
         )
 
 
-def pair_of(
-    truth: strokes.Truth | pushes.Truth, world: DiagnosisResult, counterfactual: DiagnosisResult
-) -> Pair | None:
+def pair_of(truth: Truth, world: DiagnosisResult, counterfactual: DiagnosisResult) -> Pair | None:
     """None where the cause is not named exactly, or the floor is not known."""
     if tuple(finding.cause for finding in world.established) != truth.causes or world.floor is None:
         return None
@@ -88,10 +86,10 @@ def pair_of(
 
 
 def stroke_pair(seed: int) -> Pair | None:
-    """Of the world of strokes with this seed; None where its effect is faint, too, or not named.
+    """The pair of the world of strokes with this seed; None where its effect is faint or not named exactly.
 
     Raises:
-        StrengthError: its effect cannot be as strong as it is wanted.
+        StrengthError: no strength gives its effect the wanted energy.
     """
     sketch = sketch_strokes("one", seed)
     if sketch.q[0] < STRONG_Q:
@@ -112,7 +110,7 @@ def stroke_pair(seed: int) -> Pair | None:
 
 
 def push_pair(seed: int) -> Pair | None:
-    """The same of pushes."""
+    """The pair of the world of pushes with this seed; None where its effect is faint or not named exactly."""
     sketch = sketch_pushes("one", seed)
     if sketch.q[0] < STRONG_Q:
         return None
@@ -134,7 +132,7 @@ def page(of_strokes: Sequence[Pair], of_pushes: Sequence[Pair], commit: str) -> 
 
 def _table(pairs: Sequence[Pair]) -> str:
     rows = [
-        "| cause | tool | mis-shaped | q | base | extended | twin | gap closed | of the effect |",
+        "| cause | tool | mis-shaped | q | base | extended | counterfactual | gap closed | of the effect |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     rows += [
@@ -147,7 +145,7 @@ def _table(pairs: Sequence[Pair]) -> str:
 
 def _medians(pairs: Sequence[Pair]) -> str:
     shares = [pair.of_the_effect for pair in pairs if pair.of_the_effect is not None]
-    of_the_effect = f"{np.median(shares):.2f} (least {min(shares):.2f})" if shares else "–"
+    of_the_effect = f"{np.median(shares):.2f} (min {min(shares):.2f})" if shares else "–"
     return f"Medians: gap closed {np.median([pair.closed for pair in pairs]):.2f}, of the effect {of_the_effect}."
 
 
@@ -159,30 +157,30 @@ def _pairs(pair: Callable[[int], Pair | None], commit: str, series: str, wanted:
     index = found = 0
     while found < wanted:
         try:
-            made = pair(seed_of(commit, series, index))
+            found_pair = pair(seed_of(commit, series, index))
         except StrengthError as reason:
             print(reason)
-            made = None
+            found_pair = None
         index += 1
-        if made is not None:
+        if found_pair is not None:
             found += 1
-            print(f"{made.cause}, {made.tool}: {made.closed:.2f} closed, {_two(made.of_the_effect)}", flush=True)
-            yield made
+            print(f"{found_pair.cause}, {found_pair.tool}: {found_pair.closed:.2f} closed", flush=True)
+            yield found_pair
 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m studies.twins", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m studies.blind.counterfactuals", description=__doc__)
     parser.add_argument("--strokes", type=int, default=8, help="worlds")
     parser.add_argument("--pushes", type=int, default=8, help="worlds")
-    given = parser.parse_args()
+    args = parser.parse_args()
     commit, of_strokes, of_pushes = commit_of_head(), list[Pair](), list[Pair]()
     for pairs, pair, series, wanted in (
-        (of_strokes, stroke_pair, f"{_SERIES} of strokes", given.strokes),
-        (of_pushes, push_pair, f"{_SERIES} of pushes", given.pushes),
+        (of_strokes, stroke_pair, _SERIES["strokes"], args.strokes),
+        (of_pushes, push_pair, _SERIES["pushes"], args.pushes),
     ):
-        for made in _pairs(pair, commit, series, wanted):
-            pairs.append(made)
+        for found in _pairs(pair, commit, series, wanted):
+            pairs.append(found)
             atomic_write(PAGE, page(of_strokes, of_pushes, commit).encode())
 
 

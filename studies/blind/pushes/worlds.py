@@ -1,18 +1,16 @@
-"""Blind clay worlds: a studio world drawn by seed, with a tool, nuisances, and the causes that it hides."""
+"""Simulated worlds of pushes: a studio world drawn by seed, with a tool, nuisance parameters and hidden causes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Literal
 
 import numpy as np
 
 from pentimento.collection.push_design import PushCollectionConfig
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.studio.clay.world import ClayEffects, ClayWorld, load_clay_world
-
-Stratum = Literal["none", "one", "two", "outside"]
+from studies.blind.series import Stratum
 
 GEOMETRIC = ("height_offset", "tool_backlash")
 MATERIAL = (
@@ -21,12 +19,12 @@ MATERIAL = (
 CAUSES = (*GEOMETRIC, *MATERIAL)
 STRENGTHS_Q = (0.1, 0.2, 0.4)
 TOOLS = ("ball", "ball_small")
-"""Rigid ones: a soft tool gives way where it presses most, which nothing in the scans tells from springback."""
+"""Rigid tools only: the scans cannot distinguish the compliance of a soft tool from springback."""
 
 
 @dataclass(frozen=True)
 class Outside:
-    """An effect that no cause of the vocabulary describes: of the studio, and the mode and column that it shows in."""
+    """An effect of the studio that no cause of the vocabulary describes, and its mode and covariate."""
 
     effect: str
     mode: str
@@ -42,7 +40,7 @@ OUTSIDE = (
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """A world before its effects have their strengths: `world` has none at all."""
+    """A world whose effects have no strengths yet: all effects of `world` are 0."""
 
     stratum: Stratum
     seed: int
@@ -66,8 +64,8 @@ class Sketch:
 
 
 def sketch_world(stratum: Stratum, seed: int, cause: str | None = None, q: float | None = None) -> Sketch:
-    """Draw a world of a stratum: tool, nuisances and hidden causes follow from `seed` alone, as far as `cause` and `q`
-    do not say them.
+    """Draw a world of a stratum. Tool, nuisance parameters and hidden causes follow from `seed`, unless `cause` or `q`
+    give them.
     """
     rng = np.random.default_rng([seed, 51])
     tool = TOOLS[rng.integers(len(TOOLS))]
@@ -103,7 +101,7 @@ def _without_effects(world: ClayWorld) -> ClayWorld:
 
 
 def _nuisances(world: ClayWorld, rng: np.random.Generator) -> ClayWorld:
-    """Another material, slab, arm, scanner and room than the shipped ones; nothing of it is a cause."""
+    """Perturb material, slab, arm, scanner and room; none of these changes is a cause."""
 
     def by(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
@@ -130,7 +128,7 @@ def _nuisances(world: ClayWorld, rng: np.random.Generator) -> ClayWorld:
 
 
 def _misshapen(world: ClayWorld, tool: str, rng: np.random.Generator) -> ClayWorld:
-    """The tool's sides are another curve than a ball's: a flattened tip, and another steepness further out."""
+    """Give the tool a flattened tip and sides that are not a ball's."""
     shape = world.tools[tool]
     flat = replace(
         shape,

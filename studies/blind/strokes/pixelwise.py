@@ -1,8 +1,8 @@
-"""A rival of the gap finder: causes by the likelihood of pixels, as if each erred by itself (docs/diagnosis.md §1).
+"""A baseline for the diagnosis: selects causes by the likelihood of pixels, as if pixel errors were independent.
 
 At the fitted base, forward selection by the Bayesian information criterion (Schwarz 1978) on the quadratic model of
-the squared error: n log(error) + k log(n) over all n pixel values. It has the same base and the same candidates as
-the gap finder, and not its unit, the action.
+the squared error: n log(error) + k log(n) over all n pixel values. Base and candidates are those of the diagnosis; its
+unit of observation is the pixel and not the action.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 
 def named_by_pixels(base: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> tuple[str, ...]:
-    """The causes that it names, in their order."""
+    """The selected causes, in order of selection."""
     candidates: list[Mechanism] = []
     for kind in vocabulary:
         try:
@@ -49,10 +49,10 @@ def select(
     """Forward selection on sums over all rows.
 
     Args:
-        curvature, slope, energy: JᵀJ [P, P], Jᵀr [P] and rᵀr of all numbers.
-        held: those of the base, always in the model.
-        columns: those of each candidate.
-        n: how many values the energy is a sum of.
+        curvature, slope, energy: JᵀJ [P, P], Jᵀr [P] and rᵀr of all parameters.
+        held: indices of the base's parameters, which are always in the model.
+        columns: indices of each candidate's parameters.
+        n: number of squared values in `energy`.
     """
 
     def error(index: Array) -> float:

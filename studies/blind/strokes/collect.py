@@ -1,7 +1,7 @@
-"""The robot executes a blind world's design and records it in the `strokes` contract.
+"""Executes the design of a simulated world and records it in the `strokes` contract.
 
-Commands go through the same guard, `execute_stroke`, memory, rectification and `record_stroke` as the pipeline's
-collection; only the camera reads out a part of its frame, which makes a world take seconds.
+Guard, `execute_stroke`, memory, rectification and `record_stroke` are those of the pipeline's collection. The camera
+reads out a part of its frame only, so that a world takes seconds.
 """
 
 from collections.abc import Collection, Sequence
@@ -25,15 +25,15 @@ from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import Tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.world import World
-from studies.blind.design import Command, View
-from studies.blind.paint_context import Disturbance, PaintContext
+from studies.blind.strokes.design import Command, View
+from studies.blind.strokes.paint_context import Disturbance, PaintContext
 
-SKIPPED_S = 12.0  # time that a stroke takes which is skipped
+SKIPPED_S = 12.0  # duration of a skipped stroke
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What is recorded: rows of the contract in order, and the images again as arrays.
+    """Rows of the contract in order, and their images as arrays.
 
     before, after: lists of uint8 sRGB [H, W, 3].
     """
@@ -58,7 +58,7 @@ def record_world(
 
     Args:
         disturbances: one for each command, or none at all.
-        sheets: only these are painted; the tool ages and time passes as if the others had been, too.
+        sheets: only these are painted; tool age and time advance as if the others were painted, too.
         realisation: of everything that differs between repeats (see `PaintContext`).
     """
     paint_context = PaintContext(world, seed, realisation)
@@ -104,7 +104,7 @@ def record_world(
 
 
 def as_table(recording: Recording, columns: dict[str, NDArray[np.float64]]) -> pa.Table:
-    """Rows as a table of the contract, with further columns float64[rows] beside it."""
+    """Rows as a table of the contract with additional columns float64[rows]."""
     schema = arrow_schema(CONTRACT, include_optional=set(recording.rows[0]))
     table = pa.Table.from_pylist(recording.rows, schema=schema)
     for name, values in columns.items():

@@ -1,11 +1,11 @@
-"""What the robot is told to do in a blind world: 96 single actions and 24 actions three times, 168 strokes.
+"""The designs of strokes of a simulated world: 96 single actions and 24 repeated three times, 168 strokes.
 
-`randomised` draws place, heading, length, bend, press, speed, yaw, paint, dips and waits jointly at random; a part of
-the single strokes crosses paint that is still wet. A repeated action is always dipped for and finds blank paper,
-so that its repeats differ by noise and by the session's slow drifts alone.
+`randomised` draws place, heading, length, bend, press, speed, yaw, paint, dips and waits independently; some of the
+single strokes cross paint that is still wet. A repeated action always follows a dip and lies on blank paper, so that
+its repeats differ only by noise and by the session's slow drifts.
 
-`raster` is the design that imitates causes with each other: rows of strokes of one heading from the lower left to the
-upper right, a dip at each row's start. Its 24 repeated actions stand at the same places of three sheets.
+`raster` aliases causes with each other: rows of strokes with one heading from the lower left to the upper right, a dip
+at the start of each row. Its 24 repeated actions have the same places on three sheets.
 """
 
 from dataclasses import dataclass, replace
@@ -19,13 +19,13 @@ from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import Tool
 
 SHEETS, SINGLES, REPEATED, TIMES = 6, 96, 24, 3
-CROSSING = 0.4  # of the single strokes aim at paint of their sheet
-RECENT = 8  # strokes back to which they aim
-DIP_SHARE = 0.12  # of the single strokes dipped for although the load would do
-LONG_WAIT = 0.4  # of the strokes that are photographed late
-WAITS_S = (1.0, 200.0)
-EDGE_M = 0.008
-TRIES = 400
+CROSSING = 0.4  # share of the single strokes that are placed over paint of their sheet
+RECENT = 8  # strokes: how far back that paint may be
+DIP_SHARE = 0.12  # share of the single strokes with an extra dip
+LONG_WAIT = 0.4  # share of the strokes that are photographed late
+WAITS_S = (1.0, 200.0)  # log-uniform
+EDGE_M = 0.008  # blank border of the canvas
+TRIES = 400  # paths drawn to find one without overlap
 RASTER_ROWS, RASTER_COLUMNS = 7, 8
 POINTS = 24
 
@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """What a photographed window shows: `long_px` × `short_px`, lying or upright as the stroke does."""
+    """A photographed window: `long_px` × `short_px`, its longer side along the stroke's longer extent."""
 
     long_px: int
     short_px: int
@@ -45,7 +45,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """One stroke to be made. `path` [24, 5] in the canvas frame, `window_px` (column, row, width, height) of the
+    """One stroke to execute. `path` [24, 5] in the canvas frame, `window_px` (column, row, width, height) of the
     canvas's image, `wait_s` before it is photographed."""
 
     action_id: int
@@ -167,8 +167,8 @@ def _search(
     tool: Tool,
     view: View,
 ) -> FloatArray:
-    """A path about one of the points [N, 2], give or take `spread_m` (None: anywhere), that overlaps the fewest of
-    `taken`; none, if that is found in time."""
+    """A path near one of the points [N, 2], with standard deviation `spread_m` (None: uniform), that overlaps the min
+    number of the paths `taken`."""
     boxes = np.array([window_around(path, 0.4 * tool.nominal_width_m) for path in taken]).reshape(-1, 4)
     best, fewest = None, np.inf
     for _ in range(TRIES):
@@ -234,7 +234,8 @@ def _command(
 
 
 def _window_px(rng: np.random.Generator, path: FloatArray, view: View, canvas: FloatArray) -> tuple[int, int, int, int]:
-    """The window about the path, shifted a little, on the canvas: column, row, width, height in its image."""
+    """The window around the path with a random shift of up to 2 px: column, row, width, height in the canvas's
+    image."""
     low, high = path[:, 1:3].min(axis=0), path[:, 1:3].max(axis=0)
     lying = high[0] - low[0] >= high[1] - low[1]
     size = np.array([view.long_px, view.short_px] if lying else [view.short_px, view.long_px])

@@ -1,20 +1,19 @@
-"""How strong an effect is, and the strength that gives a wanted one.
+"""The energy q of an effect on strokes, and the strength that gives a wanted q.
 
-q is the energy of an effect that the simulation's base cannot absorb, over the noise floor. It is measured in pairs:
-the same commands are executed with and without the effect under the same random numbers, twice, in two realisations of
+q is the energy of an effect that the base model cannot absorb, over the noise floor. It is measured in pairs: the same
+commands are executed with and without the effect under the same random numbers, twice, in two realisations of
 everything that differs between repeats. With `a` the coverage of a row's stroke without the effect,
 
     D_r = (after' − after) − (1 − a) (before' − before)          of realisation r, sRGB in [0, 1], whole windows
 
-is what the effect changes in a prediction from `before`. One amplitude, one width, one width in proportion to the
-press, one blur, one profile across the stroke and one extent of either end for the whole world, fitted to D by least
-squares, are what a base refit would absorb; R_r is the rest.
-An effect also moves strokes over other grain, which looks like a difference and is only other noise. It is
-independent between the two realisations, so that
+is the change of a prediction from `before` by the effect. A refit of the base would absorb one amplitude, one width,
+one width in proportion to the press, one blur, one profile across the stroke and one extent of either end for the whole
+world, fitted to D by least squares; R_r is the residual. An effect also moves strokes to other paper grain, which adds
+noise that is independent between the two realisations, so that
 
     q = Σ ⟨R_1, R_2⟩ / Σ ½ ‖N‖²,   N = (after_1 − after_2) − (1 − a) (before_1 − before_2)  without the effect,
 
-counts the systematic part alone.
+counts the systematic part only.
 """
 
 from collections.abc import Sequence
@@ -25,13 +24,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.images import decode_png
 from pentimento.studio.world import World
-from studies.blind.collect import Recording, record_world
-from studies.blind.design import Command, View
-from studies.blind.paint_context import Disturbance, Mode
-from studies.blind.worlds import Outside, Sketch
+from studies.blind.strokes.collect import Recording, record_world
+from studies.blind.strokes.design import Command, View
+from studies.blind.strokes.paint_context import Disturbance, Mode
+from studies.blind.strokes.worlds import Outside, Sketch
+from studies.blind.truth import Strength, StrengthError
 
 STRONGEST = 12.0
 CEILING: dict[str | None, float] = {
@@ -41,10 +40,10 @@ CEILING: dict[str | None, float] = {
     "wet_mixing": 2.5,  # a stroke stirs more than all
     "canvas_tilt": 4.0,
 }
-"""The strongest that still is physics; `STRONGEST` for the other causes."""
-TOLERANCE = 0.15
-EVALUATIONS = 5
-REALISATIONS = (1, 2)  # 0 is the one that goes into the table
+"""Max strength that is still physical; `STRONGEST` for the other causes."""
+TOLERANCE = 0.15  # relative, of q
+EVALUATIONS = 5  # max number of strengths tried
+REALISATIONS = (1, 2)  # 0 is recorded in the table
 UNIT: dict[Mode, float] = {
     "width": 0.15,
     "amplitude": 0.4,
@@ -54,7 +53,7 @@ UNIT: dict[Mode, float] = {
     "canvas_x": 0.001,
     "canvas_y": 0.001,
 }
-"""What a disturbance of strength 1 amounts to at one standard deviation of its column."""
+"""Amount of a disturbance of strength 1 at one standard deviation of its column (metres for shifts, else relative)."""
 USUAL: dict[str | None, float] = {
     "bristle_lag": 0.035,
     "path_offset": 0.04,
@@ -77,31 +76,18 @@ USUAL: dict[str | None, float] = {
     "illumination_gradient": 2.5,
     None: 0.2,
 }
-"""Where the search for a strength begins: what usually gives START_Q. None: an outside effect."""
+"""Start of the search for a strength: what typically gives START_Q. None: an outside effect."""
 START_Q = 0.2
 _HALOS_PX = (1.0, 2.0, 4.0)
 _MODES = 8 + len(_HALOS_PX)
-LARGEST_CHANGE = 0.8  # of a width, an amplitude or a blur
+LARGEST_CHANGE = 0.8  # max relative decrease of a width, an amplitude or a blur
 
 FloatArray = NDArray[np.float64]
 
 
-class StrengthError(PentimentoError):
-    """An effect cannot be made as strong as it is wanted in this world."""
-
-
-@dataclass(frozen=True)
-class Strength:
-    """A strength of an effect, and what it gives: q with its standard error over the strokes."""
-
-    strength: float
-    q: float
-    q_se: float
-
-
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A part of a world's design, recorded without the effect in both realisations."""
+    """A part of a world's design, recorded in both realisations without the effect."""
 
     sketch: Sketch
     commands: Sequence[Command]
@@ -113,7 +99,7 @@ class Trial:
 
 
 def prepare_trial(sketch: Sketch, commands: Sequence[Command], view: View, column: FloatArray | None) -> Trial:
-    """Record the sheets at a quarter and three quarters of the session, whose spread of age is the whole session's."""
+    """Record the sheets at a quarter and three quarters of the session, which represent its range of tool age."""
     last = commands[-1].sheet
     sheets = tuple(sorted({round(0.25 * last), round(0.75 * last)}))
     silent = sketch.with_strengths((0.0,) * len(sketch.causes))
@@ -125,7 +111,7 @@ def measure(trial: Trial, cause: str | None, strength: float) -> Strength:
     """q of one cause alone (None: the outside effect) at a strength."""
     sketch = trial.sketch
     given: list[Disturbance] = []
-    world = sketch.world  # an outside effect is none of the world's
+    world = sketch.world  # an outside effect is not part of the world
     if cause is None:
         assert sketch.outside is not None and trial.column is not None
         given = disturbances(sketch.outside, trial.column, strength)
@@ -136,9 +122,9 @@ def measure(trial: Trial, cause: str | None, strength: float) -> Strength:
 
 
 def find_strength(trial: Trial, cause: str | None, q: float) -> Strength:
-    """The strength at which the effect has the wanted q, to about 15 %, by secants over the logarithms.
+    """The strength at which the effect has the wanted q within about 15 %, by the secant method on logarithms.
 
-    Raises StrengthError where even the strongest effect stays below.
+    Raises StrengthError where the max strength stays below.
     """
     strongest = CEILING.get(cause, STRONGEST)
     tried = [measure(trial, cause, min(USUAL[cause] * float(np.sqrt(q / START_Q)), strongest))]
@@ -162,7 +148,7 @@ def find_strength(trial: Trial, cause: str | None, q: float) -> Strength:
 
 
 def disturbances(outside: Outside, column: FloatArray, strength: float) -> list[Disturbance]:
-    """One disturbance for each row of a standardised column: a saturating, slightly crooked dependence."""
+    """One disturbance for each row of a standardised column: a saturating, slightly asymmetric dependence."""
     bent = np.tanh(0.7 * column + 0.15 * column**2) / 0.7
     amounts = strength * UNIT[outside.mode] * bent
     if outside.mode in ("width", "amplitude", "blur"):
@@ -171,7 +157,7 @@ def disturbances(outside: Outside, column: FloatArray, strength: float) -> list[
 
 
 def _secant(tried: list[Strength], q: float) -> float:
-    """The next strength: on the power law through the two nearest trials, or on a square law from one."""
+    """The next strength, from the power law through the two nearest trials, or a square law through one."""
     near = sorted(tried, key=lambda t: abs(np.log(max(t.q, 1e-4) / q)))
     s0, q0 = near[0].strength, max(near[0].q, 0.02 * q)
     power = 2.0

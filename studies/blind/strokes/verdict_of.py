@@ -1,7 +1,7 @@
-"""The verdict on one table, and nothing else: `python -m studies.blind.verdict_of table.parquet verdict.json`.
+"""The verdict on one table of strokes: `python -m studies.blind.strokes.verdict_of table.parquet verdict.json`.
 
-Runs in a process of its own, which is given the table alone. It does what `pentimento diagnose` does, without the
-report; beside the verdict stands what the likelihood of pixels would have named.
+Runs in a process of its own, which gets the table alone. Does what `pentimento diagnose` does, without the report, and
+adds the causes that the likelihood of pixels would select.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, pain
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from studies.blind.pixelwise import named_by_pixels
+from studies.blind.strokes.pixelwise import named_by_pixels
 
 
 def verdict_on(
@@ -34,8 +34,8 @@ def verdict_on(
     """The verdict on rows of the strokes contract.
 
     Args:
-        outside: another table, for the share of the gap that is closed there.
-        without: a cause that is taken out of the vocabulary.
+        outside: a table out of distribution, on which the fraction of the gap closed is measured, too.
+        without: a cause to remove from the vocabulary.
     """
     measured = load_measured(usable_rows(table).table)
     vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
@@ -48,18 +48,18 @@ def verdict_on(
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="python -m studies.blind.verdict_of", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m studies.blind.strokes.verdict_of", description=__doc__)
     parser.add_argument("table", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--test", type=Path, help="an outside table")
-    parser.add_argument("--without", help="a cause that is taken out of the vocabulary")
-    parser.add_argument("--next-actions", type=Path, help="where the proposed actions are to be written")
+    parser.add_argument("--test", type=Path, help="a table out of distribution")
+    parser.add_argument("--without", help="a cause to remove from the vocabulary")
+    parser.add_argument("--next-actions", type=Path, help="file for the proposed actions")
     given = parser.parse_args()
     table = read_table(given.table, CONTRACT).table
     outside = None if given.test is None else read_table(given.test, CONTRACT).table
-    started = time.process_time()  # of one thread: others may be at work on the machine
-    said, found, measured = verdict_on(table, given.seed, outside, given.without)
+    started = time.process_time()  # not wall time: other processes may run on the machine
+    result, found, measured = verdict_on(table, given.seed, outside, given.without)
     seconds = time.process_time() - started
     if given.next_actions is not None:
         buffer = io.BytesIO()
@@ -67,8 +67,8 @@ def main() -> None:
         atomic_write(given.next_actions, buffer.getvalue())
     seen = measured.pick(np.sort(np.concatenate(found.splits[:2])))
     pixelwise = named_by_pixels(found.base, seen, VOCABULARY)
-    result = {"verdict": said, "pixelwise": pixelwise, "seconds": round(seconds, 2)}
-    atomic_write(given.out, (json.dumps(result) + "\n").encode())
+    output = {"verdict": result, "pixelwise": pixelwise, "seconds": round(seconds, 2)}
+    atomic_write(given.out, (json.dumps(output) + "\n").encode())
 
 
 if __name__ == "__main__":

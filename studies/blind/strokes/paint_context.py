@@ -1,5 +1,5 @@
-"""A studio for many short recordings: the camera reads out only the part of its frame that is asked for, and
-one stroke after another can be disturbed in a way that no effect of the studio knows.
+"""A studio for many short recordings: the camera reads out only a part of its frame, and single strokes can be
+disturbed by effects that the studio does not have.
 """
 
 from dataclasses import dataclass, replace
@@ -18,15 +18,15 @@ from pentimento.studio.world import World
 
 Mode = Literal["width", "amplitude", "blur", "tangential", "normal", "canvas_x", "canvas_y"]
 
-REALISATION = 1_000_000  # items of one kind in a recording: fewer than this
-PAD_PX = 6  # of the camera round the part that is read out: the lens's blur comes from there
+REALISATION = 1_000_000  # max number of items of one kind in a recording
+PAD_PX = 6  # of the frame around the part that is read out, for the blur of the lens
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What happens to one stroke: `amount` is metres for shifts, a relative change for the other modes."""
+    """An effect on one stroke: `amount` is metres for shifts, a relative change for the other modes."""
 
     mode: Mode
     amount: float
@@ -85,12 +85,12 @@ class PaintContext(Studio):
         return super().stroke(path + shift) - shift
 
     def skip(self, drawn_m: float, seconds: float) -> None:
-        """Let the tool wear and time pass as if strokes of this length had been made."""
+        """Advance tool wear and time as if strokes of this length had been painted."""
         self._worn_m += drawn_m
         self.clock_s += seconds
 
     def _look(self) -> None:
-        """As `Studio._look`, only where the camera reads out: what is not seen need not be brought up to date."""
+        """As `Studio._look`, only for the part that the camera reads out."""
         if self._region is None:
             super()._look()
             return
@@ -119,10 +119,10 @@ class PaintContext(Studio):
 
 
 def _rounded(place: FloatArray, world: World) -> FloatArray:
-    """The places [B, 2] of a flat tool's bristles, drawn into a disc as far as it lacks its orientation.
+    """The places [B, 2] of a flat tool's bristles, blended from a disc (orientation 0) to a square (orientation 1).
 
-    Without this a square bundle would be left of a flat brush when `orientation_width` tends to 0, and its width
-    would still depend on the heading: the effect would have a jump at 0.
+    Otherwise the square bundle's width would still depend on the heading at `orientation_width` 0: the effect would be
+    discontinuous there.
     """
     square = (np.abs(place) ** 5).sum(axis=1) ** 0.2
     disc = place * (square / np.maximum(np.linalg.norm(place, axis=1), 1e-9))[:, None]
@@ -131,11 +131,11 @@ def _rounded(place: FloatArray, world: World) -> FloatArray:
 
 
 def _balanced(bundle: Bundle) -> Bundle:
-    """Every fourth bristle, and each of these three times more, a quarter turn on, as long and as wet.
+    """A bundle with fourfold symmetry: every fourth bristle and its three rotations by quarter turns.
 
-    The bundle of a tool that keeps its arm's orientation does not turn with the stroke: what presses harder on one side
-    would shift all strokes alike, and a `path_offset` would be hidden beside the `orientation_width`. What reaches
-    further to the sides than ahead would be such a width itself, at no strength of it.
+    The bundle of a tool that keeps its arm's orientation does not turn with the stroke. Asymmetric pressure would shift
+    all strokes by a constant, which is a `path_offset`, and an anisotropic bundle would have an `orientation_width` at
+    strength 0.
     """
     place, short, wetting = bundle.place[::4], bundle.short_m[::4], bundle.wetting[::4]
     turned = [place]

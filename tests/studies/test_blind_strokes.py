@@ -1,4 +1,4 @@
-"""Blind worlds: drawn by seed, hidden well, and as strong as they are said to be."""
+"""Simulated worlds of strokes: seeds, designs, effect energies and the other tables of a world."""
 
 import hashlib
 import json
@@ -14,13 +14,18 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.studio.world import Effects
-from studies.blind.collect import Recording, as_table, record_world
 from studies.blind.decoys import COLUMNS, draw_decoys
-from studies.blind.design import REPEATED, SINGLES, TIMES, Command, randomised, raster, view_of
-from studies.blind.make import Truth, commands_of, make_world, write_world
-from studies.blind.paint_context import Disturbance, Mode, PaintContext
-from studies.blind.strength import Strength, Trial, disturbances, measure
-from studies.blind.worlds import CAUSES, OUTSIDE, Outside, Sketch, sketch_world
+from studies.blind.one_world import with_shuffled
+from studies.blind.series import COLUMNS as CAUSE_COLUMNS
+from studies.blind.strokes.collect import Recording, as_table, record_world
+from studies.blind.strokes.design import REPEATED, SINGLES, TIMES, Command, randomised, raster, view_of
+from studies.blind.strokes.make import commands_of, make_world
+from studies.blind.strokes.other_tables import commands_from, shifted_table, with_doubled
+from studies.blind.strokes.paint_context import Disturbance, Mode, PaintContext
+from studies.blind.strokes.pixelwise import select
+from studies.blind.strokes.strength import Trial, disturbances, measure
+from studies.blind.strokes.worlds import CAUSES, OUTSIDE, Outside, Sketch, sketch_world
+from studies.blind.truth import Strength, StrengthError, Truth, write_world
 
 ROWS = SINGLES + REPEATED * TIMES
 LINE = np.column_stack([np.linspace(0, 0.5, 8), np.linspace(0.05, 0.08, 8), *np.tile([[0.1], [-4e-4], [0]], 8)])
@@ -45,7 +50,7 @@ def few_trial() -> Trial:
     return Trial(sketch, some, view_of(sketch.tool, fine=False), None, (0,), quiet)
 
 
-def test_seed_decides_everything() -> None:
+def test_equal_seeds_give_equal_worlds_and_tables() -> None:
     one, two = (sketch_world("one", 5, tool="marker") for _ in range(2))
     assert one.world == two.world and one.causes == two.causes and one.q == two.q
     tables = [as_table(record(s, commands(s)[:2], (0.7,)), draw_decoys(2, s.seed)) for s in (one, two)]
@@ -56,7 +61,7 @@ def test_seed_decides_everything() -> None:
     assert str(again.to_pylist()) != str(tables[0].to_pylist())
 
 
-def test_a_world_of_stratum_none_hides_nothing(tmp_path: Path) -> None:
+def test_world_of_stratum_none_has_no_effects_and_a_valid_table(tmp_path: Path) -> None:
     sketch = sketch_world("none", 4, tool="marker")
     table, truth = make_world(sketch)
     assert set(asdict(sketch.with_strengths(()).effects).values()) == {0.0}
@@ -69,8 +74,8 @@ def test_a_world_of_stratum_none_hides_nothing(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "truth.json").read_text())["stratum"] == "none"
 
 
-def test_the_table_tells_nothing_of_the_truth() -> None:
-    """Hidden or not, the same columns, metadata, texts and covariates stand beside the images."""
+def test_table_does_not_leak_the_truth() -> None:
+    """Columns, metadata, texts and covariates are the same with and without the effect."""
     hidden = sketch_world("one", 3, cause="path_offset", tool="marker")
     blank = replace(hidden, stratum="none", causes=(), q=())
     some = commands(hidden)[:2]
@@ -78,8 +83,8 @@ def test_the_table_tells_nothing_of_the_truth() -> None:
     with_effect = as_table(record(hidden, some, (3.0,)), decoys)
     without = as_table(record(blank, some), decoys)
     assert with_effect.schema.equals(without.schema, check_metadata=True)
-    told = [name for name in without.column_names if name not in ("before", "after", "measured_path")]
-    assert str(with_effect.select(told).to_pylist()) == str(without.select(told).to_pylist())
+    shown = [name for name in without.column_names if name not in ("before", "after", "measured_path")]
+    assert str(with_effect.select(shown).to_pylist()) == str(without.select(shown).to_pylist())
     assert not with_effect.select(["after"]).equals(without.select(["after"]))
     texts = json.dumps([row for row in with_effect.drop_columns(["before", "after"]).to_pylist()]).lower()
     assert not any(name in texts for name in ("path_offset", "strength", "truth", "cause", "stratum"))
@@ -87,7 +92,7 @@ def test_the_table_tells_nothing_of_the_truth() -> None:
 
 
 @pytest.mark.parametrize("stratum", ["one", "raster"])
-def test_designs_repeat_24_actions_three_times(stratum: str) -> None:
+def test_designs_repeat_24_actions_three_times_on_different_sheets(stratum: str) -> None:
     sketch = sketch_world("raster" if stratum == "raster" else "one", 8, tool="round_brush")
     design = commands(sketch)
     times = np.bincount([c.action_id for c in design])
@@ -102,7 +107,7 @@ def test_designs_repeat_24_actions_three_times(stratum: str) -> None:
             )  # fmt: skip
 
 
-def test_randomised_design_is_not_confounded_and_a_raster_is() -> None:
+def test_place_correlates_with_order_only_in_raster_design() -> None:
     sketch = sketch_world("one", 8, tool="round_brush")
     view, size = view_of(sketch.tool, fine=False), sketch.world.paper.size_m
 
@@ -116,7 +121,7 @@ def test_randomised_design_is_not_confounded_and_a_raster_is() -> None:
     assert correlation(raster(sketch.tool, size, sketch.palette_srgb, view, 8)) > 0.95
 
 
-def test_strokes_cross_wet_paint_but_repeated_ones_do_not() -> None:
+def test_single_strokes_cross_wet_paint_and_repeated_strokes_do_not() -> None:
     sketch = sketch_world("none", 2, tool="round_brush")
     design = [c for c in commands(sketch) if c.sheet == 0]
     rows = record(sketch, design).rows
@@ -126,7 +131,7 @@ def test_strokes_cross_wet_paint_but_repeated_ones_do_not() -> None:
     assert np.mean(np.isfinite(single)) > 0.3 and not np.isfinite(repeated).any()
 
 
-def test_a_flat_tool_of_no_orientation_reaches_as_far_aside_as_ahead() -> None:
+def test_flat_tool_without_orientation_width_has_an_isotropic_bundle() -> None:
     sketch = sketch_world("one", 5, "orientation_width", "flat_brush")
     bundle = PaintContext(sketch.with_strengths((0.0,)), 5)._bundle
     for weight in (bundle.short_m, bundle.wetting, np.ones(len(bundle.place))):
@@ -135,7 +140,7 @@ def test_a_flat_tool_of_no_orientation_reaches_as_far_aside_as_ahead() -> None:
         assert aside == pytest.approx(ahead) and skew == pytest.approx(0.0, abs=1e-9)
 
 
-def test_windows_are_small_and_hold_the_whole_path() -> None:
+def test_windows_have_the_wanted_size_and_contain_the_path() -> None:
     sketch = sketch_world("none", 2, tool="flat_brush")
     for fine, size in ((False, {64, 48}), (True, {128, 96})):
         view = view_of(sketch.tool, fine)
@@ -147,7 +152,7 @@ def test_windows_are_small_and_hold_the_whole_path() -> None:
             assert np.all((command.path[:, 1:3] > (x_min, y_min)) & (command.path[:, 1:3] < (x_max, y_max)))
 
 
-def test_reading_out_a_part_shows_what_the_whole_frame_shows() -> None:
+def test_partial_readout_equals_the_whole_frame() -> None:
     world = sketch_world("none", 2, tool="marker").world
     quiet = replace(world, camera=replace(world.camera, full_well=1e12, read_noise=0.0))
     whole, part = PaintContext(quiet, 3), PaintContext(quiet, 3)
@@ -160,17 +165,17 @@ def test_reading_out_a_part_shows_what_the_whole_frame_shows() -> None:
 
 
 @pytest.mark.parametrize("cause", ["path_offset", "speed_density"])
-def test_q_grows_with_strength(cause: str) -> None:
+def test_energy_increases_with_strength(cause: str) -> None:
     weak, strong = (measure(few_trial(), cause, strength).q for strength in (0.5, 1.5))
     assert 0 < weak < strong
 
 
-def test_an_effect_of_no_strength_has_no_q() -> None:
+def test_effect_of_strength_zero_has_no_energy() -> None:
     assert measure(few_trial(), "path_offset", 0.0).q == 0.0
 
 
-def test_the_base_absorbs_a_constant_amplitude() -> None:
-    """An amplitude that changes from stroke to stroke is an effect; the same for all strokes is a calibration."""
+def test_base_absorbs_a_constant_amplitude() -> None:
+    """An amplitude that varies between strokes is an effect; a constant one is calibrated away."""
     outside = Outside("amplitude", "temperature_c")
     trial = replace(few_trial(), sketch=replace(few_trial().sketch, causes=(), outside=outside, q=(0.2,)))
     column = np.linspace(-1.5, 1.5, len(trial.commands))
@@ -181,7 +186,7 @@ def test_the_base_absorbs_a_constant_amplitude() -> None:
 
 @cache
 def disturbed_photos(disturbance: Disturbance) -> tuple[np.ndarray, np.ndarray]:
-    """Of one stroke with the disturbance, and of one after it."""
+    """Photographs of one stroke with the disturbance and of the next one without it."""
     paint_context = PaintContext(sketch_world("none", 2, tool="marker").world, 3)
     paint_context.read_out([220.0, 360.0, 340.0, 410.0])
     paint_context.disturb(disturbance)
@@ -194,28 +199,28 @@ def disturbed_photos(disturbance: Disturbance) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("mode", sorted({o.mode for o in OUTSIDE}))
-def test_each_disturbance_changes_the_photo_and_then_ends(mode: Mode) -> None:
+def test_disturbance_changes_only_its_own_stroke(mode: Mode) -> None:
     amount = {"width": 0.5, "amplitude": 0.5, "blur": 2.0}.get(mode, 0.002)
     plain, disturbed = disturbed_photos(Disturbance("width", 0.0)), disturbed_photos(Disturbance(mode, amount))
     moved = [np.abs(a.astype(int) - b).max() for a, b in zip(plain, disturbed, strict=True)]
     assert moved[0] > 30 and moved[0] > 2 * moved[1]
 
 
-def test_shift_of_the_canvas_is_hidden_from_the_encoders() -> None:
+def test_encoders_do_not_measure_a_normal_shift() -> None:
     world = sketch_world("none", 2, tool="marker").world
     plain, shifted = PaintContext(world, 3), PaintContext(world, 3)
     shifted.disturb(Disturbance("normal", 0.003))
     np.testing.assert_allclose(plain.stroke(LINE), shifted.stroke(LINE), atol=1e-12)
 
 
-def test_disturbances_follow_their_column() -> None:
+def test_disturbance_amounts_increase_with_their_column() -> None:
     column = np.linspace(-2, 2, 9)
     amounts = [d.amount for d in disturbances(Outside("width", "humidity"), column, 1.0)]
     assert np.all(np.diff(amounts) >= 0) and amounts[4] == 0.0
     assert np.all(np.diff([d.amount for d in disturbances(Outside("width", "humidity"), column, 2.0)]) >= 0)
 
 
-def test_decoys_vary_and_a_lively_one_does_not_drift() -> None:
+def test_decoys_vary_and_a_lively_decoy_has_no_trend() -> None:
     columns = draw_decoys(ROWS, 1, lively="temperature_c")
     assert set(columns) == set(COLUMNS)
     for seed in range(20):
@@ -225,7 +230,7 @@ def test_decoys_vary_and_a_lively_one_does_not_drift() -> None:
                 assert abs(np.corrcoef(values, np.arange(ROWS))[0, 1]) < 0.5
 
 
-def test_causes_are_the_studios_and_every_one_has_a_tool() -> None:
+def test_causes_are_the_effects_of_the_studio_and_each_has_a_tool() -> None:
     known = {f.name for f in fields(Effects)}
     assert {cause for causes in CAUSES.values() for cause in causes} == known
     with pytest.raises(ConfigError, match="wet_mixing"):
@@ -234,8 +239,106 @@ def test_causes_are_the_studios_and_every_one_has_a_tool() -> None:
     assert len(set(two.causes)) == 2 == len(two.q)
 
 
-def test_truth_is_sealed_with_its_figures(tmp_path: Path) -> None:
-    truth = Truth("one", 3, "marker", ("latency",), None, (0.2,), (Strength(0.4, 0.21, 0.02),), False)
-    write_world(tmp_path, pa.table({"order": [1]}), truth)
-    loaded = json.loads((tmp_path / "truth.json").read_text())
-    assert loaded["strengths"] == [{"strength": 0.4, "q": 0.21, "q_se": 0.02}]
+def world(strength: float) -> tuple[Sketch, Truth]:
+    sketch = sketch_world("one", 3, "ink_depletion", "round_brush")
+    found = Strength(strength, 0.4, 0.02)
+    return sketch, Truth("one", 3, "round_brush", sketch.causes, None, sketch.q, (found,), sketch.misshaped)
+
+
+@cache
+def table() -> pa.Table:
+    """The first eight strokes of a world."""
+    sketch, _ = world(0.4)
+    view = view_of(sketch.tool, fine=False)
+    some = commands_of(sketch, view)[:8]
+    made = record_world(sketch.with_strengths((0.4,)), 3, sketch.tool, sketch.palette_srgb, some, view)
+    return as_table(made, draw_decoys(8, 3))
+
+
+@pytest.mark.parametrize("cause", sorted(c for c in CAUSE_COLUMNS if c in CAUSES["round_brush"]))
+def test_shuffling_permutes_the_columns_of_one_cause_together(cause: str) -> None:
+    shuffled = with_shuffled(table(), cause, seed=1)
+    permuted = [name for name in CAUSE_COLUMNS[cause] if name in table().column_names]
+    assert permuted and shuffled.schema == table().schema
+    for name in table().column_names:
+        before, after = (str(t[name].to_pylist()) for t in (table(), shuffled))
+        assert before == after or name in permuted
+    rows, mixed = (sorted(map(str, t.select(permuted).to_pylist())) for t in (table(), shuffled))
+    assert rows == mixed  # the columns of one row stay together
+    if len({str(row) for row in table().select(permuted).to_pylist()}) > 1:
+        assert str(table().select(permuted).to_pylist()) != str(shuffled.select(permuted).to_pylist())
+
+
+def test_proposed_actions_round_trip_to_commands() -> None:
+    sketch, _ = world(0.4)
+    view = view_of(sketch.tool, fine=False)
+    rows = table().to_pylist()
+    proposed = pa.table(
+        {
+            "path": [row["path"] for row in rows],
+            "window_m": [row["window_m"] for row in rows],
+            "color_srgb": [row["color_srgb"] for row in rows],
+            "reload": [row["since_reload"] == 0 for row in rows],
+            "wait_s": [float(10 * number) for number in range(len(rows))],
+        }
+    )
+    made = commands_from(proposed, sketch, view, sheet=6, first_action=120)
+    original = commands_of(sketch, view)[:8]
+    for number, (one, same) in enumerate(zip(made, original, strict=True)):
+        assert (one.sheet, one.action_id) == (6, 120 + number)
+        np.testing.assert_allclose(one.path, same.path, atol=1e-6)
+        assert one.window_px == same.window_px
+        assert one.color_srgb in [tuple(paint) for paint in sketch.palette_srgb.tolist()]
+        np.testing.assert_allclose(one.color_srgb, rows[number]["color_srgb"], atol=1e-3)
+    assert [one.wait_s for one in made] == [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 1.0]
+
+
+def test_doubling_beyond_the_max_strength_is_an_error() -> None:
+    sketch, truth = world(8.0)
+    with pytest.raises(StrengthError, match="ink_depletion cannot be doubled"):
+        with_doubled(sketch, truth, table())
+
+
+def test_out_of_distribution_table_is_pressed_deeper_and_repeats_actions() -> None:
+    sketch, truth = world(0.4)
+    made = shifted_table(sketch, truth)
+    light, deep = sketch.tool.press_range_m
+    press = [-point[3] for path in made["path"].to_pylist() for point in path]
+    assert min(press) > 0.9 * (light + deep) / 2 and max(press) < 1.1 * deep
+    _, times = np.unique(made["action_id"].to_numpy(), return_counts=True)
+    assert (times == 2).sum() == 12
+
+
+def sums(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    return x.T @ x, x.T @ y, float(y @ y)
+
+
+@pytest.fixture(scope="module")
+def pixels() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((4000, 5))  # one column of the base and four of candidates
+    return x, x[:, 0] + 0.3 * x[:, 2] + rng.standard_normal(4000)
+
+
+CANDIDATES = {name: np.array([k]) for k, name in enumerate("abcd", 1)}
+
+
+def test_bic_selects_only_the_true_candidate(pixels: tuple[np.ndarray, np.ndarray]) -> None:
+    x, y = pixels
+    assert select(*sums(x, y), np.array([0]), CANDIDATES, len(y)) == ("b",)
+
+
+def test_bic_selects_nothing_where_the_base_is_complete(pixels: tuple[np.ndarray, np.ndarray]) -> None:
+    x, y = pixels
+    assert select(*sums(x, y - 0.3 * x[:, 2]), np.array([0]), CANDIDATES, len(y)) == ()
+
+
+def test_bic_over_pixels_selects_false_causes_for_errors_shared_by_a_stroke() -> None:
+    """This is why the action is the unit: 40 strokes of 500 pixels with a common error, and candidates by stroke."""
+    rng = np.random.default_rng(1)
+    named = 0
+    for _ in range(20):
+        by_stroke = np.repeat(rng.standard_normal((40, 5)), 500, axis=0)
+        y = np.repeat(rng.standard_normal(40), 500) + rng.standard_normal(20_000)
+        named += len(select(*sums(by_stroke, y), np.array([0]), CANDIDATES, len(y)))
+    assert named > 40  # of 80, all false

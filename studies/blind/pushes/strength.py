@@ -1,16 +1,15 @@
-"""How strong an effect on pushes is, and the strength that gives a wanted one.
+"""The energy q of an effect on pushes, and the strength that gives a wanted q.
 
-As for strokes (`studies/blind/strength.py`), q is the energy of an effect that the finder's base cannot absorb, over
-the noise floor, measured in pairs: each push with and without the effect, on the same surface and under the same random
-numbers, in two worlds that differ in all that differs between repeats. (On the same surface: what earlier pushes left
-differently is no effect that is to be found, for the finder sees it in `before`.) With C the change of height,
+As for strokes (`studies/blind/strokes/strength.py`), q is the energy of an effect that the base model cannot absorb,
+over the noise floor. It is measured in pairs: each push with and without the effect, on the same surface and with the
+same random numbers, in two realisations. (On the same surface, because the diagnosis sees in `before` what earlier
+pushes left.) With C the change of height,
 
-    D = C' - C,   R = D less what the numbers of the base can do, fitted to D by least squares,
+    D = C' - C,   R = D less its least-squares projection on the derivatives of the base,
     q = sum R_1 R_2 / (sum N^2 / 2),
 
-where N is the difference of C between the two worlds without effects, over pushes into freshly smoothed material, in
-windows about the pushes. What its numbers can do is told by the derivatives of the base, fitted to the pushes without
-the effect.
+where N is the difference of C between the two realisations without effects, over pushes into freshly smoothed material,
+in windows around the pushes. The derivatives are those of the base fitted to the pushes without the effect.
 """
 
 from __future__ import annotations
@@ -27,29 +26,29 @@ from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, cropped
 from pentimento.diagnosis.pushes.measured import measure as measure_pushes
 from pentimento.dynamics.pushes.analytic import first_model
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
-from studies.blind.strength import Strength, StrengthError
-from studies.blind_pushes.collect import as_table, rows_with_and_without
-from studies.blind_pushes.worlds import Sketch
+from studies.blind.pushes.collect import as_table, rows_with_and_without
+from studies.blind.pushes.worlds import Sketch
+from studies.blind.truth import Strength, StrengthError
 
-PUSHES = 36
-SEEDS = (1_000_001, 1_000_002)  # added to the world's: none is the one that is recorded
-STRONGEST = 3.0
-USUAL = 0.3
-TOLERANCE = 0.2
-EVALUATIONS = 4
+PUSHES = 36  # of a trial
+SEEDS = (1_000_001, 1_000_002)  # offsets from the world's seed, with which the table is recorded
+STRONGEST = 3.0  # max strength that is tried
+USUAL = 0.3  # strength that typically gives q = 0.2
+TOLERANCE = 0.2  # relative, of q
+EVALUATIONS = 4  # max number of strengths tried
 
 Array = NDArray[Any]
 
 
 class Trial(NamedTuple):
-    """A part of a world's design, made without any effect in both of the trial's worlds."""
+    """A part of a world's design, executed without effects in both realisations."""
 
     sketch: Sketch
     quiet: tuple[PushSamples, PushSamples]
 
 
 def prepare_trial(sketch: Sketch) -> Trial:
-    """Make the pushes without any effect."""
+    """Execute the pushes without any effect."""
     (one, _), (two, _) = (_made(sketch, {}, seed) for seed in SEEDS)
     return Trial(sketch, (one, two))
 
@@ -73,7 +72,7 @@ def measure(trial: Trial, effect: str, strength: float) -> Strength:
 def find_strength(trial: Trial, effect: str, q: float) -> Strength:
     """The strength at which the effect has about the wanted q.
 
-    Raises StrengthError where even the strongest effect stays below.
+    Raises StrengthError where no tried strength comes near.
     """
     tried = [measure(trial, effect, USUAL * float(np.sqrt(q / 0.2)))]
     while len(tried) < EVALUATIONS and abs(tried[-1].q / q - 1) > TOLERANCE:
@@ -92,11 +91,11 @@ def find_strength(trial: Trial, effect: str, q: float) -> Strength:
 
 
 def _made(sketch: Sketch, strengths: dict[str, float], seed: int) -> tuple[PushSamples, PushSamples]:
-    """With the effects, and each push without."""
+    """Samples with the effects, and each push without them."""
     config = replace(sketch.config, pushes=PUSHES, repeated=0, times=1)
     both = rows_with_and_without(sketch, sketch.with_strengths(strengths), sketch.seed + seed, config)
-    loud, quiet = (cropped(load_pushes(as_table(rows, {}), PIXELS_PER_M)[0]) for rows in both)
-    return loud, quiet
+    with_effects, quiet = (cropped(load_pushes(as_table(rows, {}), PIXELS_PER_M)[0]) for rows in both)
+    return with_effects, quiet
 
 
 def _change(samples: PushSamples) -> Array:
@@ -105,14 +104,14 @@ def _change(samples: PushSamples) -> Array:
 
 
 def absorbed(quiet: PushSamples) -> Array:
-    """What the finder's base, fitted to pushes without the effect, can do to each change, [P, N, H, W]."""
+    """Derivatives of the base, fitted to pushes without the effect, by its parameters [P, N, H, W]."""
     measured = measure_pushes(quiet)
     base = fit(first_model(measured.scene), measured)
     return derivatives(base, measured.scene).astype(np.float64)
 
 
-def rest_of(difference: Array, can_do: Array) -> Array:
-    """What is left of a difference [N, H, W] less a combination of [P, N, H, W], by least squares."""
-    flat = can_do.reshape(len(can_do), -1)
+def rest_of(difference: Array, modes: Array) -> Array:
+    """The residual of a difference [N, H, W] after least squares on the derivatives [P, N, H, W]."""
+    flat = modes.reshape(len(modes), -1)
     weights = np.linalg.lstsq(flat @ flat.T, flat @ difference.ravel(), rcond=1e-9)[0]
     return np.asarray(difference - (weights @ flat).reshape(difference.shape))

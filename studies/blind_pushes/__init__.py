@@ -1,1 +1,0 @@
-"""Blind tests of the gap finder on pushes."""
