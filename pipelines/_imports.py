@@ -14,6 +14,7 @@ TEMPLATES = ROOT / "src/pentimento/report/templates"
 _TEMPLATE_NAME = re.compile(r'"(?:templates/)?([\w/]+\.(?:html|css))"')
 
 
+@cache
 def has_code(file: Path) -> bool:
     """Tell whether a file holds more than a docstring and names such as `__version__`."""
     return any(
@@ -36,15 +37,16 @@ def imported_names(file: Path) -> frozenset[str]:
     return frozenset(names)
 
 
-def project_files(name: str) -> set[Path]:
+@cache
+def project_files(name: str) -> frozenset[Path]:
     """Return the files that Python runs to import the project's module `name`, packages first."""
     top = {"pentimento": ROOT / "src", "pipelines": ROOT}.get(name.partition(".")[0])
     if top is None:
-        return set()
+        return frozenset()
     parts = name.split(".")
     files = {top.joinpath(*parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)}
     files.add(top.joinpath(*parts).with_suffix(".py"))
-    return {file for file in files if file.is_file()}
+    return frozenset(file for file in files if file.is_file())
 
 
 def import_closure(file: Path) -> set[Path]:
