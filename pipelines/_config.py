@@ -14,11 +14,10 @@ from types import UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pentimento.contracts.errors import ConfigError, UnitError
 from pentimento.contracts.units import parse_quantity
+from pipelines._params import read_params
 
 T = TypeVar("T")
 
@@ -31,7 +30,7 @@ def load_section(params_path: Path, section: str, config_type: type[T]) -> T:
 
     Raises `ConfigError`, a sentence with the file, `section.key`, what was found and what is expected.
     """
-    document = read_yaml(params_path)
+    document = read_params(params_path)
     if section not in document:
         raise ConfigError(f"{params_path} has no section {section!r}; add it, or take it from the repository.")
     try:
@@ -39,24 +38,6 @@ def load_section(params_path: Path, section: str, config_type: type[T]) -> T:
     except ConfigError as error:
         raise ConfigError(f"{params_path}: {error}") from None
     return config
-
-
-def read_yaml(path: Path) -> dict[str, Any]:
-    """Return the mapping in a YAML 1.2 file (as DVC reads it: `1e-3` is a number, a key stands once)."""
-    try:
-        document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path} does not exist; run from the repository's root, or restore the file.") from None
-    except MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else "?"
-        problem = " ".join(str(error.problem).split())
-        raise ConfigError(f"{path} is not valid YAML at line {line}: {problem}; correct that line.") from None
-    except (YAMLError, UnicodeDecodeError) as error:
-        problem = " ".join(str(error).split())
-        raise ConfigError(f"{path} is not readable as YAML: {problem}; save it as plain UTF-8 text.") from None
-    if not isinstance(document, dict):
-        raise ConfigError(f"{path} holds {_found(document)} where sections are expected; write `section:` lines.")
-    return document
 
 
 def entry_of(entries: Mapping[str, T], name: str, key: str) -> T:

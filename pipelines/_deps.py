@@ -1,15 +1,19 @@
-"""`make deps`: write each stage's code dependencies into dvc.yaml, from what its module imports.
+"""`make deps`: write into dvc.yaml what follows from other files.
 
     python -m pipelines._deps
 
-A folder stands for its files where the stage needs half of them or more. Data dependencies are kept by hand.
+Written are each stage's code dependencies (what its module imports), its sections of params.yaml (its own and those of
+its presets), and the paths that stand there for each tool, setting or material. A folder stands for its files where the
+stage needs half of them or more. All other dependencies are kept by hand.
 """
 
 import re
 from functools import cache
 from pathlib import Path
 
+from pentimento.cli.pipeline_files import with_listed_paths
 from pipelines._imports import PACKAGE_DATA, ROOT, has_code, needed_files
+from pipelines._params import Params, read_yaml, sections_of
 
 CODE = ("src/", "pipelines/")
 _STAGE = re.compile(r"  (\w+):$")
@@ -39,8 +43,8 @@ def _folder_or_file(file: Path, needed: set[Path]) -> Path:
     return mostly[-1] if mostly else file
 
 
-def with_code_dependencies(text: str) -> str:
-    """Return dvc.yaml's text with the code dependencies of every stage written anew."""
+def with_dependencies(text: str, params: Params) -> str:
+    """Return dvc.yaml's text with all that this module writes; `params` is params.yaml, presets unresolved."""
     lines: list[str] = []
     stage = ""
     for line in text.splitlines():
@@ -48,15 +52,18 @@ def with_code_dependencies(text: str) -> str:
             stage = match[1]
         if _CODE_LINE.match(line):
             continue
+        if line.startswith("    params: [") and stage in params:
+            line = f"    params: [{', '.join(sections_of(stage, params))}]"
         lines.append(line)
         if line == "    deps:":
             lines += [f"      - {path}" for path in code_dependencies(stage)]
-    return "\n".join(lines) + "\n"
+    return with_listed_paths("\n".join(lines) + "\n")
 
 
 def main() -> None:
     file = ROOT / "dvc.yaml"
-    file.write_text(with_code_dependencies(file.read_text(encoding="utf-8")), encoding="utf-8")
+    text = with_dependencies(file.read_text(encoding="utf-8"), read_yaml(ROOT / "params.yaml"))
+    file.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,19 +13,17 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 from ruamel.yaml import YAML
 
-from pentimento.contracts.errors import ConfigError, PentimentoError
-from pipelines._broken_lock import put_aside_broken_lock
-from pipelines._config import read_yaml
-from pipelines._dvc import run_dvc
+from pentimento.contracts.errors import PentimentoError
+from pipelines._dvc import put_aside_broken_lock, run_dvc
 from pipelines._io import end_with_parent
+from pipelines._params import overlaid, read_yaml
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._side_by_side import bring_up_to_date
-from pipelines._tracking.dvc_lock import locked_stages
+from pipelines._tracking.dvc_files import locked_stages
 from pipelines._tracking.execution import VARIABLE
 from pipelines._tracking.timings import TIMINGS
 
@@ -101,7 +99,7 @@ def restore_missing(folder: Path) -> None:
 
 def overlay(root: Path, profile: str) -> Path:
     """Bring `.profiles/<profile>/` up to date and return it; dvc.lock and outputs stay from the last time."""
-    params = params_of(root, profile)
+    params = overlaid(root, profile)
     folder = root / ".profiles" / profile
     _copy_changed(root, folder)
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
@@ -109,31 +107,6 @@ def overlay(root: Path, profile: str) -> Path:
     # The copy is no git repository, and a stage computed here is known there.
     (folder / ".dvc/config.local").write_text(f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n")
     return folder
-
-
-def params_of(root: Path, profile: str) -> dict[str, Any]:
-    """params.yaml as a profile overlays it."""
-    source = root / "profiles" / f"{profile}.yaml"
-    if not source.is_file():
-        known = ", ".join(sorted(file.stem for file in source.parent.glob("*.yaml")))
-        raise ConfigError(f"there is no profile {profile!r}; known are {known}.")
-    return merge(read_yaml(root / "params.yaml"), read_yaml(source), source.relative_to(root))
-
-
-def merge(base: dict[str, Any], over: dict[str, Any], source: Path, place: str = "") -> dict[str, Any]:
-    """Return `base` with the values of `over`, whose keys must all exist in `base` (else `ConfigError`).
-
-    An optional section is null where it is left out: null may take a section's place, and a whole section that of null.
-    """
-    merged = dict(base)
-    for key, value in over.items():
-        if key not in base:
-            raise ConfigError(f"{source}: {place}{key} is not in params.yaml; correct the name or add it there.")
-        sections = isinstance(base[key], dict), isinstance(value, dict)
-        if None not in (base[key], value) and sections[0] != sections[1]:
-            raise ConfigError(f"{source}: {place}{key} is a section in one file and a value in the other.")
-        merged[key] = merge(base[key], value, source, f"{place}{key}.") if all(sections) else value
-    return merged
 
 
 def _copy_changed(root: Path, folder: Path) -> None:

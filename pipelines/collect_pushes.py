@@ -28,10 +28,10 @@ from pipelines._tracking import Run, tracked_run
 class CollectPushes:
     """Section `collect_pushes` of params.yaml."""
 
-    source: dict[str, str | None]
-    """For each material a table in the pushes contract (a file or a folder of shards), or null: the studio."""
+    source: dict[str, str]
+    """By material, a measured table in the pushes contract (a file or a folder of shards); others: the studio."""
     world: dict[str, str]
-    """For each material the studio's clay world: a name or a TOML file."""
+    """By material, the studio's clay world: a name or a TOML file; others: the world of the material's name."""
     end_effector: dict[str, str]
     """For each material the end-effector that presses it: a name or a TOML file."""
     collection: PushCollectionConfig
@@ -42,8 +42,7 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "collect_pushes", CollectPushes)
     single_threaded()
     material = arguments.material
-    source = entry_of(config.source, material, "collect_pushes.source")
-    world = entry_of(config.world, material, "collect_pushes.world")
+    source, world = config.source.get(material), config.world.get(material, material)
     end_effector = entry_of(config.end_effector, material, "collect_pushes.end_effector")
     inputs = {} if source is None else {"source": Path(source)}
     with (

@@ -27,7 +27,7 @@ from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
-from pipelines._config import entry_of, load_section
+from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
 
@@ -36,10 +36,10 @@ from pipelines._tracking import Run, tracked_run
 class CollectStrokes:
     """Section `collect_strokes` of params.yaml."""
 
-    source: dict[str, str | None]
-    """For each tool a table in the strokes contract (a file or a folder of shards), or null: the studio."""
+    source: dict[str, str]
+    """By tool, a measured table in the strokes contract (a file or a folder of shards); other tools: the studio."""
     world: dict[str, str]
-    """For each tool the studio's world: a name or a TOML file."""
+    """By tool, the studio's world: a name or a TOML file; other tools: the world of the tool's name."""
     collection: CollectionConfig
 
 
@@ -47,8 +47,7 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out` as shards of the strokes contract, with `metrics.json`."""
     config = load_section(Path("params.yaml"), "collect_strokes", CollectStrokes)
     single_threaded()
-    source = entry_of(config.source, arguments.tool, "collect_strokes.source")
-    world = entry_of(config.world, arguments.tool, "collect_strokes.world")
+    source, world = config.source.get(arguments.tool), config.world.get(arguments.tool, arguments.tool)
     inputs = {} if source is None else {"source": Path(source)}
     with (
         tracked_run("collect_strokes", arguments.tool, asdict(config), inputs) as run,

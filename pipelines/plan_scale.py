@@ -12,11 +12,11 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import PentimentoError
 from pipelines._config import entry_of
 from pipelines._io import stage_main
-from pipelines._repro import params_of
+from pipelines._params import overlaid, resolved
 from pipelines._review.rates import STAGE, Sizes, read_rates, sizes_of
 from pipelines._review.scale import Plan
 from pipelines._review.scale_page import page, text
-from pipelines._tracking.digests import flatten
+from pipelines._tracking.dvc_files import flatten
 from pipelines._tracking.store import store_errors
 
 
@@ -39,7 +39,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 def sizes_in(profile: str, setting: str) -> Sizes:
     """At which a profile paints a setting."""
-    settings = params_of(Path(), profile)[STAGE]["settings"]
+    settings = resolved(overlaid(Path(), profile))[STAGE]["settings"]
     return sizes_of(flatten(entry_of(settings, setting, f"{STAGE}.settings")))
 
 

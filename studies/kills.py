@@ -36,9 +36,9 @@ from pentimento.dynamics.strokes.extended import base_model, model_files
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pipelines._config import load_section, read_yaml
+from pipelines._config import load_section
 from pipelines._io import end_with_parent
-from pipelines._repro import merge
+from pipelines._params import merge, read_yaml
 from pipelines.pretrain_goal_planner import PretrainGoalPlanner
 from pipelines.train_semantics import TrainSemantics
 

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from pentimento.contracts.errors import PentimentoError
-from pipelines._config import read_yaml
 from pipelines._io import end_with_parent
+from pipelines._params import read_yaml
 from studies.kills import contents, differing
 
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from pentimento.cli import main as cli
-from pipelines._config import read_yaml
 from pipelines._imports import ROOT
+from pipelines._params import read_yaml
 
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")] + sorted((ROOT / "docs").glob("*.md"))
 CODE = ("src", "pipelines", "studies", "benchmarks", "tests")

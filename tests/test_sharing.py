@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from moto.server import ThreadedMotoServer
 
-from pipelines._config import read_yaml
+from pipelines._params import read_yaml
 
 PIPELINE = """\
 stages:

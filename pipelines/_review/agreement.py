@@ -2,14 +2,55 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from pipelines._params import read_yaml
 from pipelines._review.history import History, StageRun
-from pipelines._review.lock import Locked, read_lock
+from pipelines._tracking.dvc_files import locked_stages, matrix_items, value_digest
 from pipelines._tracking.store import open_store, store_errors
 
 OUTPUT = "output:"
 """Prefix of the tags that hold the MD5 of what a run wrote, by path."""
+
+
+@dataclass(frozen=True)
+class Locked:
+    """A stage item in dvc.lock, as DVC last ran it or found it in its cache."""
+
+    stage: str
+    item: str
+    """Empty where the stage has no matrix."""
+    inputs: dict[str, str]
+    """MD5 by path, code included."""
+    params_md5: str
+    outputs: dict[str, str]
+    """MD5 by path."""
+
+    @property
+    def name(self) -> str:
+        """As DVC writes it."""
+        return f"{self.stage}@{self.item}" if self.item else self.stage
+
+
+def read_lock(folder: Path) -> list[Locked]:
+    """Return the items of dvc.lock in `folder` whose stages are in dvc.yaml; empty where no stage has run yet."""
+    locked = locked_stages(folder)
+    if not locked:
+        return []
+    stages = read_yaml(folder / "dvc.yaml").get("stages", {})
+    items = {stage: {str(item) for axis in matrix_items(folder, stage).values() for item in axis} for stage in stages}
+    found = []
+    for name, entry in locked.items():
+        stage, _, item = name.partition("@")
+        if stage in stages and (not item or item in items[stage]):
+            params = value_digest(entry.get("params", {}).get("params.yaml", {}))
+            found.append(Locked(stage, item, _digests(entry, "deps"), params, _digests(entry, "outs")))
+    return found
+
+
+def _digests(entry: dict[str, list[dict[str, str]]], part: str) -> dict[str, str]:
+    return {each["path"]: str(each["md5"]) for each in entry.get(part, []) if "md5" in each}
 
 
 def differences(locked: Locked, run: StageRun) -> list[str]:

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipelines._review.agreement import made_by
+from pipelines._review.agreement import Locked, made_by, read_lock
 from pipelines._review.history import History, StageRun
 from pipelines._review.judgement import less_is_better
-from pipelines._review.lock import Locked, read_lock
 from pipelines._tracking.families import HEADLINES
 from pipelines._tracking.store import open_store, store_errors
 

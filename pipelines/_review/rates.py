@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.units import parse_quantity
-from pipelines._tracking.dvc_lock import locked_stages
+from pipelines._tracking.dvc_files import locked_stages
 from pipelines._tracking.store import open_store
 from pipelines._tracking.timings import TIMINGS
 

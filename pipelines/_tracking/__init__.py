@@ -1,6 +1,6 @@
 """Each execution of a stage is one run in MLflow. Only this package and `_review`, which reads it, know MLflow."""
 
-from pipelines._tracking.digests import input_digest
+from pipelines._tracking.dvc_files import input_digest
 from pipelines._tracking.run import Run, tracked_run
 
 __all__ = ["Run", "input_digest", "tracked_run"]

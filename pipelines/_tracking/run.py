@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from pentimento.contracts.atomic import atomic_write
-from pipelines._config import read_yaml
 from pipelines._io import failure_sentence
-from pipelines._tracking.digests import flatten, input_digest, md5, section_digest
+from pipelines._params import read_yaml
+from pipelines._tracking.dvc_files import flatten, input_digest, matrix_items, md5, params_digest, value_digest
 from pipelines._tracking.execution import PART, STAGE, execution_name, execution_run
 from pipelines._tracking.families import HEADLINES, experiment_of, family_of
 from pipelines._tracking.notes import note
@@ -83,7 +83,7 @@ class Run:
         """
         for step, value in enumerate(values):
             self.log(f"items.{name}", value, step)
-        self.tag(f"items.{name}", section_digest([str(item) for item in items]))
+        self.tag(f"items.{name}", value_digest([str(item) for item in items]))
 
     def tag(self, name: str, value: str) -> None:
         """Say something of the run by which it can be found."""
@@ -271,10 +271,9 @@ def _as_written(stage: str, item: str | None) -> dict[str, str]:
     """What the pipeline's files say of the stage: its section's digest, and what kind of thing its item is."""
     tags = {}
     if Path("params.yaml").is_file() and stage in (sections := read_yaml(Path("params.yaml"))):
-        tags["params_md5"] = section_digest(sections[stage])
+        tags["params_md5"] = params_digest(stage, sections)
     if item and Path("dvc.yaml").is_file():
-        matrix = read_yaml(Path("dvc.yaml")).get("stages", {}).get(stage, {}).get("matrix", {})
-        tags |= {axis: item for axis, values in matrix.items() if item in values}
+        tags |= {axis: item for axis, items in matrix_items(Path(), stage).items() if item in items}
     return tags
 
 

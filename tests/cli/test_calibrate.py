@@ -9,7 +9,7 @@ import pytest
 from pentimento.calibration.calibrate import CHART_M
 from pentimento.calibration.colour_chart import find_colours
 from pentimento.calibration.lens import SQUARE_M, SQUARES
-from pentimento.cli.calibrate import PRINT_PX_PER_M, calibrate_rig, told, write_prints, yes_at_terminal
+from pentimento.cli.calibrate import PRINT_PX_PER_M, calibrate_rig, residual_sentence, write_prints, yes_at_terminal
 from pentimento.contracts.errors import CalibrationError, ConfigError
 from pentimento.contracts.markers import DICTIONARY
 from pentimento.control import open_robot as opening
@@ -70,7 +70,7 @@ def test_a_plotter_is_calibrated_by_answers_and_may_move_afterwards(tmp_path: Pa
         found = calibrate_rig(str(path), "touch", "marker", tmp_path / "cal", asked.append, person)
     finally:
         grbl.close()
-    assert "leaves" in told(found) and "at most 0.0003 m" in told(found)
+    assert "leaves" in residual_sentence(found) and "at most 0.0003 m" in residual_sentence(found)
     assert len(asked) == 1 and "Fit the marker" in asked[0]
     rig = load_rig(path)
     fresh = fresh_calibrations(tmp_path / "cal", rig, found.made_unix_s + 60, 3600.0)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipelines._broken_lock import put_aside_broken_lock
+from pipelines._dvc import put_aside_broken_lock
 
 PIPELINE = """stages:
   collect: {cmd: mkdir -p strokes && echo ran >> log && cp told strokes/table, deps: [told], outs: [strokes]}

@@ -35,7 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def collect(folder: Path, source: Path | None = None) -> dict[str, float]:
     section = {
-        "source": {"sand": None if source is None else str(source)},
+        "source": {} if source is None else {"sand": str(source)},
         "world": {"sand": "sand"},
         "end_effector": {"sand": "ball"},
         "collection": COLLECTION,

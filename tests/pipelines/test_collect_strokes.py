@@ -11,13 +11,13 @@ import pipelines.collect_strokes as stage
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pipelines._config import read_yaml
 from pipelines._imports import ROOT
+from pipelines._params import read_params
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    section = read_yaml(ROOT / "params.yaml")["collect_strokes"]
+    section = read_params(ROOT / "params.yaml")["collect_strokes"]
     section["collection"] |= {"strokes": 12, "repeated": 1, "times": 2, "pixels_per_m": 1000}
     YAML(typ="safe").dump({"collect_strokes": section}, tmp_path / "params.yaml")
     monkeypatch.chdir(tmp_path)

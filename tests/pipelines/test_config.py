@@ -9,8 +9,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from pentimento.contracts.errors import ConfigError
-from pipelines._config import entry_of, load_section, read_yaml
-from pipelines._repro import params_of
+from pipelines._config import entry_of, load_section
+from pipelines._params import merge, overlaid, read_params, read_yaml, sections_of
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,79 @@ def test_defaults_in_code_do_not_stand_in_for_the_file(tmp_path: Path) -> None:
         load_section(tmp_path / "params.yaml", "paint", Hidden)
 
 
+STAGES = list(read_yaml(Path("dvc.yaml"))["stages"])
+PRESETS = """\
+planners:
+  pen: {rounds: 6, rates: {middle_m: 1, color: 0}}
+  small_pen: {preset: planners.pen, rounds: 3}
+paint:
+  settings:
+    marker: {planner: {preset: planners.small_pen, rates: {color: 2}}}
+"""
+PEN = {"rounds": 3, "rates": {"middle_m": 1, "color": 2}}
+
+
+def read(folder: Path, text: str) -> dict[str, Any]:
+    (folder / "params.yaml").write_text(text)
+    return read_params(folder / "params.yaml")
+
+
+def test_preset_is_replaced_by_its_values_key_by_key(tmp_path: Path) -> None:
+    assert read(tmp_path, PRESETS)["paint"]["settings"]["marker"]["planner"] == PEN
+    assert sections_of("paint", read_yaml(tmp_path / "params.yaml")) == ["paint", "planners"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        (
+            "planners.small_pen",
+            "planners.brush",
+            r"paint\.settings\.marker\.planner\.preset is 'planners\.brush', which",
+        ),
+        ("planners.small_pen", "planners.pen.rounds", "names no mapping"),
+        ("planners.pen,", "planners.small_pen,", "'planners.small_pen', which refers to itself"),
+    ],
+)
+def test_preset_that_does_not_exist_is_an_error(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        read(tmp_path, PRESETS.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("over", "planner"),
+    [
+        ({"paint": {"settings": {"marker": {"planner": {"rounds": 9}}}}}, PEN | {"rounds": 9}),
+        ({"planners": {"pen": {"rounds": 9, "rates": {"middle_m": 5}}}}, PEN | {"rates": {"middle_m": 5, "color": 2}}),
+        ({"paint": {"settings": {"marker": {"planner": {"preset": "planners.pen"}}}}}, PEN | {"rounds": 6}),
+        ({"paint": {"settings": {"marker": {"planner": {"rates": {"middle_m": 5}}}}}},
+         PEN | {"rates": {"middle_m": 5, "color": 2}}),
+    ],
+    ids=["key of a preset", "preset", "another preset", "nested key of a preset"],
+)  # fmt: skip
+def test_profile_overlays_presets_and_keys_of_presets(
+    over: dict[str, Any], planner: dict[str, Any], tmp_path: Path
+) -> None:
+    (tmp_path / "params.yaml").write_text(PRESETS)
+    merged = merge(read_yaml(tmp_path / "params.yaml"), over, Path("profiles/smoke.yaml"))
+    YAML(typ="safe").dump(merged, tmp_path / "merged.yaml")
+    assert read_params(tmp_path / "merged.yaml")["paint"]["settings"]["marker"]["planner"] == planner
+
+
+@pytest.mark.parametrize("wrong", [{"round": 9}, {"rates": {"midle_m": 5}}, {"rounds": {"x": 1}}])
+def test_profile_key_that_no_preset_has_is_an_error(wrong: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "params.yaml").write_text(PRESETS)
+    over = {"paint": {"settings": {"marker": {"planner": wrong}}}}
+    with pytest.raises(ConfigError, match=r"profiles/smoke\.yaml: paint\.settings\.marker\.planner\.\w+"):
+        merge(read_yaml(tmp_path / "params.yaml"), over, Path("profiles/smoke.yaml"))
+
+
 def sections(profile: str, folder: Path) -> dict[str, Any]:
     """The sections of params.yaml under a profile, each as its stage understands it."""
-    params = params_of(Path(), profile)
+    params = overlaid(Path(), profile)
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(params, file)
-    return {stage: load_section(folder / "params.yaml", stage, section_type(stage)) for stage in params}
+    return {stage: load_section(folder / "params.yaml", stage, section_type(stage)) for stage in STAGES}
 
 
 def section_type(stage: str) -> Any:
@@ -150,7 +217,7 @@ def section_type(stage: str) -> Any:
 
 @pytest.mark.parametrize("profile", sorted(file.stem for file in Path("profiles").glob("*.yaml")))
 def test_every_stage_understands_its_section_under_every_profile(profile: str, tmp_path: Path) -> None:
-    assert set(sections(profile, tmp_path)) == set(read_yaml(Path("params.yaml")))
+    assert set(sections(profile, tmp_path)) == set(STAGES)
 
 
 def test_the_full_profile_is_of_one_size_throughout(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.samples import load_samples
 from pentimento.dynamics.strokes.training import TrainingConfig, train
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
-from pipelines._config import read_yaml
 from pipelines._imports import ROOT
+from pipelines._params import read_params
 from pipelines._tracking.families import experiment_of
 from pipelines.diagnose_gap import main
 
@@ -29,7 +29,7 @@ HELD_OUT = list(range(0, 72, 5))
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Example strokes, which fade with the ink used since the last dip, and a base trained on most of them."""
     place = tmp_path_factory.mktemp("stage")
-    params = read_yaml(ROOT / "params.yaml")
+    params = read_params(ROOT / "params.yaml")
     params["diagnose_gap"]["joint_fit"] |= {"epochs": 12, "path_points": 16, "pixels_per_m": 1000}
     YAML(typ="safe").dump({"diagnose_gap": params["diagnose_gap"]}, place / "params.yaml")
     table = example_table(72)

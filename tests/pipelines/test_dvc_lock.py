@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipelines._tracking.dvc_lock import locked_stages
+from pipelines._tracking.dvc_files import locked_stages
 
 STAGES = "schema: '2.0'\nstages:\n  paint: {cmd: paint}\n"
 

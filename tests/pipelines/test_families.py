@@ -2,8 +2,8 @@
 
 import pytest
 
-from pipelines._config import read_yaml
 from pipelines._imports import ROOT
+from pipelines._params import read_yaml
 from pipelines._review.judgement import less_is_better
 from pipelines._tracking.families import FAMILIES, HEADLINES, OTHER, experiment_of, experiments, family_of
 

@@ -19,7 +19,7 @@ FILES = {
     "train.py": """\
 from pathlib import Path
 
-from pipelines._config import read_yaml
+from pipelines._params import read_yaml
 from pipelines._io import write_json
 from pipelines._tracking import tracked_run
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from pentimento.contracts.errors import ConfigError, PentimentoError
-from pipelines._config import read_yaml
-from pipelines._repro import main, merge, overlay, restore_missing
+from pipelines._params import merge, read_yaml
+from pipelines._repro import main, overlay, restore_missing
 from pipelines._tracking.execution import VARIABLE
 
 SOURCE = Path("profiles/smoke.yaml")

@@ -8,26 +8,27 @@ from typing import Any
 
 import pytest
 
-from pipelines._config import read_yaml
-from pipelines._deps import CODE, with_code_dependencies
+from pipelines._deps import CODE, with_dependencies
 from pipelines._imports import ROOT
+from pipelines._params import read_yaml, sections_of
 
 STAGES: dict[str, dict[str, Any]] = read_yaml(ROOT / "dvc.yaml")["stages"]
+PARAMS = read_yaml(ROOT / "params.yaml")
 
 
 def test_stage_module_and_params_section_bear_one_name() -> None:
     public = {file.stem for file in (ROOT / "pipelines").glob("*.py") if not file.stem.startswith("_")}
-    sections = set(read_yaml(ROOT / "params.yaml"))
-    assert set(STAGES) == sections
+    presets = {section for stage in STAGES for section in sections_of(stage, PARAMS)} - set(STAGES)
+    assert set(PARAMS) == set(STAGES) | presets, "a section is neither a stage's nor a preset that some stage uses"
     assert set(STAGES) <= public
     for name, stage in STAGES.items():
         assert f"python -m pipelines.{name} " in stage["cmd"] + " "
-        assert stage["params"] == [name]
+        assert stage["params"] == sections_of(name, PARAMS), "a changed preset would not run the stage again"
 
 
-def test_code_dependencies_are_up_to_date() -> None:
+def test_written_dependencies_are_up_to_date() -> None:
     text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-    assert text == with_code_dependencies(text), "the code dependencies in dvc.yaml are stale; run `make deps`"
+    assert text == with_dependencies(text, PARAMS), "the dependencies in dvc.yaml are stale; run `make deps`"
 
 
 @pytest.mark.parametrize("stage", STAGES)

@@ -10,7 +10,7 @@ import pytest
 
 from pentimento.contracts.errors import PentimentoError
 from pipelines._tracking import input_digest, tracked_run
-from pipelines._tracking.digests import section_digest
+from pipelines._tracking.dvc_files import value_digest
 from pipelines._tracking.families import experiment_of
 from pipelines._tracking.store import store_errors
 
@@ -73,7 +73,7 @@ def test_an_interval_and_items_have_the_same_names_everywhere(client: Any) -> No
     kept = client.get_run(run.id).data
     assert (kept.metrics["held_out.mse.low"], kept.metrics["held_out.mse.high"]) == (0.05, 0.2)
     assert [point.value for point in client.get_metric_history(run.id, "items.held_out.mse")] == [0.05, 0.15]
-    assert kept.tags["items.held_out.mse"] == section_digest(["7", "9"])
+    assert kept.tags["items.held_out.mse"] == value_digest(["7", "9"])
 
 
 def test_an_experiment_of_dvc_is_an_execution_of_its_name(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:

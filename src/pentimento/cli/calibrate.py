@@ -1,4 +1,4 @@
-"""The command `pentimento calibrate`: prints to hang up, or one calibration of a rig, with a person's help."""
+"""What `pentimento calibrate` does: write pages to print, or make one calibration of a rig with a person's help."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
 
 PRINT_PX_PER_M: Final = 10_000
+"""254 dpi: ten pixels a millimetre."""
 _DARK_SRGB = np.array([[0.1, 0.1, 0.1]])
+_MAX_AGE_S: Final = 60.0
+"""Of the calibration that was just made."""
 
 
 def calibrate_rig(
@@ -39,8 +42,8 @@ def calibrate_rig(
 ) -> Calibration:
     """Make one calibration of a rig (its name or file) and write it into `folder`.
 
-    Only the touch connects to the machine. Raises CalibrationError where the result is too poor to move by, after it
-    was written, so that it can be looked at.
+    Only the touch connects to the machine. A result with too large a residual is written, so that it can be inspected,
+    and then raises CalibrationError.
     """
     rig, tool = load_rig(rig_name), load_tool(tool_name)
     if rig.driver == "gcode":
@@ -66,26 +69,26 @@ def calibrate_rig(
     finally:
         if camera is not None:
             camera.close()
-    require_fresh(found, rig, time.time(), 60.0)
+    require_fresh(found, rig, time.time(), _MAX_AGE_S)
     return found
 
 
 def yes_at_terminal(question: str) -> bool:
-    """Put a question to the person at the terminal until it is answered by y or n."""
+    """Ask the person at the terminal until the answer is y or n."""
     while True:
         answer = input(f"{question} [y/n] ").strip().lower()
         if answer in ("y", "yes", "n", "no"):
             return answer.startswith("y")
 
 
-def told(found: Calibration) -> str:
-    """A calibration as a sentence."""
+def residual_sentence(found: Calibration) -> str:
+    """Describe a calibration by its residual and the limit."""
     limit, unit = MAX_RESIDUAL[found.kind]
     return f"The {found.kind} calibration leaves {found.residual:.3g} {unit} (at most {limit:g} {unit} are allowed)."
 
 
 def write_prints(folder: Path, canvas_size_m: tuple[float, float]) -> list[Path]:
-    """What has to be printed, as PNG at 254 dpi: the markers round the canvas, the ChArUco board, the colour chart."""
+    """Write the pages to print as PNG at 254 dpi: markers round the canvas, the ChArUco board, the colour chart."""
     pages = {
         "charuco_board.png": board_image(300),
         "colour_chart.png": cv2.cvtColor(chart_image(200), cv2.COLOR_RGB2BGR),

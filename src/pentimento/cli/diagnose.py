@@ -1,4 +1,4 @@
-"""`pentimento diagnose`."""
+"""`pentimento diagnose`; see README, "What the simulation gets wrong"."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pentimento.cli.workshop import workshop
+from pentimento.cli import Command, option, seed, workshop
 from pentimento.contracts.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -18,40 +18,8 @@ if TYPE_CHECKING:
     from pentimento.contracts.tables import CheckedTable
     from pentimento.diagnosis.strokes.diagnose import Diagnosis
 
-_KINDS = ("strokes", "pushes")
 
-
-def add(commands: Any, seed: Callable[[str], int]) -> None:
-    """The subcommand ``diagnose``; see README, "What the simulation gets wrong". ``seed`` parses its option."""
-    diagnose = commands.add_parser(
-        "diagnose",
-        help="what a simulation gets wrong about measured strokes or pushes, and why (needs pentimento[train])",
-    )
-    diagnose.add_argument(
-        "rows", type=Path, help="a table in the strokes or the pushes contract: a file, or a folder of shards"
-    )
-    diagnose.add_argument("--out", required=True, type=Path, help="folder for verdict.json, report.html and more")
-    diagnose.add_argument("--kind", choices=_KINDS, help="what the rows are; by default told by the table's columns")
-    diagnose.add_argument(
-        "--base", type=Path, metavar="FILE",
-        help="parameters.json of a stroke model, whose error is told beside that of the finder's own base",
-    )  # fmt: skip
-    diagnose.add_argument(
-        "--test", type=Path, help="an outside table, on which the share of the gap that is closed is measured, too"
-    )
-    diagnose.add_argument(
-        "--collect", type=int, default=0, metavar="ROUNDS",
-        help="while an established cause has rivals, let the studio's robot make the strokes that tell them apart and "
-        "diagnose again: at most so many times",
-    )  # fmt: skip
-    diagnose.add_argument(
-        "--world", help="the studio's world for --collect: a name or a TOML file; by default named like the tool"
-    )
-    diagnose.add_argument("--seed", type=seed, default=0, help="of splits, bootstraps and the studio")
-    diagnose.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> None:
+def _run(arguments: argparse.Namespace) -> None:
     if (arguments.kind or _kind_of(arguments.rows)) == "pushes":
         _diagnose_pushes(arguments)
     else:
@@ -59,7 +27,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _kind_of(rows: Path) -> str:
-    """What a table holds, by its columns; one that cannot be read is left to its reader, who says why."""
+    """Tell a table's contract by its columns. An unreadable table counts as strokes: its reader reports the error."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -75,9 +43,9 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
     from pentimento.contracts.pushes import CONTRACT
     from pentimento.contracts.tables import read_table
 
-    given = {"--base": arguments.base, "--collect": arguments.collect, "--world": arguments.world}
-    if strange := [name for name, value in given.items() if value]:
-        raise ConfigError(f"{', '.join(strange)} is for strokes, and {arguments.rows} holds pushes; leave it out.")
+    if arguments.base or arguments.collect or arguments.world:
+        options = ", ".join(f"--{name}" for name in ("base", "collect", "world") if getattr(arguments, name))
+        raise ConfigError(f"{options} is for strokes, and {arguments.rows} holds pushes; leave it out.")
     with workshop("diagnose"):
         from pentimento.diagnosis.pushes.write import write_push_diagnosis
     checked = read_table(arguments.rows, CONTRACT)
@@ -88,7 +56,7 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
 
 
 def _left_out(checked: CheckedTable) -> str | None:
-    """What the contract's check left out, as a sentence."""
+    """Describe the quarantined rows in a sentence."""
     if not checked.quarantined:
         return None
     reasons = "; ".join(f"row {bad.row}: {bad.reason}" for bad in checked.quarantined[:8])
@@ -115,15 +83,15 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
         return found
 
     if arguments.collect:
-        made = _robot_in(arguments.world, checked.table, arguments.seed)
-        diagnose_in_rounds(checked.table, arguments.out, arguments.collect, diagnosed, made, print)
+        execute = _robot_in(arguments.world, checked.table, arguments.seed)
+        diagnose_in_rounds(checked.table, arguments.out, arguments.collect, diagnosed, execute, print)
     else:
         diagnosed(checked.table, None)
     print(f"The report is {arguments.out / 'report.html'}.")
 
 
 def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Table, pa.Table, int], pa.Table]:
-    """A robot in the studio with the tool that made a table's strokes, as what makes proposed actions."""
+    """Return a function that lets the studio's robot execute proposed actions with the tool of the table's strokes."""
     import numpy as np
 
     from pentimento.collection.follow import follow, tool_of
@@ -142,16 +110,52 @@ def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Tab
 
     drawn_m = 0.0
 
-    def made(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
+    def execute(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
         nonlocal drawn_m
         rows = follow(guarded, tool, actions, recorded, f"{tool.name}-{seed}-round-{number}", drawn_m)
         drawn_m += sum(drawn_length_m(np.array(path)) for path in rows["path"].to_pylist())
         return rows
 
-    return made
+    return execute
 
 
 def _progress(line: str) -> None:
-    """For a person at a terminal; a log needs the verdict alone."""
+    """Print progress for a person at a terminal; a log needs the verdict alone."""
     if sys.stderr.isatty():
         print(line, file=sys.stderr)
+
+
+def _problem(arguments: argparse.Namespace) -> str | None:
+    if arguments.collect < 0 or (arguments.world is not None and arguments.collect == 0):
+        return "--collect takes a number of rounds, 1 or more, and --world needs it."
+    return None
+
+
+COMMAND = Command(
+    "diagnose",
+    "what a simulation gets wrong about measured strokes or pushes, and why (needs pentimento[train])",
+    (
+        option("rows", type=Path, help="a table in the strokes or the pushes contract: a file, or a folder of shards"),
+        option("--out", required=True, type=Path, help="folder for verdict.json, report.html and more"),
+        option("--kind", choices=("strokes", "pushes"), help="what the rows are; by default by the table's columns"),
+        option(
+            "--base",
+            type=Path,
+            metavar="FILE",
+            help="parameters.json of a stroke model, whose error is reported beside that of the fitted base model",
+        ),
+        option("--test", type=Path, help="another table, on which the fraction of the gap closed is measured, too"),
+        option(
+            "--collect",
+            type=int,
+            default=0,
+            metavar="ROUNDS",
+            help="maximum number of rounds in which the studio's robot makes strokes that distinguish an established "
+            "cause from its rivals, before the diagnosis is repeated",
+        ),
+        option("--world", help="the studio's world for --collect: a name or a TOML file; by default the tool's name"),
+        option("--seed", type=seed, default=0, help="of splits, bootstraps and the studio"),
+    ),
+    _run,
+    _problem,
+)

@@ -3,64 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pentimento.cli.workshop import workshop
+from pentimento.cli import Command, given, option, seed, workshop
 from pentimento.contracts.errors import ConfigError, UnitError
 from pentimento.contracts.units import parse_quantity
 
 if TYPE_CHECKING:
-    from pentimento.io.lerobot_in import Told
+    from pentimento.io.lerobot_in import Description
     from pentimento.io.place import Placement
-
-
-def add(commands: Any, seed: Callable[[str], int]) -> None:
-    """The subcommands about recordings; ``seed`` parses its option."""
-    imports = commands.add_parser(
-        "import", help="strokes recorded elsewhere: a CSV of paths with pairs of photographs, or a LeRobot dataset"
-    )
-    imports.add_argument(
-        "paths", type=Path, metavar="PATHS",
-        help="CSV: stroke, t_s, x_mm, y_mm, z_mm (or press_mm), …; or the folder of a LeRobot v3.0 dataset",
-    )  # fmt: skip
-    imports.add_argument(
-        "--photos", type=Path, metavar="FOLDER", help="for a CSV: with <stroke>_before.png and <stroke>_after.png"
-    )
-    imports.add_argument(
-        "--action", metavar="NAMES", help='of a dataset: which values of its actions are x, y, z and yaw; "x,y,z,yaw"'
-    )
-    imports.add_argument("--camera", metavar="FEATURE", help="of a dataset: which feature shows the canvas")
-    imports.add_argument("--units", metavar="UNIT", help="of a dataset: its unit of length, metres by default")
-    place = imports.add_mutually_exclusive_group()
-    place.add_argument(
-        "--window", metavar="EDGES", help='what every photograph shows, such as "0 mm, 0 mm, 300 mm, 200 mm": '
-        "left, lower, right and upper edge in the paths' frame",
-    )  # fmt: skip
-    place.add_argument(
-        "--scale", metavar="SCALE", help='pixels over length, such as "5 px/mm": the lower left corner is 0, 0'
-    )
-    imports.add_argument("--y-down", action="store_true", help="y grows downwards in PATHS, from the photograph's top")
-    imports.add_argument("--tool", metavar="NAME", help="that made the strokes")
-    imports.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="for the table and its card")
-    imports.set_defaults(run=_import)
-
-    exports = commands.add_parser("export", help="strokes as a LeRobot v3.0 dataset")
-    exports.add_argument("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file, or a folder of shards")
-    exports.add_argument("--lerobot", required=True, type=Path, metavar="FOLDER", help="for the dataset")
-    exports.add_argument("--fps", type=int, default=30, metavar="N", help="frames a second")
-    exports.set_defaults(run=_export)
-
-    card = commands.add_parser("card", help="what a table of strokes or pushes holds, and what it cannot tell")
-    card.add_argument("rows", type=Path, metavar="ROWS", help="a Parquet file, or a folder of shards")
-    card.add_argument("--out", type=Path, metavar="FILE", help="Markdown; by default beside the rows")
-    card.set_defaults(run=_card)
-
-    enough = commands.add_parser("enough", help="whether more strokes would make a better model: a learning curve")
-    enough.add_argument("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file, or a folder of shards")
-    enough.add_argument("--seed", type=seed, default=0, help="of the shares and the bootstrap")
-    enough.set_defaults(run=_enough)
 
 
 def _import(arguments: argparse.Namespace) -> None:
@@ -68,7 +20,7 @@ def _import(arguments: argparse.Namespace) -> None:
     from pentimento.io.photo_pairs import import_photo_pairs
 
     if arguments.paths.is_dir():
-        imported = import_lerobot(arguments.paths, _told_of_dataset(arguments), arguments.out)
+        imported = import_lerobot(arguments.paths, _description_of_dataset(arguments), arguments.out)
     else:
         _needs(arguments, ("photos", "tool"), unwanted=("action", "camera", "units"), of="A CSV of paths")
         imported = import_photo_pairs(
@@ -77,12 +29,12 @@ def _import(arguments: argparse.Namespace) -> None:
     print(f"{imported.rows} strokes are in {arguments.out}.")
     for reason, strokes in imported.refused.items():
         print(f"Refused: {len(strokes)} × {reason} ({', '.join(strokes[:8])}{', …' if len(strokes) > 8 else ''}).")
-    print(f"What they can tell: pentimento card {arguments.out}")
+    print(f"What they hold: pentimento card {arguments.out}")
 
 
-def _told_of_dataset(arguments: argparse.Namespace) -> Told | None:
-    """What the options say of a dataset; None where there are none."""
-    from pentimento.io.lerobot_in import Told
+def _description_of_dataset(arguments: argparse.Namespace) -> Description | None:
+    """Return the description of a dataset given by the options; None where none is given."""
+    from pentimento.io.lerobot_in import Description
 
     options = ("tool", "window", "scale", "y_down", "action", "camera", "units")
     if arguments.photos is None and not any(getattr(arguments, name) for name in options):
@@ -92,7 +44,7 @@ def _told_of_dataset(arguments: argparse.Namespace) -> Told | None:
         unit_m = parse_quantity(f"1 {arguments.units or 'm'}", "m")
     except UnitError as error:
         raise ConfigError(f"--units {arguments.units} is no unit of length: {error}") from error
-    return Told(_placement(arguments), arguments.tool, unit_m, arguments.action, arguments.camera)
+    return Description(_placement(arguments), arguments.tool, unit_m, arguments.action, arguments.camera)
 
 
 def _needs(arguments: argparse.Namespace, needed: tuple[str, ...], unwanted: tuple[str, ...], of: str) -> None:
@@ -101,9 +53,8 @@ def _needs(arguments: argparse.Namespace, needed: tuple[str, ...], unwanted: tup
         missing.append("--window or --scale")
     if missing:
         raise ConfigError(f"{of} needs {', '.join(missing)}; see docs/importing.md.")
-    given = [f"--{name}" for name in unwanted if getattr(arguments, name) is not None]
-    if given:
-        raise ConfigError(f"{of} has no use for {', '.join(given)}; leave it out.")
+    if unused := given(arguments, unwanted):
+        raise ConfigError(f"{of} has no use for {', '.join(unused)}; leave it out.")
 
 
 def _placement(arguments: argparse.Namespace) -> Placement:
@@ -139,3 +90,76 @@ def _enough(arguments: argparse.Namespace) -> None:
     for line in curve.lines():
         print(line)
     print(curve.sentence)
+
+
+_ROWS = option("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file, or a folder of shards")
+
+COMMANDS = (
+    Command(
+        "import",
+        "recorded strokes: a CSV of paths with pairs of photographs, or a LeRobot dataset",
+        (
+            option(
+                "paths",
+                type=Path,
+                metavar="PATHS",
+                help="CSV: stroke, t_s, x_mm, y_mm, z_mm (or press_mm), …; or the folder of a LeRobot v3.0 dataset",
+            ),
+            option(
+                "--photos",
+                type=Path,
+                metavar="FOLDER",
+                help="for a CSV: with <stroke>_before.png and <stroke>_after.png",
+            ),
+            option(
+                "--action",
+                metavar="NAMES",
+                help='of a dataset: which values of its actions are x, y, z and yaw; "x,y,z,yaw"',
+            ),
+            option("--camera", metavar="FEATURE", help="of a dataset: which feature shows the canvas"),
+            option("--units", metavar="UNIT", help="of a dataset: its unit of length, metres by default"),
+            option(
+                "--window",
+                metavar="EDGES",
+                exclusive="place",
+                help='what every photograph shows, such as "0 mm, 0 mm, 300 mm, 200 mm": left, lower, right and upper '
+                "edge in the paths' frame",
+            ),
+            option(
+                "--scale",
+                metavar="SCALE",
+                exclusive="place",
+                help='pixels over length, such as "5 px/mm": the lower left corner is 0, 0',
+            ),
+            option("--y-down", action="store_true", help="y grows downwards in PATHS, from the photograph's top"),
+            option("--tool", metavar="NAME", help="that made the strokes"),
+            option("--out", required=True, type=Path, metavar="FOLDER", help="for the table and its data card"),
+        ),
+        _import,
+    ),
+    Command(
+        "export",
+        "strokes as a LeRobot v3.0 dataset",
+        (
+            _ROWS,
+            option("--lerobot", required=True, type=Path, metavar="FOLDER", help="for the dataset"),
+            option("--fps", type=int, default=30, metavar="N", help="frames a second"),
+        ),
+        _export,
+    ),
+    Command(
+        "card",
+        "the data card of a table of strokes or pushes: what it holds, and which causes it cannot show",
+        (
+            option("rows", type=Path, metavar="ROWS", help="a Parquet file, or a folder of shards"),
+            option("--out", type=Path, metavar="FILE", help="Markdown; by default beside the rows"),
+        ),
+        _card,
+    ),
+    Command(
+        "enough",
+        "whether more strokes would make a better model: a learning curve",
+        (_ROWS, option("--seed", type=seed, default=0, help="of the shares and the bootstrap")),
+        _enough,
+    ),
+)

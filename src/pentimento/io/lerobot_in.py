@@ -43,8 +43,8 @@ _PLACE: Final = ("x", "y", "z")
 _YAW: Final = "yaw"
 
 
-class Told(NamedTuple):
-    """What a dataset of somebody else's does not say."""
+class Description(NamedTuple):
+    """What a foreign dataset does not describe itself."""
 
     placement: Placement
     """Of its pictures, which are rectified."""
@@ -57,26 +57,26 @@ class Told(NamedTuple):
     """The feature with pictures of the canvas; None where there is but one."""
 
 
-def import_lerobot(folder: Path, told: Told | None, out: Path) -> Imported:
+def import_lerobot(folder: Path, description: Description | None, out: Path) -> Imported:
     """Write the folder ``out`` as shards of the strokes contract with a card that counts what was refused.
 
     Args:
-        told: None for a dataset of ours.
+        description: None for a dataset that was exported from strokes.
 
     Raises:
-        ConfigError: ``told`` is missing, or says what the dataset says itself or does not have.
+        ConfigError: ``description`` is missing, is given for an exported dataset, or names what the dataset lacks.
         ContractError: the dataset cannot be read, or no episode can be used; nothing is written.
     """
     dataset = open_dataset(folder)
-    if dataset.ours and told is not None:
+    if dataset.ours and description is not None:
         raise ConfigError(f"{folder} was exported from strokes and says all about them itself; give --out alone.")
-    if not dataset.ours and told is None:
+    if not dataset.ours and description is None:
         raise ConfigError(
             f"{folder} does not say what made its strokes and where its pictures lie; give --tool, and --window or "
             "--scale."
         )
     refused: Reasons = {}
-    table = _kept_rows(dataset, refused) if told is None else _made_rows(dataset, told, refused)
+    table = _kept_rows(dataset, refused) if description is None else _made_rows(dataset, description, refused)
     if table.num_rows == 0:
         raise ContractError(
             f"None of the {dataset.episodes.num_rows} episodes of {folder} can be used: {counted(refused)}."
@@ -109,15 +109,15 @@ def _kept_rows(dataset: Dataset, refused: Reasons) -> pa.Table:
     return rows
 
 
-def _made_rows(dataset: Dataset, told: Told, refused: Reasons) -> pa.Table:
+def _made_rows(dataset: Dataset, description: Description, refused: Reasons) -> pa.Table:
     """Each episode as a stroke of its own."""
-    camera, axes = _camera(dataset, told.camera), _axes(dataset, told.action)
+    camera, axes = _camera(dataset, description.camera), _axes(dataset, description.action)
     session = dataset.folder.resolve().name
     rows = []
     for file, columns, episodes in sound_episodes(dataset, ["timestamp", ACTION], refused):
         strokes: dict[int, RecordedPath] = {}
         for episode in episodes:
-            stroke = _recorded(episode, columns, axes, told.unit_m)
+            stroke = _recorded(episode, columns, axes, description.unit_m)
             if stroke.fault is None:
                 strokes[episode.place] = stroke
             else:
@@ -125,9 +125,9 @@ def _made_rows(dataset: Dataset, told: Told, refused: Reasons) -> pa.Table:
         sound = [episode for episode in episodes if episode.place in strokes]
         for episode, pair in first_and_last_pictures(dataset, camera, file, sound, refused):
             number = episode.number
-            given = {"session": session, "order": number, "action_id": number, "tool": told.tool}
+            given = {"session": session, "order": number, "action_id": number, "tool": description.tool}
             try:
-                rows.append(stroke_row(strokes[episode.place], *pair, told.placement, given))
+                rows.append(stroke_row(strokes[episode.place], *pair, description.placement, given))
             except Refused as reason:
                 leave_out(refused, reason, [number])
     return table_of(sorted(rows, key=lambda row: int(row["order"])), [])

@@ -1,0 +1,81 @@
+"""dvc.yaml and dvc.lock, and the MD5 digests by which DVC compares data and parameters."""
+
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pipelines._params import read_yaml, sections_of
+
+
+def matrix_items(folder: Path, stage: str) -> dict[str, list[str]]:
+    """Return the items of a stage by axis of its matrix in dvc.yaml, with references to `vars` resolved."""
+    document = read_yaml(folder / "dvc.yaml")
+    lists = {f"${{{name}}}": listed for each in document.get("vars", []) for name, listed in each.items()}
+    matrix = document.get("stages", {}).get(stage, {}).get("matrix", {})
+    return {axis: lists[items] if isinstance(items, str) else items for axis, items in matrix.items()}
+
+
+def locked_stages(folder: Path) -> dict[str, Any]:
+    """Return the entries of dvc.lock in `folder` by stage item; empty where no stage has run yet.
+
+    DVC empties the file before it writes it, and another stage may end at any moment. The file is therefore read under
+    DVC's own lock, which DVC holds while it writes and releases while a stage runs.
+    """
+    file = folder / "dvc.lock"
+    if not file.is_file():
+        return {}
+    lock = folder / ".dvc/tmp/lock"
+    if not lock.is_file():  # no DVC ever ran here
+        return _stages(file)
+    with lock.open() as held:
+        fcntl.flock(held, fcntl.LOCK_SH)
+        return _stages(file)
+
+
+def _stages(file: Path) -> dict[str, Any]:
+    stages: dict[str, Any] = read_yaml(file).get("stages", {})
+    return stages
+
+
+def input_digest(path: Path) -> str:
+    """Return DVC's MD5 of `path`, or an MD5 of its files where DVC does not track it."""
+    for stage in locked_stages(Path()).values():
+        for out in stage.get("outs", []):
+            if Path(out["path"]) == path:
+                return str(out["md5"])
+    if path.is_file():
+        return md5(path.read_bytes())
+    if not path.is_dir():
+        raise FileNotFoundError(2, os.strerror(2), str(path))
+    files = sorted(file for file in path.rglob("*") if file.is_file())
+    return md5("\n".join(f"{file.relative_to(path)} {md5(file.read_bytes())}" for file in files).encode())
+
+
+def params_digest(stage: str, params: dict[str, Any]) -> str:
+    """Return an MD5 of the sections of params.yaml that a stage depends on, as dvc.lock repeats them."""
+    return value_digest({name: params[name] for name in sections_of(stage, params)})
+
+
+def value_digest(value: Any) -> str:
+    """Return an MD5 of a value that JSON can hold."""
+    return md5(json.dumps(value, sort_keys=True, default=str).encode())
+
+
+def md5(content: bytes) -> str:
+    """Return an MD5 as DVC writes it."""
+    return hashlib.md5(content, usedforsecurity=False).hexdigest()
+
+
+def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested mappings as one, with their keys joined by dots."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat

@@ -1,0 +1,169 @@
+"""`pentimento run` and `calibrate`; see docs/running.md and docs/on_a_robot.md."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pentimento.cli import Command, count, given, option, seed, words
+from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
+
+_OF_CLAY = ("material", "letter", "pushes")
+_OF_PAINT = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "execute", "page")
+_OF_A_NEW_RUN = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "seed", "out", "execute", *_OF_CLAY)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    from pentimento.control.checkpoint import has_state
+    from pentimento.control.commission import Wanted, read_clay_commission, read_commission
+    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
+    from pentimento.control.run import commission_of, run
+
+    if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
+        _sculpt(arguments)
+        return
+    folder: Path = arguments.out if arguments.resume is None else arguments.resume
+    if arguments.resume is not None:
+        commission = read_commission(folder)
+    else:
+        picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
+        wanted = picture or Wanted("words", arguments.goal_text or "")
+        commission = commission_of(
+            arguments.bundle, wanted, setting=arguments.setting, robot=arguments.robot or "virtual",
+            execute=arguments.execute, strokes=arguments.strokes, batch=arguments.batch, seed=arguments.seed,
+        )  # fmt: skip
+    control, progress = Control(), Progress()
+    keyboard = at_terminal(control, progress)
+    page = _print_address if arguments.page else None
+    try:
+        with ended_by_signal():
+            state = run(
+                commission, folder, resume=arguments.resume is not None, calibration=arguments.calibration,
+                ask=keyboard.ask, page=page, control=control, progress=progress,
+            )  # fmt: skip
+    except (PentimentoError, OSError, KeyboardInterrupt) as error:
+        if has_state(folder) and not isinstance(error, ContractError):  # a damaged state cannot be resumed
+            error.add_note(f"Go on with: pentimento run --resume {folder}")
+        raise
+    progress.message("")
+    print(f"{state.message} The painting is in {folder}.")
+
+
+def _sculpt(arguments: argparse.Namespace) -> None:
+    from pentimento.control.commission import read_clay_commission
+    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
+    from pentimento.control.run_sculpture import clay_commission_of, run_sculpture
+
+    folder: Path = arguments.out if arguments.resume is None else arguments.resume
+    commission = read_clay_commission(folder) if arguments.resume is not None else None
+    if commission is None:
+        commission = clay_commission_of(
+            arguments.bundle, arguments.material, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+        )
+    control, progress = Control(), Progress()
+    at_terminal(control, progress)
+    with ended_by_signal():
+        state = run_sculpture(
+            commission, folder, resume=arguments.resume is not None, control=control, progress=progress
+        )
+    progress.message("")
+    print(f"{len(state.progress.actions)} pushes; {state.stopped}. The sculpture is in {folder}.")
+
+
+def _print_address(address: str) -> None:
+    print(f"The page is {address}", flush=True)
+
+
+def _problem_of_run(arguments: argparse.Namespace) -> str | None:
+    if (arguments.bundle is None) == (arguments.resume is None):
+        return "give a bundle to begin a painting, or --resume FOLDER to go on with one."
+    if arguments.bundle is not None and arguments.out is None:
+        return "--out FOLDER says where the painting is kept."
+    if arguments.resume is not None and (fixed := given(arguments, _OF_A_NEW_RUN)):
+        return f"--resume goes on as the painting was begun, and cannot change {', '.join(fixed)}; leave it out."
+    clay = given(arguments, _OF_CLAY)
+    if clay and (arguments.material is None or arguments.letter is None):
+        return f"{', '.join(clay)}: to sculpt, give both --material and --letter."
+    if clay and (paint := given(arguments, _OF_PAINT)):
+        return f"clay is sculpted in the studio, without {', '.join(paint)}; leave it out."
+    return None
+
+
+def _calibrate(arguments: argparse.Namespace) -> None:
+    from pentimento.cli.calibrate import calibrate_rig, residual_sentence, write_prints, yes_at_terminal
+    from pentimento.robots.hardware import ask_at_terminal
+    from pentimento.robots.rig import load_rig
+
+    if arguments.kind == "prints":
+        for path in write_prints(arguments.calibration, load_rig(arguments.rig).canvas_size_m):
+            print(path)
+        return
+    try:
+        found = calibrate_rig(
+            arguments.rig, arguments.kind, arguments.tool, arguments.calibration, ask_at_terminal, yes_at_terminal
+        )
+    except EOFError as error:
+        raise ConfigError("A calibration needs a person's answers; run it at a terminal.") from error
+    print(residual_sentence(found))
+
+
+_CALIBRATION = {"type": Path, "default": Path("calibration"), "metavar": "FOLDER"}
+
+COMMANDS = (
+    Command(
+        "run",
+        "paint beside a person from a bundle: plan, paint, look, replan",
+        (
+            option("bundle", type=Path, nargs="?", help="folder of a bundle, as `deploy` writes it"),
+            option(
+                "--robot",
+                metavar="ROBOT",
+                help="virtual (default; virtual:WORLD names the studio's world), svg (a drawing on file), gcode (a "
+                "file), gcode:PORT (a plotter), or the name or path of a rig file",
+            ),
+            option(
+                "--setting",
+                help="of the bundle: tool, canvas and planner; by default the one whose tool brings its ink",
+            ),
+            option("--goal-image", type=Path, metavar="FILE", exclusive="goal", help="paint this picture"),
+            option(
+                "--goal-text",
+                type=words,
+                metavar="WORDS",
+                exclusive="goal",
+                help="paint this; without any goal, what is on the canvas is completed",
+            ),
+            option("--strokes", type=count, metavar="N", help="maximum; by default the setting's"),
+            option(
+                "--batch", type=count, metavar="N", help="strokes between two replannings; by default the setting's"
+            ),
+            option("--material", help="sculpt this clay of the bundle, in the studio, instead of painting"),
+            option("--letter", metavar="LETTERS", help="sink this into the clay"),
+            option("--pushes", type=count, metavar="N", help="maximum number of pushes into the clay; by default 60"),
+            option("--seed", type=seed, metavar="N", help="of plan, goal and studio; by default the setting's"),
+            option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting"),
+            option("--resume", type=Path, metavar="FOLDER", help="go on with a painting, however it ended"),
+            option(
+                "--execute",
+                action="store_true",
+                help="let hardware move, which needs a fresh calibration; without it, hardware is rehearsed in the "
+                "studio",
+            ),
+            option("--calibration", help="of the rig (calibration)", **_CALIBRATION),
+            option("--page", action="store_true", help="serve a page with the painting on this computer alone"),
+        ),
+        _run,
+        _problem_of_run,
+    ),
+    Command(
+        "calibrate",
+        "measure a rig: its lens, canvas, colours, and where it touches",
+        (
+            option("rig", help="name or file of the rig"),
+            option("kind", choices=("prints", "lens", "canvas", "colour", "touch"), help="in this order"),
+            option("--tool", default="marker", help="for the touch: name or file of the tool in the holder"),
+            option("--calibration", help="to write into", **_CALIBRATION),
+        ),
+        _calibrate,
+    ),
+)
