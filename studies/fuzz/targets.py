@@ -31,7 +31,7 @@ from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
 from pentimento.goals3d.height_files import height_file_relief
 from pentimento.goals3d.meshes import mesh_relief
-from pentimento.io.lerobot_in import Told, import_lerobot
+from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
 from pentimento.io.photo_pairs import import_photo_pairs
 from pentimento.io.place import Placement
@@ -245,9 +245,9 @@ def _datasets(folder: Path) -> list[Target]:
     said = pq.read_table(folder / "ours" / episodes)
     plain = said.select([name for name in said.column_names if not name.startswith("pentimento")])
     pq.write_table(plain, folder / "theirs" / episodes)
-    told = Told(Placement.parsed("0 mm, 0 mm, 300 mm, 210 mm", None, False), "quill", 1.0, None, None)
+    told = Description(Placement.parsed("0 mm, 0 mm, 300 mm, 210 mm", None, False), "quill", 1.0, None, None)
 
-    def altered(whose: str, told: Told | None, name: Path) -> Target:
+    def altered(whose: str, told: Description | None, name: Path) -> Target:
         path = folder / whose / name
         sound = path.read_bytes()
 

@@ -19,7 +19,7 @@ from pentimento.contracts.images import decode_png, encode_png
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table, write_table
 from pentimento.io.lerobot_folder import names_of, open_dataset
-from pentimento.io.lerobot_in import Told, import_lerobot
+from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
 from pentimento.io.lerobot_pictures import video_pairs
 from pentimento.io.place import Placement
@@ -40,13 +40,13 @@ from tests.io.published import (
 )
 from tests.io.test_photo_pairs import ink_centre_m
 
-TOLD = Told(Placement.parsed(None, SCALE, False), "quill", 1.0, None, None)
+TOLD = Description(Placement.parsed(None, SCALE, False), "quill", 1.0, None, None)
 DATA = "data/chunk-000/file-000.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 VIDEO = f"videos/{CAMERA}/chunk-000/file-000.mp4"
 
 
-def rows_of(folder: Path, out: Path, told: Told = TOLD) -> list[dict[str, Any]]:
+def rows_of(folder: Path, out: Path, told: Description = TOLD) -> list[dict[str, Any]]:
     imported = import_lerobot(folder, told, out)
     rows: list[dict[str, Any]] = read_table(out, CONTRACT).table.to_pylist()
     assert imported.rows == len(rows)
@@ -100,7 +100,7 @@ def test_millimetres_y_down_and_named_or_numbered_values_say_the_same(tmp_path: 
     turned[:, 2] = 80 - turned[:, 2]
     turned[:, 4] *= -1
     change_column(folder / DATA, "action", pa.array(turned.tolist(), pa.list_(pa.float64(), 5)))
-    down = Told(Placement.parsed(None, SCALE, True), "quill", 0.001, "1,y, z,4", CAMERA)
+    down = Description(Placement.parsed(None, SCALE, True), "quill", 0.001, "1,y, z,4", CAMERA)
     for row, same in zip(plain, rows_of(folder, tmp_path / "turned", down), strict=True):
         np.testing.assert_allclose(row["path"], same["path"], atol=2e-6)
         assert row["before"] == same["before"] and row["after"] == same["after"]
@@ -312,7 +312,7 @@ def test_no_path_of_a_dataset_leaves_its_folder(tmp_path: Path, template: str) -
         (None, "--tool"),
     ],
 )
-def test_what_must_be_told_is_asked_for(told: Told | None, says: str, tmp_path: Path) -> None:
+def test_what_must_be_told_is_asked_for(told: Description | None, says: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=says):
         import_lerobot(publish(tmp_path / "lines"), told, tmp_path / "out")
 
