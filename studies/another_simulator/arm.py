@@ -56,7 +56,7 @@ class Arm:
 
     def __init__(self, effects: Effects, rng: np.random.Generator) -> None:
         self._effects, self._rng = effects, rng
-        self._execution_noise_m, self._last_m = np.zeros(2), np.array(MIDDLE_M)
+        self._play_offset_m, self._last_m = np.zeros(2), np.array(MIDDLE_M)
 
     def contact(self, command: Command) -> tuple[Array, Array]:
         """Where the tool touches, [M, 2], and how deep it is pressed there, [M], metres."""
@@ -83,9 +83,9 @@ class Arm:
         """The load of each axis moves only where its motor has taken up the play."""
         half, moved = self._effects.backlash / 2, xy.copy()
         for k, point in enumerate(xy):
-            self._execution_noise_m = np.clip(self._execution_noise_m + point - self._last_m, -half, half)
+            self._play_offset_m = np.clip(self._play_offset_m + point - self._last_m, -half, half)
             self._last_m = point
-            moved[k] = point - self._execution_noise_m
+            moved[k] = point - self._play_offset_m
         return moved
 
 

@@ -102,9 +102,9 @@ def test_a_snapped_window_can_be_cropped_and_contains_the_window(
     image = np.zeros(image_shape(WINDOW, k))
     snapped = snap_window(window, WINDOW, image.shape)
     assert min(crop(image, WINDOW, snapped).shape) >= 1
-    execution_noise = 1.1 * 0.01 / k  # what counts as aligned
-    assert (snapped[:2] <= np.array(window[:2]) + execution_noise).all()
-    assert (snapped[2:] >= np.minimum(window[2:], WINDOW[2:]) - execution_noise).all()
+    tolerance = 1.1 * 0.01 / k  # what counts as aligned
+    assert (snapped[:2] <= np.array(window[:2]) + tolerance).all()
+    assert (snapped[2:] >= np.minimum(window[2:], WINDOW[2:]) - tolerance).all()
     assert (np.abs(snapped - window)[:2] < 1.1 / k).all()
 
 

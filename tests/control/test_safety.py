@@ -119,21 +119,21 @@ def test_an_accepted_path_is_wholly_inside(seed: int, count: int, spread_m: floa
     try:
         BRUSH.check_path(path)
     except EnvelopeViolation:
-        assert not keeps_limits(path, execution_noise=-1e-6)
+        assert not keeps_limits(path, tolerance=-1e-6)
     else:
-        assert keeps_limits(path, execution_noise=1e-6)
+        assert keeps_limits(path, tolerance=1e-6)
 
 
-def keeps_limits(path: np.ndarray, execution_noise: float) -> bool:
-    """The brush's limits by definition, each wider by `execution_noise`; rates by 1 %, for rounding."""
-    low, high = np.array([0, 0, -0.004]) - execution_noise, np.array([0.3, 0.2, 0.05]) + execution_noise
+def keeps_limits(path: np.ndarray, tolerance: float) -> bool:
+    """The brush's limits by definition, each wider by `tolerance`; rates by 1 %, for rounding."""
+    low, high = np.array([0, 0, -0.004]) - tolerance, np.array([0.3, 0.2, 0.05]) + tolerance
     dt = np.diff(path[:, 0])
     speed = np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1) / dt
-    rates = 1 + 0.01 * np.sign(execution_noise)
+    rates = 1 + 0.01 * np.sign(tolerance)
     return bool(
         (path[:, 1:4] >= low).all()
         and (path[:, 1:4] <= high).all()
-        and (np.abs(path[:, 4]) <= 2 * math.pi + execution_noise).all()
+        and (np.abs(path[:, 4]) <= 2 * math.pi + tolerance).all()
         and speed.max() <= 0.12 * rates
         and (np.abs(np.diff(path[:, 4])) / dt).max() <= math.pi * rates
         and tip_accelerations(path).max() <= 2.5 * rates

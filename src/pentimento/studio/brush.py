@@ -164,12 +164,12 @@ def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, f
             hold = target
         else:
             hold += (target - hold) * (1 - (1 - FLICK) * np.exp(-moved / STRAIGHTENING_M))
-        execution_noise = hold * (1 + 0.06 * friction[k])
+        leash_m = hold * (1 + 0.06 * friction[k])
         dx, dy = tip[k, 0] - x, tip[k, 1] - y
         distance = np.hypot(dx, dy)
-        limit = execution_noise * (1 + STICTION) if resting else execution_noise
+        limit = leash_m * (1 + STICTION) if resting else leash_m
         if distance > limit and distance > 0:
-            slide = (distance - execution_noise) * (0.35 if resting else 0.8)
+            slide = (distance - leash_m) * (0.35 if resting else 0.8)
             x += dx / distance * slide
             y += dy / distance * slide
             resting = False

@@ -25,7 +25,7 @@ class Gears:
     """Where the motors rest (x_m, y_m) and how far the driven side is off within its play, per axis."""
 
     rest_m: tuple[float, float] = (0.0, 0.0)
-    execution_noise_m: tuple[float, float] = (0.0, 0.0)
+    play_offset_m: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -67,15 +67,15 @@ def execute(
             )
     encoders = _read_encoders(path, followed, step_s, encoder_noise)
     # The way to the stroke's start counts: it decides on which side the gears rest.
-    xy, execution_noise = np.vstack([gears.rest_m, followed[:, :2]]), [0.0, 0.0]
+    xy, play_offset = np.vstack([gears.rest_m, followed[:, :2]]), [0.0, 0.0]
     for axis in (0, 1):
         half_play_m = 0.5 * effects.backlash * robot.backlash_m[axis]
-        execution_noise[axis] = _play(xy[:, axis], half_play_m, gears.execution_noise_m[axis])
+        play_offset[axis] = _play(xy[:, axis], half_play_m, gears.play_offset_m[axis])
     xy = xy[1:]
     xy = _misplace(xy, path[0, 1:3], robot, effects, canvas_size_m) + seat_m
     speed = np.hypot(*np.gradient(xy, axis=0).T) / step_s
     pose = np.column_stack([xy, followed[:, 2:]])
-    rest = Gears((float(followed[-1, 0]), float(followed[-1, 1])), (execution_noise[0], execution_noise[1]))
+    rest = Gears((float(followed[-1, 0]), float(followed[-1, 1])), (play_offset[0], play_offset[1]))
     return Tip(pose, speed, encoders, rest)
 
 
@@ -114,17 +114,17 @@ def _follow(command: Array, step_s: float, dead_s: float, servo_s: float, out: A
 
 
 @njit(cache=True)
-def _play(position: Array, half_play_m: float, execution_noise_m: float) -> float:
+def _play(position: Array, half_play_m: float, play_offset_m: float) -> float:
     """Play operator in place: the driven side moves only when the driver has crossed the gap. Returns the
-    last slack.
+    last play offset.
     """
-    execution_noise = min(max(execution_noise_m, -half_play_m), half_play_m)
+    play_offset = min(max(play_offset_m, -half_play_m), half_play_m)
     last = position[0]
     for k in range(position.size):
-        execution_noise = min(max(execution_noise + last - position[k], -half_play_m), half_play_m)
+        play_offset = min(max(play_offset + last - position[k], -half_play_m), half_play_m)
         last = position[k]
-        position[k] = last + execution_noise
-    return execution_noise
+        position[k] = last + play_offset
+    return play_offset
 
 
 def _misplace(xy: Array, start: Array, robot: Robot, effects: Effects, canvas_size_m: tuple[float, float]) -> Array:

@@ -92,8 +92,8 @@ def _is_near(u: Tensor, v: Tensor, tile: Tensor) -> Tensor:
     offset = tile * TILE + (TILE - 1) / 2 - u[:, :2]
     t = ((offset * edge).sum(1) / edge.square().sum(1).clamp(min=LENGTH_EPSILON)).clamp(0.0, 1.0)
     half_diagonal = (TILE - 1) / 2 * 2**0.5
-    execution_noise = 1.0  # [px] for rounding, in segments that come from far off the canvas
-    return (offset - t[:, None] * edge).norm(dim=1) <= _reach(u, v) + half_diagonal + execution_noise
+    margin_px = 1.0  # [px] for rounding, in segments that come from far off the canvas
+    return (offset - t[:, None] * edge).norm(dim=1) <= _reach(u, v) + half_diagonal + margin_px
 
 
 def _reach(u: Tensor, v: Tensor) -> Tensor:

@@ -26,7 +26,7 @@ class Gears:
     """Where the motors rest (x_m, y_m) and how far the driven side is off within its play, per axis."""
 
     rest_m: tuple[float, float] = (0.0, 0.0)
-    execution_noise_m: tuple[float, float] = (0.0, 0.0)
+    play_offset_m: tuple[float, float] = (0.0, 0.0)
 
 
 def commanded_line(action: Array, surface_m: float) -> Array:
@@ -50,20 +50,20 @@ def executed_line(
     """Where the tip goes for a command float64[M,3]; and the gears as they are left."""
     seat_m, contact_m = arm.repeatability_m * rng.standard_normal(2), arm.contact_error_m * rng.standard_normal()
     line = command.copy()
-    execution_noise_m = [0.0, 0.0]
+    play_offset_m = [0.0, 0.0]
     for axis in (0, 1):
         half_m = 0.5 * effects.tool_backlash * arm.backlash_m[axis]
         moved = np.diff(command[:, axis], prepend=gears.rest_m[axis])  # the way to the start counts
-        execution_noise = gears.execution_noise_m[axis]
+        play_offset = gears.play_offset_m[axis]
         for k, step_m in enumerate(moved):
-            execution_noise = min(max(execution_noise + step_m, -half_m), half_m)
-            line[k, axis] -= execution_noise
-        execution_noise_m[axis] = execution_noise
+            play_offset = min(max(play_offset + step_m, -half_m), half_m)
+            line[k, axis] -= play_offset
+        play_offset_m[axis] = play_offset
     from_centre = 2 * line[:, :2] / np.asarray(size_m) - 1  # -1..1
     sag = from_centre @ np.asarray(arm.offset_tilt_m) + 0.3 * arm.offset_m * (from_centre**2).sum(axis=1)
     line[:, 2] -= effects.height_offset * (arm.offset_m + sag) + contact_m
     line[:, :2] += seat_m
-    rest = Gears((float(command[-1, 0]), float(command[-1, 1])), (execution_noise_m[0], execution_noise_m[1]))
+    rest = Gears((float(command[-1, 0]), float(command[-1, 1])), (play_offset_m[0], play_offset_m[1]))
     return line, rest
 
 
