@@ -132,7 +132,7 @@ def first_stroke_s(folder: Path) -> float:
         words += ["--setting", SETTING, "--strokes", str(STROKES), "--out", str(out)]
         started = time.perf_counter()
         running = subprocess.Popen(words, stderr=subprocess.DEVNULL)  # which would say that it was interrupted
-        while not (has_state(out) and load_state(out).made):
+        while not (has_state(out) and load_state(out).executed):
             if running.poll() is not None:
                 raise RuntimeError(f"`pentimento run {folder}` ended before its first stroke: try it by hand.")
             time.sleep(0.02)

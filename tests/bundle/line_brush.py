@@ -1,4 +1,4 @@
-"""Test support: a stroke model in plain numpy, and an easel before a small sheet of the studio."""
+"""Test support: a stroke model in plain numpy, and a painting context for a small sheet of the studio."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RADIUS_M, DENSITY, SOFTNESS = 0.0011, 0.85, 0.4
 
 
 class LineBrush:
-    """A pen's line of one width; its gradient is the geometry's."""
+    """A pen with a line of constant width; its gradient is that of the geometry."""
 
     fitted: Mapping[str, Span] = {}
     timing = LoopTiming(1.0, 5.0)
@@ -59,7 +59,7 @@ class LineBrush:
 
 
 def paint_context(iterations: int = 30) -> PaintContext:
-    """The marker, planned quickly, on a sheet of SIDE_M."""
+    """The marker with a fast planner on a sheet of SIDE_M."""
     planner = PlannerConfig(
         initialisation="error_guided",
         candidates=5,
@@ -88,13 +88,13 @@ def paint_context(iterations: int = 30) -> PaintContext:
 
 
 def sheet(seed: int = 3) -> VirtualRobot:
-    """A robot with the marker before a blank sheet of SIDE_M."""
+    """A robot with the marker and a blank sheet of SIDE_M."""
     world = load_world("marker")
     return VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), seed))
 
 
 def journaled_sheet(folder: Path, robot: Robot | None = None) -> JournaledRobot:
-    """The same, outliving its process; ``robot`` in the place of ``sheet``."""
+    """A journaled ``sheet``, or ``robot``."""
     return JournaledRobot(sheet() if robot is None else robot, folder / "journal.jsonl", load_tool)
 
 

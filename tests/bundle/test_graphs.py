@@ -1,4 +1,4 @@
-"""A bundle's graphs, asked as the planner asks, answer as the workshop's models do."""
+"""A bundle's graphs, called as the planner calls them, agree with the PyTorch models."""
 
 import subprocess
 import sys
@@ -76,7 +76,7 @@ def picture(seed: int, height: int = 32, width: int = 48) -> Array:
 
 
 @pytest.mark.parametrize("count", [1, 2, 30])
-def test_a_brush_draws_and_pulls_as_pytorch_does(graphs: Graphs, count: int) -> None:
+def test_graph_brush_equals_pytorch(graphs: Graphs, count: int) -> None:
     ours, theirs = GraphBrush(graphs, BRUSH), TorchBrush(
         small_bundle()[1].strokes["marker"], load_tool("marker"), PLANNER.path_points
     )  # fmt: skip
@@ -94,7 +94,7 @@ def test_a_brush_draws_and_pulls_as_pytorch_does(graphs: Graphs, count: int) -> 
     np.testing.assert_allclose(ours.gain(places), theirs.gain(places), rtol=1e-5)
 
 
-def test_a_brush_pulls_from_where_it_drew_although_strokes_move_meanwhile(graphs: Graphs) -> None:
+def test_graph_brush_pull_uses_the_strokes_of_the_forward_pass(graphs: Graphs) -> None:
     strokes, inherited = some_strokes(3)
     marks, pull = GraphBrush(graphs, BRUSH).marks(strokes, inherited)
     cotangent = Marks(*(np.ones_like(field) for field in marks))
@@ -104,7 +104,7 @@ def test_a_brush_pulls_from_where_it_drew_although_strokes_move_meanwhile(graphs
         np.testing.assert_array_equal(found, wanted)
 
 
-def test_objectives_go_down_along_their_gradient_by_as_much_as_it_says(graphs: Graphs) -> None:
+def test_graph_objectives_decrease_along_their_gradient(graphs: Graphs) -> None:
     for make in (
         lambda: SemanticObjective(graphs, picture(2, 32, 32), 5),
         lambda: TextObjective(graphs, CAPTIONS[0], (32, 32), 5),
@@ -117,7 +117,7 @@ def test_objectives_go_down_along_their_gradient_by_as_much_as_it_says(graphs: G
         assert after == pytest.approx(0.98 * value, rel=0.008)
 
 
-def test_the_semantic_objective_of_the_target_is_zero_at_any_size_of_picture(graphs: Graphs) -> None:
+def test_semantic_objective_of_the_target_is_zero(graphs: Graphs) -> None:
     for shape in ((32, 48), (17, 90)):
         target = picture(4, *shape)
         objective = SemanticObjective(graphs, target, 0)
@@ -126,21 +126,21 @@ def test_the_semantic_objective_of_the_target_is_zero_at_any_size_of_picture(gra
         assert objective(1 - target)[1].shape == target.shape
 
 
-def test_views_repeat_with_the_seed_and_differ_from_call_to_call(graphs: Graphs) -> None:
+def test_views_are_seeded_and_differ_between_calls(graphs: Graphs) -> None:
     one, other = (TextObjective(graphs, CAPTIONS[1], (32, 48), 7) for _ in range(2))
     image = picture(5)
     first = one(image)[0]
     assert other(image)[0] == first != one(image)[0]
 
 
-def test_a_caption_is_read_as_in_the_workshop(graphs: Graphs) -> None:
+def test_caption_vector_equals_pytorch(graphs: Graphs) -> None:
     encoder = small_bundle()[1].encoder
     for caption in (*CAPTIONS, "", "a word " * 40):
         expected = encoder.embed_texts([caption])[0].detach().numpy()
         np.testing.assert_allclose(caption_vector(graphs, caption), expected, atol=1e-5)
 
 
-def test_style_is_the_workshops_to_the_pairing() -> None:
+def test_style_objective_equals_pytorch() -> None:
     style, image = picture(6, 32, 32), picture(7, 32, 32)
     expected, slope = TorchObjective(TorchStyle(torch.from_numpy(style), LocalFeatures(), 0))(image)
     value, gradient = StyleObjective(styles(), style, 0)(image)
@@ -149,7 +149,7 @@ def test_style_is_the_workshops_to_the_pairing() -> None:
     assert StyleObjective(styles(), style, 0)(style)[0] == pytest.approx(0, abs=1e-4)
 
 
-def test_a_picture_gives_a_style_at_the_sizes_that_were_deployed() -> None:
+def test_picture_style_is_limited_to_deployed_sizes() -> None:
     bytes_srgb = np.random.default_rng(8).integers(0, 256, (40, 90, 3)).astype(np.uint8)
     style = PictureStyle(styles(), bytes_srgb, 0)
     assert style.picture((32, 32)).shape == (32, 32, 3)
@@ -160,7 +160,7 @@ def test_a_picture_gives_a_style_at_the_sizes_that_were_deployed() -> None:
         style.objective((32, 32))(np.full((32, 32, 3), np.nan, np.float32))
 
 
-def test_the_goal_planners_parts_answer_as_pytorch_does(graphs: Graphs) -> None:
+def test_goal_networks_equal_pytorch(graphs: Graphs) -> None:
     planner, networks = small_bundle()[1].goal, goal_networks(graphs)
     schedule, rng = noise_schedule(graphs.bundle), np.random.default_rng(0)
     words = tokenizer(graphs.bundle, graphs.bundle.manifest.goal.words).encode(["a red disc", "a blue square"])
@@ -178,7 +178,7 @@ def test_the_goal_planners_parts_answer_as_pytorch_does(graphs: Graphs) -> None:
     assert schedule.alphas_cumprod[-1] == 0 and schedule.prediction == "sample"
 
 
-def test_it_needs_no_pytorch() -> None:
+def test_graphs_import_no_pytorch() -> None:
     script = (
         "import sys; from pathlib import Path; from pentimento.bundle.graphs import Graphs, caption_vector;"
         "from pentimento.bundle.reader import open_bundle;"

@@ -1,4 +1,4 @@
-"""The reader of ONNX files agrees with the onnx package, and survives anything else with a sentence."""
+"""The header reader agrees with the onnx package, and refuses everything else with a message."""
 
 import numpy as np
 import onnx
@@ -13,7 +13,7 @@ from tests.bundle.tiny_bundle import graph
 
 
 @given(st.integers(1, 30), st.integers(1, 12), st.lists(st.integers(0, 7), max_size=4), st.booleans())
-def test_it_reads_what_was_written(opset: int, ir_version: int, shape: list[int], whole: bool) -> None:
+def test_header_of_a_written_model(opset: int, ir_version: int, shape: list[int], whole: bool) -> None:
     model = graph(opset, ir_version)
     array = np.zeros(shape, np.int64 if whole else np.float32)
     model.graph.initializer.append(numpy_helper.from_array(array, "more"))
@@ -24,7 +24,7 @@ def test_it_reads_what_was_written(opset: int, ir_version: int, shape: list[int]
     assert not header.external_data
 
 
-def test_graphs_within_operators_and_tensors_within_attributes_are_read() -> None:
+def test_header_reads_nested_graphs_and_tensors() -> None:
     inner = helper.make_graph(
         [helper.make_node("Constant", [], ["c"], value=numpy_helper.from_array(np.zeros(100, np.float32)))],
         "inner", [], [helper.make_tensor_value_info("c", TensorProto.FLOAT, [100])],
@@ -33,10 +33,10 @@ def test_graphs_within_operators_and_tensors_within_attributes_are_read() -> Non
     model.graph.node.append(helper.make_node("If", ["x"], ["z"], then_branch=inner, else_branch=inner))
     header = read_header(model.SerializeToString())
     assert header.largest_tensor_bytes == 400
-    assert list(header.outputs) == ["y"]  # what comes out of the inner graph does not come out of the model
+    assert list(header.outputs) == ["y"]  # outputs of the inner graph are not outputs of the model
 
 
-def test_external_data_is_seen_by_either_of_its_marks() -> None:
+def test_header_detects_external_data_by_either_field() -> None:
     for mark in ("location", "data_location"):
         model = graph()
         tensor = model.graph.initializer[0]
@@ -47,7 +47,7 @@ def test_external_data_is_seen_by_either_of_its_marks() -> None:
         assert read_header(model.SerializeToString()).external_data
 
 
-def test_it_refuses_operators_of_others_functions_and_sparse_tensors() -> None:
+def test_header_rejects_foreign_operators_functions_and_sparse_tensors() -> None:
     model = graph(domain="com.example")
     with pytest.raises(ContractError, match=r"com\.example"):
         read_header(model.SerializeToString())
@@ -61,19 +61,19 @@ def test_it_refuses_operators_of_others_functions_and_sparse_tensors() -> None:
         read_header(model.SerializeToString())
 
 
-def test_a_tensor_must_be_as_large_as_it_says() -> None:
+def test_header_rejects_tensors_of_inconsistent_size() -> None:
     model = graph()
     model.graph.initializer[0].dims[0] = 2**40
     with pytest.raises(ContractError, match="needs 8796093022208 bytes and has 8"):
         read_header(model.SerializeToString())
     model.graph.initializer[0].ClearField("raw_data")
-    model.graph.initializer[0].float_data.append(1.0)  # numbers one by one: their size is judged by the shape
+    model.graph.initializer[0].float_data.append(1.0)  # numbers stored one by one: their size follows from the shape
     assert read_header(model.SerializeToString()).largest_tensor_bytes == 2**43
 
 
 @settings(max_examples=300)
 @given(st.integers(0, 10_000), st.integers(1, 255), st.integers(0, 200))
-def test_damaged_files_give_a_sentence_or_a_header(at: int, flip: int, cut: int) -> None:
+def test_header_of_a_damaged_file_raises_contract_error_or_returns(at: int, flip: int, cut: int) -> None:
     data = bytearray(graph().SerializeToString())
     data[at % len(data)] ^= flip
     try:
@@ -82,7 +82,7 @@ def test_damaged_files_give_a_sentence_or_a_header(at: int, flip: int, cut: int)
         assert str(error).endswith(".")
 
 
-def test_a_file_cut_anywhere_is_no_model_with_the_same_contents() -> None:
+def test_header_of_a_truncated_file_differs() -> None:
     data = graph().SerializeToString()
     whole = read_header(data)
     for length in range(len(data)):
@@ -93,7 +93,7 @@ def test_a_file_cut_anywhere_is_no_model_with_the_same_contents() -> None:
         assert part != whole or length >= len(data) - 4  # all but the list of operator sets
 
 
-def test_no_bytes_are_no_model() -> None:
+def test_header_rejects_an_empty_file() -> None:
     with pytest.raises(ContractError, match="0 graphs"):
         read_header(b"")
     assert onnx.load_from_string(graph().SerializeToString()).graph.node  # the onnx package reads ours

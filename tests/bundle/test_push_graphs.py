@@ -1,4 +1,4 @@
-"""A push model's graphs behind the sculptor's seam."""
+"""A push model's graphs as a planning model."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from tests.bundle.tiny_bundle import write_tiny_bundle
 from tests.control.sculpting_bundle import FACTS, add_clay
 
 
-def test_the_way_back_is_the_derivative_of_the_way_there(tmp_path: Path) -> None:
+def test_graph_clay_pull_is_the_derivative(tmp_path: Path) -> None:
     bundle = open_bundle(add_clay(write_tiny_bundle(tmp_path / "bundle")))
     clay = GraphClay(Graphs(bundle), "clay_foam", FACTS)
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""The numpy sampler makes what diffusers' Instruct-Pix2Pix pipeline makes with DDIM."""
+"""Sampling of goal pictures and its noise equal those of diffusers and PyTorch."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from pentimento.copainting.goal.planner import (
 from pentimento.copainting.goal.planner import (
     complete as complete_in_workshop,
 )
+from pentimento.copainting.jobs import generator_for
 from pentimento.semantics.tokenizer import learn_tokenizer
 
 LENGTH, SIDE = 12, 32
@@ -85,7 +86,7 @@ def _canvases() -> np.ndarray:
 
 @pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
 @pytest.mark.parametrize(("text_guidance", "steps"), [(4.0, 7), (1.0, 10)])
-def test_goals_are_those_of_the_pipeline(prediction: Prediction, text_guidance: float, steps: int) -> None:
+def test_complete_equals_the_diffusers_pipeline(prediction: Prediction, text_guidance: float, steps: int) -> None:
     planner, seed = _planner(prediction), 5
     theirs = complete_in_workshop(planner, _canvases(), CAPTIONS, steps, 1.5, text_guidance, seed)
     latent = SIDE // planner.vae_scale_factor
@@ -95,12 +96,12 @@ def test_goals_are_those_of_the_pipeline(prediction: Prediction, text_guidance: 
         no_words=_tokens(planner, [""]), noise=noise, steps=steps, image_guidance=1.5, text_guidance=text_guidance,
     )  # fmt: skip
     difference = np.abs(ours.astype(int) - theirs.astype(int))
-    assert difference.max() <= 1  # of 255: a value on the edge between two may fall to either side
+    assert difference.max() <= 1  # of 255: a value may be rounded either way
     assert np.linalg.norm(difference) <= 1e-3 * np.linalg.norm(theirs)
 
 
 @pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
-def test_latents_are_those_of_the_pipeline_to_rounding(prediction: Prediction) -> None:
+def test_latents_equal_the_diffusers_pipeline(prediction: Prediction) -> None:
     planner = _planner(prediction)
     latent = SIDE // planner.vae_scale_factor
     noise = normal((2, 4, latent, latent), 9)
@@ -124,7 +125,7 @@ def test_latents_are_those_of_the_pipeline_to_rounding(prediction: Prediction) -
 
 
 @pytest.mark.parametrize("steps", [1, 3, 7, 20, 50])
-def test_timesteps_are_those_of_the_scheduler(steps: int) -> None:
+def test_timesteps_equal_the_diffusers_scheduler(steps: int) -> None:
     for spacing, offset in (("trailing", 0), ("leading", 1)):
         theirs = DDIMScheduler(timestep_spacing=spacing, steps_offset=offset)
         theirs.set_timesteps(steps)
@@ -132,11 +133,27 @@ def test_timesteps_are_those_of_the_scheduler(steps: int) -> None:
         assert ours.timesteps(steps).tolist() == theirs.timesteps.tolist()
 
 
-def test_schedules_that_cannot_be_sampled_are_refused() -> None:
+def test_noise_schedule_rejects_invalid_settings() -> None:
     falling = np.linspace(1, 0, 10, dtype=np.float32)
     with pytest.raises(ContractError, match="pure noise"):
         NoiseSchedule(falling, 1.0, "epsilon", "trailing")
     with pytest.raises(ContractError, match="linspace"):
         NoiseSchedule(falling, 1.0, "sample", "linspace")  # type: ignore[arg-type]
-    with pytest.raises(ContractError, match="from 1 to 10"):
+    with pytest.raises(ContractError, match="allows 1 to 10"):
         NoiseSchedule(falling, 1.0, "sample", "trailing").timesteps(11)
+
+
+@pytest.mark.parametrize("shape", [(1, 8, 16, 16), (16,), (17,), (5, 7), (1, 4, 33, 9)])
+@pytest.mark.parametrize("key", [(0, 0), (3, 4), (123456789, 2)])
+def test_normal_equals_torch_randn(shape: tuple[int, ...], key: tuple[int, ...]) -> None:
+    theirs = torch.randn(shape, generator=generator_for(*key)).numpy()
+    np.testing.assert_allclose(normal(shape, seed_for(*key)), theirs, atol=3e-6)
+
+
+def test_seed_depends_on_the_keys_length() -> None:
+    assert not np.allclose(normal((64,), seed_for(1)), normal((64,), seed_for(1, 0)))
+
+
+def test_normal_rejects_fewer_than_16_numbers() -> None:
+    with pytest.raises(ContractError, match="16"):
+        normal((3, 5), 0)

@@ -1,4 +1,4 @@
-"""The pure tokenizer gives the very numbers of transformers' CLIPTokenizer."""
+"""The tokenizer gives the ids of transformers' CLIPTokenizer."""
 
 import random
 import unicodedata
@@ -43,15 +43,15 @@ def _theirs(tokenizer: CLIPTokenizer, captions: list[str]) -> list[list[int]]:
 
 
 @pytest.mark.parametrize("caption", [*CAPTIONS, *CASES])
-def test_hard_captions_are_cut_as_the_published_tokenizer_cuts_them(
+def test_tokenizer_ids_equal_transformers_for_difficult_captions(
     both: tuple[CLIPTokenizer, Tokenizer], caption: str
 ) -> None:
     assert both[1].encode([caption]).tolist() == _theirs(both[0], [caption])
 
 
-def test_a_thousand_random_texts_in_all_scripts(both: tuple[CLIPTokenizer, Tokenizer]) -> None:
+def test_tokenizer_ids_equal_transformers_for_random_texts(both: tuple[CLIPTokenizer, Tokenizer]) -> None:
     chance = random.Random(0)
-    # Letters that this Python's Unicode knows: a newer table may call others letters that here are none.
+    # Letters of this Python's Unicode version; a newer version may classify other characters as letters.
     known = [chr(code) for code in range(0x20, 0x2FFFF) if unicodedata.category(chr(code)) not in ("Cn", "Cs", "Co")]
     plain = [chr(code) for code in range(32, 127)]
     texts = [
@@ -61,7 +61,7 @@ def test_a_thousand_random_texts_in_all_scripts(both: tuple[CLIPTokenizer, Token
     assert both[1].encode(texts).tolist() == _theirs(both[0], texts)
 
 
-def test_files_that_are_not_a_tokenizer_are_refused(tmp_path: Path) -> None:
+def test_tokenizer_rejects_invalid_files(tmp_path: Path) -> None:
     (tmp_path / "vocab.json").write_text('{"a": 0}')
     (tmp_path / "merges.txt").write_text("#version: 0.2\na b\n")
     with pytest.raises(ContractError, match="startoftext"):

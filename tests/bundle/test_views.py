@@ -1,4 +1,4 @@
-"""Resizing is PyTorch's, and views are small and as many as asked for."""
+"""Resizing equals PyTorch's, and random views are small."""
 
 import numpy as np
 import pytest
@@ -11,18 +11,18 @@ from pentimento.bundle.views import random_views, resizing_matrix, views_of
 @pytest.mark.parametrize(
     ("size", "new_size"), [(128, 64), (64, 64), (96, 64), (50, 64), (130, 16), (7, 16), (301, 224)]
 )
-def test_resizing_is_pytorchs_antialiased_bicubic(size: int, new_size: int) -> None:
+def test_resizing_matrix_equals_pytorch_bicubic(size: int, new_size: int) -> None:
     lines = torch.eye(size)[None, None]
     expected = interpolate(lines, (new_size, size), mode="bicubic", antialias=True, align_corners=False)[0, 0]
     np.testing.assert_allclose(resizing_matrix(size, new_size), expected, atol=2e-5)
 
 
-def test_resizing_keeps_light() -> None:
+def test_resizing_matrix_preserves_the_mean() -> None:
     np.testing.assert_allclose(resizing_matrix(99, 32).sum(1), 1, atol=1e-6)
     np.testing.assert_array_equal(resizing_matrix(32, 32), np.eye(32))
 
 
-def test_views_turn_by_little_and_nothing_drawn_is_no_change() -> None:
+def test_views_are_small_and_zero_gives_the_identity() -> None:
     np.testing.assert_array_equal(views_of(np.zeros((4, 2), np.float32)), [np.eye(3)[:2]] * 2)
     views = random_views(500, np.random.default_rng(0))
     scale = np.linalg.norm(views[:, :, 0], axis=1)

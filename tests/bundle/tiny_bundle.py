@@ -1,4 +1,4 @@
-"""A bundle whose graphs do nothing, made without PyTorch: what can be wrong with a bundle is tried on it."""
+"""Test support: a bundle with trivial graphs, without PyTorch, for tests of defects."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def graph(opset: int = OPSET, ir_version: int = IR_VERSION, domain: str = "") ->
 
 
 def write_tiny_bundle(folder: Path) -> Path:
-    """Write it into a new folder."""
+    """Write the bundle into a new folder."""
     tool_file = (resources.files("pentimento.robots") / "tools" / "marker.toml").read_bytes()
     contents = {f"graphs/{name}.onnx": graph().SerializeToString() for name in GRAPHS}
     contents |= {"tools/marker.toml": tool_file, "words/vocab.json": b"{}", "words/merges.txt": b"\n"}
@@ -100,7 +100,7 @@ def write_tiny_bundle(folder: Path) -> Path:
 
 
 def add_graphs(folder: Path, texts: Mapping[str, str], made_of: str) -> None:
-    """Put graphs, in ONNX's own text form, into the bundle in place of those of the same names; then `relist` it."""
+    """Replace graphs by others in ONNX's text form, then `relist` the bundle."""
     graphs = json.loads((folder / MANIFEST).read_text())["graphs"]
     for name, text in texts.items():
         model = parse_model(f'<ir_version: {IR_VERSION}, opset_import: ["": {OPSET}]> {name} {text}')
@@ -113,7 +113,7 @@ def add_graphs(folder: Path, texts: Mapping[str, str], made_of: str) -> None:
 
 
 def numbers(values: ArrayLike) -> str:
-    """As ONNX's text form lists them."""
+    """Numbers in ONNX's text form."""
     return ", ".join(f"{float(value):.8f}" for value in np.asarray(values).ravel())
 
 
@@ -127,13 +127,13 @@ def _ports(values: Sequence[onnx.ValueInfoProto]) -> tuple[Port, ...]:
 
 
 def relist(folder: Path) -> None:
-    """Make the manifest list what is there: as one does who tampers with care."""
+    """Update the manifest to the files that exist, as careful tampering would."""
     files = [file for file in sorted(folder.rglob("*")) if file.is_file() and file.name != MANIFEST]
     change(folder, files={str(f.relative_to(folder)): to_plain(entry_of(f)) for f in files})
 
 
 def entry_of(file: Path) -> FileEntry:
-    """How a file is listed."""
+    """The manifest entry of a file."""
     data = file.read_bytes()
     return FileEntry(len(data), hashlib.sha256(data).hexdigest())
 

@@ -1,4 +1,4 @@
-"""Test support: a robot whose camera, link, pen and time can be made to fail."""
+"""Test support: a robot whose camera, link, pen and time can fail on demand."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pentimento.robots.tools import Tool
 
 
 class FaultyRobot:
-    """Hands every command on to a robot, through what a test has put in between."""
+    """Passes every command to a robot through functions that a test sets."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.moves = 0
         self.lifts: list[float] = []
-        """When the tool was lifted, by time.monotonic."""
+        """Times of lifts, by time.monotonic."""
         self.on_move: Callable[[int, np.ndarray], np.ndarray] = lambda _number, path: path
         self.on_photo: Callable[[Photo], Photo] = lambda photo: photo
 
@@ -67,12 +67,12 @@ class FaultyRobot:
 
 
 def black(photo: Photo) -> Photo:
-    """A lens cap."""
+    """A black frame, as with a lens cap."""
     return replace(photo, frame=np.zeros_like(photo.frame))
 
 
 def shifted(photo: Photo) -> Photo:
-    """The camera, or the table with all that is on it, has moved by 12 pixels."""
+    """The frame after the camera moved by 12 pixels."""
     moved = cv2.warpAffine(
         photo.frame, np.float32([[1, 0, 12], [0, 1, 5]]), photo.frame.shape[1::-1], borderValue=(90,) * 3
     )
@@ -80,7 +80,7 @@ def shifted(photo: Photo) -> Photo:
 
 
 def with_a_hand(photo: Photo) -> Photo:
-    """Something the size of a hand over the canvas."""
+    """The frame with an object of the size of a hand over the canvas."""
     height, width = photo.frame.shape[:2]
     frame = photo.frame.copy()
     cv2.ellipse(frame, (width // 2, height // 2), (width // 5, height // 7), 30, 0, 360, (196, 150, 128), -1)
@@ -88,7 +88,7 @@ def with_a_hand(photo: Photo) -> Photo:
 
 
 def slid(photo: Photo) -> Photo:
-    """The sheet has slid by 9 pixels between the markers, and what is on it with it."""
+    """The frame after the sheet slid by 9 pixels between the markers."""
     height, width = photo.frame.shape[:2]
     inner = slice(round(0.24 * height), round(0.76 * height)), slice(round(0.24 * width), round(0.76 * width))
     frame = photo.frame.copy()
@@ -97,7 +97,7 @@ def slid(photo: Photo) -> Photo:
 
 
 class Frozen:
-    """A camera that gives one picture for ever."""
+    """A camera that always returns its first picture."""
 
     def __init__(self) -> None:
         self.photo: Photo | None = None

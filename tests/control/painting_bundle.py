@@ -1,4 +1,4 @@
-"""Test support: a bundle that paints, made without PyTorch: a pen and a goal planner as graphs written by hand."""
+"""Test support: a bundle that can paint, without PyTorch: a pen and a goal planner as hand-written graphs."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ _GRAPHS = {
 
 
 def write_painting_bundle(folder: Path) -> Path:
-    """Write it into a new folder."""
+    """Write the bundle into a new folder."""
     write_tiny_bundle(folder)
     add_graphs(folder, _GRAPHS, "stroke_marker")
     letters = [f"{letter}</w>" for letter in "abcdefghijklmnopqrstuvwxyz"]

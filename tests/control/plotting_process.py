@@ -66,4 +66,4 @@ def paint(folder: Path, robot: RobotHandle, strokes: int) -> PaintingState:
 
 
 if __name__ == "__main__":
-    paint(Path(sys.argv[1]), opened(Path(sys.argv[1]), sys.argv[2]), 6)
+    paint(Path(sys.argv[1]), opened(Path(sys.argv[1]), sys.argv[2]), 3)

@@ -1,4 +1,4 @@
-"""Test support: a push model of foam for a bundle, made without PyTorch: graphs written by hand.
+"""Test support: a push model of foam for a bundle, without PyTorch, as hand-written graphs.
 
 A push leaves one round dent where the tool, which sinks on its way, has pressed most: two thirds along.
 """
@@ -95,7 +95,7 @@ PULL = f"""
 
 
 def add_clay(folder: Path) -> Path:
-    """Put it into a bundle."""
+    """Add the push model to a bundle."""
     add_graphs(folder, {"clay_foam_after": AFTER, "clay_foam_pull": PULL}, "push_foam")
     (folder / "end_effectors").mkdir()
     ball = (resources.files("pentimento.robots") / "end_effectors" / "ball.toml").read_bytes()

@@ -1,4 +1,4 @@
-"""Test support: a robot whose strokes take time, and that writes down when its tool is down and when it is up."""
+"""Test support: a robot whose strokes take time, and that logs when its tool goes down and up."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def broken(log: Path, ask: Ask) -> SlowRobot:
     raise ValueError(f"{log.name} is no robot.")
 
 
-def draw_for_ever(log: Path) -> None:
-    """A process that has a stroke made and does not live to see its end."""
+def draw_long_stroke(log: Path) -> None:
+    """A process that commands a stroke and is killed during it."""
     robot = RobotProcess(make, (log,), lambda _: None)
     print("drawing", flush=True)
     robot.move(STROKE)
@@ -87,4 +87,4 @@ def draw_for_ever(log: Path) -> None:
 if __name__ == "__main__":
     import sys
 
-    draw_for_ever(Path(sys.argv[1]))
+    draw_long_stroke(Path(sys.argv[1]))

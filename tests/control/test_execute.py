@@ -1,4 +1,4 @@
-"""Executing strokes: dips, wipes, memory, and what is left after an error."""
+"""Executing strokes: dips, wipes, memory, and the state after an error."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ DIP_S, WIPE_S, TRAVEL_S = 5.0, 3.0, 1.0
 
 
 class FakeRobot:
-    """Notes every call with its clock, which dips, wipes, travel and strokes advance."""
+    """Records every call with its clock, which dips, wipes, travel and strokes advance."""
 
     canvas_size_m = CANVAS_M
 
@@ -89,34 +89,34 @@ def run(
     return memory, robot.calls
 
 
-def test_the_first_stroke_finds_a_clean_tool_and_fresh_paint() -> None:
+def test_execute_first_stroke_dips_without_wiping() -> None:
     _, calls = run([planned(BLUE)])
     assert calls == ["tool round_brush", "palette 2", "wipe", "dip 1", "move"]
 
 
-def test_a_change_of_colour_wipes_and_then_dips() -> None:
+def test_execute_colour_change_wipes_then_dips() -> None:
     _, calls = run([planned(RED), planned(RED), planned(BLUE), planned(RED)])
     assert calls[2:] == ["wipe", "dip 0", "move", "move", "wipe", "dip 1", "move", "wipe", "dip 0", "move"]
 
 
-def test_the_tool_is_dipped_again_after_its_number_of_strokes() -> None:
+def test_execute_dips_again_after_strokes_per_dip() -> None:
     _, calls = run([planned() for _ in range(9)])
     assert calls[3:] == ["dip 0", *["move"] * 4, "dip 0", *["move"] * 4, "dip 0", "move"]
 
 
-def test_a_stroke_may_ask_for_a_dip_which_counts_anew() -> None:
+def test_execute_requested_dip_restarts_the_count() -> None:
     _, calls = run([planned(), planned(dip=True), *[planned() for _ in range(4)]])
     assert calls[3:] == ["dip 0", "move", "dip 0", *["move"] * 4, "dip 0", "move"]
 
 
-def test_a_marker_is_never_dipped_or_wiped() -> None:
+def test_execute_never_dips_a_marker() -> None:
     black = np.zeros(3)
     memory, calls = run([planned(black, dip=True), *[planned(black) for _ in range(8)]], tool="marker")
     assert calls == ["tool marker", *["move"] * 9]
     assert memory.reload_id == 0 and memory.since_reload == 9
 
 
-def test_memory_goes_on_between_calls() -> None:
+def test_execute_memory_continues_between_calls() -> None:
     """Three strokes, then three more: one dip at the first and one after the fourth."""
     memory, first = run([planned() for _ in range(3)])
     memory, second = run([planned() for _ in range(3)], memory=memory)
@@ -124,7 +124,7 @@ def test_memory_goes_on_between_calls() -> None:
     assert second[2:] == ["move", "dip 0", "move", "move"]
 
 
-def test_memory_advances_once_a_stroke() -> None:
+def test_execute_memory_advances_once_per_stroke() -> None:
     memory, _ = run([planned(y_m=0.05 + 0.01 * i) for i in range(6)])
     assert memory.tool_age_m == pytest.approx(6 * 0.03)
     assert memory.reload_id == 2 and memory.since_reload == 2
@@ -132,7 +132,7 @@ def test_memory_advances_once_a_stroke() -> None:
     assert memory.last_color_srgb == pytest.approx(RED)
 
 
-def test_a_stroke_says_when_it_began_and_what_it_found() -> None:
+def test_executed_stroke_has_start_time_and_covariates() -> None:
     """t_start counts from the session's start and follows wipe, dip and travel."""
     robot, tool, memory = FakeRobot(), load_tool("round_brush"), fresh_memory(CANVAS_M)
     memory, first = execute_stroke(robot, tool, planned(), palette_srgb=PALETTE, memory=memory, session=SESSION)
@@ -147,7 +147,7 @@ def test_a_stroke_says_when_it_began_and_what_it_found() -> None:
     assert second.covariates["ink_since_reload_m"] == pytest.approx(0.03)
 
 
-def test_an_error_says_which_stroke_and_what_was_done() -> None:
+def test_execution_error_names_stroke_memory_and_paths() -> None:
     strokes = [planned(y_m=0.05 + 0.01 * i) for i in range(6)]
     robot = FakeRobot(breaks_at=3)
     with pytest.raises(ExecutionError, match=r"Stroke 3 of 6 failed: the arm's joint 3 is hot\.") as caught:
@@ -165,8 +165,8 @@ def test_an_error_says_which_stroke_and_what_was_done() -> None:
     assert error.memory.since_reload == 3 and error.memory.tool_age_m == pytest.approx(0.09)
 
 
-def test_after_an_error_the_rest_is_painted_as_if_nothing_had_happened() -> None:
-    """The tool was wiped and dipped for the failed stroke; going on does so again rather than guess."""
+def test_execution_continues_from_the_errors_memory() -> None:
+    """The tool was wiped and dipped for the failed stroke; continuing wipes and dips again."""
     strokes = [planned(RED), planned(BLUE), planned(BLUE)]
     robot = FakeRobot(breaks_at=1)
     with pytest.raises(ExecutionError) as caught:
@@ -185,7 +185,7 @@ def test_after_an_error_the_rest_is_painted_as_if_nothing_had_happened() -> None
     assert (memory.reload_id, memory.since_reload) == (whole.reload_id, whole.since_reload)
 
 
-def test_a_guarded_robot_stops_at_the_stroke_that_leaves_the_envelope() -> None:
+def test_execute_stops_at_a_stroke_outside_the_envelope() -> None:
     tool = load_tool("round_brush")
     fake = FakeRobot()
     robot = GuardedRobot(fake, envelope_for(tool, CANVAS_M))
@@ -196,7 +196,7 @@ def test_a_guarded_robot_stops_at_the_stroke_that_leaves_the_envelope() -> None:
     assert fake.moves == 1
 
 
-def test_a_colour_that_is_not_there_is_refused_before_anything_moves() -> None:
+def test_execute_rejects_unknown_colour_before_moving() -> None:
     robot = FakeRobot()
     with pytest.raises(ContractError, match=r"Stroke 1's colour \[0.5, 0.5, 0.5\] is not on the palette"):
         execute(
@@ -219,6 +219,6 @@ def test_a_colour_that_is_not_there_is_refused_before_anything_moves() -> None:
     assert robot.calls == []
 
 
-def test_colours_that_went_through_float32_are_still_found() -> None:
+def test_execute_finds_colours_rounded_to_float32() -> None:
     _, calls = run([planned(BLUE.astype(np.float32).astype(np.float64))])
     assert "dip 1" in calls

@@ -22,7 +22,7 @@ def scan(height_m: np.ndarray, plane: tuple[float, float, float] = (0.0, 0.0, 0.
     return Scan(height_m, WINDOW, np.array(plane), "scanner", 1.0)
 
 
-def test_the_depth_counts_from_the_surface_at_the_start_as_it_is_now() -> None:
+def test_aimed_push_depth_counts_from_the_scanned_surface() -> None:
     for y_m, surface_m in ((0.08, 0.045), (0.02, 0.040)):
         push = aimed_push(
             BALL, np.array([0.05, y_m, 0, 0.01, 0.005]), scan(STEP), speed_m_s=0.02, dwell_s=0.5, retract_speed_m_s=0.05
@@ -30,7 +30,7 @@ def test_the_depth_counts_from_the_surface_at_the_start_as_it_is_now() -> None:
         assert_allclose(push.surface_m, surface_m)
 
 
-def test_a_tilted_table_is_levelled_first() -> None:
+def test_aimed_push_levels_a_tilted_table() -> None:
     x_m = (np.arange(50) + 0.5) * 0.002
     y_m = 0.1 - (np.arange(50) + 0.5) * 0.002
     tilted = scan(0.04 + 0.02 * x_m[None, :] - 0.01 * y_m[:, None] + 0.003, (0.02, -0.01, 0.003))
@@ -42,7 +42,7 @@ def test_a_tilted_table_is_levelled_first() -> None:
     assert levelled_m(unknown) is unknown.height_m
 
 
-def test_a_start_in_a_hole_or_outside_is_refused() -> None:
+def test_aimed_push_rejects_start_in_a_hole_or_outside() -> None:
     holed = STEP.copy()
     holed[14:36, 14:36] = np.nan
     with pytest.raises(ContractError, match="hole"):
@@ -53,7 +53,7 @@ def test_a_start_in_a_hole_or_outside_is_refused() -> None:
         )
 
 
-def test_a_row_says_what_was_commanded_and_seen() -> None:
+def test_record_push_row_has_command_and_scans() -> None:
     robot = virtual_sculpting_robot("foam", 64, seed=1)
     robot.change_tool(BALL)
     robot.wait(100.0)
@@ -69,7 +69,7 @@ def test_a_row_says_what_was_commanded_and_seen() -> None:
     assert row["temperature_c"] == pytest.approx(21.5, abs=5)
 
 
-def test_scans_that_differ_in_size_make_no_row() -> None:
+def test_record_push_rejects_scans_of_different_size() -> None:
     robot = virtual_sculpting_robot("foam", 64, seed=1)
     robot.change_tool(BALL)
     executed = execute_push(

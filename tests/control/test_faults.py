@@ -1,4 +1,4 @@
-"""Faults while painting: the tool goes up in time, the state stays, resuming finishes (docs/running.md)."""
+"""Faults while painting: the tool is lifted in time, the state is saved, resuming finishes (docs/running.md)."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from tests.control.faulty import FaultyRobot, Frozen, black, shifted, slid, with
 from tests.control.paintings import STROKES, begun, error_of, finished, session_of
 
 AT = 5
-"""The stroke at which the fault comes."""
+"""Number of the stroke with the fault."""
 WITHIN_S = 0.5
-"""Of the fault, the tool is up; the watchdog's own deadline comes on top."""
+"""Maximum time from the fault to the lift, in addition to the watchdog's deadline."""
 
 
 @pytest.fixture
 def robot(tmp_path: Path) -> FaultyRobot:
-    """Before a painting that is planned and not begun."""
+    """A robot whose painting is planned and not begun."""
     robot = FaultyRobot(sheet())
     begun(robot, tmp_path)
     return robot
@@ -56,7 +56,7 @@ def _mended(robot: FaultyRobot, folder: Path) -> PaintingState:
     return done
 
 
-def test_link_lost(robot: FaultyRobot, tmp_path: Path) -> None:
+def test_fault_lost_link_lifts_and_resumes(robot: FaultyRobot, tmp_path: Path) -> None:
     lost_s = 0.0
 
     def lose(number: int, path: np.ndarray) -> np.ndarray:
@@ -74,7 +74,7 @@ def test_link_lost(robot: FaultyRobot, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("look", "kind", "told"),
+    ("look", "kind", "text"),
     [
         (black, "camera", "shows nothing"),
         (Frozen(), "camera", "same picture"),
@@ -83,8 +83,8 @@ def test_link_lost(robot: FaultyRobot, tmp_path: Path) -> None:
         (slid, "slid", "slid"),
     ],
 )
-def test_pictures_that_cannot_be_trusted(
-    robot: FaultyRobot, tmp_path: Path, look: Callable[[Photo], Photo], kind: str, told: str
+def test_fault_untrusted_photograph_stops_and_resumes(
+    robot: FaultyRobot, tmp_path: Path, look: Callable[[Photo], Photo], kind: str, text: str
 ) -> None:
     def fails(number: int, path: np.ndarray) -> np.ndarray:
         if number == AT:
@@ -93,16 +93,16 @@ def test_pictures_that_cannot_be_trusted(
 
     robot.on_move = fails
     error, state = _fails(robot, tmp_path, PaintingFault, kind)
-    assert told in str(error)
-    # A picture that stays is known by the next one; after all others nothing moved any more.
+    assert text in str(error)
+    # A frozen picture is detected at the next one; after the other faults nothing moves.
     after = 1 if isinstance(look, Frozen) else 0
     assert state.executed == AT - 1 + after and robot.moves == AT + after
     assert (
         _mended(robot, tmp_path).executed == robot.moves
-    )  # the stroke before the fault was seen to be made, and not made again
+    )  # the stroke before the fault was visible, and not executed again
 
 
-def test_a_hand_that_goes_away_is_waited_for(robot: FaultyRobot, tmp_path: Path) -> None:
+def test_fault_hand_that_leaves_is_waited_for(robot: FaultyRobot, tmp_path: Path) -> None:
     seen = 0
 
     def hand(photo: Photo) -> Photo:
@@ -115,7 +115,7 @@ def test_a_hand_that_goes_away_is_waited_for(robot: FaultyRobot, tmp_path: Path)
     assert seen > 12 + robot.moves - 6
 
 
-def test_markers_that_are_covered_for_a_while_are_waited_for(robot: FaultyRobot, tmp_path: Path) -> None:
+def test_fault_covered_markers_are_waited_for(robot: FaultyRobot, tmp_path: Path) -> None:
     seen = 0
 
     def covered(photo: Photo) -> Photo:
@@ -130,18 +130,18 @@ def test_markers_that_are_covered_for_a_while_are_waited_for(robot: FaultyRobot,
     assert finished(robot, tmp_path).executed == robot.moves
 
 
-def test_paint_run_out(robot: FaultyRobot, tmp_path: Path) -> None:
+def test_fault_dry_tool_restores_unmarked_strokes(robot: FaultyRobot, tmp_path: Path) -> None:
     def dry(number: int, path: np.ndarray) -> np.ndarray:
         return path + np.array([0, 0, 0, 0.004, 0]) if number >= AT else path
 
     robot.on_move = dry
     error, state = _fails(robot, tmp_path, PaintingFault, "no mark")
-    assert "no mark" in str(error) and state.executed == AT - 1  # the three that left none are made again
+    assert "no mark" in str(error) and state.executed == AT - 1  # the three without a mark are restored
     assert robot.moves == AT + 2
     _mended(robot, tmp_path)
 
 
-def test_late_heartbeat(robot: FaultyRobot, tmp_path: Path) -> None:
+def test_fault_late_heartbeat_lifts_and_stops(robot: FaultyRobot, tmp_path: Path) -> None:
     stuck, stuck_s = threading.Event(), 0.0
     reach_s = 1.0
 
@@ -149,7 +149,7 @@ def test_late_heartbeat(robot: FaultyRobot, tmp_path: Path) -> None:
         nonlocal stuck_s
         if number == AT:
             stuck_s = time.monotonic()
-            stuck.wait(20)  # until somebody lifts
+            stuck.wait(20)  # until a lift
         return path
 
     def lift() -> None:
@@ -161,14 +161,16 @@ def test_late_heartbeat(robot: FaultyRobot, tmp_path: Path) -> None:
     error, state = _fails(robot, tmp_path, StoppedError, reach_s=reach_s)
     assert f"stroke {AT} took longer" in str(error) and state.pending
     late = min(lifted - stuck_s for lifted in robot.lifts if lifted > stuck_s)
-    longest_stroke_s = 1.5  # 50 mm at 60 mm/s, and its ends
-    assert reach_s < late < reach_s + 1.5 * longest_stroke_s + WITHIN_S
+    max_stroke_s = 1.5  # 50 mm at 60 mm/s, and its ends
+    assert reach_s < late < reach_s + 1.5 * max_stroke_s + WITHIN_S
     robot.lift = lambda: None  # type: ignore[method-assign]
     robot.on_move = lambda _number, path: path
     assert finished(robot, tmp_path).executed >= AT
 
 
-def test_disk_full(robot: FaultyRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fault_full_disk_keeps_the_last_state(
+    robot: FaultyRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real, full = session.save_state, False
 
     def save(folder: Path, state: PaintingState) -> None:
@@ -185,11 +187,11 @@ def test_disk_full(robot: FaultyRobot, tmp_path: Path, monkeypatch: pytest.Monke
     assert robot.moves == AT - 1 and robot.lifts
     monkeypatch.setattr(session, "save_state", real)
     state = load_state(tmp_path)
-    assert state.executed == AT - 2 and state.pending  # the last that the disk took: the stroke was on its way
+    assert state.executed == AT - 2 and state.pending  # the last saved state: the stroke was pending
     assert _mended(robot, tmp_path).executed == robot.moves
 
 
-def test_interrupted_by_a_person_at_the_keyboard(robot: FaultyRobot, tmp_path: Path) -> None:
+def test_fault_keyboard_interrupt_lifts_and_resumes(robot: FaultyRobot, tmp_path: Path) -> None:
     def interrupt(number: int, path: np.ndarray) -> np.ndarray:
         if number == AT:
             raise KeyboardInterrupt

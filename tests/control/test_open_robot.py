@@ -1,4 +1,4 @@
-"""Opening the robot that a command names, and the folders of paintings."""
+"""Opening the robot that a command names, and commissions in folders."""
 
 from pathlib import Path
 
@@ -17,17 +17,17 @@ LINE = timed_path(np.array([[0.02, 0.02, -0.0005, 0], [0.05, 0.03, -0.0005, 0], 
 
 
 def _open(name: str, folder: Path, execute: bool = False) -> RobotHandle:
-    def nobody(request: str) -> None:
-        raise AssertionError(f"Nobody should be asked: {request}")
+    def refuse(request: str) -> None:
+        raise AssertionError(f"No request is expected: {request}")
 
     return open_robot(
         name, load_tool("marker"), CANVAS_M, folder=folder, seed=1, execute=execute, calibration=folder / "calibration",
-        ask=nobody,
+        ask=refuse,
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["virtual", "virtual:marker"])
-def test_the_virtual_robot_sees_and_lasts(name: str, tmp_path: Path) -> None:
+def test_open_virtual_robot_has_a_camera_and_keeps_its_clock(name: str, tmp_path: Path) -> None:
     opened = _open(name, tmp_path)
     assert opened.traits.has_camera and opened.traits.clock_persists
     assert opened.robot.canvas_size_m == CANVAS_M
@@ -39,7 +39,7 @@ def test_the_virtual_robot_sees_and_lasts(name: str, tmp_path: Path) -> None:
     again.close()
 
 
-def test_a_drawing_on_file_sees_nothing_and_is_whole_after_a_resumption(tmp_path: Path) -> None:
+def test_open_svg_has_no_camera_and_keeps_strokes_when_reopened(tmp_path: Path) -> None:
     for y_m in (0.0, 0.02):
         opened = _open("svg", tmp_path)
         assert not opened.traits.has_camera
@@ -51,7 +51,7 @@ def test_a_drawing_on_file_sees_nothing_and_is_whole_after_a_resumption(tmp_path
     assert (tmp_path / "drawing.svg").read_text().count("<path") == 2
 
 
-def test_gcode_goes_into_a_file_and_asks_nobody(tmp_path: Path) -> None:
+def test_open_gcode_writes_a_file_without_requests(tmp_path: Path) -> None:
     opened = _open("gcode", tmp_path)
     assert not opened.traits.has_camera
     opened.robot.change_tool(load_tool("marker"))
@@ -60,7 +60,7 @@ def test_gcode_goes_into_a_file_and_asks_nobody(tmp_path: Path) -> None:
     assert "G1 X" in (tmp_path / "drawing.gcode").read_text()
 
 
-def test_hardware_is_rehearsed_on_a_sheet_of_its_size_unless_it_is_to_move(tmp_path: Path) -> None:
+def test_open_hardware_without_execute_is_a_virtual_robot_of_its_size(tmp_path: Path) -> None:
     opened = _open("gcode:/dev/null", tmp_path)
     rig = rig_named("gcode:/dev/null")
     assert rig is not None and opened.robot.canvas_size_m == rig.canvas_size_m
@@ -68,13 +68,13 @@ def test_hardware_is_rehearsed_on_a_sheet_of_its_size_unless_it_is_to_move(tmp_p
     opened.close()
 
 
-def test_hardware_does_not_move_without_a_calibration(tmp_path: Path) -> None:
+def test_open_hardware_without_calibration_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="calibrate"):
         _open("gcode:/dev/null", tmp_path, execute=True)
 
 
 @pytest.mark.parametrize("name", ["nowhere", "nowhere.toml"])
-def test_robots_that_nobody_knows_are_refused(name: str, tmp_path: Path) -> None:
+def test_open_unknown_robot_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="rig"):
         _open(name, tmp_path)
 
@@ -82,26 +82,26 @@ def test_robots_that_nobody_knows_are_refused(name: str, tmp_path: Path) -> None
 COMMISSION = Commission("/b", "d", "marker", "virtual", False, Wanted("words", "a – b"), 12, 3, 7)
 
 
-def test_a_commission_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_commission_round_trip(tmp_path: Path) -> None:
     write_commission(tmp_path, COMMISSION)
     assert read_commission(tmp_path) == COMMISSION
 
 
-def test_a_folder_holds_one_painting(tmp_path: Path) -> None:
+def test_write_commission_refuses_a_used_folder(tmp_path: Path) -> None:
     write_commission(tmp_path, COMMISSION)
     with pytest.raises(ContractError, match="--resume"):
         write_commission(tmp_path, COMMISSION)
 
 
-def test_a_folder_has_one_painter_at_a_time(tmp_path: Path) -> None:
+def test_exclusive_refuses_a_second_process(tmp_path: Path) -> None:
     write_commission(tmp_path, COMMISSION)
     with exclusive(tmp_path), pytest.raises(ContractError, match="Another process"), exclusive(tmp_path):
         pass
     with exclusive(tmp_path):
-        pass  # the first has ended
+        pass  # the first lock is released
 
 
-def test_folders_without_a_commission_are_refused(tmp_path: Path) -> None:
+def test_read_commission_rejects_missing_and_damaged_files(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="no painting"):
         read_commission(tmp_path)
     (tmp_path / "commission.json").write_text('{"bundle": "x"}')

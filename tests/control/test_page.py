@@ -1,4 +1,4 @@
-"""The page for the person at the easel: what it shows, what it hears, and whom it refuses."""
+"""The person's page: its content, its commands, and the requests that it refuses."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def _ask(
     return answer.status, *content
 
 
-def test_it_is_served_on_this_computer_alone(served: tuple[Page, Control]) -> None:
+def test_page_is_served_on_localhost_only(served: tuple[Page, Control]) -> None:
     assert served[0].address.startswith("http://127.0.0.1:")
 
 
-def test_it_shows_the_state_and_the_pictures(served: tuple[Page, Control]) -> None:
+def test_page_serves_state_and_pictures(served: tuple[Page, Control]) -> None:
     page, _ = served
     status, text, headers = _ask(page, "")
     assert status == 200 and b"<title>Pentimento</title>" in text
@@ -64,7 +64,7 @@ def test_it_shows_the_state_and_the_pictures(served: tuple[Page, Control]) -> No
     assert _ask(page, "page.js")[0] == _ask(page, "page.css")[0] == 200
 
 
-def test_words_are_heard_and_others_refused(served: tuple[Page, Control]) -> None:
+def test_page_accepts_known_commands_only(served: tuple[Page, Control]) -> None:
     page, control = served
     assert _ask(page, "command", "POST", "your turn")[0] == 204
     assert control.poll() == "your turn"
@@ -76,25 +76,25 @@ def test_words_are_heard_and_others_refused(served: tuple[Page, Control]) -> Non
 
 
 @pytest.mark.parametrize("token", ["", "x", "..", "%2e%2e"])
-def test_who_does_not_know_the_token_sees_and_says_nothing(served: tuple[Page, Control], token: str) -> None:
+def test_page_refuses_requests_without_the_token(served: tuple[Page, Control], token: str) -> None:
     page, control = served
     assert _ask(page, "state.json", token=token)[0] == 404
     assert _ask(page, "command", "POST", "stop", token=token)[0] == 404
     assert control.poll() is None
 
 
-def test_a_name_that_was_bent_to_this_computer_is_refused(served: tuple[Page, Control]) -> None:
+def test_page_refuses_a_rebound_host_name(served: tuple[Page, Control]) -> None:
     page, control = served
     assert _ask(page, "command", "POST", "stop", host="example.org")[0] == 404
     assert control.poll() is None
 
 
 @pytest.mark.parametrize("path", ["state.npz", "../state.npz", "record/part-00000.parquet", "page.html", "%2e%2e/x"])
-def test_nothing_else_of_the_folder_is_served(served: tuple[Page, Control], path: str) -> None:
+def test_page_serves_no_other_file_of_the_folder(served: tuple[Page, Control], path: str) -> None:
     assert _ask(served[0], path)[0] == 404
 
 
-def test_a_picture_that_is_not_there_yet(tmp_path: Path) -> None:
+def test_page_before_the_first_state(tmp_path: Path) -> None:
     page = Page(tmp_path, Control())
     assert _ask(page, "goal.png")[0] == 404 and _ask(page, "canvas.png")[0] == 404
     assert json.loads(_ask(page, "state.json")[1]) == {}
@@ -103,6 +103,6 @@ def test_a_picture_that_is_not_there_yet(tmp_path: Path) -> None:
     page.close()
 
 
-def test_the_page_loads_nothing_from_elsewhere() -> None:
+def test_page_files_refer_to_no_other_server() -> None:
     for file in (resources.files("pentimento.control") / "web").iterdir():
         assert not re.search(r"(https?:)?//[a-z]", file.read_text(encoding="utf-8"))

@@ -1,26 +1,44 @@
-"""Painting in the studio: batches, looks, and a rest of the plan that makes the best of what is there."""
+"""Planning, replanning and painting strokes on the virtual robot."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.guard import GuardedRobot
-from pentimento.control.painter import Painting, as_linear, paint, predict, replan_rest
+from pentimento.control.painter import (
+    Painting,
+    add_persons_paint,
+    as_linear,
+    as_picture,
+    due_for_dip,
+    first_plan,
+    objective_value,
+    paint,
+    predict,
+    predict_canvas,
+    replan_rest,
+    replanned,
+    replanned_and_pruned,
+)
 from pentimento.control.safety import envelope_for
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import LoopTiming, Span
-from pentimento.planning.strokes.memory import foreseen
+from pentimento.planning.strokes.memory import Start, foreseen
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
+from pentimento.robots.dipping import needs_dip
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.studio import Studio
 from pentimento.studio.world import load_world
+from tests.bundle.line_brush import SIDE_M, cross, paint_context
 from tests.planning.strokes.scenes import CONFIG, unheard
 
 MARKER = load_tool("marker")
@@ -59,7 +77,7 @@ def painted() -> tuple[Painting, list[tuple[str, float, int]]]:
     return painting, logged
 
 
-def test_every_stroke_is_made_and_every_batch_looked_at(
+def test_paint_executes_every_stroke_and_photographs_every_batch(
     painted: tuple[Painting, list[tuple[str, float, int]]],
 ) -> None:
     painting, logged = painted
@@ -71,16 +89,16 @@ def test_every_stroke_is_made_and_every_batch_looked_at(
     assert dark[0] == 0 and (np.diff(dark) >= 0).all() and dark[-1] > 0
 
 
-def test_the_painting_is_nearer_to_the_target_than_the_sheet(
+def test_paint_reduces_the_objective(
     painted: tuple[Painting, list[tuple[str, float, int]]],
 ) -> None:
     objective = objective_for(scene(), INK)
     before, after = (objective(as_linear(photo))[0] for photo in (painted[0].photos[0], painted[0].photos[-1]))
-    assert after < 0.9 * before  # a pen covers only so much in twelve strokes
+    assert after < 0.9 * before  # twelve strokes of a pen cover little
 
 
-def test_what_is_left_is_moved_for_the_canvas_as_it_is_and_inherits_anew() -> None:
-    """Somebody has painted the left half of the bar: the strokes that were for it find the right."""
+def test_replan_rest_adapts_to_a_changed_canvas() -> None:
+    """A person painted the left half of the bar: the strokes planned there move to the right half."""
     blank = np.full((40, 40, 3), 230, np.uint8)
     half = blank.copy()
     half[15:26, 5:20] = 30
@@ -96,10 +114,70 @@ def test_what_is_left_is_moved_for_the_canvas_as_it_is_and_inherits_anew() -> No
     assert moved.inherited is None
 
 
-def test_the_rest_is_foreseen_from_what_was_made() -> None:
+def test_covariates_of_remaining_strokes_follow_the_start() -> None:
     blank = np.full((40, 40, 3), 0.9, np.float32)
     strokes, _ = plan(blank, scene(), 6, INK, unheard)
     here = scene()
     whole = foreseen(strokes, MARKER, here.brush, here.start, ("order",))
     rest = foreseen(strokes.pick(slice(4, None)), MARKER, here.brush, replace(here.start, made=4), ("order",))
     np.testing.assert_array_equal(rest["order"], whole["order"][4:])
+
+
+CONTEXT = paint_context()
+PAPER = np.full((60, 60, 3), 238, np.uint8)
+GOAL = cross(PAPER)
+START = Start(fresh_memory((SIDE_M, SIDE_M), 0.002), 0.0, 0)
+
+
+def _error(picture: np.ndarray) -> float:
+    return objective_value(CONTEXT, as_linear(picture), GOAL, START)
+
+
+@pytest.fixture(scope="module")
+def planned() -> Strokes:
+    return first_plan(CONTEXT, PAPER, GOAL, count=14, start=START, log=lambda _name, _value, _step: None)[0]
+
+
+def test_first_plan_and_each_stroke_reduce_the_objective(planned: Strokes) -> None:
+    whole = _error(as_picture(predict_canvas(CONTEXT, planned, PAPER, START)))
+    assert whole < 0.6 * _error(PAPER)
+    for left_out in range(len(planned)):
+        others = planned.pick(np.delete(np.arange(len(planned)), left_out))
+        assert _error(as_picture(predict_canvas(CONTEXT, others, PAPER, START))) > whole * 0.999
+
+
+def test_replanned_reduces_the_objective_on_a_displaced_canvas(planned: Strokes) -> None:
+    first, rest = planned.pick(slice(0, 5)), planned.pick(slice(5, None))
+    first.middle_m += np.float32(0.003)  # displaced by the robot
+    canvas = as_picture(predict_canvas(CONTEXT, first, PAPER, START))
+    before = rest.middle_m.copy()
+    again = replanned(CONTEXT, rest, canvas, goal=GOAL, start=START)
+    assert np.array_equal(rest.middle_m, before)  # the arguments are unchanged
+    errors = [_error(as_picture(predict_canvas(CONTEXT, strokes, canvas, START))) for strokes in (rest, again)]
+    assert errors[1] < errors[0]
+
+
+def test_replanned_and_pruned_removes_strokes_that_a_person_made_redundant(planned: Strokes) -> None:
+    assert len(replanned_and_pruned(CONTEXT, planned, GOAL, goal=GOAL, start=START)) == 0
+    assert len(replanned_and_pruned(CONTEXT, planned, PAPER, goal=GOAL, start=START)) >= len(planned) - 2
+
+
+def test_add_persons_paint_marks_changed_cells_and_time() -> None:
+    now = PAPER.copy()
+    now[30:, :30] = 60  # the lower left quarter
+    memory = add_persons_paint(START.memory, PAPER, now, 42.0)
+    rows, columns = memory.ink.shape
+    lower_left = memory.ink[rows // 2 :, : columns // 2]
+    assert np.all(lower_left == 1) and memory.ink.sum() == lower_left.sum()
+    painted = ~np.isnan(memory.painted_at_s)
+    assert np.all(memory.painted_at_s[painted] == 42.0) and painted.sum() == lower_left.size
+    assert np.all(START.memory.ink == 0)
+
+
+@pytest.mark.parametrize("name", ["marker", "round_brush"])
+def test_due_for_dip_applies_to_brushes_only(name: str) -> None:
+    tool, color = load_tool(name), np.array([0.2, 0.3, 0.4])
+    memory = replace(START.memory, since_reload=1, last_color_srgb=color)
+    stroke = PlannedStroke(np.zeros((2, 5)), color, dip=False)
+    assert not needs_dip(tool, stroke, memory)
+    assert needs_dip(tool, stroke, due_for_dip(memory, tool)) == tool.dips

@@ -1,4 +1,4 @@
-"""What passes between the person and the painting: words, requests, and progress at a terminal."""
+"""Commands, requests, signals and progress at a terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pentimento.control.person import Control, Keyboard, Progress, ended_by_sign
 
 
 class Terminal(io.StringIO):
-    """What is written and read at a terminal."""
+    """A stream that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -56,7 +56,7 @@ def _waits_for(met: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
-def test_the_last_word_counts_but_stop_stays() -> None:
+def test_control_keeps_the_last_command_and_never_replaces_stop() -> None:
     control = Control()
     assert control.poll() is None
     control.send("pause")
@@ -67,13 +67,13 @@ def test_the_last_word_counts_but_stop_stays() -> None:
     assert control.poll() == "stop"
 
 
-def test_waiting_ends_with_a_word_of_another_thread() -> None:
+def test_control_wait_returns_a_command_from_another_thread() -> None:
     control = Control()
     threading.Timer(0.05, control.send, ("go on",)).start()
     assert control.wait() == "go on"
 
 
-def test_keys_are_words_and_an_enter_answers_a_request() -> None:
+def test_keyboard_maps_keys_to_commands_and_enter_to_an_answer() -> None:
     control, shown, lines = Control(), Terminal(), Lines()
     keyboard = Keyboard(control, Progress(shown), lines)
     lines.type("nonsense\nT\n")
@@ -83,19 +83,19 @@ def test_keys_are_words_and_an_enter_answers_a_request() -> None:
     _waits_for(lambda: "Fill the paints [Enter]" in shown.getvalue())
     lines.type("\n")
     confirmed.join(5)
-    assert not confirmed.is_alive() and control.poll() is None  # the Enter was the answer, no word
+    assert not confirmed.is_alive() and control.poll() is None  # the Enter was the answer, not a command
     lines.type("\n")
     assert control.wait() == "go on"
     lines.end()
 
 
-def test_without_a_terminal_nobody_is_asked() -> None:
+def test_keyboard_without_terminal_raises_eof_error() -> None:
     keyboard = Keyboard(Control(), Progress(io.StringIO()), io.StringIO("\n"))
     with pytest.raises(EOFError, match="Nobody"):
         keyboard.ask("Fill the paints")
 
 
-def test_an_end_from_outside_is_an_interruption() -> None:
+def test_sigterm_raises_keyboard_interrupt() -> None:
     before = signal.getsignal(signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt), ended_by_signal():
         os.kill(os.getpid(), signal.SIGTERM)
@@ -103,7 +103,7 @@ def test_an_end_from_outside_is_an_interruption() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_progress_is_one_line_at_a_terminal_and_nothing_elsewhere() -> None:
+def test_progress_writes_one_line_on_a_terminal_and_nothing_otherwise() -> None:
     now = [0.0]
     shown = Terminal()
     progress = Progress(shown, lambda: now[0])

@@ -22,7 +22,7 @@ def changed(**action: float) -> Push:
 
 
 class Recorder:
-    """A robot that notes its pushes, and fails when told."""
+    """A robot that records its pushes, and fails on demand."""
 
     area_m = (0.2, 0.2)
     clock_s = 0.0
@@ -50,14 +50,14 @@ class Recorder:
     def wait(self, seconds: float) -> None: ...
 
 
-def test_a_push_inside_passes_and_is_copied() -> None:
+def test_push_envelope_accepts_and_copies_an_inner_push() -> None:
     passed = ENVELOPE.checked_copy(FINE)
     assert passed.action is not FINE.action
     np.testing.assert_array_equal(passed.action, FINE.action)
     ENVELOPE.check(replace(FINE, action=FINE.action.astype(np.float32)))
 
 
-def test_a_push_at_every_limit_passes_in_single_precision() -> None:
+def test_push_envelope_accepts_limits_in_single_precision() -> None:
     limits = np.array([0.0, 0.2, 0.0, 0.04, 0.012], dtype=np.float32)
     ENVELOPE.check(Push("push", limits, 0.04, float(np.float32(0.06)), 4.0, float(np.float32(0.12))))
 
@@ -91,17 +91,17 @@ def test_a_push_at_every_limit_passes_in_single_precision() -> None:
         (replace(FINE, speed_m_s="fast"), "must be a finite number"),  # type: ignore[arg-type]
     ],
 )
-def test_what_is_outside_is_refused_and_never_reaches_the_driver(push: Push, words: str) -> None:
+def test_push_outside_the_envelope_never_reaches_the_driver(push: Push, words: str) -> None:
     recorder = Recorder()
     robot = GuardedSculptingRobot(recorder, ENVELOPE)
     robot.change_tool(BALL)
     with pytest.raises(EnvelopeViolation, match=words):
         robot.push(push)
     assert recorder.pushes == []
-    robot.push(FINE)  # a refusal is no fault of the robot
+    robot.push(FINE)  # a refusal does not stop the robot
 
 
-def test_random_pushes_pass_exactly_when_they_are_inside() -> None:
+def test_push_envelope_accepts_random_pushes_exactly_when_inside() -> None:
     rng = np.random.default_rng(0)
     passed = 0
     for _ in range(3000):
@@ -120,7 +120,7 @@ def test_random_pushes_pass_exactly_when_they_are_inside() -> None:
     assert 300 < passed < 2700
 
 
-def test_both_open_fingers_of_a_pinch_are_over_the_slab() -> None:
+def test_push_envelope_checks_both_fingers_of_a_pinch() -> None:
     envelope = push_envelope_for(load_end_effector("gripper"), (0.2, 0.2))
     across, along = np.array([0.195, 0.1, np.pi / 2, 0.02, 0.008]), np.array([0.195, 0.1, 0.0, 0.02, 0.008])
     envelope.check(Push("pinch", across, 0.04, 0.02, 0.0, 0.05))
@@ -128,7 +128,7 @@ def test_both_open_fingers_of_a_pinch_are_over_the_slab() -> None:
         envelope.check(Push("pinch", along, 0.04, 0.02, 0.0, 0.05))
 
 
-def test_the_guard_wants_to_know_the_end_effector() -> None:
+def test_push_guard_requires_a_fitting_end_effector() -> None:
     robot = GuardedSculptingRobot(Recorder(), ENVELOPE)
     with pytest.raises(EnvelopeViolation, match="change_tool"):
         robot.push(FINE)
@@ -138,7 +138,7 @@ def test_the_guard_wants_to_know_the_end_effector() -> None:
         robot.change_tool(replace(BALL, kind="pinch"))
 
 
-def test_after_a_fault_every_push_is_refused_until_released() -> None:
+def test_push_guard_refuses_pushes_after_a_fault_until_release() -> None:
     recorder = Recorder()
     robot = GuardedSculptingRobot(recorder, ENVELOPE)
     robot.change_tool(BALL)
@@ -155,7 +155,7 @@ def test_after_a_fault_every_push_is_refused_until_released() -> None:
     assert len(recorder.pushes) == 1
 
 
-def test_an_envelope_wider_than_the_slab_or_without_limits_is_refused() -> None:
+def test_push_envelope_rejects_infinite_limits_and_excess_width() -> None:
     with pytest.raises(EnvelopeViolation, match="beyond the robot's slab"):
         GuardedSculptingRobot(Recorder(), replace(ENVELOPE, x_max_m=0.3))
     with pytest.raises(ConfigError, match="finite"):
@@ -166,7 +166,7 @@ def test_an_envelope_wider_than_the_slab_or_without_limits_is_refused() -> None:
         replace(ENVELOPE, x_max_m=0.0)
 
 
-def test_waits_are_bounded() -> None:
+def test_push_guard_rejects_invalid_waits() -> None:
     robot = GuardedSculptingRobot(Recorder(), ENVELOPE)
     robot.wait(10.0)
     for seconds in (-1.0, 1e6, np.nan):

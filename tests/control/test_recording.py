@@ -1,4 +1,4 @@
-"""The recording on disk: shards by batch, whole after every stroke, whatever the disk says."""
+"""Recordings on disk: a shard per batch, complete after every stroke."""
 
 from pathlib import Path
 
@@ -51,7 +51,9 @@ def _full(_path: Path, _data: bytes) -> None:
     raise OSError(28, "No space left on device")
 
 
-def test_each_batch_is_a_shard_and_each_stroke_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recording_writes_a_shard_per_batch_and_a_row_per_stroke(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     recorder = _record(tmp_path, range(5), None, monkeypatch)
     assert [file.name for file in sorted(tmp_path.iterdir())] == [f"part-{n:05d}.parquet" for n in range(3)]
     found = read_table(tmp_path, CONTRACT)
@@ -62,6 +64,6 @@ def test_each_batch_is_a_shard_and_each_stroke_a_row(tmp_path: Path, monkeypatch
     assert recorder.shard == 3
 
 
-def test_a_disk_that_is_full_leaves_the_rows_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recording_on_a_full_disk_keeps_earlier_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _record(tmp_path, range(3), 1, monkeypatch)
     assert read_table(tmp_path, CONTRACT).table["order"].to_pylist() == [0, 2]

@@ -1,4 +1,4 @@
-"""A robot in a process of its own: the same commands and errors, and a lift when its commander is gone or silent."""
+"""A robot in its own process: commands and errors pass; it lifts when its commander is gone or silent."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pipelines._imports import ROOT
 from tests.control.slow_robot import STROKE, broken, make
 
 WITHIN_S = 1.0
-"""Of its commander's end, the tool is up."""
+"""Maximum time from the commander's end to the lift."""
 
 
 def _last(log: Path) -> tuple[str, float]:
@@ -46,7 +46,7 @@ def apart(tmp_path: Path) -> Iterator[tuple[RobotProcess, Path, list[str]]]:
     robot.close()
 
 
-def test_commands_answers_requests_and_errors_pass(apart: tuple[RobotProcess, Path, list[str]]) -> None:
+def test_robot_process_passes_commands_results_requests_and_errors(apart: tuple[RobotProcess, Path, list[str]]) -> None:
     robot, log, asked = apart
     assert robot.canvas_size_m == (0.1, 0.1) and robot.clock_s > 0
     robot.change_tool(load_tool("marker"))
@@ -58,7 +58,7 @@ def test_commands_answers_requests_and_errors_pass(apart: tuple[RobotProcess, Pa
         robot.load_palette(np.zeros((1, 3)))
 
 
-def test_a_lift_passes_a_stroke_on_its_way(apart: tuple[RobotProcess, Path, list[str]]) -> None:
+def test_robot_process_lift_interrupts_a_move(apart: tuple[RobotProcess, Path, list[str]]) -> None:
     robot, log, _ = apart
     failed: list[Exception] = []
 
@@ -77,7 +77,7 @@ def test_a_lift_passes_a_stroke_on_its_way(apart: tuple[RobotProcess, Path, list
     assert time.monotonic() - started_s < WITHIN_S and _last(log)[0] == "up" and str(failed[0]) == "halted."
 
 
-def test_a_commander_that_is_killed_leaves_the_tool_up(tmp_path: Path) -> None:
+def test_robot_process_lifts_when_its_commander_is_killed(tmp_path: Path) -> None:
     log = tmp_path / "log"
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.control.slow_robot", str(log)],
@@ -92,7 +92,7 @@ def test_a_commander_that_is_killed_leaves_the_tool_up(tmp_path: Path) -> None:
     process.stdout.close()
 
 
-def test_a_commander_that_hangs_leaves_the_tool_up(tmp_path: Path) -> None:
+def test_robot_process_lifts_when_its_commander_hangs(tmp_path: Path) -> None:
     log = tmp_path / "log"
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.control.slow_robot", str(log)],
@@ -108,7 +108,7 @@ def test_a_commander_that_hangs_leaves_the_tool_up(tmp_path: Path) -> None:
     process.stdout.close()
 
 
-def test_a_robot_that_is_gone_is_told(tmp_path: Path) -> None:
+def test_robot_process_that_ended_raises_robot_gone(tmp_path: Path) -> None:
     robot = RobotProcess(make, (tmp_path / "log",), lambda _: None)
     robot._process.kill()
     with pytest.raises(RobotGone, match="tool is up"):
@@ -116,12 +116,12 @@ def test_a_robot_that_is_gone_is_told(tmp_path: Path) -> None:
     robot.close()
 
 
-def test_what_cannot_be_opened_says_why(tmp_path: Path) -> None:
+def test_robot_process_reports_why_opening_failed(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no robot"):
         RobotProcess(broken, (tmp_path / "log",), lambda _: None)
 
 
-def test_a_request_that_is_not_confirmed_fails_the_command(tmp_path: Path) -> None:
+def test_robot_process_unconfirmed_request_fails_the_command(tmp_path: Path) -> None:
     def away(_request: str) -> None:
         raise EOFError
 

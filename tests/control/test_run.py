@@ -51,31 +51,33 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def _apart(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def _in_process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-W", "error", "-c", WITHOUT_TORCH, *map(str, arguments)],
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
 
 
-def test_a_picture_is_painted_by_the_virtual_robot_without_torch(bundle: Path, picture: Path, tmp_path: Path) -> None:
+def test_run_paints_a_picture_without_torch(bundle: Path, picture: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = _apart("run", bundle, "--goal-image", picture, "--out", out)
+    done = _in_process("run", bundle, "--goal-image", picture, "--out", out, "--strokes", "8")
     assert done.returncode == 0, done.stderr
-    assert "strokes are made" in done.stdout and done.stderr == ""  # nobody is at a terminal
-    told = json.loads((out / "painting.json").read_text())
+    assert "strokes are made" in done.stdout and done.stderr == ""  # there is no terminal
+    summary = json.loads((out / "painting.json").read_text())
     rows = read_table(out / "record", CONTRACT)
-    assert rows.table.num_rows == told["strokes"] == load_state(out).executed and not rows.quarantined
+    assert rows.table.num_rows == summary["strokes"] == load_state(out).executed and not rows.quarantined
     canvas, goal = (read_image(out / name) for name in ("canvas.png", "goal.png"))
     assert canvas.shape == goal.shape
     assert canvas.min() < goal.max() - 60  # there is ink
-    again = _apart("run", "--resume", out)
-    assert again.returncode == 0 and read_table(out / "record", CONTRACT).table.num_rows == told["strokes"]
+    assert main(["run", "--resume", str(out)]) == 0  # it is done already
+    assert read_table(out / "record", CONTRACT).table.num_rows == summary["strokes"]
 
 
-def test_words_make_a_goal_that_is_painted_without_torch(bundle: Path, tmp_path: Path) -> None:
+def test_run_paints_a_goal_from_words_without_torch(bundle: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = _apart("run", bundle, "--goal-text", "a cat", "--out", out, "--strokes", "4", "--batch", "2", "--seed", "5")
+    done = _in_process(
+        "run", bundle, "--goal-text", "a cat", "--out", out, "--strokes", "4", "--batch", "2", "--seed", "5"
+    )
     assert done.returncode == 0, done.stderr
     commission = json.loads((out / "commission.json").read_text())
     assert commission["wanted"] == {"kind": "words", "value": "a cat"}
@@ -84,21 +86,21 @@ def test_words_make_a_goal_that_is_painted_without_torch(bundle: Path, tmp_path:
     goal, canvas = (read_image(out / name).astype(float) for name in ("goal.png", "canvas.png"))
     middle = slice(8, 40)  # the centred square of 48 x 32 pixels; these networks ask for a darker upper half
     assert goal[:14, middle].mean() < goal[18:, middle].mean() - 60
-    assert canvas[:16].mean() < canvas[16:].mean()  # and that is where the robot drew
+    assert canvas[:16].mean() < canvas[16:].mean()
 
 
-def test_a_drawing_on_file_holds_the_strokes(
+def test_run_writes_strokes_to_svg_without_recording(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
     drawn = ElementTree.parse(out / "drawing.svg").getroot()
     assert len(drawn) == load_state(out).executed > 0
-    assert not (out / "record").exists()  # what nobody saw is not recorded
+    assert not (out / "record").exists()  # there is no camera
     assert str(out) in capsys.readouterr().out
 
 
-def test_the_page_is_there_while_it_paints(bundle: Path, picture: Path, tmp_path: Path) -> None:
+def test_run_serves_the_page_until_it_ends(bundle: Path, picture: Path, tmp_path: Path) -> None:
     out, control, seen = tmp_path / "out", Control(), []
 
     def look(address: str) -> None:
@@ -116,7 +118,7 @@ def test_the_page_is_there_while_it_paints(bundle: Path, picture: Path, tmp_path
         urllib.request.urlopen(seen[0][0], timeout=5)
 
 
-def test_a_folder_holds_one_painting(
+def test_run_refuses_a_used_folder(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(tmp_path / "out")]
@@ -125,7 +127,7 @@ def test_a_folder_holds_one_painting(
     assert capsys.readouterr().err.count("--resume") == 1
 
 
-def test_a_picture_that_cannot_be_read_leaves_no_folder_behind(
+def test_run_with_unreadable_picture_creates_no_folder(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "cut.jpg").write_bytes(b"\xff\xd8 and no more")
@@ -135,7 +137,7 @@ def test_a_picture_that_cannot_be_read_leaves_no_folder_behind(
         assert name in capsys.readouterr().err and not out.exists()
 
 
-def test_a_file_is_no_folder_for_a_painting(
+def test_run_refuses_a_file_as_folder(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "file"
@@ -147,18 +149,18 @@ def test_a_file_is_no_folder_for_a_painting(
     assert "no painting" in capsys.readouterr().err and file.read_text() == "mine"
 
 
-def test_a_damaged_state_is_not_advised_to_be_gone_on_with(
+def test_run_with_damaged_state_does_not_suggest_resume(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
     (out / "state.npz").write_bytes(b"torn")
     assert main(["run", "--resume", str(out)]) == 1
-    said = capsys.readouterr().err
-    assert "damaged" in said and "--resume" not in said
+    message = capsys.readouterr().err
+    assert "damaged" in message and "--resume" not in message
 
 
-def test_a_folder_with_something_else_in_it_is_left_alone(
+def test_run_refuses_a_folder_with_other_files(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "canvas.png").write_bytes(b"mine")
@@ -168,7 +170,7 @@ def test_a_folder_with_something_else_in_it_is_left_alone(
     assert [file.name for file in tmp_path.iterdir()] == ["canvas.png"]
 
 
-def test_a_goal_that_is_there_already_needs_no_stroke_and_that_is_said(
+def test_run_with_reached_goal_reports_no_stroke(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_png(tmp_path / "blank.png", np.full((80, 80, 3), 255, np.uint8))
@@ -177,7 +179,7 @@ def test_a_goal_that_is_there_already_needs_no_stroke_and_that_is_said(
     assert "No stroke was made" in capsys.readouterr().out
 
 
-def test_a_bundle_that_was_changed_is_refused_before_anything_is_written(
+def test_run_refuses_a_changed_bundle_before_writing(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copy = tmp_path / "copy"
@@ -192,7 +194,7 @@ def test_a_bundle_that_was_changed_is_refused_before_anything_is_written(
     assert "refused" in capsys.readouterr().err and not out.exists()
 
 
-def test_a_painting_is_finished_with_the_bundle_that_it_was_begun_with(
+def test_run_refuses_to_resume_with_another_bundle(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
@@ -203,7 +205,7 @@ def test_a_painting_is_finished_with_the_bundle_that_it_was_begun_with(
     assert "another bundle" in capsys.readouterr().err
 
 
-def test_hardware_that_is_not_calibrated_does_not_move(
+def test_run_refuses_uncalibrated_hardware(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "small.toml"
@@ -213,17 +215,15 @@ def test_hardware_that_is_not_calibrated_does_not_move(
     assert "calibrat" in capsys.readouterr().err
 
 
-def test_on_a_larger_sheet_the_painting_lies_in_the_lower_left_corner(
-    bundle: Path, picture: Path, tmp_path: Path
-) -> None:
+def test_run_on_a_larger_sheet_paints_its_lower_left_part(bundle: Path, picture: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["run", str(bundle), "--robot", "plotter", "--goal-image", str(picture), "--out", str(out)]) == 0
-    rows = read_table(out / "record", CONTRACT).table.to_pylist()  # rehearsed, before a sheet of 300 x 200 mm
+    rows = read_table(out / "record", CONTRACT).table.to_pylist()  # rehearsed on a sheet of 300 x 200 mm
     places = np.concatenate([np.array(row["path"])[:, 1:3] for row in rows])
     assert np.all(places >= 0) and np.all(places <= CANVAS_M)
 
 
-def test_a_rigs_own_limits_are_kept(
+def test_run_applies_the_rigs_limits(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "small.toml"
@@ -243,13 +243,13 @@ def test_a_rigs_own_limits_are_kept(
         ["b", "--out", "o", "--strokes", "many"],
         ["b", "--out", "o", "--seed", "-1"],
         ["b", "--out", "o", "--goal-text", "a", "--goal-image", "f"],
-        ["b", "--out", "o", "--goal-text", "\udcff"],  # a byte that is no UTF-8, as Python hands it over
+        ["b", "--out", "o", "--goal-text", "\udcff"],  # a byte that is not UTF-8, as Python passes it
         ["--resume", "o", "--strokes", "3"],
         ["--resume", "o", "--execute"],
         ["--resume", "o", "--robot", "virtual"],
     ],
 )
-def test_commands_that_say_too_little_or_too_much(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_rejects_invalid_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["run", *arguments])
     assert "usage" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Forty of the thousand thousands of commands that `python -m benchmarks.envelope` sends against the envelope."""
+"""A sample of the million commands that `python -m benchmarks.envelope` sends against the envelope."""
 
 import dataclasses
 import math
@@ -11,7 +11,7 @@ from pentimento.contracts.errors import EnvelopeViolation
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.tools import load_tool
 
-COMMANDS = 40_000
+COMMANDS = 8_000
 
 
 @pytest.fixture(scope="module")
@@ -19,26 +19,26 @@ def tally():
     return attack(COMMANDS, seed=20261121)
 
 
-def test_nothing_outside_a_limit_reaches_the_driver(tally) -> None:
+def test_attack_no_path_outside_a_limit_reaches_the_driver(tally) -> None:
     assert tally.escaped == []
 
 
-def test_nothing_well_inside_is_refused(tally) -> None:
+def test_attack_no_path_well_inside_is_refused(tally) -> None:
     assert tally.refused_inside == []
 
 
-def test_the_attack_is_no_walk_over(tally) -> None:
-    """Every kind of command was tried by the thousand, and of those that can be lawful many got through."""
-    assert tally.sent.total() == COMMANDS and min(tally.sent.values()) > 1500
+def test_attack_tries_every_kind_of_command(tally) -> None:
+    """Every kind of command was sent many times, and many of those that can be valid were accepted."""
+    assert tally.sent.total() == COMMANDS and min(tally.sent.values()) > 300
     assert tally.reached.total() > 0.1 * COMMANDS
     for kind in ("left as it is", "at a wall", "a jump", "a turn", "too fast", "other rest", "fickle"):
-        assert tally.reached[kind] > 100, kind
+        assert tally.reached[kind] > 20, kind
     for kind in ("not a number", "wrong shape"):
         assert tally.reached[kind] == 0, kind
 
 
-def test_the_judge_sees_each_limit_broken() -> None:
-    """A per mille beyond each limit, on a path that keeps them all: a judge who sees nothing would be found out."""
+def test_attack_oracle_detects_each_broken_limit() -> None:
+    """The oracle detects a violation of one per mille of each limit."""
     envelope = envelope_for(load_tool("round_brush"), CANVAS_M)
     path = np.zeros((9, 5))
     path[:, 0] = np.linspace(0, 1, 9)
@@ -66,14 +66,14 @@ def test_the_judge_sees_each_limit_broken() -> None:
 
 
 class Gate(SafetyEnvelope):
-    """An envelope that forgot one check: the attack must notice, else it attacks nothing."""
+    """An envelope without checks, which the attack must detect."""
 
     def checked_copy(self, path: np.ndarray) -> np.ndarray:
         return np.array(path, dtype=np.float64)
 
 
 @pytest.mark.parametrize("name", TOOLS)
-def test_an_envelope_that_checks_nothing_is_found_out(name: str) -> None:
+def test_attack_detects_an_envelope_without_checks(name: str) -> None:
     envelope = envelope_for(load_tool(name), CANVAS_M)
     open_gate = Gate(**dataclasses.asdict(envelope))
     paths = smooth_paths(np.random.default_rng(3), envelope, 100)

@@ -1,4 +1,4 @@
-"""Sculpting a goal: the guard, the record, replanning, and stopping where acting does not help."""
+"""Sculpting towards a goal: guard, rows, replanning, and stopping where acting does not help."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +26,7 @@ PUSHES = np.array([[0.03, 0.03, 0.5, 0.025, 0.006], [0.07, 0.06, 2.5, 0.02, 0.00
 
 @dataclass
 class PaperRobot:
-    """A robot whose clay is the tests' model; ``strength`` is how far its pushes go, of what the model says."""
+    """A robot whose clay is the tests' model; ``strength`` scales its pushes relative to the model."""
 
     strength: float = 1.0
     clock_s: float = 0.0
@@ -71,43 +71,43 @@ def sculpted(robot: PaperRobot, config: SculptorConfig = CONFIG, count: int = 4,
     )  # fmt: skip
 
 
-def test_the_clay_comes_nearer_to_the_goal_as_foreseen() -> None:
-    made = sculpted(PaperRobot())
-    assert made.helped and made.values[-1] < 0.3 * made.values[0]
-    # The robot does what the model says; only the filled hole differs.
-    np.testing.assert_allclose(made.heights_m[1:], made.foreseen_m, atol=2e-4)
+def test_sculpting_reduces_the_objective_as_predicted() -> None:
+    result = sculpted(PaperRobot())
+    assert result.helped and result.values[-1] < 0.3 * result.values[0]
+    # The robot equals the model; only the filled hole differs.
+    np.testing.assert_allclose(result.heights_m[1:], result.foreseen_m, atol=2e-4)
 
 
-def test_its_rows_keep_the_contract(tmp_path: Path) -> None:
-    made = sculpted(PaperRobot())
-    write_table(tmp_path / "pushes", pa.Table.from_pylist(made.rows), CONTRACT, "Sculpted.")
+def test_sculpting_rows_satisfy_the_pushes_contract(tmp_path: Path) -> None:
+    result = sculpted(PaperRobot())
+    write_table(tmp_path / "pushes", pa.Table.from_pylist(result.rows), CONTRACT, "Sculpted.")
     read = read_table(tmp_path / "pushes", CONTRACT)
-    assert read.table.num_rows == len(made.actions) and not read.quarantined
-    assert [row["order"] for row in made.rows] == [3000 + i for i in range(len(made.actions))]
-    np.testing.assert_allclose(np.array([row["action"] for row in made.rows]), made.actions)
-    assert made.holes == len(made.actions) + 1
+    assert read.table.num_rows == len(result.actions) and not read.quarantined
+    assert [row["order"] for row in result.rows] == [3000 + i for i in range(len(result.actions))]
+    np.testing.assert_allclose(np.array([row["action"] for row in result.rows]), result.actions)
+    assert result.holes == len(result.actions) + 1
 
 
-def test_at_the_goal_nothing_is_done() -> None:
+def test_sculpting_at_the_goal_executes_no_action() -> None:
     robot = PaperRobot()
     robot.height_m = reachable_goal()
-    made = sculpted(robot)
-    assert len(made.actions) == 0 and made.stopped == "the models know of no action that helps"
-    assert made.values[-1] == made.values[0] and not made.helped
+    result = sculpted(robot)
+    assert len(result.actions) == 0 and result.stopped == "the models know of no action that helps"
+    assert result.values[-1] == result.values[0] and not result.helped
 
 
-def test_a_model_that_is_far_off_is_noticed() -> None:
-    """Each push goes four times as deep as the model says, so that every one makes it worse."""
-    made = sculpted(PaperRobot(strength=4.0), count=40, patience=2)
-    assert len(made.actions) <= 6
-    assert made.stopped == "acting no longer helped"
+def test_sculpting_stops_when_a_wrong_model_makes_it_worse() -> None:
+    """Each push goes four times as deep as the model predicts, so that every push increases the error."""
+    result = sculpted(PaperRobot(strength=4.0), count=40, patience=2)
+    assert len(result.actions) <= 6
+    assert result.stopped == "acting no longer helped"
 
 
-def test_the_same_item_makes_the_same_sculpture() -> None:
+def test_sculpting_is_deterministic() -> None:
     np.testing.assert_array_equal(sculpted(PaperRobot()).actions, sculpted(PaperRobot()).actions)
 
 
-def test_every_push_passes_the_guard() -> None:
+def test_sculpting_push_outside_the_envelope_is_refused() -> None:
     robot = PaperRobot()
     narrow = replace(push_envelope_for(BALL, robot.area_m), x_max_m=0.02, y_max_m=0.02)
     with pytest.raises(EnvelopeViolation, match="off the slab"):
@@ -119,14 +119,14 @@ def test_every_push_passes_the_guard() -> None:
     np.testing.assert_array_equal(robot.height_m, flat())
 
 
-def test_reach_is_what_the_end_effector_bears() -> None:
+def test_reach_follows_the_end_effector() -> None:
     reach = reach_for(BALL, (0.2, 0.1), 0.01)
     assert reach.window_m == pytest.approx((0.01, 0.01, 0.19, 0.09))
     assert (reach.length_m, reach.depth_m, reach.travels) == (BALL.travel_m, BALL.depth_m, True)
     assert not reach_for(load_end_effector("gripper"), (0.2, 0.2), 0.01).travels
 
 
-def test_a_scan_is_levelled_and_filled() -> None:
+def test_seen_heights_are_levelled_and_filled() -> None:
     x = np.tile((np.arange(20) + 0.5) * 0.01, (20, 1))
     tilted = 0.04 + 0.1 * x + 0.002
     tilted[4, 4] = np.nan

@@ -1,4 +1,4 @@
-"""Painting beside a person: the whole loop on the virtual robot, turns, and what is recorded."""
+"""Painting sessions on the virtual robot: the loop, turns of a person, and recordings."""
 
 import math
 from pathlib import Path
@@ -21,14 +21,14 @@ from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, s
 
 @pytest.fixture(scope="module")
 def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PaintingState, PaintingState]:
-    """A folder, the plan's state and the last one."""
+    """A folder, the first state and the last one."""
     folder = tmp_path_factory.mktemp("painting")
     robot = sheet()
     planned = begun(robot, folder)
     return folder, planned, finished(robot, folder)
 
 
-def test_all_strokes_are_made_and_the_canvas_comes_near_the_goal(
+def test_session_executes_all_strokes_and_reduces_the_error(
     painted: tuple[Path, PaintingState, PaintingState],
 ) -> None:
     folder, planned, done = painted
@@ -38,14 +38,14 @@ def test_all_strokes_are_made_and_the_canvas_comes_near_the_goal(
     assert error_of(done, folder) < 0.6
 
 
-def test_the_preview_foretold_what_came(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_result_is_close_to_the_predicted_plan(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, planned, done = painted
     plan = to_float(read_image(folder / "plan.png"))
     blank, now = to_float(planned.canvas), to_float(done.canvas)
     assert np.square(plan - now).mean() < 0.35 * np.square(blank - now).mean()
 
 
-def test_every_stroke_is_a_row_that_shows_it(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_records_each_stroke_in_order(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, _, done = painted
     found = read_table(folder / RECORD, CONTRACT)
     rows = found.table.to_pylist()
@@ -58,7 +58,9 @@ def test_every_stroke_is_a_row_that_shows_it(painted: tuple[Path, PaintingState,
     assert times == sorted(times)
 
 
-def test_pictures_show_the_canvas_and_what_comes_next(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_writes_canvas_preview_next_and_goal_pictures(
+    painted: tuple[Path, PaintingState, PaintingState],
+) -> None:
     folder, _, done = painted
     assert np.array_equal(read_image(folder / CANVAS), done.canvas)
     assert read_image(folder / NEXT).shape == (3 * done.canvas.shape[0], 3 * done.canvas.shape[1], 3)
@@ -66,14 +68,14 @@ def test_pictures_show_the_canvas_and_what_comes_next(painted: tuple[Path, Paint
     assert read_image(folder / GOAL).shape == done.canvas.shape
 
 
-def test_a_finished_painting_is_not_taken_up_again(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_of_a_finished_painting_executes_no_stroke(painted: tuple[Path, PaintingState, PaintingState]) -> None:
     folder, _, done = painted
     robot = sheet()
     assert resume(session_of(robot, folder)).executed == done.executed
-    assert robot.clock_s < 20  # it looked, and made no stroke
+    assert robot.clock_s < 20  # it observed, and executed no stroke
 
 
-def test_looking_goes_on_from_the_same_canvas_in_another_process(tmp_path: Path) -> None:
+def test_session_resumes_on_the_same_canvas_after_stop(tmp_path: Path) -> None:
     first = journaled_sheet(tmp_path)
     planned = len(begun(first, tmp_path).remaining)
     control = Control()
@@ -96,7 +98,7 @@ def test_looking_goes_on_from_the_same_canvas_in_another_process(tmp_path: Path)
     assert starts == sorted(starts)
 
 
-def test_a_persons_turn_becomes_the_canvas_and_the_rest_is_replanned_on_it(
+def test_session_replans_after_a_persons_turn(
     tmp_path: Path, painted: tuple[Path, PaintingState, PaintingState]
 ) -> None:
     robot = sheet()
@@ -110,7 +112,7 @@ def test_a_persons_turn_becomes_the_canvas_and_the_rest_is_replanned_on_it(
             turned = True
             control.send("your turn")
         if state.phase == "your turn":
-            for stroke in to_planned(state.remaining, beside.context.tool, POINTS):  # what the robot still has to do
+            for stroke in to_planned(state.remaining, beside.context.tool, POINTS):  # the robot's remaining strokes
                 robot.move(stroke.path)
             control.send("go on")
 
@@ -119,12 +121,12 @@ def test_a_persons_turn_becomes_the_canvas_and_the_rest_is_replanned_on_it(
     assert done.phase == "done" and done.turns == 1
     assert done.executed <= planned
     assert (tmp_path / "turns" / "001.png").exists()
-    # The robot did not repeat what the person had done: both together came nearer than the robot alone.
+    # The robot did not repeat the person's strokes: together they reach a lower error than the robot alone.
     alone, _, by_itself = painted
     assert error_of(done, tmp_path) < error_of(by_itself, alone)
 
 
-def test_a_pause_lifts_the_tool_and_ends_with_a_word(tmp_path: Path) -> None:
+def test_session_pause_lifts_the_tool_until_go_on(tmp_path: Path) -> None:
     robot = sheet()
     begun(robot, tmp_path)
     control, phases = Control(), []
@@ -141,7 +143,7 @@ def test_a_pause_lifts_the_tool_and_ends_with_a_word(tmp_path: Path) -> None:
     assert "paused" in phases
 
 
-def test_stop_is_heard_while_waiting_too(tmp_path: Path) -> None:
+def test_session_stops_while_waiting_for_a_turn(tmp_path: Path) -> None:
     robot = sheet()
     begun(robot, tmp_path)
     control = Control()

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import PATIENCE_S, Camera, PaintingFault, visible_share
 from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
 from pentimento.control.execute import Session, execute_stroke
-from pentimento.control.guard import Watchdog
+from pentimento.control.guard import GuardedRobot, Watchdog
 from pentimento.control.loop import Hooks, Interrupt, run_loop
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.painter import (
@@ -43,7 +42,6 @@ from pentimento.control.recording import StrokeRecording
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.dipping import needs_dip
-from pentimento.robots.driver import Robot
 
 Picture = NDArray[np.uint8]
 
@@ -60,18 +58,11 @@ _UNSEEN, _MIN_SEEN, _EXECUTED = 3, 0.2, 0.5
 stroke counts as executed when it shows more than the third."""
 
 
-class StoppableRobot(Robot, Protocol):
-    """A Robot that any thread can stop, as ``control.guard.GuardedRobot``."""
-
-    def stop(self, reason: str) -> None:
-        """Stop, lift the tool, and refuse every later command."""
-
-
 @dataclass(frozen=True, eq=False)
 class PaintingSession:
     """A painting session's robot, plan context, folder, and connections to the person."""
 
-    robot: StoppableRobot
+    robot: GuardedRobot
     traits: RobotTraits
     context: PaintContext
     batch: int
@@ -153,6 +144,10 @@ def resume(session: PaintingSession) -> PaintingState:
 class _PaintingTask:
     """``control.loop.Task`` of one session, whose actions are single strokes; and the loop's hooks."""
 
+    recorded: Session
+    recording: StrokeRecording
+    """Both are set by ``start``."""
+
     def __init__(self, session: PaintingSession, watchdog: Watchdog) -> None:
         self.session, self.watchdog = session, watchdog
         self.robot, self.context = session.robot, session.context
@@ -184,9 +179,8 @@ class _PaintingTask:
             self.photo, canvas = seen.photo, seen.picture
         # A real robot's clock may have restarted; the computer's clock then tells how much time has passed.
         passed_s = self.robot.clock_s - state.robot_clock_s if traits.clock_persists else time.time() - state.unix_s
-        self.recorded = Session(
-            f"painting-{state.sessions}", self.robot.clock_s - state.clock_s - max(passed_s, 0.0)
-        )  # fmt: skip
+        started_s = self.robot.clock_s - state.clock_s - max(passed_s, 0.0)
+        self.recorded = Session(f"painting-{state.sessions}", started_s)
         self.recording = StrokeRecording(
             self.session.folder / RECORD, state.shard, self.recorded, tool=self.tool,
             canvas_size_m=self.context.canvas_size_m,
@@ -247,9 +241,8 @@ class _PaintingTask:
             state = self._wait_at_rest(state, "paused", "Paused; the tool is up.")
             command = self.session.control.wait()
         if command == "your turn":
-            state = self._wait_at_rest(
-                state, "your turn", "It is your turn: paint, then say go on. The robot does not move."
-            )
+            message = "It is your turn: paint, then say go on. The robot does not move."
+            state = self._wait_at_rest(state, "your turn", message)
             while (command := self.session.control.wait()) not in ("go on", "stop"):
                 pass
             if command == "go on":
@@ -273,9 +266,8 @@ class _PaintingTask:
             self.unseen = [*self.unseen, stroke] if share < _MIN_SEEN else []
         if len(self.unseen) == _UNSEEN:
             again = self.unseen[0].joined(self.unseen[1]).joined(self.unseen[2])
-            self.checkpoint(
-                replace(state, remaining=again.joined(state.remaining), executed=state.executed - _UNSEEN)
-            )  # fmt: skip
+            remaining = again.joined(state.remaining)
+            self.checkpoint(replace(state, remaining=remaining, executed=state.executed - _UNSEEN))
             raise PaintingFault(
                 "no mark",
                 f"The last {_UNSEEN} strokes left no mark: fill the paint or change the pen, see that the tool touches "
@@ -286,19 +278,15 @@ class _PaintingTask:
         self.watchdog.beat(_PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
         remaining = adapt(self.context, state.remaining, state.canvas, goal=self.goal, start=self._now(state))
-        state = replace(state, remaining=remaining)
-        session = self.session
-        write_pictures(session.folder, self.context, replace(state, clock_s=self._clock_s()), session.batch)
+        state = replace(state, remaining=remaining, clock_s=self._clock_s())
+        write_pictures(self.session.folder, self.context, state, self.session.batch)
         return state
 
     def _after_turn(self, state: PaintingState) -> PaintingState:
         """Observe what the person painted."""
         self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your turn")
-        state = self.checkpoint(
-            replace(
-                state, turns=state.turns + 1, phase="painting", message="The robot looks at what you painted."
-            )
-        )  # fmt: skip
+        message = "The robot looks at what you painted."
+        state = self.checkpoint(replace(state, turns=state.turns + 1, phase="painting", message=message))
         if self.camera is None:
             return state
         seen = self.camera.observe()
@@ -313,18 +301,13 @@ class _PaintingTask:
         if state.pending and self._was_executed(state, canvas):
             (stroke,) = self._planned(state.remaining.pick(slice(0, 1)))
             dip = needs_dip(self.tool, stroke, state.memory)
-            event = StrokeEvent(
-                stroke.path, state.clock_s + self.context.brush.timing.reach_s, dip, stroke.color_srgb
-            )  # fmt: skip
-            state = replace(
-                state, remaining=state.remaining.pick(slice(1, None)), executed=state.executed + 1,
-                memory=advance(state.memory, event),
-            )  # fmt: skip
-        memory = add_persons_paint(state.memory, state.canvas, canvas, self._clock_s())
-        memory = due_for_dip(memory, self.tool)
-        return self._replanned(
-            replace(state, pending=False, canvas=canvas, memory=memory, phase="painting"), changed=True
-        )
+            started_s = state.clock_s + self.context.brush.timing.reach_s
+            memory = advance(state.memory, StrokeEvent(stroke.path, started_s, dip, stroke.color_srgb))
+            remaining = state.remaining.pick(slice(1, None))
+            state = replace(state, remaining=remaining, executed=state.executed + 1, memory=memory)
+        memory = due_for_dip(add_persons_paint(state.memory, state.canvas, canvas, self._clock_s()), self.tool)
+        state = replace(state, pending=False, canvas=canvas, memory=memory, phase="painting")
+        return self._replanned(state, changed=True)
 
     def _was_executed(self, state: PaintingState, canvas: Picture) -> bool:
         """Whether the pending stroke is visible. A robot without a camera paints it again."""

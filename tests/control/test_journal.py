@@ -1,4 +1,4 @@
-"""A virtual world that outlives its process: the same sheet, clock and tool after any end."""
+"""Virtual robots with a journal: the same sheet, clock and tool in another process."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def _path(y_m: float) -> np.ndarray:
     )
 
 
-def test_another_process_stands_before_the_same_sheet(tmp_path: Path) -> None:
+def test_journal_replay_restores_sheet_clock_and_tool(tmp_path: Path) -> None:
     first = journaled_sheet(tmp_path)
     first.change_tool(load_tool("marker"))
     first.move(_path(0.03))
@@ -30,7 +30,7 @@ def test_another_process_stands_before_the_same_sheet(tmp_path: Path) -> None:
     assert np.array_equal(first.photo().frame, again.photo().frame)
 
 
-def test_a_command_that_was_cut_off_was_never_obeyed(tmp_path: Path) -> None:
+def test_journal_ignores_a_truncated_last_line(tmp_path: Path) -> None:
     first = journaled_sheet(tmp_path)
     first.move(_path(0.03))
     clock_s = first.clock_s
@@ -42,7 +42,7 @@ def test_a_command_that_was_cut_off_was_never_obeyed(tmp_path: Path) -> None:
     assert journaled_sheet(tmp_path).clock_s == clock_s + 1.0
 
 
-def test_a_journal_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_journal_rejects_a_damaged_line(tmp_path: Path) -> None:
     (tmp_path / "journal.jsonl").write_text("nonsense\n")
     with pytest.raises(ContractError, match="Line 1"):
         journaled_sheet(tmp_path)

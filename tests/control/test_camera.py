@@ -1,4 +1,4 @@
-"""What makes a picture of the canvas one that is not believed, as pure functions of pictures."""
+"""Checks of photographs, as pure functions of pictures, and the camera that applies them."""
 
 import numpy as np
 import pytest
@@ -28,14 +28,14 @@ def _paper(seed: int) -> np.ndarray:
     return (230 + np.random.default_rng(seed).normal(0, 1.5, (*SHAPE, 3))).astype(np.uint8)
 
 
-def test_noise_and_a_change_of_light_are_no_change() -> None:
+def test_unexplained_share_ignores_noise_and_lighting() -> None:
     nothing = np.zeros(SHAPE, bool)
     brighter = (_paper(2).astype(float) * 1.05).clip(0, 255).astype(np.uint8)
     assert unexplained_share(_paper(0), _paper(1), nothing, SIZE_M) == 0
     assert unexplained_share(_paper(0), brighter, nothing, SIZE_M) == 0
 
 
-def test_what_a_stroke_explains_is_no_surprise_and_the_rest_is_counted() -> None:
+def test_unexplained_share_ignores_strokes_and_counts_the_rest() -> None:
     now = _paper(1)
     explained = stroke_mask([PATH], 0.002, SHAPE, SIZE_M)
     now[explained] = 30
@@ -45,7 +45,7 @@ def test_what_a_stroke_explains_is_no_surprise_and_the_rest_is_counted() -> None
 
 
 @pytest.mark.parametrize("by_px", [(0, 6), (5, 0), (4, -7)])
-def test_a_slide_is_measured_and_a_hand_is_none(by_px: tuple[int, int]) -> None:
+def test_sheet_shift_measures_a_slide_and_rejects_a_hand(by_px: tuple[int, int]) -> None:
     rng = np.random.default_rng(5)
     drawn = np.full((*SHAPE, 3), 230, np.uint8)
     for _ in range(12):
@@ -59,14 +59,14 @@ def test_a_slide_is_measured_and_a_hand_is_none(by_px: tuple[int, int]) -> None:
     assert sheet_shift_m(drawn, hand, nothing, per_m) is None
 
 
-def test_cameras_that_show_nothing_or_the_same() -> None:
+def test_blank_and_frozen_frames_are_detected() -> None:
     robot = sheet()
     one, other = robot.photo(), robot.photo()
     assert not is_blank(one) and is_blank(black(one))
     assert not is_frozen(other, one) and is_frozen(one, one) and not is_frozen(one, None)
 
 
-def test_markers_tell_how_far_camera_or_canvas_moved() -> None:
+def test_marker_shift_measures_a_moved_camera() -> None:
     robot = sheet()
     photo, layout = robot.photo(), markers_around(robot.canvas_size_m)
     calibration = calibrate_camera(photo, layout)
@@ -78,7 +78,7 @@ def test_markers_tell_how_far_camera_or_canvas_moved() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.3])
-def test_the_share_of_a_change_that_is_seen(share: float) -> None:
+def test_visible_share_measures_a_partial_change(share: float) -> None:
     light = np.full((40, 40, 3), 0.8, np.float32)
     meant = light.copy()
     meant[10:20, 5:30] = 0.3
@@ -88,17 +88,17 @@ def test_the_share_of_a_change_that_is_seen(share: float) -> None:
     )
 
 
-def test_nothing_is_said_of_what_nobody_could_see() -> None:
+def test_visible_share_of_an_invisible_change_is_none() -> None:
     light = np.full((40, 40, 3), 0.8, np.float32)
     picture = np.full((40, 40, 3), 231, np.uint8)
     assert visible_share(picture, picture, light) is None
 
 
-def test_a_canvas_that_moved_since_the_calibration_is_refused() -> None:
+def test_camera_refuses_a_canvas_moved_since_calibration() -> None:
     robot = FaultyRobot(sheet())
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     assert Camera(robot, (0.1, 0.1), 600.0, calibrated=calibration).observe().picture.shape == (60, 60, 3)
     robot.on_photo = shifted
     with pytest.raises(PaintingFault, match="since it was calibrated"):
         Camera(robot, (0.1, 0.1), 600.0, calibrated=calibration)
-    assert Camera(robot, (0.1, 0.1), 600.0).observe().picture.shape == (60, 60, 3)  # nobody knows where it was
+    assert Camera(robot, (0.1, 0.1), 600.0).observe().picture.shape == (60, 60, 3)  # without a calibration

@@ -1,9 +1,11 @@
-"""The stop: it latches, it lifts whatever goes wrong, and limits can only be tightened."""
+"""Guarded robots: stops are latched, envelopes narrow, and the watchdog stops a late loop."""
 
 import dataclasses
+import math
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.control.guard import GuardedRobot, LiftError, StoppedError
+from pentimento.control.guard import GuardedRobot, LiftError, StoppedError, Watchdog
 from pentimento.control.safety import SafetyEnvelope, envelope_for
+from pentimento.robots.driver import MissingAbilityError, Robot
 from pentimento.robots.tools import load_tool
 from tests.control.test_safety import BRUSH, CANVAS_M, FakeRobot, good_path
 
@@ -21,7 +24,7 @@ PROPERTY = settings(max_examples=80, deadline=None, derandomize=True, database=N
 
 
 class Breaking(FakeRobot):
-    """Raises `error` at the call named `at`; says when a move has begun and ends it when it is lifted."""
+    """Raises `error` at the call named `at`; a move sets an event when it begins and ends at a lift."""
 
     def __init__(self, at: str = "", error: BaseException | None = None) -> None:
         super().__init__()
@@ -72,7 +75,7 @@ COMMANDS: dict[str, Callable[[GuardedRobot], object]] = {
 }
 
 
-def test_no_photo_is_taken_while_stopped() -> None:
+def test_guard_refuses_photos_while_stopped() -> None:
     """An arm would have to move out of the picture."""
     robot = guarded(Breaking())
     assert robot.photo().frame.shape == (2, 2, 3)
@@ -82,7 +85,7 @@ def test_no_photo_is_taken_while_stopped() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_after_a_stop_every_command_is_refused_until_a_person_releases_it(command: str) -> None:
+def test_guard_refuses_every_command_after_a_stop_until_release(command: str) -> None:
     fake = Breaking()
     robot = guarded(fake)
     robot.stop("the person pressed stop")
@@ -99,7 +102,7 @@ def test_after_a_stop_every_command_is_refused_until_a_person_releases_it(comman
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("error", [OSError("the link is lost"), RuntimeError("joint 3"), KeyboardInterrupt()])
-def test_whatever_goes_wrong_in_the_driver_lifts_the_tool_and_latches(command: str, error: BaseException) -> None:
+def test_guard_lifts_and_latches_on_any_driver_error(command: str, error: BaseException) -> None:
     fake = Breaking()
     robot = guarded(fake)
     fake.at, fake.error = command, error
@@ -112,7 +115,7 @@ def test_whatever_goes_wrong_in_the_driver_lifts_the_tool_and_latches(command: s
         robot.move(good_path())
 
 
-def test_a_refusal_by_the_envelope_neither_lifts_nor_latches() -> None:
+def test_guard_refusal_neither_lifts_nor_latches() -> None:
     fake = Breaking()
     robot = guarded(fake)
     with pytest.raises(EnvelopeViolation):
@@ -120,7 +123,7 @@ def test_a_refusal_by_the_envelope_neither_lifts_nor_latches() -> None:
     assert fake.calls == [] and robot.stopped is None
 
 
-def test_a_tool_that_cannot_be_lifted_is_said_and_latches() -> None:
+def test_guard_failed_lift_raises_lift_error_and_latches() -> None:
     fake = Breaking("lift", OSError("the link is lost"))
     robot = GuardedRobot(fake, BRUSH)
     with pytest.raises(LiftError, match=r"may still rest on the canvas.*the link is lost.*emergency stop"):
@@ -132,7 +135,7 @@ def test_a_tool_that_cannot_be_lifted_is_said_and_latches() -> None:
     assert other.stopped is not None
 
 
-def test_a_stop_from_another_thread_breaks_a_move_off() -> None:
+def test_guard_stop_from_another_thread_interrupts_a_move() -> None:
     fake = Slow()
     robot = guarded(fake)
     errors: list[BaseException] = []
@@ -153,8 +156,8 @@ def test_a_stop_from_another_thread_breaks_a_move_off() -> None:
     assert isinstance(errors[0], OSError) and robot.stopped == "late heartbeat"
 
 
-def test_a_move_that_ends_although_it_was_stopped_does_not_count_as_made() -> None:
-    """Its driver could not be interrupted; how much of the stroke was made nobody knows."""
+def test_guard_move_that_ends_after_a_stop_raises() -> None:
+    """The driver could not be interrupted, so how much of the stroke was executed is unknown."""
 
     class Deaf(Breaking):
         def move(self, path: np.ndarray) -> np.ndarray:
@@ -166,12 +169,124 @@ def test_a_move_that_ends_although_it_was_stopped_does_not_count_as_made() -> No
         robot.move(good_path())
 
 
+def recorded() -> tuple[FakeRobot, GuardedRobot]:
+    fake = FakeRobot()
+    robot = GuardedRobot(fake, BRUSH)
+    robot.change_tool(load_tool("round_brush"))
+    fake.calls.clear()
+    return fake, robot
+
+
+def test_guard_refuses_moves_before_change_tool() -> None:
+    fake = FakeRobot()
+    with pytest.raises(EnvelopeViolation, match="call change_tool before the first move"):
+        GuardedRobot(fake, BRUSH).move(good_path())
+    assert fake.calls == []
+
+
+def test_guard_refused_path_never_reaches_the_driver() -> None:
+    fake, robot = recorded()
+    path = good_path()
+    path[3, 3] = -0.02
+    with pytest.raises(EnvelopeViolation):
+        robot.move(path)
+    assert fake.calls == []
+
+
+def test_guard_passes_an_accepted_path_as_a_copy() -> None:
+    fake, robot = recorded()
+    path = good_path()
+    measured = robot.move(path)
+    ((name, seen),) = fake.calls
+    assert name == "move" and np.array_equal(path, good_path())
+    assert np.array_equal(seen, path) and np.array_equal(measured, path)
+    assert not np.shares_memory(seen, path)
+
+
+@pytest.mark.parametrize("paint", [-1, 2, 1.0, True, math.nan, "0", None])
+def test_guard_refuses_a_dip_into_a_missing_paint(paint: Any) -> None:
+    fake, robot = recorded()
+    robot.load_palette(np.array([[0.1, 0.2, 0.3], [1, 1, 1]]))
+    with pytest.raises(EnvelopeViolation):
+        robot.dip(paint)
+    assert [name for name, _ in fake.calls] == ["load_palette"]
+
+
+def test_guard_passes_dips_into_the_palette() -> None:
+    fake, robot = recorded()
+    with pytest.raises(EnvelopeViolation, match="palette has 0 paints"):
+        robot.dip(0)
+    robot.load_palette(np.array([[0.1, 0.2, 0.3], [1, 1, 1]]))
+    robot.dip(0)
+    robot.dip(np.int64(1))
+    assert [call for call in fake.calls if call[0] == "dip"] == [("dip", 0), ("dip", 1)]
+
+
+@pytest.mark.parametrize(
+    ("palette", "sentence"),
+    [
+        (np.zeros((0, 3)), "at least one paint"),
+        (np.zeros((2, 4)), r"\[K, 3\]"),
+        (np.array([[0.5, 0.5, math.nan]]), "Paint 0"),
+        (np.array([[0, 0, 0], [0, 128, 255]]), "look like 0 to 255"),
+        (np.array([[0.0, -0.1, 0.0]]), "from 0 to 1"),
+        (np.array([["a", "b", "c"]]), "real numbers"),
+    ],
+)
+def test_guard_refuses_an_invalid_palette(palette: np.ndarray, sentence: str) -> None:
+    fake, robot = recorded()
+    with pytest.raises(EnvelopeViolation, match=sentence):
+        robot.load_palette(palette)
+    assert fake.calls == []
+
+
+@pytest.mark.parametrize("seconds", [-1.0, math.nan, math.inf, 1e5])
+def test_guard_refuses_an_invalid_wait(seconds: float) -> None:
+    fake, robot = recorded()
+    with pytest.raises(EnvelopeViolation, match="wait"):
+        robot.wait(seconds)
+    assert fake.calls == []
+    robot.wait(600)
+    assert fake.calls == [("wait", 600)]
+
+
+def test_guard_refuses_an_envelope_too_wide_for_the_tool() -> None:
+    """The round brush's press of 4 mm would crush a marker."""
+    fake, robot = recorded()
+    with pytest.raises(EnvelopeViolation, match=r"marker bears 0\.001 m"):
+        robot.change_tool(load_tool("marker"))
+    fast = dataclasses.replace(BRUSH, max_speed_m_s=0.5)
+    with pytest.raises(EnvelopeViolation, match=r"bears 0\.12 m/s"):
+        GuardedRobot(fake, fast).change_tool(load_tool("round_brush"))
+    assert fake.calls == []
+    robot.change_tool(load_tool("round_brush"))
+    assert fake.calls == [("change_tool", "round_brush")]
+
+
+def test_guard_refuses_an_envelope_beyond_the_canvas() -> None:
+    with pytest.raises(EnvelopeViolation, match="beyond the robot's canvas"):
+        GuardedRobot(FakeRobot(), envelope_for(load_tool("round_brush"), (0.4, 0.2)))
+
+
+def test_guard_implements_the_robot_interface() -> None:
+    fake, guard = recorded()
+    robot: Robot = guard
+    assert robot.canvas_size_m == CANVAS_M and robot.clock_s == 0.0
+    assert guard.envelope == BRUSH
+    assert robot.photo().frame.shape == (2, 2, 3)
+    with pytest.raises(MissingAbilityError):
+        robot.scan()
+    robot.wipe()
+    robot.new_sheet()
+    assert fake.calls == [("wipe", None), ("new_sheet", None)]
+
+
 # Limits
 
 
 @st.composite
 def envelopes(draw: st.DrawFn) -> SafetyEnvelope:
-    """Envelopes about the middle of the canvas, so that any two of them overlap."""
+    """Envelopes around the middle of the canvas, so that any two overlap."""
     x, y = CANVAS_M
     factor = st.floats(0.1, 1.0)
     names = [field.name for field in dataclasses.fields(SafetyEnvelope) if field.name.startswith("max_")]
@@ -186,7 +301,9 @@ def envelopes(draw: st.DrawFn) -> SafetyEnvelope:
 
 @PROPERTY
 @given(bundle=envelopes(), local=envelopes(), more=envelopes())
-def test_tightening_is_an_intersection(bundle: SafetyEnvelope, local: SafetyEnvelope, more: SafetyEnvelope) -> None:
+def test_envelope_tightening_is_an_intersection(
+    bundle: SafetyEnvelope, local: SafetyEnvelope, more: SafetyEnvelope
+) -> None:
     """Commutative, associative, idempotent, and never wider than either side."""
     joint = bundle.tightened(local)
     assert joint == local.tightened(bundle)
@@ -196,7 +313,7 @@ def test_tightening_is_an_intersection(bundle: SafetyEnvelope, local: SafetyEnve
 
 
 @pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(SafetyEnvelope)])
-def test_each_limit_is_tightened_and_its_widening_found(field: str) -> None:
+def test_envelope_tightening_covers_each_limit(field: str) -> None:
     inward = 1e-3 if field in ("x_min_m", "y_min_m") else -1e-3
     narrow = dataclasses.replace(BRUSH, **{field: getattr(BRUSH, field) + inward})
     assert BRUSH.tightened(narrow) == narrow == narrow.tightened(BRUSH)
@@ -205,7 +322,7 @@ def test_each_limit_is_tightened_and_its_widening_found(field: str) -> None:
 
 @PROPERTY
 @given(local=envelopes(), seed=st.integers(0, 2**31))
-def test_what_passes_the_tightened_envelope_passes_both(local: SafetyEnvelope, seed: int) -> None:
+def test_envelope_path_inside_the_tightened_one_is_inside_both(local: SafetyEnvelope, seed: int) -> None:
     joint = BRUSH.tightened(local)
     path = good_path()
     path[:, 1:3] += np.random.default_rng(seed).uniform(-0.12, 0.12, 2)
@@ -221,7 +338,7 @@ def test_what_passes_the_tightened_envelope_passes_both(local: SafetyEnvelope, s
         local.check_path(path)
 
 
-def test_a_rig_s_own_limits_narrow_and_never_widen() -> None:
+def test_envelope_narrowed_by_rig_limits_is_never_wider() -> None:
     assert BRUSH.narrowed({}) == BRUSH
     assert BRUSH.narrowed({"max_speed_m_s": 0.05, "x_min_m": 0.1}) == dataclasses.replace(
         BRUSH, max_speed_m_s=0.05, x_min_m=0.1
@@ -233,13 +350,81 @@ def test_a_rig_s_own_limits_narrow_and_never_widen() -> None:
         BRUSH.narrowed({"x_max_m": -0.1})
 
 
-def test_envelopes_without_a_common_place_are_refused() -> None:
+def test_envelope_rejects_disjoint_workspaces() -> None:
     left = dataclasses.replace(BRUSH, x_max_m=0.1)
     right = dataclasses.replace(BRUSH, x_min_m=0.2)
     with pytest.raises(ConfigError, match="empty"):
         left.tightened(right)
 
 
-def test_the_envelope_of_a_tool_is_its_own_tightening() -> None:
+def test_envelope_tightened_by_itself_is_unchanged() -> None:
     marker = envelope_for(load_tool("marker"), CANVAS_M)
     assert marker.tightened(BRUSH) == marker and BRUSH.wider_than(marker) == ("max_press_depth_m",)
+
+
+class Clock:
+    """A clock that a test sets."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_watchdog_with_beats_in_time_does_not_stop() -> None:
+    stops: list[str] = []
+    clock = Clock()
+    watchdog = Watchdog(stops.append, clock, poll_s=60)
+    for _ in range(5):
+        watchdog.beat(2.0, "a stroke")
+        clock.now += 1.9
+        assert not watchdog.check()
+    watchdog.close()
+    assert stops == []
+
+
+def test_watchdog_late_beat_stops_once_with_a_message() -> None:
+    stops: list[str] = []
+    clock = Clock()
+    watchdog = Watchdog(stops.append, clock, poll_s=60)
+    watchdog.beat(2.0, "stroke 7")
+    clock.now = 2.1
+    assert watchdog.check() and not watchdog.check()
+    watchdog.close()
+    assert stops == ["stroke 7 took longer than the 2 s that it may take"]
+
+
+def test_watchdog_at_rest_never_stops() -> None:
+    stops: list[str] = []
+    clock = Clock()
+    watchdog = Watchdog(stops.append, clock, poll_s=60)
+    watchdog.beat(2.0, "a stroke")
+    watchdog.rest()
+    clock.now = 1e6
+    assert not watchdog.check()
+    watchdog.close()
+    assert stops == []
+
+
+def test_watchdog_thread_stops_a_hanging_loop() -> None:
+    stopped = threading.Event()
+    watchdog = Watchdog(lambda _: stopped.set(), poll_s=0.005)
+    started_s = time.monotonic()
+    watchdog.beat(0.05, "a stroke")
+    assert stopped.wait(5)
+    assert 0.05 <= time.monotonic() - started_s < 0.5
+    watchdog.close()
+
+
+def test_watchdog_keeps_the_error_of_a_failed_lift() -> None:
+    def stop(_reason: str) -> None:
+        raise LiftError("the tool may still rest on the canvas.")
+
+    clock = Clock()
+    watchdog = Watchdog(stop, clock, poll_s=60)
+    watchdog.beat(1.0, "a stroke")
+    clock.now = 2.0
+    assert watchdog.check()
+    assert isinstance(watchdog.failure, LiftError)
+    watchdog.close()
