@@ -22,10 +22,8 @@ from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
 from pentimento.dynamics.pushes.analytic_correction import corrected
-from pentimento.dynamics.pushes.planned import planned_members
-from pentimento.dynamics.pushes.push_model import read_push_model
-from pentimento.goals3d.measures import met, read_by
-from pentimento.goals3d.reading import LetterReader
+from pentimento.dynamics.pushes.push_model import planned_members, read_push_model
+from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
 from pentimento.planning.objectives import ClayObjective
@@ -118,7 +116,7 @@ def main(arguments: argparse.Namespace) -> None:
                 f"sculpt.settings asks for {arguments.material} with {end_effector.name}; train it on that."
             )
         members = tuple(corrected(member, arguments.model) for member in planned_members(model, window_m))
-        reader = LetterReader(config.reader_letters, config.reader_examples, config.seed)
+        reader = LetterClassifier(config.reader_letters, config.reader_examples, config.seed)
         session = Session(f"sculpture-{arguments.material}-{config.seed}", robot.clock_s)
         rows: list[dict[str, Any]] = []
         frames: list[NDArray[np.uint8]] = []
@@ -186,7 +184,7 @@ def _metrics(
     predicted: PushPlan,
     made: Sculpture,
     config: Sculpt,
-    reader: LetterReader,
+    reader: LetterClassifier,
     setting: Setting,
     window_m: NDArray[np.float64],
 ) -> dict[str, Any]:
@@ -204,11 +202,11 @@ def _metrics(
             "error_3d_mm2": objective.error_3d_mm2(made.heights_m),
             "visual_error": objective.visual_error(made.heights_m),
         },
-        **met(objective, made.heights_m, predicted.foreseen_m[-1]),
+        **goal_errors(objective, made.heights_m, predicted.foreseen_m[-1]),
     }
     letter = wanted.source.removeprefix("letter:")
     if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
-        metrics["read"] = read_by(reader, made.heights_m[-1], fit.height_m, setting.fit.border)
+        metrics["read"] = classify_sculpture(reader, made.heights_m[-1], fit.height_m, setting.fit.border)
         metrics["read"]["right"] = metrics["read"]["clay"] == letter
     return metrics
 

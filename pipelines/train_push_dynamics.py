@@ -13,11 +13,9 @@ import torch
 from pentimento.contracts.images import write_png
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.dynamics.pushes.evaluation import predict, scores
-from pentimento.dynamics.pushes.losses import height_errors
+from pentimento.dynamics.pushes.evaluation import comparison, predict, scores
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
-from pentimento.dynamics.pushes.pictures import comparison
-from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.pose import height_errors, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
 from pipelines._config import load_section

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import product
 from pathlib import Path
@@ -23,14 +23,15 @@ import torch
 
 from pentimento.collection.collect_pushes import collect_pushes
 from pentimento.collection.push_design import PushCollectionConfig
+from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.dynamics.pushes.conditioned import adapted, together
 from pentimento.dynamics.pushes.evaluation import predict, score, scores
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
-from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.param2deform import Param2Deform
+from pentimento.dynamics.pushes.pose import PoseSamples, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, read_push_model, write_push_model
-from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
+from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, loss, split_by_action, train
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
 from pentimento.studio.clay.studio import ClayStudio
@@ -52,6 +53,10 @@ CONFIG = TrainingConfig(
     side_px=64, behind_m=0.03, channels=16, members=1, epochs=1, batch=16, learning_rate=4e-3, visual_weight=1.0,
     held_out=0.25, seed=0,
 )  # fmt: skip
+_STEPS, _RATE, _RATE_OF_ALL = 150, 0.01, 3e-4
+_AT_ONCE = 20
+_OF_A_CONTEXT = ("tool", "context", "apart")
+"""Parameters of the network with a row for each context."""
 
 
 def drawn_world(material: str, seed: int) -> ClayWorld:
@@ -196,6 +201,81 @@ def _within(samples: PushSamples) -> np.ndarray:
 def _some(samples: PushSamples, size: int, seed: int) -> np.ndarray:
     """Which rows a small training set is made of: nested, so that a larger one holds a smaller one."""
     return np.sort(np.random.default_rng(seed).permutation(len(samples.before))[:size])
+
+
+def together(parts: Sequence[PoseSamples]) -> PoseSamples:
+    """Pushes of several contexts as one set; the k-th part is of context k."""
+    columns = list(zip(*parts, strict=True))
+    contexts = torch.cat([torch.full_like(part.context, number) for number, part in enumerate(parts)])
+    state, change, known, length, depth = (torch.cat(column) for column in columns[:5])
+    return PoseSamples(state, change, known, length, depth, contexts)
+
+
+def adapted(model: PushModel, few: PoseSamples, context: tuple[str, str], visual_weight: float, seed: int) -> PushModel:
+    """A model of one unseen context, from a few pushes in it.
+
+    It starts from the trained context that foretells them best; then the context's numbers and the last layer are
+    fitted, and at last everything, slowly: a material that gives way otherwise is more than another context.
+
+    Raises:
+        ContractError: no push.
+    """
+    if not len(few.state):
+        raise ContractError("There are no pushes to adapt to; record some in the new material.")
+    pixels_per_m = model.facts.crop.pixels_per_m
+    facts = replace(
+        model.facts,
+        contexts=(context,),
+        longest_m=float(few.length_m.max()),
+        deepest_m=float(few.depth_m.max()),
+    )
+    made = PushModel(facts)
+    generator = torch.Generator().manual_seed(seed)
+    for old, new in zip(model.members, made.members, strict=True):
+        assert isinstance(old, Param2Deform) and isinstance(new, Param2Deform)
+        weights = old.state_dict()
+        best = _nearest(old, few, pixels_per_m, visual_weight)
+        own = {name: weights[name][best : best + 1] for name in _OF_A_CONTEXT if name in weights}
+        new.load_state_dict(weights | own)
+        _fit_context(new, few, pixels_per_m, visual_weight, generator)
+    return made.eval().requires_grad_(False)
+
+
+def _nearest(network: Param2Deform, few: PoseSamples, pixels_per_m: float, visual_weight: float) -> int:
+    """The trained context that foretells the pushes best."""
+    errors = []
+    with torch.no_grad():
+        for number in range(len(network.tool)):
+            change = network(few.state, few.length_m, few.depth_m, torch.full_like(few.context, number))
+            errors.append(float(loss(change - few.change, few.known, pixels_per_m, visual_weight)))
+    return errors.index(min(errors))
+
+
+def _fit_context(
+    network: Param2Deform, few: PoseSamples, pixels_per_m: float, visual_weight: float, generator: torch.Generator
+) -> None:
+    few = few._replace(context=torch.zeros_like(few.context))
+    own = [value for name, value in network.named_parameters() if name in _OF_A_CONTEXT]
+    last = list(network.merged[-1].parameters())
+    steps: list[list[dict[str, Any]]] = [
+        [{"params": own, "lr": _RATE}, {"params": last, "lr": _RATE / 5}],
+        [{"params": list(network.parameters()), "lr": _RATE_OF_ALL}],
+    ]
+    for groups in steps:
+        network.requires_grad_(False)
+        for group in groups:
+            for parameter in group["params"]:
+                parameter.requires_grad_(True)
+        optimizer = torch.optim.Adam(groups)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, _STEPS)
+        for _ in range(_STEPS):
+            some = few.pick(torch.randperm(len(few.state), generator=generator)[:_AT_ONCE])
+            some = some.mirrored(torch.rand(len(some.state), generator=generator) < 0.5)
+            optimizer.zero_grad()
+            change = network(some.state, some.length_m, some.depth_m, some.context)
+            torch.autograd.backward(loss(change - some.change, some.known, pixels_per_m, visual_weight))
+            optimizer.step()
+            schedule.step()
 
 
 def main() -> None:

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.goals3d.height_files import height_file_relief
-from pentimento.goals3d.sources import GoalError
+from pentimento.goals3d.sources import GoalError, height_file_relief
 from pipelines._imports import PIPELINES, ROOT, SOURCES
 
 CODE = [*SOURCES, *PIPELINES, *sorted((ROOT / "studies").rglob("*.py"))]

@@ -29,8 +29,7 @@ from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
-from pentimento.goals3d.height_files import height_file_relief
-from pentimento.goals3d.meshes import mesh_relief
+from pentimento.goals3d.sources import height_file_relief, mesh_relief
 from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
 from pentimento.io.photo_pairs import import_photo_pairs

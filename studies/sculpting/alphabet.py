@@ -20,8 +20,7 @@ from pentimento.contracts.images import write_png
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import execute_push
 from pentimento.control.sculptor import sculpt, seen_m
-from pentimento.goals3d.measures import met, read_by
-from pentimento.goals3d.reading import LetterReader
+from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
 from pentimento.planning.objectives import ClayObjective
@@ -43,7 +42,7 @@ def main(arguments: argparse.Namespace) -> None:
     robot, end_effector = robot_with(arguments.material, setting.end_effector, given.sculpt.scan_pixels, arguments.seed)
     scan = robot.scan()
     members = model_of(arguments.material, setting.end_effector, given, arguments.models, scan.window_m)
-    reader = LetterReader(arguments.letters, given.sculpt.reader_examples, given.sculpt.seed)
+    reader = LetterClassifier(arguments.letters, given.sculpt.reader_examples, given.sculpt.seed)
     robot.change_tool(end_effector)
     for number, letter in enumerate(arguments.letters):
         record = arguments.out / f"{number}_{letter}.json"
@@ -61,8 +60,11 @@ def main(arguments: argparse.Namespace) -> None:
             session=Session("alphabet", robot.clock_s), item=number, log=_unheard,
         )  # fmt: skip
         objective = ClayObjective(fit.height_m, scan.window_m, given.planner.weights)
-        said: dict[str, Any] = met(objective, made.heights_m, made.first.foreseen_m[-1])
-        said |= {"read": read_by(reader, made.heights_m[-1], fit.height_m, setting.fit.border), "letter": letter}
+        said: dict[str, Any] = goal_errors(objective, made.heights_m, made.first.foreseen_m[-1])
+        said |= {
+            "read": classify_sculpture(reader, made.heights_m[-1], fit.height_m, setting.fit.border),
+            "letter": letter,
+        }
         said |= {"actions": made.actions.tolist(), "stopped": made.stopped, "reach_m": reach_m}
         pair = np.hstack([photograph(each, scan.window_m, 2) for each in (fit.height_m, made.heights_m[-1])])
         arguments.out.mkdir(parents=True, exist_ok=True)

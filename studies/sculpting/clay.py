@@ -15,9 +15,8 @@ from pentimento.contracts.atomic import atomic_folder
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import Execution
 from pentimento.dynamics.pushes.measured import load_pushes
-from pentimento.dynamics.pushes.planned import TorchClay, planned_members
-from pentimento.dynamics.pushes.posed_samples import in_pose
-from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
+from pentimento.dynamics.pushes.pose import in_pose
+from pentimento.dynamics.pushes.push_model import TorchClay, planned_members, read_push_model, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, train
 from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.robots.end_effectors import EndEffector, load_end_effector

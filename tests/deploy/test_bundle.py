@@ -9,7 +9,7 @@ from pentimento.bundle.graphs import GraphClay, Graphs
 from pentimento.bundle.reader import open_bundle
 from pentimento.control.safety import envelope_for
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
-from pentimento.dynamics.pushes.planned import planned_clay
+from pentimento.dynamics.pushes.push_model import planned_clay
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool

@@ -12,9 +12,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.deploy.graphs import Graph, session
 from pentimento.deploy.push_graphs import clay_graphs
 from pentimento.dynamics.pushes.param2deform import Param2Deform
-from pentimento.dynamics.pushes.planned import TorchClay, planned_clay
 from pentimento.dynamics.pushes.pose import Crop
-from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
+from pentimento.dynamics.pushes.push_model import PushFacts, PushModel, TorchClay, planned_clay
 from pentimento.planning.pushes.rollout import PushModel as Seam
 
 FACTS = PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 1)

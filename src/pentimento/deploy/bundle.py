@@ -35,8 +35,7 @@ from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph
 from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
 from pentimento.deploy.push_graphs import clay_graphs
 from pentimento.deploy.stroke_graphs import brush_graphs
-from pentimento.dynamics.pushes.planned import planned_clay
-from pentimento.dynamics.pushes.push_model import PushModel
+from pentimento.dynamics.pushes.push_model import PushModel, planned_clay
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.robots.tools import load_tool

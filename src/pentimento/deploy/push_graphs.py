@@ -7,8 +7,7 @@ from torch import Tensor
 
 from pentimento.bundle.manifest import ClayFacts
 from pentimento.deploy.graphs import Graph, compared, export, generator
-from pentimento.dynamics.pushes.planned import TorchClay
-from pentimento.dynamics.pushes.push_model import PushFacts
+from pentimento.dynamics.pushes.push_model import PushFacts, TorchClay
 
 _EXAMPLE_ACTIONS = 7  # unlike every other size, so that the exporter takes it for none of them
 _COMPARED_WITH = (1, 2, 12)
@@ -33,12 +32,12 @@ def clay_graphs(
     """
 
     def after(height: Tensor, actions: Tensor) -> tuple[Tensor]:
-        return (clay.predicted(height.expand(actions.shape[0], -1, -1), actions),)
+        return (clay.heights(height.expand(actions.shape[0], -1, -1), actions),)
 
     def pull(height: Tensor, action: Tensor, cotangent: Tensor) -> tuple[Tensor, ...]:
         leaves = [argument.detach().requires_grad_(True) for argument in (height, action)]
         with torch.enable_grad():
-            made = clay.predicted(leaves[0][None], leaves[1][None])[0]
+            made = clay.heights(leaves[0][None], leaves[1][None])[0]
         return torch.autograd.grad(made, leaves, cotangent)
 
     def examples(count: int) -> list[Tensor]:

@@ -1,4 +1,4 @@
-"""A height map as a photograph would show it: matte clay in raking light from the upper left."""
+"""Rendering of a height map as a photograph: matte clay in raking light from the upper left."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ Image = NDArray[np.uint8]
 _CLAY = np.array([0.68, 0.38, 0.23])
 """Albedo of terracotta, linear light."""
 _LIGHT = np.array([-0.62, 0.62, 0.36])
-"""Where the light comes from: left, far (up in the picture), above."""
+"""Direction of the light: left, far (up in the picture), above."""
 _SKY = 0.25
-"""Light from everywhere, beside the lamp's 1."""
+"""Ambient light, relative to the lamp."""
 _HOLLOW_M = 0.006
-"""Over such distances hollows lie in each other's shade."""
+"""Radius of the neighbourhood in which hollows are darkened (ambient occlusion)."""
 _SHADOW_STEPS = 48
+"""Length of cast shadows, in pixels."""
 
 
 def photograph(height_m: Array, window_m: Window, scale: int = 3) -> Image:
-    """sRGB [scale·H, scale·W, 3] of heights [H, W]: Lambert's law, cast shadows, and darker hollows."""
+    """sRGB [scale·H, scale·W, 3] of heights [H, W]: Lambert's law, cast shadows, and ambient occlusion."""
     shape = (scale * height_m.shape[1], scale * height_m.shape[0])
     height = np.asarray(cv2.resize(height_m.astype(np.float64), shape, interpolation=cv2.INTER_CUBIC), np.float64)
     k = pixels_per_m(height.shape, window_m)
@@ -40,7 +41,7 @@ def photograph(height_m: Array, window_m: Window, scale: int = 3) -> Image:
 
 
 def _lit(height: FloatArray, light: FloatArray, k: float) -> FloatArray:
-    """[H, W]: 1 where the lamp is seen, 0 where something stands before it, softly."""
+    """[H, W]: 1 where the lamp is visible, 0 in its shadow, with soft edges."""
     across = light[:2] / np.linalg.norm(light[:2])
     rise_m = light[2] / np.linalg.norm(light[:2]) / k  # of the ray, per pixel of way
     above = np.full(height.shape, -np.inf)

@@ -16,12 +16,10 @@ from pentimento.diagnosis.pushes.misattribution import (
 )
 from pentimento.diagnosis.pushes.search import observable_causes
 from pentimento.dynamics.pushes.analytic import first_model
-from pentimento.dynamics.pushes.mechanisms.closed_start import ClosedStart
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.height_offset import HeightOffset
-from pentimento.dynamics.pushes.mechanisms.lower_rims import LowerRims
+from pentimento.dynamics.pushes.mechanisms.lookalikes import ClosedStart, LowerRims, Sinking
 from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism
-from pentimento.dynamics.pushes.mechanisms.sinking import Sinking
 from pentimento.dynamics.pushes.mechanisms.springback import Springback
 from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
 from tests.dynamics.pushes.played_pushes import blank, mechanism, played

@@ -16,7 +16,7 @@ from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.pushes.next_pushes import as_measured, as_table, proposal_for
 from pentimento.diagnosis.pushes.page import build_page
 from pentimento.diagnosis.pushes.screening import survey
-from pentimento.dynamics.pushes.analytic_file import model_as_json, read_model
+from pentimento.dynamics.pushes.analytic import model_as_json, model_from_json
 from tests.diagnosis.pushes.conftest import Played
 
 
@@ -55,7 +55,7 @@ def test_an_extended_model_is_read_again_as_it_was(lossy: Played, tmp_path: Path
     model, width = lossy.diagnosis.extended, lossy.measured.scene.half_width_m
     path = tmp_path / "extended_model.json"
     path.write_text(json.dumps(model_as_json(model, width)))
-    again, read_width = read_model(path)
+    again, read_width = model_from_json(json.loads(path.read_text()))
     assert read_width == width
     scene = lossy.measured.scene.pick(np.arange(4))
     assert np.array_equal(again.change(scene), model.change(scene))

@@ -1,4 +1,4 @@
-"""A small trained model, and the pushes that it was trained on."""
+"""A small trained push model and its data."""
 
 from typing import NamedTuple
 
@@ -6,8 +6,7 @@ import pytest
 
 from pentimento.contracts.pushes import example_table
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
-from pentimento.dynamics.pushes.pose import Crop
-from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.pose import Crop, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
 

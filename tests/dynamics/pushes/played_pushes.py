@@ -1,4 +1,4 @@
-"""Pushes whose truth is an analytic model: played one after another into one slab, with noise as a scanner's."""
+"""Synthetic push tables whose truth is an analytic model: executed in sequence on one slab, with scanner noise."""
 
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ DEEP_M = (0.003, 0.009)
 
 
 def commands(actions: int, repeats: int, seed: int, per_reset: int = 5) -> dict[str, Any]:
-    """Samples' arrays with nothing in the scans: ``actions`` single pushes, then each of a third of them ``repeats``
-    times; all in random order.
-    """
+    """Commands and covariates in random order: ``actions`` single ones, a quarter as many ``repeats`` times each."""
     rng = np.random.default_rng([seed, 41])
     low, high = [0.05, 0.05, -np.pi, 0.008, DEEP_M[0]], [SIDE_M - 0.05, SIDE_M - 0.05, np.pi, 0.03, DEEP_M[1]]
     again = actions // 4
@@ -59,7 +57,7 @@ def played(
     depth_error_m: float = 1e-4,
     model: AnalyticPush | None = None,
 ) -> PushSamples:
-    """Samples of a session: the material is smoothed every few pushes, and each push finds what is left of the last."""
+    """Samples of a session: each push meets the surface left by the last, and every few pushes it is smoothed."""
     rng = np.random.default_rng([seed, 42])
     given = commands(actions, repeats, seed)
     n = len(given["action"])
@@ -67,7 +65,7 @@ def played(
     height = np.zeros((PIXELS, PIXELS), dtype=np.float32)
     noise = noise_m * rng.standard_normal(scans.shape)
     given["action"] = given["action"].copy()
-    asked = given["action"].copy()
+    commanded = given["action"].copy()
     given["action"][:, 4] += depth_error_m * rng.standard_normal(n)
     whole = samples_of(given, scans[0], scans[1])
     for b in range(n):
@@ -80,19 +78,19 @@ def played(
         truth = (model or first_model_of(DEEP_M)).plus(*mechanisms)
         height = height + truth.change(scene)[0]
         scans[1, b] = height
-    given["action"] = asked
+    given["action"] = commanded
     return samples_of(given, *(scans + noise).astype(np.float32))
 
 
 def first_model_of(deep_m: tuple[float, float]) -> AnalyticPush:
-    """The base that plays: a ball with rims and a heap."""
+    """The true base: a ball with rims and a heap."""
     model = first_model(_flat(np.array([[0.07, 0.07, 0.0, 0.02, deep_m[1]]])))
     base = dict(zip(*_named(model), strict=True)) | {"facing": 0.7, "kept": 0.85}
     return model.at(np.array(list(base.values())))
 
 
 def mechanism(kind: type[Mechanism], samples: PushSamples, **values: float) -> Mechanism:
-    """A mechanism with the references of these samples and the named quantities at values."""
+    """A mechanism with the references of these samples and these quantities."""
     still = identity(kind, scene_of(samples, HALF_WIDTH_M))
     names = [quantity.name for quantity in kind.quantities]
     assert set(values) <= set(names), names

@@ -1,4 +1,4 @@
-"""The analytic push: geometry, balance, and derivatives."""
+"""Analytic push model: geometry, volume balance, symmetries and derivatives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def model_with(seen: PushScene, **numbers: float) -> AnalyticPush:
     return model.at(np.array([numbers.get(name, value) for name, value in zip(BASE, model.base, strict=True)]))
 
 
-def test_a_push_straight_down_leaves_the_ball_that_made_it() -> None:
+def test_vertical_push_leaves_ball_shape() -> None:
     seen = scene([0.07, 0.07, 0.3, 0.0, 0.005])
     model = model_with(seen, **HARD)
     pressed = touch(model, seen).pressed_m[0]
@@ -39,7 +39,7 @@ def test_a_push_straight_down_leaves_the_ball_that_made_it() -> None:
     assert np.abs(pressed - ball).max() < 5e-5
 
 
-def test_a_tool_with_corners_reaches_further_at_its_diagonals_alone() -> None:
+def test_cornered_tool_reaches_further_only_along_diagonals() -> None:
     seen = scene([0.07, 0.07, 0.0, 0.0, 0.005])
     round_, square = (touch(model_with(seen, corners=c, **HARD), seen).inside[0] > 0.5 for c in (0.0, 0.3))
     axis = np.minimum(abs(seen.along[0]), abs(seen.across[0])) < 0.0006
@@ -49,7 +49,7 @@ def test_a_tool_with_corners_reaches_further_at_its_diagonals_alone() -> None:
     assert np.degrees(bearing).mean() == pytest.approx(45, abs=2)
 
 
-def test_a_tool_that_gives_way_goes_less_deep_into_a_wall_than_over_a_groove() -> None:
+def test_compliant_tool_goes_less_deep_into_wall_than_over_groove() -> None:
     heights = np.full((2, PIXELS, PIXELS), 0.04, dtype=np.float32)
     heights[0, :, :40], heights[1, :, :40] = 0.045, 0.02
     seen = scene([0.07, 0.07, 0.0, 0.0, 0.006], [0.07, 0.07, 0.0, 0.0, 0.006], before_m=heights)
@@ -58,19 +58,18 @@ def test_a_tool_that_gives_way_goes_less_deep_into_a_wall_than_over_a_groove() -
     assert into_wall > 1.3 * over_groove > 0
 
 
-def test_a_peak_rises_where_the_tool_still_touches() -> None:
+def test_lift_off_peak_is_centred_on_final_contact() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.0, 0.006], [0.05, 0.07, 0.0, 0.03, 0.006])
     model = model_with(seen, **HARD)
     contact, radius = touch(model, seen), np.sqrt(2 * model.ball_radius_m * 0.006)
     still, travelled = ((p * u).sum() / p.sum() for p, u in zip(np.maximum(contact.peak, 0), seen.along, strict=True))
     assert still == pytest.approx(0.0, abs=2e-4)
-    # Behind the end of its travel is the tool's own groove: the middle of a half-disc is 4 / 3 pi of its radius ahead.
+    # Behind the end of the travel is its own groove: the centroid of a half-disc is 4 / 3 pi of its radius ahead.
     assert 0.5 * 0.42 * radius < travelled - 0.03 < 0.42 * radius
     assert abs(contact.peak.sum((1, 2))).max() < 0.05 * np.maximum(contact.peak, 0).sum((1, 2)).min()
 
 
-def test_a_peak_keeps_clear_of_an_older_groove() -> None:
-    """Nothing sticks where nothing is touched."""
+def test_lift_off_peak_avoids_older_groove() -> None:
     push = [0.07, 0.07, 0.0, 0.0, 0.006]
     level = np.full((3, PIXELS, PIXELS), 0.04, dtype=np.float32)
     before_m, beside_m, grooved = level.copy(), level.copy(), scene(push)
@@ -85,8 +84,8 @@ def test_a_peak_keeps_clear_of_an_older_groove() -> None:
     assert ahead < -0.001 and aside == pytest.approx(ahead, abs=3e-4) and max(abs(still), abs(middle)) < 3e-4
 
 
-def test_rims_that_find_hardly_any_room_raise_no_towers() -> None:
-    """Volume balance divides by what was laid; at the bottom of a narrow hole, hardly anything is."""
+def test_rims_in_narrow_hole_stay_bounded() -> None:
+    """Volume balance divides by the deposit, which is nearly zero at the bottom of a narrow hole."""
     hole = np.full((1, PIXELS, PIXELS), 0.04, dtype=np.float32)
     hole[:, 40:44, 40:44] = 0.01
     seen = scene([0.07, 0.07, 0.0, 0.004, 0.006], before_m=hole)
@@ -95,10 +94,10 @@ def test_rims_that_find_hardly_any_room_raise_no_towers() -> None:
         assert np.abs(model_with(seen, stand_off=stand_off).change(seen)).max() < 2 * pressed, stand_off
 
 
-def test_the_groove_deepens_linearly_along_the_travel() -> None:
+def test_groove_depth_is_linear_along_travel() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.04, 0.008])
     pressed = touch(model_with(seen, **HARD), seen).pressed_m[0]
-    # The pixels of the middle row lie half a pixel beside the way.
+    # The pixels of the middle row lie half a pixel beside the path.
     middle = pressed[PIXELS // 2]
     along = seen.along[0, PIXELS // 2]
     inner = (along > 0.01) & (along < 0.03)
@@ -106,11 +105,11 @@ def test_the_groove_deepens_linearly_along_the_travel() -> None:
     assert slope == pytest.approx(0.008 / 0.04, rel=0.02)
 
 
-def test_only_what_stands_above_the_tools_underside_is_pressed() -> None:
+def test_presses_only_material_above_tool_underside() -> None:
     whole = scene([0.07, 0.07, 0.0, 0.02, 0.006])
     flat = np.full((1, PIXELS, PIXELS), 0.04, dtype=np.float32)
     trench = flat.copy()
-    trench[:, :, 60:] = 0.02  # beyond the tool's deepest reach
+    trench[:, :, 60:] = 0.02  # below the tool's deepest reach
     half = scene([0.07, 0.07, 0.0, 0.02, 0.006], before_m=trench)
     model = model_with(whole, **HARD)
     on_flat, beside_trench = touch(model, whole).pressed_m[0], touch(model, half).pressed_m[0]
@@ -118,7 +117,7 @@ def test_only_what_stands_above_the_tools_underside_is_pressed() -> None:
     assert np.allclose(beside_trench[:, :60], on_flat[:, :60], atol=1e-7)
 
 
-def test_volume_is_kept() -> None:
+def test_analytic_push_conserves_volume() -> None:
     seen = scene([0.05, 0.06, 0.7, 0.02, 0.006], [0.08, 0.08, -2.0, 0.01, 0.004])
     change = model_with(seen, facing=0.8, kept=0.7).change(seen)
     moved = np.maximum(-change, 0).sum((1, 2))
@@ -126,19 +125,19 @@ def test_volume_is_kept() -> None:
     assert np.abs(change.sum((1, 2))).max() < 2e-3 * moved.min()
 
 
-def test_a_turned_push_leaves_the_turned_change() -> None:
+def test_analytic_push_is_rotation_equivariant() -> None:
     seen = scene([0.07, 0.07, 0.0, 0.02, 0.006], [0.07, 0.07, np.pi / 2, 0.02, 0.006])
     change = model_with(seen, facing=0.8).change(seen)
     assert np.abs(np.rot90(change[0]) - change[1]).max() < 1e-5
 
 
-def test_the_change_is_the_same_on_both_sides_of_the_travel() -> None:
+def test_analytic_push_is_symmetric_about_travel() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.02, 0.006])
     change = model_with(seen, facing=0.8).change(seen)[0]
     assert np.abs(change - change[::-1]).max() < 1e-6
 
 
-def test_more_facing_raises_what_lies_ahead_and_lowers_what_lies_behind() -> None:
+def test_facing_moves_material_from_behind_to_ahead() -> None:
     seen = scene([0.05, 0.07, 0.0, 0.02, 0.006])
     change = [model_with(seen, facing=facing).change(seen)[0] for facing in (0.0, 1.0)]
     ahead, behind = seen.along[0] > 0.03, seen.along[0] < -0.01
@@ -146,7 +145,7 @@ def test_more_facing_raises_what_lies_ahead_and_lowers_what_lies_behind() -> Non
     assert change[1][behind].sum() < change[0][behind].sum()
 
 
-def test_a_vector_makes_the_model_again() -> None:
+def test_parameter_vector_round_trips() -> None:
     samples = blank(6, 2)
     seen = scene_of(samples, HALF_WIDTH_M)
     model = first_model(seen).plus(*(identity(kind, seen) for kind in VOCABULARY))
@@ -155,13 +154,13 @@ def test_a_vector_makes_the_model_again() -> None:
     assert np.allclose(model.at(moved).vector, moved)
 
 
-def test_derivatives_are_those_of_the_change() -> None:
+def test_model_derivatives_match_central_differences() -> None:
     seen = scene([0.05, 0.06, 0.7, 0.02, 0.006], [0.08, 0.08, -2.0, 0.01, 0.004])
     model = model_with(seen, facing=0.3, profile_1_mm=0.5)
     found = derivatives(model, seen)
     for p, name in enumerate(BASE):
         step = 0.02 * (np.arange(len(BASE)) == p)
         central = (model.at(model.vector + step).change(seen) - model.at(model.vector - step).change(seen)) / 0.04
-        # What the tool heaps up step by step has kinks: a heap is met again or is not.
+        # The step-by-step displacement has kinks: the tool meets a deposit again or does not.
         bound = 0.08 if name in CONTACT else 0.05
         assert np.linalg.norm(found[p] - central) < bound * np.linalg.norm(central) + 1e-8, name

@@ -1,4 +1,4 @@
-"""Causes that a network cannot see, added to what it says."""
+"""Correction of a push network by causes that it cannot see."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, SIDE_M, bl
 WINDOW_M = np.array([0.0, 0.0, SIDE_M, SIDE_M])
 
 
-class Sinking:
-    """A push model that lowers everything by a tenth of the depth."""
+class UniformClay:
+    """A push model that lowers the whole surface by a tenth of the depth."""
 
     window_m = WINDOW_M
     end_effector = "ball"
@@ -45,25 +45,25 @@ class Sinking:
 
 
 @pytest.fixture(scope="module")
-def late() -> Correction:
-    """Play of 1 mm along x, and a swell that a network sees for itself."""
+def correction() -> Correction:
+    """Backlash of 1 mm along x, which is hidden, and a swell, which is visible."""
     scene = scene_of(blank(12, 1), HALF_WIDTH_M)
     base = first_model(scene)
-    play = ToolBacklash(np.array([0.001, 0.0]), {})
+    backlash = ToolBacklash(np.array([0.001, 0.0]), {})
     swell = FarField(np.array([0.2]), {})
-    return Correction(base.plus(swell, play), base.plus(swell), HALF_WIDTH_M, {"dwell_s": 1.0})
+    return Correction(base.plus(swell, backlash), base.plus(swell), HALF_WIDTH_M, {"dwell_s": 1.0})
 
 
-def test_what_a_network_sees_is_not_added_again(late: Correction) -> None:
+def test_correction_excludes_visible_causes(correction: Correction) -> None:
     height = np.full((PIXELS, PIXELS), 0.04, np.float32)
     actions = np.array([[0.07, 0.05, np.pi / 2, 0.02, 0.006], [0.05, 0.07, 0.0, 0.02, 0.006]])
-    north, east = late.planned(height, WINDOW_M, actions)
-    assert np.abs(north).max() < 1e-6  # along y there is no play
+    north, east = correction.planned(height, WINDOW_M, actions)
+    assert np.abs(north).max() < 1e-6  # no backlash along y
     assert np.abs(east).max() > 1e-4
 
 
-def test_a_corrected_model_adds_it_and_its_gradient(late: Correction) -> None:
-    clay = CorrectedClay(Sinking(), late)
+def test_corrected_model_adds_correction_and_its_gradient(correction: Correction) -> None:
+    clay = CorrectedClay(UniformClay(), correction)
     rng = np.random.default_rng(0)
     height = np.full((PIXELS, PIXELS), 0.04, np.float32)
     action = np.array([0.05, 0.07, 0.3, 0.02, 0.006])
@@ -77,37 +77,37 @@ def test_a_corrected_model_adds_it_and_its_gradient(late: Correction) -> None:
         assert found[number] == pytest.approx((up - down) / (2 * step), rel=0.25, abs=0.3)
 
 
-def test_no_actions_are_no_error(late: Correction) -> None:
-    class Nothing(Sinking):
+def test_corrected_model_accepts_no_actions(correction: Correction) -> None:
+    class EmptyClay(UniformClay):
         def after(self, height_m: Array, actions: FloatArray) -> Array:
             return np.zeros((len(actions), *height_m.shape), np.float32)
 
     height = np.zeros((PIXELS, PIXELS), np.float32)
-    assert CorrectedClay(Nothing(), late).after(height, np.zeros((0, 5))).shape == (0, PIXELS, PIXELS)
+    assert CorrectedClay(EmptyClay(), correction).after(height, np.zeros((0, 5))).shape == (0, PIXELS, PIXELS)
 
 
-def test_it_stands_in_a_file_beside_the_network_or_not_at_all(late: Correction, tmp_path: Path) -> None:
-    clay = Sinking()
+def test_correction_round_trips_through_file_and_is_optional(correction: Correction, tmp_path: Path) -> None:
+    clay = UniformClay()
     assert corrected(clay, tmp_path) is clay
-    (tmp_path / FILE).write_text(json.dumps(correction_as_json(late)))
+    (tmp_path / FILE).write_text(json.dumps(correction_as_json(correction)))
     again = read_correction(tmp_path / FILE)
     height = np.full((PIXELS, PIXELS), 0.04, np.float32)
     actions = np.array([[0.05, 0.07, 0.4, 0.02, 0.006]])
-    assert np.array_equal(again.planned(height, WINDOW_M, actions), late.planned(height, WINDOW_M, actions))
+    assert np.array_equal(again.planned(height, WINDOW_M, actions), correction.planned(height, WINDOW_M, actions))
     assert isinstance(corrected(clay, tmp_path), CorrectedClay)
 
 
-def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
+def test_rejects_invalid_correction_file(tmp_path: Path) -> None:
     (tmp_path / FILE).write_text("{}")
     with pytest.raises(ContractError, match="not the correction"):
-        corrected(Sinking(), tmp_path)
+        corrected(UniformClay(), tmp_path)
 
 
-def test_only_hidden_causes_are_split_off() -> None:
+def test_split_hidden_removes_only_hidden_causes() -> None:
     scene = scene_of(blank(12, 1), HALF_WIDTH_M)
     base = first_model(scene)
-    swell, play = (identity(kind, scene) for kind in (FarField, ToolBacklash))
+    swell, backlash = (identity(kind, scene) for kind in (FarField, ToolBacklash))
     assert split_hidden(base.plus(swell), lambda model: model) is None
-    both = split_hidden(base.plus(swell, play), lambda model: model)
+    both = split_hidden(base.plus(swell, backlash), lambda model: model)
     assert both is not None
     assert [len(model.mechanisms) for model in both] == [2, 1]

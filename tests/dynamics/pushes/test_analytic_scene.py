@@ -1,4 +1,4 @@
-"""Where pixels lie about a push, and what its surface and its history are."""
+"""Scenes of pushes: pixel places, surface at the start, history, and the surface's resistance."""
 
 from __future__ import annotations
 
@@ -8,18 +8,25 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_stroke, pixel_to_canvas
 from pentimento.dynamics.pushes.analytic_scene import (
-    from_way,
+    STATIONS,
+    deepest_m,
+    distance_from_path,
     local_places,
+    resistance_of,
     scene_of,
     smoothed_periods,
     surface_at_start,
     swept_m,
     usual_half_width_m,
+    yielded,
 )
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, blank, played
 
+PIXEL_M, SIDE, HALF_M = 0.0005, 120, 0.008
+LEVEL = np.zeros((SIDE, SIDE))
 
-def test_pixels_lie_where_the_contracts_frames_say() -> None:
+
+def test_local_places_match_contract_frames() -> None:
     samples = blank(5, 1)
     along, across = local_places(samples.window_m, (PIXELS, PIXELS), samples.action, samples.pixels_per_m)
     pixels = np.array([[3, 50], [40, 7]])  # column, row
@@ -30,30 +37,30 @@ def test_pixels_lie_where_the_contracts_frames_say() -> None:
         assert np.allclose(found, local, atol=1e-7)
 
 
-def test_places_beside_the_way_are_told_from_those_beyond_its_ends() -> None:
+def test_distance_from_path_beside_and_beyond_ends() -> None:
     scene = scene_of(blank(5, 1), HALF_WIDTH_M)
-    length, away = scene.action[:, 3, None, None], from_way(scene) * HALF_WIDTH_M
+    length, distance = scene.action[:, 3, None, None], distance_from_path(scene) * HALF_WIDTH_M
     beside, behind = (scene.along > 0) & (scene.along < length), scene.along < 0
-    assert np.allclose(away[beside], np.abs(scene.across)[beside], atol=1e-6)
-    assert np.allclose(away[behind], np.hypot(scene.along, scene.across)[behind], atol=1e-6)
+    assert np.allclose(distance[beside], np.abs(scene.across)[beside], atol=1e-6)
+    assert np.allclose(distance[behind], np.hypot(scene.along, scene.across)[behind], atol=1e-6)
     beyond = scene.along > length
-    assert np.allclose(away[beyond], np.hypot(scene.along - length, scene.across)[beyond], atol=1e-6)
+    assert np.allclose(distance[beyond], np.hypot(scene.along - length, scene.across)[beyond], atol=1e-6)
 
 
-def test_the_surface_at_the_start_is_the_one_that_the_robot_reads() -> None:
+def test_surface_at_start_matches_robot_reading() -> None:
     samples = played(actions=8, repeats=2)
     along, across = local_places(samples.window_m, (PIXELS, PIXELS), samples.action, samples.pixels_per_m)
     assert surface_at_start(samples.before, along, across) == pytest.approx(samples.surface_m, abs=1e-6)
 
 
-def test_a_push_that_starts_outside_its_window_is_named() -> None:
+def test_rejects_push_starting_outside_window() -> None:
     samples = blank(3, 1)
     samples.action[1, 0] = 0.5
     with pytest.raises(ContractError, match="outside its window"):
         scene_of(samples)
 
 
-def test_pinches_are_refused() -> None:
+def test_scene_rejects_pinches() -> None:
     samples = blank(3, 1)
     kind = samples.kind.copy()
     kind[1] = "pinch"
@@ -61,13 +68,13 @@ def test_pinches_are_refused() -> None:
         scene_of(samples._replace(kind=kind.astype(np.str_)))
 
 
-def test_the_footprints_half_width_is_read_off_the_scans() -> None:
+def test_estimates_footprint_half_width_from_scans() -> None:
     wide, narrow = (usual_half_width_m(played(actions=12, repeats=2, seed=seed)) for seed in (1, 2))
     assert wide == pytest.approx(narrow, rel=0.3)
     assert 0.5 * HALF_WIDTH_M < wide < 2 * HALF_WIDTH_M
 
 
-def test_history_holds_what_earlier_pushes_since_the_smoothing_did_and_nothing_else() -> None:
+def test_history_sums_earlier_pushes_since_smoothing() -> None:
     samples = blank(20, 2)
     scene = scene_of(samples, HALF_WIDTH_M)
     since, reset = samples.covariates["pushes_since_reset"], samples.covariates["reset_id"]
@@ -81,7 +88,7 @@ def test_history_holds_what_earlier_pushes_since_the_smoothing_did_and_nothing_e
     assert np.allclose(scene.worked[row], expected, atol=1e-7) and expected.any()
 
 
-def test_periods_are_told_by_either_column_or_are_unknown() -> None:
+def test_smoothed_periods_follow_either_column_or_are_unknown() -> None:
     samples = blank(20, 2)
     by_reset = smoothed_periods(samples)
     columns = {name: v for name, v in samples.covariates.items() if name != "reset_id"}
@@ -90,3 +97,61 @@ def test_periods_are_told_by_either_column_or_are_unknown() -> None:
     assert len(set(zip(by_reset.tolist(), by_count.tolist(), strict=True))) == len(set(by_reset.tolist()))
     del columns["pushes_since_reset"]
     assert smoothed_periods(samples._replace(covariates=columns)) is None
+
+
+def resistances(before: np.ndarray, worked_m: np.ndarray, length_m: float, depth_m: float) -> np.ndarray:
+    """[2, STATIONS, depths] of one push along the middle row: total, and of worked material."""
+    x = (np.arange(SIDE) + 0.5) * PIXEL_M - 0.02
+    along, across = np.meshgrid(x, (np.arange(SIDE)[::-1] + 0.5) * PIXEL_M - 0.03)
+    surface, u, v, worked = (m[None].astype(np.float32) for m in (before, along, across, worked_m))
+    return resistance_of(surface, u, v, worked, np.array([[0.0, 0.0, 0.0, length_m, depth_m]]), PIXEL_M, HALF_M)[:, 0]
+
+
+def resistance(before: np.ndarray, length_m: float, depth_m: float) -> np.ndarray:
+    """Total, [STATIONS, depths]."""
+    return resistances(before, LEVEL, length_m, depth_m)[0]
+
+
+def depths(depth_m: float, count: int) -> np.ndarray:
+    return np.linspace(0.0, float(deepest_m(np.array([depth_m]))[0]), count)
+
+
+def test_unit_force_is_ball_pressed_5_mm_into_level_surface() -> None:
+    force = resistance(LEVEL, 0.0, 0.005)
+    assert np.interp(0.005, depths(0.005, force.shape[1]), force[0]) == pytest.approx(1.0, rel=0.02)
+
+
+def test_force_grows_with_depth_and_walls() -> None:
+    level = resistance(LEVEL, 0.0, 0.006)[0]
+    walled, grooved = LEVEL.copy(), LEVEL.copy()
+    walled[:, 45:], grooved[:, 45:] = 0.004, -0.02
+    assert (np.diff(level) > 0).all()
+    assert (resistance(walled, 0.0, 0.006)[0] > level).all()
+    assert (resistance(grooved, 0.0, 0.006)[0][1:] < level[1:]).all()
+
+
+def test_travelling_tool_has_no_resistance_behind() -> None:
+    still, moving = resistance(LEVEL, 0.0, 0.006)[-1], resistance(LEVEL, 0.025, 0.006)[-1]
+    assert 0.4 < moving[8] / still[8] < 0.95
+
+
+def test_worked_material_resistance_saturates_with_work() -> None:
+    total, fresh = resistances(LEVEL, LEVEL, 0.02, 0.006)
+    assert not fresh.any()
+    _, half = resistances(LEVEL, LEVEL + 0.005, 0.02, 0.006)
+    _, saturated = resistances(LEVEL, LEVEL + 1.0, 0.02, 0.006)
+    assert np.allclose(half, total / 2, rtol=1e-4) and np.allclose(saturated, total, rtol=0.01)
+    ahead = LEVEL.copy()
+    ahead[:, 70:] = 0.005  # 15 mm beyond the start
+    _, there = resistances(LEVEL, ahead, 0.02, 0.006)
+    assert not there[0].any() and there[-1, -1] > 0.3 * total[-1, -1]
+
+
+@pytest.mark.parametrize("give_m", [0.0, 0.0005, 0.002])
+def test_compliance_balances_force(give_m: float) -> None:
+    force = resistance(LEVEL, 0.02, 0.006)
+    target = 0.006 * np.linspace(0, 1, STATIONS)[None]
+    deepest = deepest_m(np.array([0.006]))
+    depth = yielded(force[None], deepest, target, give_m)
+    force_at_depth = [np.interp(d, depths(0.006, force.shape[1]), f) for d, f in zip(depth[0], force, strict=True)]
+    assert np.allclose(target[0] - depth[0], give_m * np.array(force_at_depth), atol=1e-7)

@@ -1,4 +1,4 @@
-"""Reading pushes: heights come back in metres, holes and tilt are repaired and counted, wrong rows are named."""
+"""Loading of push tables: heights in metres, repairs, and errors about unusable rows."""
 
 import math
 from typing import Any
@@ -34,7 +34,7 @@ def heights(table: pa.Table, row: int, name: str) -> Any:
     return decode_height_m(table.column(name)[row].as_py()["bytes"], UNIT_M)
 
 
-def test_sound_rows_come_back_as_they_are_in_metres() -> None:
+def test_loads_valid_rows_in_metres() -> None:
     table = example_table(4)
     samples, repairs = load_pushes(table)
     assert samples.before.shape == samples.after.shape == samples.known.shape == (4, 60, 60)
@@ -48,7 +48,7 @@ def test_sound_rows_come_back_as_they_are_in_metres() -> None:
     assert not {"action_id", "force_n", "tool"} & set(samples.covariates)
 
 
-def test_the_dent_is_where_the_action_is() -> None:
+def test_dent_lies_at_end_of_action() -> None:
     samples, _ = load_pushes(example_table(6))
     for number in range(6):
         x, y, theta, length, _ = samples.action[number]
@@ -59,7 +59,7 @@ def test_the_dent_is_where_the_action_is() -> None:
         assert change[row, column] < 0.5 * change.min()
 
 
-def test_holes_are_filled_smoothly_and_stay_marked() -> None:
+def test_fills_holes_and_keeps_them_marked() -> None:
     slope = np.linspace(0.03, 0.05, 60)[None, :] + np.zeros((60, 1))
     holed = slope.copy()
     holed[20:24, 30:36] = np.nan
@@ -71,18 +71,18 @@ def test_holes_are_filled_smoothly_and_stay_marked() -> None:
     assert np.isfinite(samples.after).all()
 
 
-def test_the_surface_at_the_start_is_what_the_robot_read_whatever_a_later_scan_lacks() -> None:
+def test_surface_at_start_ignores_holes_of_later_scan() -> None:
     table = example_table(3)
     action, window = table.column("action")[1].as_py(), table.column("window_m")[1].as_py()
     wall = 0.03 + 0.01 * (np.arange(60)[None, :] > canvas_to_pixel(action[:2], window, 500)[0]) + np.zeros((60, 1))
-    told = surface_at_m(wall, tuple(window), *action[:2])
+    expected = surface_at_m(wall, tuple(window), *action[:2])
     for lacks in (wall > 0.035, wall < 0.035):
         after = np.where(lacks & (np.arange(60)[:, None] % 2 == 0), np.nan, wall)
         samples, _ = load_pushes(changed(table, 1, before=image(wall), after=image(after)))
-        assert samples.surface_m[1] == pytest.approx(told, abs=UNIT_M)
+        assert samples.surface_m[1] == pytest.approx(expected, abs=UNIT_M)
 
 
-def test_a_row_that_starts_in_a_hole_is_named() -> None:
+def test_reports_row_starting_in_hole() -> None:
     table = example_table(3)
     x, y = table.column("action")[1].as_py()[:2]
     column, row = canvas_to_pixel([x, y], table.column("window_m")[1].as_py(), 500)
@@ -91,7 +91,7 @@ def test_a_row_that_starts_in_a_hole_is_named() -> None:
     assert "hole of 20 mm" in repairs.bad[1]
 
 
-def test_the_reported_tilt_is_taken_off() -> None:
+def test_subtracts_reported_tilt() -> None:
     a, b, c = 0.02, -0.03, 0.001
     column, row = np.meshgrid(np.arange(60), np.arange(60))
     x, y = (column + 0.5) / 500, 0.12 - (row + 0.5) / 500
@@ -104,7 +104,7 @@ def test_the_reported_tilt_is_taken_off() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "message"),
     [
         ({"height_per_unit_m": 1e-3}, "not millimetres"),
         ({"action": [60.0, 60.0, 0.0, 20.0, 5.0]}, "not millimetres"),
@@ -113,40 +113,40 @@ def test_the_reported_tilt_is_taken_off() -> None:
         ({"before": image(MOSTLY_HOLES)}, "67% of its scan before are holes"),
     ],
 )  # fmt: skip
-def test_a_row_that_makes_no_sample_is_left_out_and_named(values: dict[str, Any], said: str) -> None:
+def test_leaves_out_and_reports_unusable_row(values: dict[str, Any], message: str) -> None:
     samples, repairs = load_pushes(changed(example_table(3), 1, **values))
     assert len(samples.before) == len(samples.action) == len(samples.covariates["order"]) == 2
     assert samples.covariates["order"].tolist() == [0, 2]
-    assert said in repairs.bad[1]
+    assert message in repairs.bad[1]
     assert "Row 1 (counted from 0)" in repairs.sentences()[0]
 
 
-def test_too_many_bad_rows_are_an_error() -> None:
+def test_rejects_table_with_too_many_bad_rows() -> None:
     table = changed(changed(example_table(5), 1, height_per_unit_m=1e-3), 3, height_per_unit_m=1e-3)
     with pytest.raises(ContractError, match=r"2 of 5 rows .*Rows 1, 3 .*at most 1 %"):
         load_pushes(table)
 
 
-def test_a_table_without_rows_is_an_error() -> None:
+def test_rejects_empty_pushes_table() -> None:
     with pytest.raises(ContractError, match="no rows"):
         load_pushes(example_table(2).slice(0, 0))
 
 
-def test_a_pinch_may_close_towards_the_edge() -> None:
+def test_accepts_pinch_at_window_edge() -> None:
     pinch = {"kind": "pinch", "action": [0.11, 0.06, 0.0, 0.02, 0.005]}
     samples, repairs = load_pushes(changed(example_table(2), 1, **pinch))
     assert repairs.bad == {}
     assert samples.kind.tolist() == ["push", "pinch"]
 
 
-def test_copies_are_left_out() -> None:
+def test_leaves_out_copied_rows() -> None:
     table = example_table(3)
     samples, repairs = load_pushes(pa.concat_tables([table, table.slice(1, 1)]))
     assert len(samples.before) == 3
     assert repairs.copies == (3,)
 
 
-def test_windows_of_several_sizes_are_padded_and_the_padding_is_unknown() -> None:
+def test_pads_windows_of_different_size_as_unknown() -> None:
     table = example_table(2)
     small = changed(
         table, 1,
@@ -160,7 +160,7 @@ def test_windows_of_several_sizes_are_padded_and_the_padding_is_unknown() -> Non
     np.testing.assert_allclose(samples.before[1, :40, :50], heights(table, 1, "before")[10:50, :50], atol=1e-8)
 
 
-def test_fine_scans_are_averaged_down() -> None:
+def test_averages_fine_scans_down() -> None:
     table = example_table(2)
     whole, _ = load_pushes(table)
     coarse, _ = load_pushes(table, pixels_per_m=250)
@@ -169,13 +169,13 @@ def test_fine_scans_are_averaged_down() -> None:
     np.testing.assert_allclose(coarse.before[0, 3, 4], whole.before[0, 6:8, 8:10].mean(), atol=1e-8)
 
 
-def test_scans_of_different_pixel_sizes_are_refused() -> None:
+def test_rejects_different_pixel_sizes() -> None:
     table = example_table(2)
     with pytest.raises(ContractError, match="resample them"):
         load_pushes(changed(table, 1, before=image(np.full((40, 40), 0.04)), after=image(np.full((40, 40), 0.03))))
 
 
-def test_picking_keeps_rows_together() -> None:
+def test_pick_keeps_columns_aligned() -> None:
     samples, _ = load_pushes(example_table(5))
     picked = samples.pick(np.array([3, 1]))
     np.testing.assert_array_equal(picked.action, samples.action[[3, 1]])

@@ -1,4 +1,6 @@
-"""The constant pose: a picture of the push's frame, and back, exact for what bilinear sampling can hold."""
+"""Constant pose: sampling there and back, samples, and losses."""
+
+from __future__ import annotations
 
 import math
 
@@ -8,11 +10,22 @@ import torch
 from torch import Tensor
 
 from pentimento.contracts.frames import canvas_to_stroke, pixel_to_canvas
-from pentimento.dynamics.pushes.pose import Crop, to_canvas, to_pose
+from pentimento.dynamics.pushes.pose import (
+    Crop,
+    gradient,
+    height_errors,
+    in_pose,
+    inner,
+    slope_errors,
+    to_canvas,
+    to_pose,
+)
+from tests.dynamics.pushes.conftest import Trained
 
 CROP = Crop(32, 500.0, 0.02)
 WINDOW = torch.tensor([[0.0, 0.0, 0.2, 0.16]], dtype=torch.float64)
 SHAPE = (80, 100)
+KNOWN = torch.ones(1, 20, 30, dtype=torch.bool)
 
 
 def canvas(height_of: object) -> Tensor:
@@ -26,7 +39,7 @@ def action(x: float, y: float, theta: float) -> Tensor:
     return torch.tensor([[x, y, theta, 0.02, 0.005]], dtype=torch.float64)
 
 
-def test_a_plane_is_seen_in_the_frame_of_the_push() -> None:
+def test_to_pose_samples_plane_exactly() -> None:
     given = action(0.09, 0.08, 0.7)
     seen = to_pose(canvas(lambda x, y: 3 * x - 2 * y), WINDOW, given, CROP)[0]
     along, across = CROP.places_m().double().unbind(-1)
@@ -35,7 +48,7 @@ def test_a_plane_is_seen_in_the_frame_of_the_push() -> None:
     torch.testing.assert_close(seen, 3 * x - 2 * y, atol=1e-6, rtol=0)
 
 
-def test_row_0_is_to_the_left_of_the_push_and_columns_go_along_it() -> None:
+def test_crop_rows_run_left_to_right_and_columns_ahead() -> None:
     bump_ahead = canvas(lambda x, y: np.exp(-((x - 0.1) ** 2 + (y - 0.11) ** 2) / 1e-5))  # pushing up, 3 cm ahead
     bump_left = canvas(lambda x, y: np.exp(-((x - 0.08) ** 2 + (y - 0.08) ** 2) / 1e-5))  # and 2 cm to the left
     for bump, place in ((bump_ahead, (0.03, 0.0)), (bump_left, (0.0, 0.02))):
@@ -46,7 +59,7 @@ def test_row_0_is_to_the_left_of_the_push_and_columns_go_along_it() -> None:
 
 
 @pytest.mark.parametrize("theta", [0.0, 1.1, -2.4])
-def test_a_change_goes_to_where_the_push_is(theta: float) -> None:
+def test_to_canvas_places_change_at_push(theta: float) -> None:
     along, across = CROP.places_m().double().unbind(-1)
     change = torch.exp(-((along - 0.015) ** 2 / 2e-4 + (across + 0.005) ** 2 / 1e-4))[None]
     on_canvas = to_canvas(change, WINDOW, action(0.1, 0.08, theta), SHAPE, CROP)[0].numpy()
@@ -59,7 +72,7 @@ def test_a_change_goes_to_where_the_push_is(theta: float) -> None:
     assert (on_canvas[(np.abs(local[..., 0] - 0.012) > 0.035) | (np.abs(local[..., 1]) > 0.035)] == 0).all()
 
 
-def test_there_and_back_keeps_what_is_smooth() -> None:
+def test_pose_round_trip_preserves_smooth_map() -> None:
     smooth = canvas(lambda x, y: np.exp(-((x - 0.1) ** 2 + (y - 0.08) ** 2) / 2e-4))
     given = action(0.09, 0.08, 0.4)
     back = to_canvas(to_pose(smooth, WINDOW, given, CROP), WINDOW, given, SHAPE, CROP)
@@ -67,8 +80,8 @@ def test_there_and_back_keeps_what_is_smooth() -> None:
     torch.testing.assert_close(back[middle], smooth[middle], atol=0.02, rtol=0)
 
 
-def test_the_crop_sees_a_turned_canvas_alike() -> None:
-    """Turning the state and the action together by a right angle leaves what the crop sees."""
+def test_to_pose_is_rotation_invariant() -> None:
+    """Rotating state and action together by a right angle leaves the crop unchanged."""
     state = torch.rand(1, 80, 80, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     window = torch.tensor([[0.0, 0.0, 0.16, 0.16]], dtype=torch.float64)
     seen = to_pose(state, window, action(0.07, 0.09, 0.3), CROP)
@@ -76,7 +89,7 @@ def test_the_crop_sees_a_turned_canvas_alike() -> None:
     torch.testing.assert_close(seen, turned, atol=1e-5, rtol=0)
 
 
-def test_gradients_agree_with_finite_differences() -> None:
+def test_pose_gradients_match_finite_differences() -> None:
     crop = Crop(8, 500.0, 0.005)
     window = torch.tensor([[0.0, 0.0, 0.02, 0.02]], dtype=torch.float64)
     state = torch.rand(1, 10, 10, dtype=torch.float64, generator=torch.Generator().manual_seed(1), requires_grad=True)
@@ -88,6 +101,73 @@ def test_gradients_agree_with_finite_differences() -> None:
     )
 
 
-def test_a_start_beyond_the_square_is_refused() -> None:
+def test_rejects_start_outside_crop() -> None:
     with pytest.raises(ValueError, match="start must lie in the square"):
         Crop(32, 500.0, 0.1)
+
+
+def test_constant_offset_has_no_slope_error() -> None:
+    offset = torch.full((1, 20, 30), 2e-3)
+    assert height_errors(offset, KNOWN).item() == pytest.approx(4.0)
+    assert slope_errors(offset, KNOWN, 640.0).item() == pytest.approx(0.0, abs=1e-10)
+
+
+def test_slope_error_of_tilt_is_slope_squared() -> None:
+    tilt = (torch.arange(30) / 640.0 * 0.1 + torch.arange(20)[:, None] / 640.0 * 0.2)[None]
+    assert slope_errors(tilt, KNOWN, 640.0).item() == pytest.approx(0.05, rel=1e-3)
+
+
+def test_gradient_order_is_columns_then_rows() -> None:
+    ramp = torch.arange(6.0).expand(4, 6)[None]
+    across, down = gradient(ramp)[0, :, 1:-1, 1:-1]
+    assert (across == 1).all()
+    assert (down == 0).all()
+
+
+def test_errors_ignore_unknown_pixels() -> None:
+    known = KNOWN.clone()
+    known[0, 5:8, 7:9] = False
+    wild = torch.zeros(1, 20, 30)
+    wild[0, 5:8, 7:9] = 1e3
+    assert height_errors(wild, known).item() == 0
+    assert slope_errors(wild, known, 640.0).item() == 0
+
+
+def test_inner_requires_four_known_neighbours() -> None:
+    known = KNOWN.clone()
+    known[0, 5, 7] = False
+    inside = inner(known)[0]
+    assert not inside[0].any()
+    assert not inside[[5, 4, 6, 5, 5], [7, 7, 7, 6, 8]].any()
+    assert inside[4, 6]
+    assert inside.sum() == 18 * 28 - 5
+
+
+def test_in_pose_contains_push_and_masks_outside_window(trained: Trained) -> None:
+    samples, crop = trained.training, trained.crop
+    seen = in_pose(samples, crop)
+    along, across = crop.places_m().unbind(-1)
+    for number in range(4):
+        length = float(seen.length_m[number])
+        on_line = (across.abs() < 2e-3) & (along > 0.5 * length - 1e-3) & (along < length + 1e-3)
+        beside = (across.abs() > 0.03) & seen.known[number]
+        assert seen.change[number][on_line].mean() < -1e-3
+        assert seen.change[number][beside].abs().mean() < 3e-4
+    edge = samples.pick(np.array([0]))._replace(action=np.array([[0.005, 0.06, 0.0, 0.02, 0.005]]))
+    known = in_pose(edge, crop).known[0]
+    assert not known[:, along[0] < -0.007].any()
+    assert known[10:30, along[0] > -0.004].all()
+
+
+def test_mirrored_samples_match_mirrored_table(trained: Trained) -> None:
+    """Mirroring the crop equals the crop of a mirrored table."""
+    seen = in_pose(trained.training, trained.crop)
+    mirrored = seen.mirrored(torch.ones(len(seen.state), dtype=torch.bool))
+    x, y, theta, length, depth = trained.training.action.T
+    other = trained.training._replace(
+        before=trained.training.before[:, ::-1].copy(),
+        after=trained.training.after[:, ::-1].copy(),
+        action=np.stack([x, 0.12 - y, -theta, length, depth], axis=1),
+    )
+    torch.testing.assert_close(in_pose(other, trained.crop).state, mirrored.state, atol=1e-6, rtol=0)
+    torch.testing.assert_close(in_pose(other, trained.crop).change, mirrored.change, atol=1e-6, rtol=0)

@@ -1,4 +1,4 @@
-"""Training beats what is trivial, gives the same bits twice, and keeps repeats together."""
+"""Training: accuracy over trivial baselines, reproducibility, splits and configuration."""
 
 import dataclasses
 
@@ -10,12 +10,12 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import example_table
 from pentimento.dynamics.pushes.evaluation import mean_footprint, predict, score, unchanged
 from pentimento.dynamics.pushes.measured import load_pushes
-from pentimento.dynamics.pushes.posed_samples import in_pose
+from pentimento.dynamics.pushes.pose import in_pose
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
 from tests.dynamics.pushes.conftest import CONFIG, Trained
 
 
-def test_a_trained_model_beats_the_mean_footprint_and_that_no_change(trained: Trained) -> None:
+def test_trained_model_beats_trivial_baselines(trained: Trained) -> None:
     held_out, crop = trained.held_out, trained.crop
     found = [
         score(predicted, held_out, crop)
@@ -32,7 +32,7 @@ def test_a_trained_model_beats_the_mean_footprint_and_that_no_change(trained: Tr
     assert len(trained.losses) == 20
 
 
-def test_training_twice_gives_the_same_bits(trained: Trained) -> None:
+def test_training_is_reproducible(trained: Trained) -> None:
     short = dataclasses.replace(CONFIG, epochs=1)
     samples = in_pose(trained.training, trained.crop)
     first, second = (
@@ -41,13 +41,13 @@ def test_training_twice_gives_the_same_bits(trained: Trained) -> None:
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
-def test_members_differ(trained: Trained) -> None:
+def test_ensemble_members_differ(trained: Trained) -> None:
     samples = in_pose(trained.held_out, trained.crop)
     changes = trained.model.change(samples.state, samples.length_m, samples.depth_m, samples.context)
     assert changes.std(0).max() > 1e-6
 
 
-def test_repeats_of_an_action_stay_together() -> None:
+def test_split_keeps_repeats_together() -> None:
     samples, _ = load_pushes(example_table(12))
     samples = samples._replace(action_id=samples.action_id // 3)
     training, held_out = split_by_action(samples, 0.25, 0)
@@ -60,7 +60,7 @@ def test_repeats_of_an_action_stay_together() -> None:
         split_by_action(samples.pick(samples.action_id == 0), 0.25, 0)
 
 
-def test_a_rotated_canvas_gives_the_rotated_result(trained: Trained) -> None:
+def test_model_is_rotation_equivariant(trained: Trained) -> None:
     some = trained.held_out.pick(np.arange(3))
     x, y, theta, length, depth = some.action.T
     turned = some._replace(
@@ -73,7 +73,7 @@ def test_a_rotated_canvas_gives_the_rotated_result(trained: Trained) -> None:
     assert (other - torch.from_numpy(turned.before)).amin((1, 2)).max() < -5e-4
 
 
-def test_pushes_and_pinches_are_not_mixed() -> None:
+def test_crop_for_rejects_mixed_kinds() -> None:
     samples, _ = load_pushes(example_table(4))
     mixed = samples._replace(kind=np.array(["push", "pinch", "push", "push"]))
     with pytest.raises(ContractError, match="each kind"):
@@ -87,7 +87,7 @@ def test_pushes_and_pinches_are_not_mixed() -> None:
     [("epochs", 0), ("members", 0), ("side_px", 4), ("behind_m", 0.0), ("learning_rate", 0.0), ("visual_weight", -1.0),
      ("held_out", 1.0), ("held_out", 0.0), ("seed", -1), ("channels", 0), ("batch", 0)],
 )  # fmt: skip
-def test_settings_that_make_no_sense_are_refused(field: str, value: float) -> None:
+def test_rejects_invalid_training_config(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         dataclasses.replace(CONFIG, **{field: value})
     assert isinstance(CONFIG, TrainingConfig)

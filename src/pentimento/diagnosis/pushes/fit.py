@@ -12,7 +12,7 @@ from pentimento.diagnosis.gauss_newton import damped_step, predicted_decrease
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, mean_squared_error, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
-from pentimento.dynamics.pushes.analytic_scene import from_way
+from pentimento.dynamics.pushes.analytic_scene import distance_from_path
 
 Array = NDArray[Any]
 
@@ -147,7 +147,7 @@ def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
     would say all. And what a base gets wrong under the tool would drown what rises far from it.
     """
     missed, seen = residual(model, measured), measured.valid
-    ring, rings = np.digitize(from_way(measured.scene), _RINGS), len(_RINGS) + 1
+    ring, rings = np.digitize(distance_from_path(measured.scene), _RINGS), len(_RINGS) + 1
     squared = (_levelled(missed, measured) * np.square(missed))[seen]
     of_ring = np.bincount(ring[seen], squared, rings) / np.maximum(np.bincount(ring[seen], minlength=rings), 1)
     place = 1 / np.maximum(of_ring, of_ring.max() / _MAX_UNEVEN)[ring]

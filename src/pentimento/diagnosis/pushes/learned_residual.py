@@ -23,7 +23,7 @@ from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.noise import by_scatter
 from pentimento.dynamics.pushes.analytic import AnalyticPush, keep, settle, touch
 from pentimento.dynamics.pushes.mechanisms import Mechanism
-from pentimento.dynamics.pushes.spread import spread
+from pentimento.dynamics.pushes.mechanisms.mechanism import spread
 
 Array = NDArray[Any]
 

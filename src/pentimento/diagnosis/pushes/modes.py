@@ -15,8 +15,7 @@ from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.residual_structure import Unexplained, find_structure
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled
-from pentimento.dynamics.pushes.spread import spread
+from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled, spread
 
 Array = NDArray[Any]
 

@@ -18,7 +18,7 @@ from pentimento.diagnosis.pushes.out_of_distribution import gap_closed_on
 from pentimento.diagnosis.pushes.page import build_page
 from pentimento.diagnosis.pushes.screening import survey
 from pentimento.diagnosis.verdict import NEXT_ACTIONS, PUSHES, verdict
-from pentimento.dynamics.pushes.analytic_file import model_as_json
+from pentimento.dynamics.pushes.analytic import model_as_json
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable

@@ -1,34 +1,55 @@
-"""Pushes as the analytic model sees them: heights about the surface at the start, and where each pixel lies.
+"""Pushes as the analytic model sees them: heights relative to the surface at the start, and each pixel's place.
 
-Nothing is resampled. Instead of turning a scan into the constant pose of 7.3.4, each pixel knows its place in the frame
-of its push (origin at the start, ``along`` the travel, ``across`` to its left), so that a model written in that frame
-foretells the scan as it was taken.
+Nothing is resampled. Instead of turning a scan into the constant pose of 7.3.4, each pixel has its place in the frame
+of its push (origin at the start, ``along`` the travel, ``across`` to its left). A model written in that frame predicts
+the scan as it was taken.
+
+The scene also holds the resistance of the surface to a round tool, by station of the path and by depth. Material in the
+tool's way bears it as soil bears a plate: the pressure grows with the sinkage z as z^n (Bekker 1956; n is 0.5 for
+material that yields at once, and 1 for material that packs). An old groove bears little, a wall bears much, so a
+compliant arm or slab goes less deep at a wall. The share of previously worked material is kept apart, because it may be
+harder.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.dynamics.pushes.measured import PushSamples
-from pentimento.dynamics.pushes.resistance import resistance_of
 
 Array = NDArray[Any]
-
 _NEAR_M = 0.003
-"""Of the start: where the surface's height is read."""
-_INDENTED = 0.1
-"""Of a push's deepest lowering: what counts as its footprint."""
-_NARROWEST_M = 0.002
+"""Radius around the start within which the surface height is read; as in ``contracts.height_maps.surface_at_m``."""
+_FOOTPRINT_FRACTION = 0.1
+"""Pixels lowered by more than this fraction of the deepest lowering belong to the footprint."""
+_MIN_HALF_WIDTH_M = 0.002
+"""Lower bound of the footprint's half-width; noise alone would give less."""
+STATIONS = 9
+"""Stations of the path, from its start to its end."""
+_DEPTHS = 12
+"""Depths at which the force is tabulated."""
+_MAX_DEPTH = 1.5
+"""Deepest tabulated depth, as a multiple of the commanded depth; beyond it the force is constant."""
+_MIN_DEEPEST_M = 0.004
+"""Lower bound of the deepest tabulated depth."""
+_MAX_RADIUS = 1.15
+"""Radius of the tool in half-widths of the footprint."""
+_UNIT_M = 0.005
+"""Depth on level material at which the force is 1."""
+_WORKED_M = np.float32(0.005)
+"""Earlier work (summed depth) at which half of the possible hardening is reached."""
 
 
 @dataclass(frozen=True)
 class PushScene:
-    """B pushes before they are made, on one pixel size."""
+    """B pushes before they are executed, on one pixel size."""
 
     before: Array
     """float32[B, H, W] metres above the surface at the start of each push."""
@@ -39,17 +60,18 @@ class PushScene:
     action: Array
     """float64[B, 5] x_m, y_m, theta_rad, length_m, depth_m; canvas frame."""
     worked: Array
-    """float32[B, H, W] metres: how deep earlier pushes of the same session, since the material was smoothed, went at
-    each place, summed; 0 where none did."""
+    """float32[B, H, W] metres: summed depth of earlier pushes at each place, in the same session and since the material
+    was smoothed."""
     history_known: bool
-    """Whether the rows say when the material was smoothed; ``worked`` is 0 if not."""
+    """Whether the rows record when the material was smoothed; otherwise ``worked`` is 0."""
     covariates: dict[str, Array]
     """float64[B] each, NaN where unknown."""
     resistance: Array
-    """float32[2, B, STATIONS, depths]: how hard the surface pushes back, and what was worked of it (``resistance``)."""
+    """float32[2, B, STATIONS, depths]: force of the surface, and the part of it from worked material
+    (``resistance_of``)."""
     pixel_m: float
     half_width_m: float
-    """Usual half-width of the footprint: the length that profiles and rims are told in."""
+    """Typical half-width of the footprint: the unit of length of profiles and rims."""
 
     def __len__(self) -> int:
         return len(self.action)
@@ -75,7 +97,7 @@ def push_scene(
     pixel_m: float,
     half_width_m: float,
 ) -> PushScene:
-    """The scene with these maps and numbers (see ``PushScene``), and how hard its surfaces push back."""
+    """A scene with these maps and values (see ``PushScene``) and the resistance of its surfaces."""
     resistance = resistance_of(before, along, across, worked, action, pixel_m, half_width_m)
     return PushScene(
         before, along, across, action, worked, history_known, covariates, resistance, pixel_m, half_width_m
@@ -83,11 +105,11 @@ def push_scene(
 
 
 def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: Array | None = None) -> PushScene:
-    """Measured pushes without what came of them.
+    """Scene of measured pushes, without their outcome.
 
     Args:
-        denoised: ``before`` [N, H, W] less the scanner's noise; by default as it is.
-        half_width_m: of the footprint; by default as ``usual_half_width_m`` reads it off the scans.
+        half_width_m: half-width of the footprint; by default estimated from the scans (``usual_half_width_m``).
+        denoised: ``before`` [N, H, W] without scanner noise; by default ``before`` itself.
 
     Raises:
         ContractError: there are pinches among them.
@@ -100,7 +122,7 @@ def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: 
         )
     along, across = local_places(samples.window_m, samples.before.shape[1:], samples.action, samples.pixels_per_m)
     width = usual_half_width_m(samples) if half_width_m is None else half_width_m
-    _at_start(along, across)
+    _near_start(along, across)
     worked, known = _worked(samples, width)
     before = ((samples.before if denoised is None else denoised) - samples.surface_m[:, None, None]).astype(np.float32)
     return push_scene(
@@ -109,7 +131,7 @@ def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: 
 
 
 def local_places(window_m: Array, shape: tuple[int, ...], action: Array, pixels_per_m: float) -> tuple[Array, Array]:
-    """Where the pixel centres of windows [B, 4] lie in the frames of pushes [B, 5]: along and across, float32[B, H, W].
+    """Places of the pixel centres of windows [B, 4] in the frames of pushes [B, 5]: along and across, float32[B, H, W].
 
     Row 0 is the top (y_max); across is positive to the left of the travel.
     """
@@ -122,27 +144,28 @@ def local_places(window_m: Array, shape: tuple[int, ...], action: Array, pixels_
     return along.astype(np.float32), across.astype(np.float32)
 
 
-def from_way(scene: PushScene) -> Array:
-    """How far places lie from the way of the tool, in half-widths of the footprint, float32[B, H, W]."""
+def distance_from_path(scene: PushScene) -> Array:
+    """Distance from the tool's path, in half-widths of the footprint, float32[B, H, W]."""
     station = np.clip(scene.along, 0.0, scene.action[:, 3, None, None])
     return (np.hypot(scene.along - station, scene.across) / scene.half_width_m).astype(np.float32)
 
 
 def surface_at_start(height_m: Array, along: Array, across: Array) -> Array:
-    """Height [B] from which the depth of pushes that are not made yet counts (7.3.2): the median of [B, H, W], without
-    holes, within 3 mm of each one's start.
+    """Height [B] from which the depth of planned pushes counts (7.3.2): the median of maps [B, H, W] without holes,
+    within 3 mm of each start.
 
-    As ``contracts.height_maps.surface_at_m`` reads it for the robot: not smoothed, for on a wall the median jumps.
+    It matches ``contracts.height_maps.surface_at_m``, which the robot uses. It is not smoothed: on a wall the median
+    jumps.
 
     Raises:
         ContractError: a push starts outside its window.
     """
-    near = _at_start(along, across)
+    near = _near_start(along, across)
     return np.array([np.median(height[there]) for height, there in zip(height_m, near, strict=True)], dtype=np.float64)
 
 
-def _at_start(along: Array, across: Array) -> Array:
-    """Which places are near the start of each push, bool[B, H, W]."""
+def _near_start(along: Array, across: Array) -> Array:
+    """Mask of the places near each push's start, bool[B, H, W]."""
     near = np.hypot(along, across) <= _NEAR_M + 1e-9
     if not np.any(near, axis=(1, 2)).all():
         raise ContractError("The start of a push lies outside its window: record scans that show it.")
@@ -152,27 +175,28 @@ def _at_start(along: Array, across: Array) -> Array:
 def usual_half_width_m(samples: PushSamples) -> float:
     """Median over pushes of the half-width w of the footprint at the end of travel.
 
-    From its area: a ramp widens as the root of its depth and ends in half a disc, A = 4/3 w L + pi/2 w^2.
+    It follows from the footprint's area: a ramp widens as the root of its depth and ends in half a disc, A = 4/3 w L +
+    pi/2 w^2.
     """
     lowered = np.where(samples.known, samples.before - samples.after, 0.0)
     deepest = np.quantile(lowered.reshape(len(lowered), -1), 0.998, axis=1)
-    area = (lowered > _INDENTED * deepest[:, None, None]).sum((1, 2)) / samples.pixels_per_m**2
+    area = (lowered > _FOOTPRINT_FRACTION * deepest[:, None, None]).sum((1, 2)) / samples.pixels_per_m**2
     length = samples.action[:, 3] * 4 / 3
     half = (np.sqrt(np.square(length) + 2 * np.pi * area) - length) / np.pi
-    return float(max(np.median(half), _NARROWEST_M))
+    return float(max(np.median(half), _MIN_HALF_WIDTH_M))
 
 
 def swept_m(along: Array, across: Array, length_m: Array, depth_m: Array, half_width_m: float) -> Array:
-    """How deep a round tool goes at places [B, H, W] of a flat surface in pushes of these lengths and depths [B]."""
+    """Depth of a round tool at places [B, H, W] of a flat surface, for pushes of these lengths and depths [B]."""
     length, depth = length_m[:, None, None], depth_m[:, None, None]
     station = np.clip(along, 0.0, length)
     ramp = np.where(length > 0, station / np.maximum(length, 1e-9), 1.0)
-    away = (np.square(along - station) + np.square(across)) / half_width_m**2
-    return np.maximum(depth * (ramp - away), 0.0).astype(np.float32)
+    distance = (np.square(along - station) + np.square(across)) / half_width_m**2
+    return np.maximum(depth * (ramp - distance), 0.0).astype(np.float32)
 
 
 def _worked(samples: PushSamples, half_width_m: float) -> tuple[Array, bool]:
-    """``PushScene.worked`` and whether it is known."""
+    """``PushScene.worked``, and whether it is known."""
     worked = np.zeros(samples.before.shape, dtype=np.float32)
     period = smoothed_periods(samples)
     if period is None:
@@ -190,13 +214,112 @@ def _worked(samples: PushSamples, half_width_m: float) -> tuple[Array, bool]:
 
 
 def smoothed_periods(samples: PushSamples) -> Array | None:
-    """int64[B]: rows of one value lie between the same two smoothings of the material; None where that is unknown."""
+    """int64[B]: rows with equal values lie between the same two smoothings of the material; None if that is unknown."""
     known = samples.covariates
     if "reset_id" in known and np.isfinite(known["reset_id"]).all():
         names = [f"{s} {int(r)}" for s, r in zip(samples.session, known["reset_id"], strict=True)]
     elif "pushes_since_reset" in known and np.isfinite(known["pushes_since_reset"]).all():
-        turn = np.rint(known["order"] - known["pushes_since_reset"]).astype(int)
-        names = [f"{s} {t}" for s, t in zip(samples.session, turn, strict=True)]
+        smoothed_at = np.rint(known["order"] - known["pushes_since_reset"]).astype(int)
+        names = [f"{s} {t}" for s, t in zip(samples.session, smoothed_at, strict=True)]
     else:
         return None
     return np.asarray(np.unique(names, return_inverse=True)[1])
+
+
+def resistance_of(
+    before: Array, along: Array, across: Array, worked: Array, action: Array, pixel_m: float, half_width_m: float
+) -> Array:
+    """Force on a ball whose radius is the footprint's half-width, float32[2, B, STATIONS, depths].
+
+    It is given at each station of the path, for depths from 0 below the surface at the start to ``deepest_m``. The unit
+    is the force of a level surface on a ball that is pressed 5 mm straight down. The first entry is the force of all
+    material, the second that of worked material, which counts w / (w + 5 mm) after work w.
+
+    Args:
+        before, along, across, worked: float32[B, H, W] metres, as in ``PushScene``.
+        action: float64[B, 5].
+    """
+    force = np.zeros((2, len(before), STATIONS, _DEPTHS), dtype=np.float32)
+    deepest = deepest_m(action[:, 4]).astype(np.float32)
+    _forces(before, along, across, worked, action[:, 3].astype(np.float32), deepest, np.float32(half_width_m), force)
+    # The integral of sqrt(z - r^2 / 2 w) over the disc where it is positive.
+    unit = 4 / 3 * math.pi * half_width_m * _UNIT_M**1.5
+    return force * np.float32(pixel_m**2 / unit)
+
+
+def deepest_m(depth_m: Array) -> Array:
+    """Deepest tabulated depth of pushes with these commanded depths [B]."""
+    return np.maximum(_MAX_DEPTH * depth_m, _MIN_DEEPEST_M)
+
+
+def yielded(resistance: Array, deepest: Array, target_m: Array, give_m: float) -> Array:
+    """Depths float64[B, STATIONS] of a tool with compliance ``give_m``: the solution of target - depth = give *
+    force(depth).
+
+    Args:
+        resistance: [B, STATIONS, depths], forces as from ``resistance_of``.
+        deepest: ``deepest_m`` [B] of these pushes.
+        target_m: [B, STATIONS] depths of a rigid tool.
+    """
+    depth = target_m.astype(np.float64)
+    if give_m:
+        _yield(resistance, deepest, depth, give_m)
+    return depth
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _yield(resistance: Array, deepest: Array, depth: Array, give_m: float) -> None:
+    last = resistance.shape[2] - 1
+    for b in range(depth.shape[0]):
+        for k in range(depth.shape[1]):
+            target = depth[b, k]
+            # Both sides are linear within a segment: search upwards from the deepest segment for the solution.
+            piece = last - 1
+            step = deepest[b] / last
+            while piece > 0 and target - piece * step < give_m * resistance[b, k, piece]:
+                piece -= 1
+            start, force = piece * step, resistance[b, k, piece]
+            rate = (resistance[b, k, piece + 1] - force) / step
+            solution = start + (target - start - give_m * force) / (1 + give_m * rate)
+            if solution > deepest[b]:
+                solution = target - give_m * resistance[b, k, last]
+            elif solution < 0:
+                solution = target - give_m * resistance[b, k, 0]
+            depth[b, k] = solution
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _forces(
+    before: Array,
+    along: Array,
+    across: Array,
+    worked: Array,
+    length: Array,
+    deepest: Array,
+    half: Array,
+    force: Array,
+) -> None:
+    widest = np.float32(_MAX_RADIUS) * half
+    stations, depths = force.shape[2], force.shape[3]
+    bend = np.float32(0.5) / half
+    for b in range(before.shape[0]):
+        for i in range(before.shape[1]):
+            for j in range(before.shape[2]):
+                u, v = along[b, i, j], across[b, i, j]
+                if abs(v) > widest or u < -widest or u > length[b] + widest:
+                    continue
+                hard = worked[b, i, j] / (worked[b, i, j] + _WORKED_M)
+                for k in range(stations):
+                    ahead = u - length[b] * np.float32(k) / np.float32(stations - 1)
+                    squared = ahead * ahead + v * v
+                    if squared > widest * widest:
+                        continue
+                    above = before[b, i, j] - squared * bend
+                    for d in range(depths):
+                        depth = deepest[b] * np.float32(d) / np.float32(depths - 1)
+                        sunk = above + depth
+                        # Places further behind were pressed at an earlier station; the tool is clear of them now.
+                        if sunk > 0 and -ahead * length[b] * np.float32(k) <= half * depth * np.float32(stations - 1):
+                            borne = np.float32(math.sqrt(sunk))
+                            force[0, b, k, d] += borne
+                            force[1, b, k, d] += hard * borne

@@ -1,6 +1,6 @@
-"""Where a swept tool passes below a surface: one pass over the pixels of each push, compiled.
+"""Contact of a swept tool with a surface: one compiled pass over the pixels of each push.
 
-See ``analytic.py`` for the tool's lower envelope. Most pixels are far from it; nothing is computed there.
+The tool's lower envelope is defined in ``analytic.py``. Most pixels are far from the tool; nothing is computed there.
 """
 
 from __future__ import annotations
@@ -17,21 +17,23 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import Contact
 Array = NDArray[Any]
 
 _MIN_PIXELS = np.float32(0.5)
-"""What a tool touches at least, at the end of its travel."""
+"""Minimum contact area at the end of the travel, in pixels."""
 _FAR = np.float32(30)
-"""In softnesses of the contact's edge: beyond it, there is contact, or there is none."""
+"""Distance in softnesses of the contact edge beyond which the contact is taken as 0 or 1."""
 _PEAK = 0.48
 _COLLAR = 0.8
-"""Widths of what is drawn up where the tool lifts off, and of what it is drawn from, in radii of the contact."""
+"""Widths of the peak that a tool draws up as it lifts off (``_PEAK``), and of the ring that the material comes from, in
+radii of the contact."""
 _TINY = np.float32(1e-12)
+"""Avoids a division by zero on the tool's axis."""
 _NO_PEAK = 3.5
-"""Collars' widths from where the tool lifts off beyond which nothing is drawn up."""
-_TURN = np.float32(0.15)
-"""Of the contact's radius: how softly what lies ahead of a tool goes over into its own groove behind it."""
+"""Distance from the lift-off, in widths of the ring, beyond which nothing is drawn up."""
+_TRANSITION = np.float32(0.15)
+"""Width of the transition between the surface ahead of a tool and its own groove behind it, in radii of the contact."""
 
 
 class Sweep(NamedTuple):
-    """How a tool passes over B surfaces; metres."""
+    """Path of a tool over B surfaces; lengths in metres."""
 
     before: Array
     """float32[B, H, W] above the surface at the start of each push."""
@@ -39,32 +41,32 @@ class Sweep(NamedTuple):
     """float32[B, H, W] from the commanded start."""
     across: Array
     """float32[B, H, W] to the left of it."""
-    moved: Array
+    motion: Array
     """[B, 6]: shift along, shift across, slope of the descent, length of travel, logarithm of the tool's width, radius
     of the contact at the end on a level surface."""
-    deep: Array
-    """[B, K]: depth of the tool's tip at K places of its way, from start to end."""
+    tip_depth: Array
+    """[B, K]: depth of the tool's tip at K stations of its path, from start to end."""
     knots: Array
-    """[2, K]: distances from the tool's axis, and what is added to a ball's profile there."""
+    """[2, K]: distances from the tool's axis, and offsets from a ball's profile there."""
     fixed: Array
-    """[5]: radius of the ball, factor ahead of the tool, by how much less a diagonal counts (of the squared distance; 0
-    for a round tool), softness of the edge, half-width of the footprint."""
+    """[5]: radius of the ball, scale factor along the travel, reduction of the squared distance along a diagonal (0 for
+    a round tool), softness of the edge, half-width of the footprint."""
 
     def single(self) -> Sweep:
-        """In single precision, as compiled code takes it."""
+        """Copy in single precision, as the compiled kernels expect."""
         return Sweep(*(values.astype(np.float32, copy=False) for values in self))
 
 
 def contact_of(sweep: Sweep, pixel_m: float) -> Contact:
-    """The contact of B pushes, on pixels of this side in metres; nothing is heaped up yet."""
-    made = Contact(*(np.zeros(sweep.before.shape, dtype=np.float32) for _ in Contact._fields))
-    _touch(sweep.single(), np.float32(pixel_m), *made[:4])
-    return made
+    """Contact of B pushes, on pixels of side ``pixel_m`` metres; ``heaped_m`` is still 0."""
+    contact = Contact(*(np.zeros(sweep.before.shape, dtype=np.float32) for _ in Contact._fields))
+    _touch(sweep.single(), np.float32(pixel_m), *contact[:4])
+    return contact
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def above_tip(distance: float, radius: float, knots: Array) -> float:
-    """How high above its tip a tool's underside is at a distance from its axis; numbers as of a ``Sweep``."""
+    """Height of a tool's underside above its tip, by distance from its axis; arguments as in ``Sweep``."""
     one, last = np.float32(1), knots.shape[1] - 1
     ball = distance * distance / (2 * radius)
     if distance <= knots[0, 0]:
@@ -81,31 +83,38 @@ def above_tip(distance: float, radius: float, knots: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _away(ahead: float, aside: float, corners: float) -> np.float32:
-    """How far a place is from the tool's axis, as its corners count it."""
+def _corner_distance(ahead: float, aside: float, corners: float) -> np.float32:
+    """Distance from the tool's axis, reduced along the diagonals of a tool with corners."""
     squared = ahead * ahead + aside * aside
     return np.float32(math.sqrt(squared - corners * 4 * (ahead * aside) * (ahead * aside) / (squared + _TINY)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _share(ratio: np.float32) -> np.float32:
-    """From 0 far below nothing to 1 far above it."""
+def _logistic(ratio: np.float32) -> np.float32:
+    """Logistic function, clipped at ``_FAR``."""
     one = np.float32(1)
     return one / (one + np.float32(math.exp(-min(max(ratio, -_FAR), _FAR))))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _resting(
-    before: Array, along: Array, across: Array, moved: Array, deep: float, knots: Array, fixed: Array, pixel_m: float
+def _final_contact(
+    before: Array,
+    along: Array,
+    across: Array,
+    motion: Array,
+    tip_depth: float,
+    knots: Array,
+    fixed: Array,
+    pixel_m: float,
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Where a tool touches before it lifts off: the middle of that along and across, and the radius of a disc as large.
+    """Centre of the contact at the end of the travel (along, across), and the radius of a disc of equal area.
 
-    It does not where an older groove is deeper; and behind a tool that travelled is its own groove, the more so the
-    farther it came.
+    An older, deeper groove is not in contact. Behind a tool that travelled is its own groove, which counts less the
+    farther the tool came.
     """
     one = np.float32(1)
     radius, aspect, corners, edge, _ = fixed
-    shift, aside, _, length, wider, end_radius = moved
+    shift, aside, _, length, wider, end_radius = motion
     narrower, behind = np.float32(math.exp(-wider)), end_radius / (2 * length + end_radius)
     reach2 = np.float32(4) * end_radius * end_radius
     area, sum_u, sum_v = _MIN_PIXELS, np.float32(0), np.float32(0)
@@ -114,11 +123,11 @@ def _resting(
             u, v = along[i, j] - shift - length, across[i, j] - aside
             if u * u + v * v > reach2:
                 continue
-            distance = _away(u * aspect, v, corners) * narrower
-            ratio = (before[i, j] - above_tip(distance, radius, knots) + deep) / edge
+            distance = _corner_distance(u * aspect, v, corners) * narrower
+            ratio = (before[i, j] - above_tip(distance, radius, knots) + tip_depth) / edge
             if ratio < -_FAR:
                 continue
-            touching = _share(ratio) * (behind + (one - behind) * _share(u / (_TURN * end_radius)))
+            touching = _logistic(ratio) * (behind + (one - behind) * _logistic(u / (_TRANSITION * end_radius)))
             area += touching
             sum_u += touching * u
             sum_v += touching * v
@@ -127,23 +136,28 @@ def _resting(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _touch(sweep: Sweep, pixel_m: float, pressed: Array, inside: Array, beyond_end: Array, peak: Array) -> None:
-    before, along, across, moved, deep, knots, fixed = sweep
+    before, along, across, motion, tip_depth, knots, fixed = sweep
     radius, aspect, corners, edge, _ = fixed
-    pieces = deep.shape[1] - 1
+    pieces = tip_depth.shape[1] - 1
     one = np.float32(1)
     share, farthest = np.float32((_PEAK / _COLLAR) ** 2), np.float32((_NO_PEAK * _COLLAR) ** 2)
     rate, inner_rate = np.float32(-1 / (2 * _COLLAR**2)), np.float32(-1 / (2 * _PEAK**2))
     lowest, roundness = knots[1].min(), one - max(corners, np.float32(0))
     for b in range(before.shape[0]):
-        shift, aside, slope, length, wider, _ = moved[b]
+        shift, aside, slope, length, wider, _ = motion[b]
         narrower = np.float32(math.exp(-wider))
         pieces_a_metre = np.float32(pieces) / max(length, np.float32(1e-6))
-        middle_u, middle_v, rest_radius = _resting(
-            before[b], along[b], across[b], moved[b], deep[b, pieces], knots, fixed, pixel_m
+        middle_u, middle_v, rest_radius = _final_contact(
+            before[b], along[b], across[b], motion[b], tip_depth[b, pieces], knots, fixed, pixel_m
         )
         per_radius = one / rest_radius
         # Beyond this, squared, no part of the tool comes down to the highest place.
-        room = 2 * radius * (before[b].max() + deep[b].max() + _FAR * edge - lowest) / (roundness * narrower * narrower)
+        room = (
+            2
+            * radius
+            * (before[b].max() + tip_depth[b].max() + _FAR * edge - lowest)
+            / (roundness * narrower * narrower)
+        )
         for i in range(before.shape[1]):
             for j in range(before.shape[2]):
                 u, v = along[b, i, j] - shift, across[b, i, j] - aside
@@ -158,10 +172,10 @@ def _touch(sweep: Sweep, pixel_m: float, pressed: Array, inside: Array, beyond_e
                 squared = ahead * ahead + v * v
                 if squared > room:
                     continue
-                distance = _away(ahead, v, corners) * narrower
+                distance = _corner_distance(ahead, v, corners) * narrower
                 place = min(station * pieces_a_metre, np.float32(pieces))
                 piece = min(int(place), pieces - 1)
-                lower = deep[b, piece] + (place - piece) * (deep[b, piece + 1] - deep[b, piece])
+                lower = tip_depth[b, piece] + (place - piece) * (tip_depth[b, piece + 1] - tip_depth[b, piece])
                 envelope = above_tip(distance, radius, knots) - lower
                 ratio = (before[b, i, j] - envelope) / edge
                 if ratio > _FAR:

@@ -1,30 +1,43 @@
-"""How well a push model foretells scans, beside what repeats say is possible and what is trivial."""
+"""Scores of a push model on held-out scans, beside the noise floor and trivial baselines; and pictures of its
+predictions."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pentimento.dynamics.pushes.clouds import chamfer, cloud, earth_movers, thinned
-from pentimento.dynamics.pushes.losses import height_errors, slope_errors
 from pentimento.dynamics.pushes.measured import PushSamples
-from pentimento.dynamics.pushes.pose import Crop, to_canvas, to_pose
-from pentimento.dynamics.pushes.posed_samples import PoseSamples, in_pose
+from pentimento.dynamics.pushes.pose import Crop, PoseSamples, height_errors, in_pose, slope_errors, to_canvas, to_pose
 from pentimento.dynamics.pushes.push_model import PushModel
 
 _VOXEL_M = 5e-3
-_AT_ONCE = 64
-_OF_THE_FLOOR = ("l_3d_mm2", "l_viz", "window_l_3d_mm2", "window_l_viz")
+"""Voxel side by which point clouds are thinned (thesis 7.3.4)."""
+_BATCH = 64
+"""Pushes in one forward pass."""
+_FLOOR_SCORES = ("l_3d_mm2", "l_viz", "window_l_3d_mm2", "window_l_viz")
+"""Scores that are divided by the noise floor."""
+Array = NDArray[np.float64]
+_LIGHT = np.array([-0.5, 0.5, 0.75]) / np.linalg.norm([-0.5, 0.5, 0.75])
+"""Direction of the light, from the upper left: right, up, towards the eye."""
+_SLOPE_GAIN = 1.5
+"""Slopes are exaggerated by this factor."""
+_GAP_PX = 3
+"""Between pictures."""
+_MAX_ERROR_M = 2e-3
+"""Error, up or down, that is shown in full colour."""
 
 
 @dataclass(frozen=True)
 class PushScores:
-    """Means over pushes. The crop is the square of the constant pose, the window the whole scan."""
+    """Means over pushes. The crop is the square of the constant pose, the window is the whole scan."""
 
     l_3d_mm2: float
     """Mean squared error of height over the crop (thesis 7.1)."""
@@ -35,27 +48,27 @@ class PushScores:
     window_l_viz: float
     """Likewise over the window."""
     chamfer_mm: float
-    """Of the crop's points, thinned by voxels of 5 mm."""
+    """Chamfer distance of the crop's points, thinned by voxels of 5 mm."""
     emd_mm: float
-    """Earth Mover's Distance of the same."""
+    """Earth mover's distance of the same points."""
 
 
 def predict(model: PushModel, samples: PushSamples, context: int = 0) -> Tensor:
-    """Heights [N, H, W] after each push, over the whole window."""
+    """Heights [N, H, W] after each push, over the whole window, metres."""
     before, window, action = _tensors(samples)
     contexts = torch.full((len(action),), context)
-    parts = torch.split(torch.arange(len(action)), _AT_ONCE)
+    parts = torch.split(torch.arange(len(action)), _BATCH)
     with torch.no_grad():
         return torch.cat([model.after(before[i], window[i], action[i], contexts[i]) for i in parts])
 
 
 def unchanged(samples: PushSamples) -> Tensor:
-    """The trivial prediction: nothing happens."""
+    """Trivial baseline: the surface does not change."""
     return torch.from_numpy(samples.before)
 
 
 def mean_footprint(training: PushSamples, samples: PushSamples, crop: Crop) -> Tensor:
-    """The next: every push leaves the mean of all training pushes, where it is."""
+    """Trivial baseline: every push leaves the mean footprint of the training pushes, in its pose."""
     seen = in_pose(training, crop)
     weight = seen.known.float()
     footprint = (seen.change * weight).sum(0) / weight.sum(0).clamp(min=1.0)
@@ -65,7 +78,7 @@ def mean_footprint(training: PushSamples, samples: PushSamples, crop: Crop) -> T
 
 
 def score(predicted: Tensor, samples: PushSamples, crop: Crop) -> PushScores:
-    """Scores of predicted heights [N, H, W]."""
+    """Scores of predicted heights [N, H, W], metres."""
     known = torch.from_numpy(samples.known)
     error = predicted - torch.from_numpy(samples.after)
     _, window, action = _tensors(samples)
@@ -85,72 +98,73 @@ def score(predicted: Tensor, samples: PushSamples, crop: Crop) -> PushScores:
 
 @dataclass(frozen=True)
 class Floor:
-    """What no model can beat that does not foresee noise: how far the changes of repeated actions scatter."""
+    """Noise floor: the variance of the changes of repeated actions, which no model can predict."""
 
     l_3d_mm2: float
     l_viz: float
     window_l_3d_mm2: float
     window_l_viz: float
     actions: int
-    """That were repeated."""
+    """Number of repeated actions."""
 
 
 def floor(samples: PushSamples, crop: Crop) -> Floor | None:
-    """From rows that repeat an action: the variance of their changes, unbiased; None without any repeat.
+    """Unbiased variance of the changes among rows that repeat an action; None without repeats.
 
-    It holds the noise of both scans, as every score does.
+    Like every score, it contains the noise of both scans.
     """
     seen = in_pose(samples, crop)
     _, window, _ = _tensors(samples)
     change = torch.from_numpy(samples.after) - torch.from_numpy(samples.before)
     known = torch.from_numpy(samples.known)
-    found: list[tuple[float, ...]] = []
+    variances: list[tuple[float, ...]] = []
     for action in np.unique(samples.action_id):
         index = torch.from_numpy(np.flatnonzero(samples.action_id == action))
         if len(index) > 1 and _one_window(window[index]):
             pose = _scatter(seen.change[index], seen.known[index], crop.pixels_per_m)
-            found.append((*pose, *_scatter(change[index], known[index], samples.pixels_per_m)))
-    if not found:
+            variances.append((*pose, *_scatter(change[index], known[index], samples.pixels_per_m)))
+    if not variances:
         return None
-    height, slope, window_height, window_slope = (float(value) for value in np.mean(found, axis=0))
-    return Floor(height, slope, window_height, window_slope, len(found))
+    height, slope, window_height, window_slope = (float(value) for value in np.mean(variances, axis=0))
+    return Floor(height, slope, window_height, window_slope, len(variances))
 
 
 def scores(
     model: PushModel, training: PushSamples, held_out: PushSamples, everything: PushSamples, context: int = 0
 ) -> dict[str, Any]:
-    """metrics.json of a model: held-out scores of it and of what is trivial, and the floor of all repeated actions.
+    """Content of metrics.json: held-out scores of the model and of trivial baselines, and the noise floor of all
+    repeated actions.
 
-    How far it is above the floor is said of the same pushes, the repeated actions among the held-out ones: noise grows
-    with what a push moves, so that a floor of small pushes is none for large ones.
+    The ratio to the floor is computed on the repeated actions among the held-out ones: noise grows with the moved
+    volume, so a floor of small pushes does not apply to large ones.
     """
     crop = model.facts.crop
     predicted = predict(model, held_out, context)
-    own = score(predicted, held_out, crop)
-    found: dict[str, Any] = {
+    model_score = score(predicted, held_out, crop)
+    metrics: dict[str, Any] = {
         "held_out": {
-            "model": asdict(own),
+            "model": asdict(model_score),
             "mean_footprint": asdict(score(mean_footprint(training, held_out, crop), held_out, crop)),
             "unchanged": asdict(score(unchanged(held_out), held_out, crop)),
         }
     }
-    lowest = floor(everything, crop)
-    if lowest is not None:
-        found["floor"] = asdict(lowest)
+    noise_floor = floor(everything, crop)
+    if noise_floor is not None:
+        metrics["floor"] = asdict(noise_floor)
     again = repeated(held_out)
-    lowest = floor(held_out, crop)
-    if lowest is not None:
-        own = score(predicted[torch.from_numpy(again)], held_out.pick(again), crop)
-        found["held_out_repeats"] = {
-            "model": asdict(own),
-            "floor": asdict(lowest),
-            "over_floor": {name: getattr(own, name) / getattr(lowest, name) for name in _OF_THE_FLOOR},
+    noise_floor = floor(held_out, crop)
+    if noise_floor is not None:
+        model_score = score(predicted[torch.from_numpy(again)], held_out.pick(again), crop)
+        metrics["held_out_repeats"] = {
+            "model": asdict(model_score),
+            "floor": asdict(noise_floor),
+            "over_floor": {name: getattr(model_score, name) / getattr(noise_floor, name) for name in _FLOOR_SCORES},
         }
-    return found
+    return metrics
 
 
 def repeated(samples: PushSamples) -> NDArray[np.bool_]:
-    """[N] which rows repeat an action of another row."""
+    """[N] which rows repeat the action of another row."""
     _, index, times = np.unique(samples.action_id, return_inverse=True, return_counts=True)
     return np.asarray(times[index] > 1)
 
@@ -190,3 +204,81 @@ def _tensors(samples: PushSamples) -> tuple[Tensor, Tensor, Tensor]:
         torch.from_numpy(samples.window_m.astype(np.float32)),
         torch.from_numpy(samples.action.astype(np.float32)),
     )
+
+
+def cloud(height_m: NDArray[Any], known: NDArray[np.bool_], pixels_per_m: float) -> Array:
+    """Points [P, 3] in metres of the known pixels of a height map [H, W]; x along columns, y up."""
+    row, column = np.nonzero(known)
+    return np.stack([column / pixels_per_m, -row / pixels_per_m, height_m[row, column]], axis=1).astype(np.float64)
+
+
+def thinned(points: Array, voxel_m: float, center_m: Array) -> Array:
+    """One point for each occupied voxel: the mean of its points.
+
+    ``center_m`` [3] is the centre of a voxel. With a centre at the height of the surface, noise does not split the
+    surface into two layers.
+    """
+    _, index = np.unique(np.floor((points - center_m) / voxel_m + 0.5).astype(np.int64), axis=0, return_inverse=True)
+    index = index.reshape(-1)
+    count = np.bincount(index)
+    return np.stack([np.bincount(index, points[:, axis]) / count for axis in range(3)], axis=1)
+
+
+def chamfer(one: Array, other: Array) -> float:
+    """Mean distance from each point to the nearest point of the other cloud, summed over both directions, metres."""
+    there, back = cKDTree(other).query(one)[0], cKDTree(one).query(other)[0]
+    return float(there.mean() + back.mean())
+
+
+def earth_movers(one: Array, other: Array, seed: int = 0) -> float:
+    """Mean distance of the optimal assignment of points, metres; the larger cloud is subsampled to the smaller one's
+    size."""
+    rng = np.random.default_rng(seed)
+    size = min(len(one), len(other))
+    one, other = (c if len(c) == size else c[np.sort(rng.permutation(len(c))[:size])] for c in (one, other))
+    ways = np.linalg.norm(one[:, None] - other[None], axis=2)
+    return float(ways[linear_sum_assignment(ways)].mean())
+
+
+def hillshade(height_m: NDArray[Any], pixels_per_m: float) -> NDArray[np.uint8]:
+    """Grey uint8 [H, W] of heights [H, W] lit from the upper left; row 0 is the top."""
+    down, across = np.gradient(np.asarray(height_m, dtype=np.float64) * pixels_per_m * _SLOPE_GAIN)
+    # A surface that rises to the right leans to the left; one that rises down the image leans up it.
+    normal = np.stack([-across, down, np.ones_like(down)], axis=-1)
+    lit = normal @ _LIGHT / np.linalg.norm(normal, axis=-1)
+    return np.asarray(np.rint(255 * np.clip(lit, 0.0, 1.0)), dtype=np.uint8)
+
+
+def comparison(
+    before_m: NDArray[Any],
+    measured_m: NDArray[Any],
+    predicted_m: NDArray[Any],
+    known: NDArray[np.bool_],
+    pixels_per_m: float,
+) -> NDArray[np.uint8]:
+    """RGB uint8 picture with a row for each of [N, H, W] pushes: before, measured, predicted, error (red: predicted too
+    high)."""
+    rows = []
+    for before, measured, predicted, seen in zip(before_m, measured_m, predicted_m, known, strict=True):
+        shaded = [_rgb(hillshade(height, pixels_per_m)) for height in (before, measured, predicted)]
+        rows.append(_beside([*shaded, _signed(np.where(seen, predicted - measured, 0.0))], axis=1))
+    return _beside(rows, axis=0)
+
+
+def _rgb(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.repeat(grey[..., None], 3, axis=-1)
+
+
+def _signed(error_m: NDArray[Any]) -> NDArray[np.uint8]:
+    share = np.clip(error_m / _MAX_ERROR_M, -1.0, 1.0)[..., None]
+    red, blue = np.array([178.0, 24.0, 43.0]), np.array([33.0, 102.0, 172.0])
+    full = np.where(share > 0, red, blue)
+    return np.asarray(np.rint(255.0 + np.abs(share) * (full - 255.0)), dtype=np.uint8)
+
+
+def _beside(pictures: Sequence[NDArray[np.uint8]], axis: int) -> NDArray[np.uint8]:
+    shape = list(pictures[0].shape)
+    shape[axis] = _GAP_PX
+    gap = np.full(shape, 255, dtype=np.uint8)
+    parts = [part for picture in pictures for part in (gap, picture)][1:]
+    return np.concatenate(parts, axis=axis)

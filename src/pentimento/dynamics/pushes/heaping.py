@@ -1,9 +1,9 @@
-"""What a travelling tool heaps up around itself, step by step.
+"""Displacement of material by a travelling tool, step by step along its path.
 
-At each step of its way the tool takes off what stands above its underside and lays it around what it touches: ahead of
-it more than behind it, hardly at all into the groove that it has just made. What it meets again, it takes along: so
-heaps grow ahead of a tool and are shed at its sides. An old hole takes what falls into it, as far as the tool leaves
-room there.
+At each step the tool removes the material above its underside and deposits it around the contact: more ahead of the
+tool than behind it, and almost none in the groove that it has just made. Deposited material that the tool meets again
+is moved along, so heaps grow ahead of a tool and are shed at its sides. An old hole takes the material that falls into
+it, as far as the tool leaves room there.
 """
 
 from __future__ import annotations
@@ -20,74 +20,77 @@ from pentimento.dynamics.pushes.contact import Sweep, above_tip
 Array = NDArray[Any]
 
 _PITCH = 0.45
-"""Half-widths of the footprint from step to step."""
-_FEWEST_STEPS = 4
+"""Distance between steps, in half-widths of the footprint."""
+_MIN_STEPS = 4
 _MAX_STEPS = 12
 _WIDTHS = 3.0
-"""Of the Gaussian by which material is laid around the contact: beyond, none is."""
+"""Reach of the Gaussian deposition kernel, in standard deviations."""
 _FAR = np.float32(5)
-"""In softnesses of the contact's edge: beyond it, there is no contact."""
-_OPEN_M = np.float32(0.0004)
-"""A groove this deep takes half of what level ground takes."""
-_WIDEST = np.float32(2.6)
-"""Half-widths of the footprint: no part of a tool counts further out."""
-_RADII = 64
+"""Distance in softnesses of the contact edge beyond which there is no contact."""
+_GROOVE_M = np.float32(0.0004)
+"""Depth of a groove that takes half as much material as level ground."""
+_MAX_RADIUS = np.float32(2.6)
+"""Radius of the tool in half-widths of the footprint."""
+_PROFILE_SAMPLES = 64
+"""Samples of the tool's profile."""
 _TINY = np.float32(1e-12)
-_MIN = np.float32(0.02)
-"""Of what is laid at the sides: so much at least is laid anywhere."""
+"""Avoids a division by zero on the tool's axis."""
+_MIN_WEIGHT = np.float32(0.02)
+"""Lower bound of the direction and stand-off factors of the deposit."""
 
 
 def heaped(sweep: Sweep, width_px: float, facing: float, stand_off: float) -> Array:
-    """How high material lies around the grooves of B pushes in the end, float32[B, H, W] metres; all that is taken off
-    is laid down again.
+    """Height of the deposit around the grooves of B pushes, float32[B, H, W] metres; material is conserved.
 
     Args:
-        width_px: of the Gaussian by which it is laid around the contact.
-        facing: how much more of it a place straight ahead of a level way takes than one at the side.
-        stand_off: how much less of it lies right at the contact's edge; 0: no less, 2: nothing lies at a straight one.
+        width_px: standard deviation of the deposition kernel around the contact.
+        facing: extra deposit straight ahead of a level travel, relative to the sides.
+        stand_off: reduction of the deposit at the contact edge; 0: none, 2: no deposit at a straight edge.
     """
     reach = math.ceil(_WIDTHS * width_px)
     kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / width_px) / 2)
     kernel = (kernel / kernel.sum()).astype(np.float32)
     pitch = _PITCH * sweep.fixed[4]
-    steps = np.clip(np.ceil(sweep.moved[:, 3] / pitch) + 1, _FEWEST_STEPS, _MAX_STEPS).astype(np.int64)
-    laid = np.zeros_like(sweep.before)
+    steps = np.clip(np.ceil(sweep.motion[:, 3] / pitch) + 1, _MIN_STEPS, _MAX_STEPS).astype(np.int64)
+    deposit = np.zeros_like(sweep.before)
     shape = np.array([facing, stand_off], dtype=np.float32)
-    _heap(sweep.single(), kernel, shape, steps, laid)
-    return laid
+    _displace(sweep.single(), kernel, shape, steps, deposit)
+    return deposit
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _heap(sweep: Sweep, kernel: Array, shape: Array, steps: Array, laid: Array) -> None:
-    before, along, across, moved, deep, knots, fixed = sweep
+def _displace(sweep: Sweep, kernel: Array, shape: Array, steps: Array, deposit: Array) -> None:
+    before, along, across, motion, tip_depth, knots, fixed = sweep
     radius, aspect, corners, edge, half_width = fixed
     facing, stand_off = shape
-    one, whole = np.float32(1), np.float32(deep.shape[1] - 1)
+    one, whole = np.float32(1), np.float32(tip_depth.shape[1] - 1)
     rows, columns = before.shape[1:]
-    apart = _WIDEST * half_width / np.float32(_RADII - 1)
-    profile = np.empty(_RADII, np.float32)
-    for n in range(_RADII):
+    apart = _MAX_RADIUS * half_width / np.float32(_PROFILE_SAMPLES - 1)
+    profile = np.empty(_PROFILE_SAMPLES, np.float32)
+    for n in range(_PROFILE_SAMPLES):
         profile[n] = above_tip(apart * np.float32(n), radius, knots)
     ground, contact = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
     spread, weight = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
     for b in range(before.shape[0]):
-        shift, aside, _, length, wider, _ = moved[b]
+        shift, aside, _, length, wider, _ = motion[b]
         narrower = np.float32(math.exp(-wider))
         ground[:] = before[b]
-        highest = before[b].max() + deep[b].max() + _FAR * edge
+        highest = before[b].max() + tip_depth[b].max() + _FAR * edge
         n = 1
-        while n < _RADII - 1 and profile[n] < highest:
+        while n < _PROFILE_SAMPLES - 1 and profile[n] < highest:
             n += 1
         side_m = apart * np.float32(n) / (narrower * min(aspect, one) * math.sqrt(one - max(corners, np.float32(0))))
-        lowest = max(deep[b, deep.shape[1] - 1], np.float32(1e-4))
+        lowest = max(tip_depth[b, tip_depth.shape[1] - 1], np.float32(1e-4))
         ahead = facing * length / np.float32(math.hypot(length, lowest))
         right_m, left_m = along[b, 0, 1] - along[b, 0, 0], across[b, 0, 1] - across[b, 0, 0]
         pixel2 = right_m * right_m + left_m * left_m
         side = int(side_m / math.sqrt(pixel2)) + 1
         for step in range(steps[b]):
             part = np.float32(step) / np.float32(steps[b] - 1)
-            station = min(int(part * whole), deep.shape[1] - 2)
-            depth = deep[b, station] + (part * whole - station) * (deep[b, station + 1] - deep[b, station])
+            station = min(int(part * whole), tip_depth.shape[1] - 2)
+            depth = tip_depth[b, station] + (part * whole - station) * (
+                tip_depth[b, station + 1] - tip_depth[b, station]
+            )
             u0 = shift + part * length
             # Rows run down: across the columns' direction.
             u, v = u0 - along[b, 0, 0], aside - across[b, 0, 0]
@@ -98,12 +101,12 @@ def _heap(sweep: Sweep, kernel: Array, shape: Array, steps: Array, laid: Array) 
             )  # fmt: skip
             taken, box = _take(
                 (u0, aside, depth, narrower, aspect, corners, edge, apart), box, profile, along[b], across[b], ground,
-                contact, laid[b],
+                contact, deposit[b],
             )  # fmt: skip
             if taken > 0:
-                _lay(
+                _deposit(
                     taken, (u0, aside, ahead, stand_off, half_width), box, kernel, before[b], along[b], across[b],
-                    ground, contact, spread, weight, laid[b],
+                    ground, contact, spread, weight, deposit[b],
                 )  # fmt: skip
 
 
@@ -116,10 +119,11 @@ def _take(
     across: Array,
     ground: Array,
     contact: Array,
-    laid: Array,
+    deposit: Array,
 ) -> tuple[np.float32, tuple[int, int, int, int]]:
-    """Take off what stands above the tool within a box of pixels (first and last row, column), and tell where it
-    touches: how much it is, summed over pixels, and the box around the contact.
+    """Remove the material above the tool within a box of pixels (first and last row, column), and find the contact.
+
+    Returns the removed height, summed over pixels, and the box around the contact.
     """
     u0, v0, depth, narrower, aspect, corners, edge, apart = numbers
     one, zero, last_radius = np.float32(1), np.float32(0), np.float32(len(profile) - 1)
@@ -136,7 +140,7 @@ def _take(
                 continue
             n = int(away)
             tool = profile[n] + (away - n) * (profile[n + 1] - profile[n]) - depth
-            over = ground[i, j] + laid[i, j] - tool
+            over = ground[i, j] + deposit[i, j] - tool
             ratio = over / edge
             if ratio < -_FAR:
                 continue
@@ -145,14 +149,14 @@ def _take(
             touched = min(touched[0], i), max(touched[1], i), min(touched[2], j), max(touched[3], j)
             if over > zero:
                 taken += over
-                again = min(over, laid[i, j])
-                laid[i, j] -= again
+                again = min(over, deposit[i, j])
+                deposit[i, j] -= again
                 ground[i, j] -= over - again
     return taken, touched
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "arcp"})
-def _lay(
+def _deposit(
     taken: np.float32,
     numbers: tuple[float, float, float, float, float],
     box: tuple[int, int, int, int],
@@ -164,15 +168,16 @@ def _lay(
     contact: Array,
     spread: Array,
     weight: Array,
-    laid: Array,
+    deposit: Array,
 ) -> None:
-    """Lay what was taken around the contact, which is within the box of pixels (first and last row, column)."""
+    """Deposit the removed material around the contact, which lies within the box of pixels (first and last row,
+    column)."""
     u0, v0, ahead, stand_off, half_width = numbers
-    one, zero, per_open = np.float32(1), np.float32(0), 1 / _OPEN_M
+    one, zero, per_groove = np.float32(1), np.float32(0), 1 / _GROOVE_M
     top, bottom, first, last = box
     reach = len(kernel) // 2
-    high, low = max(top - reach, 0), min(bottom + reach, laid.shape[0] - 1)
-    left, right = max(first - reach, 0), min(last + reach, laid.shape[1] - 1)
+    high, low = max(top - reach, 0), min(bottom + reach, deposit.shape[0] - 1)
+    left, right = max(first - reach, 0), min(last + reach, deposit.shape[1] - 1)
     width = right - left + 1  # loops from 0 up are compiled to vectors
     for i in range(top, bottom + 1):
         spread[i, left : right + 1] = zero
@@ -193,10 +198,10 @@ def _lay(
         u, v = along[i, left : right + 1], across[i, left : right + 1]
         first_m, now_m = before[i, left : right + 1], ground[i, left : right + 1]
         for j in range(width):
-            ahead_m, aside_m, lowered = u[j] - u0, v[j] - v0, (first_m[j] - now_m[j]) * per_open
+            ahead_m, aside_m, lowered = u[j] - u0, v[j] - v0, (first_m[j] - now_m[j]) * per_groove
             away_m = np.float32(math.sqrt(ahead_m * ahead_m + aside_m * aside_m)) + half_width / 2
-            row[j] *= max(one - stand_off * row[j], _MIN) / (one + lowered * lowered)
-            row[j] *= max(one + ahead * ahead_m / away_m, _MIN)
+            row[j] *= max(one - stand_off * row[j], _MIN_WEIGHT) / (one + lowered * lowered)
+            row[j] *= max(one + ahead * ahead_m / away_m, _MIN_WEIGHT)
         if top <= i <= bottom:
             for j in range(first, last + 1):
                 weight[i, j] *= one - contact[i, j]
@@ -205,6 +210,6 @@ def _lay(
     if total > zero:
         share = taken / total
         for i in range(high, low + 1):
-            row, onto = weight[i, left : right + 1], laid[i, left : right + 1]
+            row, onto = weight[i, left : right + 1], deposit[i, left : right + 1]
             for j in range(width):
                 onto[j] += share * row[j]

@@ -1,8 +1,9 @@
-"""Rows of the ``pushes`` contract as arrays: heights in metres on one grid, holes filled, the table's tilt taken off.
+"""Rows of the ``pushes`` contract as arrays: heights in metres on one pixel size, holes filled, the table's tilt
+removed.
 
-Three repairs are made and counted: holes are filled from their measured neighbours (and stay marked, so that they never
-count in a loss or a metric), the reported tilt of the table is taken off both scans, and rows that make no sample, or
-say again what an earlier row said, are left out. More bad rows than the contract bears are an error.
+Three repairs are made and counted. Holes are filled from their measured neighbours; they stay marked and never count in
+a loss or a metric. The reported tilt of the table is subtracted from both scans. Rows that are unusable, or copies
+of an earlier row, are left out. More unusable rows than the contract allows are an error.
 """
 
 from __future__ import annotations
@@ -22,11 +23,14 @@ from pentimento.contracts.height_maps import decode_height_m, level, surface_at_
 from pentimento.contracts.tables import MAX_BAD_SHARE
 from pentimento.planning.pushes.holes import fill_holes
 
-_HIGHEST_M = 1.0
-"""No slab on a table is as high, and no push as long: beyond it, numbers are in millimetres."""
+_MAX_LENGTH_M = 1.0
+"""No slab on a table is as high and no push as long: larger numbers must be in millimetres."""
 _MAX_HOLES = 0.5
+"""Maximum share of holes in a scan."""
 _NOT_COVARIATES = ("action_id", "height_per_unit_m")
-_LISTED = 8
+"""Numeric columns that are not covariates."""
+_MAX_LISTED = 8
+"""Row numbers that an error message lists."""
 
 
 class PushSamples(NamedTuple):
@@ -46,14 +50,14 @@ class PushSamples(NamedTuple):
     action_id: NDArray[np.int64]
     """[N]: rows of one value repeat the same command."""
     surface_m: NDArray[np.float64]
-    """[N]: height at the start, from which the depth counts, as the robot reads it off the scan before."""
+    """[N]: height at the start, from which the depth counts, as the robot reads it from the scan before."""
     session: NDArray[np.str_]
     tool: NDArray[np.str_]
     material: NDArray[np.str_]
     kind: NDArray[np.str_]
     """[N] each."""
     covariates: dict[str, NDArray[np.float64]]
-    """[N] of each other column of single numbers, NaN where unknown; "order" is among them."""
+    """[N] of each other numeric column, NaN where unknown; "order" is among them."""
 
     def pick(self, index: NDArray[Any] | slice) -> PushSamples:
         """The samples with these indices, or where a mask [N] is true."""
@@ -65,31 +69,31 @@ class PushSamples(NamedTuple):
 
 
 class Repairs(NamedTuple):
-    """What was done to a table before it became samples."""
+    """Repairs made to a table before it became samples."""
 
     rows: int
-    """Of the table as given."""
+    """Rows of the table as given."""
     bad: dict[int, str]
-    """Row of the table as given, and why it makes no sample."""
+    """Row number of each unusable row, and the reason."""
     copies: tuple[int, ...]
-    """Rows that say again what an earlier row says: they would pass for repeats without any noise."""
+    """Rows that duplicate an earlier row. They would count as repeats without noise."""
     tilted: int
-    """Samples whose scans were freed of a tilt that their row reports."""
+    """Number of samples from whose scans the reported tilt was subtracted."""
     holes: float
     """Share of the pixels that were not measured in both scans."""
 
     def sentences(self) -> list[str]:
-        """What was repaired, for a person."""
-        said = []
+        """The repairs as sentences for the report."""
+        sentences = []
         if self.bad:
-            said.append(f"{_rows(list(self.bad))} cannot be used and left out: {_why(self.bad)}.")
+            sentences.append(f"{_rows(list(self.bad))} cannot be used and left out: {_reasons(self.bad)}.")
         if self.copies:
-            said.append(f"{_rows(list(self.copies))} repeat an earlier row exactly and are left out.")
+            sentences.append(f"{_rows(list(self.copies))} repeat an earlier row exactly and are left out.")
         if self.tilted:
-            said.append(f"The table's reported tilt was taken off the scans of {self.tilted} rows.")
+            sentences.append(f"The table's reported tilt was taken off the scans of {self.tilted} rows.")
         if self.holes:
-            said.append(f"{self.holes:.2%} of the pixels are holes; they were filled and count in no score.")
-        return said
+            sentences.append(f"{self.holes:.2%} of the pixels are holes; they were filled and count in no score.")
+        return sentences
 
 
 class _Row(NamedTuple):
@@ -103,14 +107,14 @@ class _Row(NamedTuple):
 
 
 def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSamples, Repairs]:
-    """Rows of a table that keeps the ``pushes`` contract, as arrays, and what was repaired.
+    """Rows of a table that keeps the ``pushes`` contract, as arrays, and the repairs made.
 
     Args:
-        pixels_per_m: scans finer than this are averaged down, by a whole factor, to about it.
+        pixels_per_m: finer scans are averaged down, by a whole factor, to about this.
 
     Raises:
-        ContractError: no row, more than 1 % of the rows (and more than one) make no sample, or they differ in pixel
-            size.
+        ContractError: there is no row, more than 1 % of the rows (and more than one) are unusable, or they differ in
+            pixel size.
     """
     if table.num_rows == 0:
         raise ContractError("The pushes table has no rows: collect pushes first, or check its quarantine report.")
@@ -125,16 +129,16 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
         except PentimentoError as error:
             bad[number] = str(error)
             continue
-        said = _fingerprint(row)
-        if said in seen:
+        fingerprint = _fingerprint(row)
+        if fingerprint in seen:
             copies.append(number)
             continue
-        seen.add(said)
+        seen.add(fingerprint)
         loaded[number] = sample
     if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
         raise ContractError(
             f"{len(bad)} of {table.num_rows} rows of the pushes table cannot be used ({_rows(list(bad))}): "
-            f"{_why(bad)}. Repair the recording; at most 1 % of the rows is left out."
+            f"{_reasons(bad)}. Repair the recording; at most 1 % of the rows is left out."
         )
     samples = _stacked(list(loaded.values()), table.take(list(loaded)))
     tilted = sum(sample.tilted for sample in loaded.values())
@@ -146,17 +150,17 @@ def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
     window = np.asarray(row["window_m"], dtype=np.float64)
     _check_action(action, row["kind"], window)
     before, after = (decode_height_m(row[name]["bytes"], row["height_per_unit_m"]) for name in ("before", "after"))
-    tilted = _take_off_plane((before, after), window, row.get("table_plane"))
+    tilted = _subtract_plane((before, after), window, row.get("table_plane"))
     for name, height in (("before", before), ("after", after)):
         holes = float(np.isnan(height).mean())
         if holes > _MAX_HOLES:
             raise ContractError(f"{holes:.0%} of its scan {name} are holes")
-        if not abs(float(np.nanmedian(height))) < _HIGHEST_M:
+        if not abs(float(np.nanmedian(height))) < _MAX_LENGTH_M:
             raise ContractError(
                 f"its heights {name} are about {float(np.nanmedian(height)):.3g} m: give height_per_unit_m in metres, "
                 "not millimetres"
             )
-    # Of the scan before alone, as fine as it was: what the one after does not show was there when the robot read.
+    # From the scan before at full resolution, as the robot read it; holes of the scan after do not matter here.
     surface_m = surface_at_m(before, tuple(window), action[0], action[1])
     scale = frames.pixels_per_m(before.shape, window)
     factor = max(round(scale / pixels_per_m), 1)
@@ -170,7 +174,7 @@ def _check_action(action: NDArray[np.float64], kind: str, window: NDArray[np.flo
     x, y, theta, length, depth = action
     if min(length, depth) < 0:
         raise ContractError("its action has a negative length or depth")
-    if max(length, depth) >= _HIGHEST_M:
+    if max(length, depth) >= _MAX_LENGTH_M:
         raise ContractError(f"its action goes {length:.3g} m far and {depth:.3g} m deep: give metres, not millimetres")
     travel = length if kind == "push" else 0.0
     ends = np.array([[x, y], [x + travel * math.cos(theta), y + travel * math.sin(theta)]])
@@ -178,8 +182,8 @@ def _check_action(action: NDArray[np.float64], kind: str, window: NDArray[np.flo
         raise ContractError("its action leaves the window that its scans show")
 
 
-def _take_off_plane(heights: tuple[NDArray[np.float64], ...], window: NDArray[np.float64], plane: Any) -> bool:
-    """Take the table's plane (a, b, c) off the heights, in place; whether there was one to take off."""
+def _subtract_plane(heights: tuple[NDArray[np.float64], ...], window: NDArray[np.float64], plane: Any) -> bool:
+    """Subtract the table's plane (a, b, c) from the heights, in place; return whether there was one."""
     if plane is None or not np.isfinite(np.asarray(plane, dtype=np.float64)).all() or not np.any(plane):
         return False
     for height in heights:
@@ -240,31 +244,31 @@ def _stacked(rows: list[_Row], table: pa.Table) -> PushSamples:
 
 
 def _covariates(table: pa.Table) -> dict[str, NDArray[np.float64]]:
-    """Every column of single numbers, NaN where null; a column without any number is none."""
-    found = {}
+    """Every numeric column, NaN where null; columns without any number are left out."""
+    covariates = {}
     for field in table.schema:
         number = pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
         if number and field.name not in _NOT_COVARIATES:
             values = np.array([math.nan if v is None else v for v in table.column(field.name).to_pylist()], np.float64)
             if np.isfinite(values).any():
-                found[field.name] = values
-    return found
+                covariates[field.name] = values
+    return covariates
 
 
 def _fingerprint(row: dict[str, Any]) -> bytes:
-    told = hashlib.sha256(repr([row["session"], row["action"], row["window_m"]]).encode())
-    told.update(row["before"]["bytes"])
-    told.update(row["after"]["bytes"])
-    return told.digest()
+    digest = hashlib.sha256(repr([row["session"], row["action"], row["window_m"]]).encode())
+    digest.update(row["before"]["bytes"])
+    digest.update(row["after"]["bytes"])
+    return digest.digest()
 
 
 def _rows(numbers: list[int]) -> str:
-    listed = ", ".join(str(number) for number in numbers[:_LISTED])
-    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
+    listed = ", ".join(str(number) for number in numbers[:_MAX_LISTED])
+    more = f" and {len(numbers) - _MAX_LISTED} more" if len(numbers) > _MAX_LISTED else ""
     return f"{'Row' if len(numbers) == 1 else 'Rows'} {listed}{more} (counted from 0)"
 
 
-def _why(bad: dict[int, str]) -> str:
+def _reasons(bad: dict[int, str]) -> str:
     return "; ".join(
         f"{count} × {reason.rstrip('.')}" if count > 1 else reason.rstrip(".")
         for reason, count in Counter(bad.values()).most_common(3)

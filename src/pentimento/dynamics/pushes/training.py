@@ -1,4 +1,4 @@
-"""Fit param2deform to measured pushes on L_3D + L_viz, in the constant pose (thesis 7.3.4)."""
+"""Training of param2deform on measured pushes, on L_3D + L_viz in the constant pose (thesis 7.3.4)."""
 
 from __future__ import annotations
 
@@ -17,27 +17,25 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.dynamics.pushes.losses import height_errors, slope_errors
 from pentimento.dynamics.pushes.measured import PushSamples
 from pentimento.dynamics.pushes.param2deform import Param2Deform
-from pentimento.dynamics.pushes.pose import Crop
-from pentimento.dynamics.pushes.posed_samples import PoseSamples
+from pentimento.dynamics.pushes.pose import Crop, PoseSamples, height_errors, slope_errors
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
 
 Log = Callable[[str, float, int], None]
 
 _TOOL_STEPS, _TOOL_RATE = 120, 0.05
-"""Of the fit of the tool's few numbers that comes before the network's."""
+"""Steps and learning rate (``_TOOL_RATE``) of the fit of the tool's parameters, which precedes the network's."""
 
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """How param2deform is fitted."""
+    """Hyper-parameters of param2deform."""
 
     side_px: int
-    """Of the constant pose's square, at the scan's pixel size."""
+    """Side of the constant pose's square, at the scan's pixel size."""
     behind_m: float
-    """How much of the square lies behind the start of a push; of a pinch it is half the square."""
+    """Extent of the square behind the start of a push; a pinch is at its centre."""
     channels: int
     members: int
     """Networks of the ensemble."""
@@ -47,7 +45,7 @@ class TrainingConfig:
     visual_weight: float
     """Weight of L_viz beside L_3D, in mm²; 0 trains on L_3D alone."""
     held_out: float
-    """Share of the actions kept for the metrics."""
+    """Share of the actions held out for the metrics."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -60,7 +58,7 @@ class TrainingConfig:
 
 
 def crop_for(samples: PushSamples, config: TrainingConfig) -> Crop:
-    """The constant pose of a table's pushes; a pinch is in the middle of its square.
+    """The constant pose of a table's pushes; a pinch is at the centre of its square.
 
     Raises:
         ContractError: the table holds pushes and pinches.
@@ -73,24 +71,25 @@ def crop_for(samples: PushSamples, config: TrainingConfig) -> Crop:
 
 
 def split_by_action(samples: PushSamples, held_out: float, seed: int) -> tuple[PushSamples, PushSamples]:
-    """(training, held-out) samples; repeats of one action stay together, and are held out in the same share as others.
+    """(training, held-out) samples. Repeats of an action stay together; repeated and single actions are held out in the
+    same proportion.
 
     Raises:
         ContractError: no action is left to train on.
     """
     actions, times = np.unique(samples.action_id, return_counts=True)
     rng = np.random.default_rng(seed)
-    mixed = [rng.permutation(actions[some]) for some in (times > 1, times == 1)]
-    apart = np.concatenate([part[: round(held_out * len(part))] for part in mixed])
-    if not len(apart):
-        apart = np.concatenate(mixed)[:1]
-    if len(apart) == len(actions):
+    shuffled = [rng.permutation(actions[some]) for some in (times > 1, times == 1)]
+    held_out_actions = np.concatenate([part[: round(held_out * len(part))] for part in shuffled])
+    if not len(held_out_actions):
+        held_out_actions = np.concatenate(shuffled)[:1]
+    if len(held_out_actions) == len(actions):
         raise ContractError(
-            f"Of {len(actions)} actions in the pushes, {len(apart)} would be held out and none trained on: "
+            f"Of {len(actions)} actions in the pushes, {len(held_out_actions)} would be held out and none trained on: "
             "record more pushes or lower train_push_dynamics.held_out."
         )
-    is_apart = np.isin(samples.action_id, apart)
-    return samples.pick(~is_apart), samples.pick(is_apart)
+    in_held_out = np.isin(samples.action_id, held_out_actions)
+    return samples.pick(~in_held_out), samples.pick(in_held_out)
 
 
 def loss(difference_m: Tensor, known: Tensor, pixels_per_m: float, visual_weight: float) -> Tensor:
@@ -109,7 +108,7 @@ def train(
     config: TrainingConfig,
     log: Log,
 ) -> PushModel:
-    """Fit an ensemble; ``log("loss", value, epoch)`` is called after every epoch, the members' one after the other."""
+    """Fit an ensemble; ``log("loss", value, epoch)`` is called after every epoch, for one member after the other."""
     facts = PushFacts(
         kind, tuple(contexts), crop, config.channels,
         float(samples.length_m.max()), float(samples.depth_m.max()), config.members,
@@ -139,10 +138,10 @@ def train(
 
 
 def fit_tool(network: Param2Deform, samples: PoseSamples, crop: Crop, config: TrainingConfig) -> None:
-    """Fit the tool's few numbers alone, so that the network learns only what geometry does not say."""
+    """Fit the tool's parameters alone, so that the network learns only what geometry does not explain."""
     network.tool.data[:, 4] = 0.5
-    own = [network.tool] if network.apart is None else [network.tool, network.apart]
-    optimizer = torch.optim.Adam(own, lr=_TOOL_RATE)
+    tool_parameters = [network.tool] if network.apart is None else [network.tool, network.apart]
+    optimizer = torch.optim.Adam(tool_parameters, lr=_TOOL_RATE)
     generator = torch.Generator().manual_seed(config.seed)
     for _ in range(_TOOL_STEPS):
         some = samples.pick(torch.randperm(len(samples.state), generator=generator)[: 2 * config.batch])
@@ -188,7 +187,7 @@ class _Fit(lightning.LightningModule):
 
 @contextmanager
 def _quiet_lightning() -> Iterator[None]:
-    """Lightning advertises and advises on start-up; none of it concerns a network of this size."""
+    """Suppress Lightning's start-up messages, which do not apply to a network of this size."""
     logger = logging.getLogger("lightning.pytorch")
     level = logger.level
     logger.setLevel(logging.ERROR)

@@ -1,4 +1,4 @@
-"""What all causes of the vocabulary have in common, and what each does."""
+"""Mechanisms of pushes: properties that all share, and the effect of each."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from pentimento.diagnosis.pushes.modes import of_the_command
 from pentimento.dynamics.pushes.analytic import BASE, AnalyticPush, first_model, identity, touch
 from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
 from pentimento.dynamics.pushes.mechanisms import LOOKALIKES, VOCABULARY, Mechanism
-from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
+from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable, spread
 from pentimento.dynamics.pushes.mechanisms.slope_slide import relaxed
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank
 
@@ -30,7 +31,9 @@ def seen() -> PushScene:
 @pytest.fixture(scope="module")
 def base(seen: PushScene) -> AnalyticPush:
     model = first_model(seen)
-    return model.at(np.where(np.array(BASE) == "give_mm", 1.0, model.base))  # what is harder must be felt
+    return model.at(
+        np.where(np.array(BASE) == "give_mm", 1.0, model.base)
+    )  # compliant, so that hardening has an effect
 
 
 def with_values(kind: type[Mechanism], seen: PushScene, *values: float) -> Mechanism:
@@ -41,31 +44,31 @@ def typical(kind: type[Mechanism]) -> list[float]:
     return [quantity.typical for quantity in kind.quantities]
 
 
-def test_the_vocabulary_is_that_of_gap_md() -> None:
+def test_vocabulary_matches_documentation() -> None:
     material = "springback volume_loss slope_slide far_field work_hardening adhesion_lift stiffness_drift"
     assert sorted(KINDS) == sorted(f"{material} height_offset tool_backlash".split())
 
 
-def test_what_tells_of_a_cause_are_columns_that_a_verdict_can_name(seen: PushScene) -> None:
-    told = {name for kind in VOCABULARY for name in kind.informative_covariates}
-    assert told <= set(seen.covariates) | set(of_the_command(replace(seen, history_known=True, worked=seen.before)))
+def test_informative_covariates_are_known_columns(seen: PushScene) -> None:
+    names = {name for kind in VOCABULARY for name in kind.informative_covariates}
+    assert names <= set(seen.covariates) | set(of_the_command(replace(seen, history_known=True, worked=seen.before)))
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
-def test_at_zero_nothing_changes(kind: type[Mechanism], seen: PushScene, base: AnalyticPush) -> None:
+def test_mechanism_at_zero_is_identity(kind: type[Mechanism], seen: PushScene, base: AnalyticPush) -> None:
     still = with_values(kind, seen, *[0.0] * len(kind.quantities))
     assert not still.active
     assert np.array_equal(base.plus(still).change(seen), base.change(seen))
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
-def test_near_zero_it_is_smooth_and_every_quantity_does_something(
+def test_mechanism_is_smooth_at_zero_in_every_quantity(
     kind: type[Mechanism], seen: PushScene, base: AnalyticPush
 ) -> None:
     plain = base.change(seen).astype(np.float64)
     for q in range(len(kind.quantities)):
         if kind.cause == "springback" and kind.quantities[q].name == "recovered_by_log_time":
-            continue  # these pushes are scanned after about the same time
+            continue  # all scans follow after about the same time
         values = np.array(typical(kind)) * (np.arange(len(kind.quantities)) == q)
         small, half, back = (
             base.plus(with_values(kind, seen, *(share * values))).change(seen) - plain for share in (0.1, 0.05, -0.1)
@@ -77,7 +80,7 @@ def test_near_zero_it_is_smooth_and_every_quantity_does_something(
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
-def test_it_stays_whole_where_what_it_depends_on_is_unknown(
+def test_mechanism_is_finite_with_unknown_covariates(
     kind: type[Mechanism], seen: PushScene, base: AnalyticPush
 ) -> None:
     gaps = {
@@ -92,27 +95,27 @@ def test_it_stays_whole_where_what_it_depends_on_is_unknown(
     ("cause", "without"),
     [("adhesion_lift", "retract_speed_m_s"), ("stiffness_drift", "t_start_s order temperature_c")],
 )
-def test_what_it_depends_on_must_have_been_recorded(cause: str, without: str, seen: PushScene) -> None:
+def test_not_observable_without_recorded_covariate(cause: str, without: str, seen: PushScene) -> None:
     columns = {name: v for name, v in seen.covariates.items() if name not in without.split()}
     with pytest.raises(NotObservable, match=r"recorded"):
         KINDS[cause].reference_of(replace(seen, covariates=columns))
 
 
-def test_hardening_needs_the_history(seen: PushScene) -> None:
+def test_work_hardening_requires_history(seen: PushScene) -> None:
     with pytest.raises(NotObservable, match="reset_id"):
         KINDS["work_hardening"].reference_of(replace(seen, history_known=False))
     with pytest.raises(NotObservable, match="hardly a push"):
         KINDS["work_hardening"].reference_of(replace(seen, worked=np.zeros_like(seen.worked)))
 
 
-def test_backlash_needs_more_than_one_direction(seen: PushScene) -> None:
+def test_backlash_requires_varied_headings(seen: PushScene) -> None:
     action = seen.action.copy()
     action[:, 2] = 0.7
     with pytest.raises(NotObservable, match="one direction"):
         KINDS["tool_backlash"].reference_of(replace(seen, action=action))
 
 
-def test_lost_volume_is_missing_from_the_rims(seen: PushScene, base: AnalyticPush) -> None:
+def test_volume_loss_reduces_rims(seen: PushScene, base: AnalyticPush) -> None:
     lossy = base.plus(with_values(KINDS["volume_loss"], seen, 0.5, 0.0))
     plain, less = base.change(seen), lossy.change(seen)
     sunk = np.maximum(-plain, 0).sum((1, 2))
@@ -120,7 +123,7 @@ def test_lost_volume_is_missing_from_the_rims(seen: PushScene, base: AnalyticPus
     assert ((share > 0.3) & (share < 0.7)).all()
 
 
-def test_hardened_places_sink_less_and_fresh_ones_as_before(seen: PushScene, base: AnalyticPush) -> None:
+def test_work_hardening_affects_only_worked_places(seen: PushScene, base: AnalyticPush) -> None:
     worked = seen.worked.max((1, 2)) > 1e-3
     assert worked.any() and (~worked).any()
     plain = base.change(seen)
@@ -131,7 +134,7 @@ def test_hardened_places_sink_less_and_fresh_ones_as_before(seen: PushScene, bas
         assert (harder[there] > plain[there]).mean() > 0.95
 
 
-def test_hard_material_keeps_an_arm_up_that_gives_way_and_no_other(seen: PushScene, base: AnalyticPush) -> None:
+def test_hardening_lifts_only_compliant_arm(seen: PushScene, base: AnalyticPush) -> None:
     hard = with_values(KINDS["work_hardening"], seen, 0.0, 0.6)
     stiff = first_model(seen)
     worked = seen.worked.max((1, 2)) > 3e-3
@@ -140,7 +143,7 @@ def test_hard_material_keeps_an_arm_up_that_gives_way_and_no_other(seen: PushSce
     assert given[worked].min() < -1e-4 and given.max() <= 1e-7
 
 
-def test_the_arm_that_turns_back_is_late_along_its_axis(seen: PushScene, base: AnalyticPush) -> None:
+def test_backlash_shifts_reversed_motion_along_its_axis(seen: PushScene, base: AnalyticPush) -> None:
     east = np.flatnonzero(np.cos(seen.action[:, 2]) > 0.9)
     late = base.plus(with_values(KINDS["tool_backlash"], seen, 0.002, 0.0)).change(seen)
     plain = base.change(seen)
@@ -154,7 +157,7 @@ def centre(change: np.ndarray, along: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("by", "column"), [((5e-4, 0.0), "retract_speed_m_s"), ((0.0, 5e-4), "dwell_s")])
-def test_a_faster_retract_and_a_longer_rest_leave_a_higher_end(
+def test_adhesion_lift_grows_with_retract_speed_and_dwell(
     seen: PushScene, base: AnalyticPush, by: tuple[float, float], column: str
 ) -> None:
     lifted = base.plus(with_values(KINDS["adhesion_lift"], seen, *by)).change(seen) - base.change(seen)
@@ -165,7 +168,7 @@ def test_a_faster_retract_and_a_longer_rest_leave_a_higher_end(
     assert np.abs(lifted.sum((1, 2))).max() < 0.05 * np.abs(lifted).sum((1, 2)).max()
 
 
-def test_a_pile_runs_off_to_its_angle_and_keeps_its_volume() -> None:
+def test_slide_relaxes_pile_to_angle_of_repose_and_conserves_volume() -> None:
     pile = np.zeros((1, 21, 21), np.float32)
     pile[0, 10, 10] = 1.0
     left = relaxed(pile, np.float32(0.05), 4000)[0]
@@ -175,8 +178,8 @@ def test_a_pile_runs_off_to_its_angle_and_keeps_its_volume() -> None:
     assert np.allclose(left, left.T, atol=1e-5) and np.allclose(left, left[::-1], atol=1e-5)
 
 
-def swept(height: np.ndarray, step_m: float) -> np.ndarray:
-    """One sweep of ``relaxed`` over a whole map [H, W]."""
+def relaxed_once(height: np.ndarray, step_m: float) -> np.ndarray:
+    """Reference: one iteration of ``relaxed`` over a whole map [H, W]."""
     after = height.copy()
     rows, columns = height.shape
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -190,24 +193,24 @@ def swept(height: np.ndarray, step_m: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", [(8, 9), (0, 0), (0, 13), (11, 0), (11, 13)])
-def test_nothing_that_moves_is_missed(place: tuple[int, int]) -> None:
-    wanted = np.zeros((12, 14))
-    wanted[place] = 1.0
-    wanted[5, 6] = -0.4
-    heights = wanted[None].astype(np.float32)
+def test_slide_kernel_matches_dense_reference(place: tuple[int, int]) -> None:
+    expected = np.zeros((12, 14))
+    expected[place] = 1.0
+    expected[5, 6] = -0.4
+    heights = expected[None].astype(np.float32)
     for sweeps in range(1, 12):
-        wanted = swept(wanted, 0.05)
-        assert np.allclose(relaxed(heights, np.float32(0.05), sweeps)[0], wanted, atol=1e-6)
+        expected = relaxed_once(expected, 0.05)
+        assert np.allclose(relaxed(heights, np.float32(0.05), sweeps)[0], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("shares", "could_be"), [((0.0, 1.0, 0.0), True), ((-0.1, 0.3, 0.7), True), ((0, 0, 0.3), False)]
+    ("shares", "physical"), [((0.0, 1.0, 0.0), True), ((-0.1, 0.3, 0.7), True), ((0, 0, 0.3), False)]
 )
-def test_of_a_slide_all_that_is_too_steep_runs_off(shares: tuple[float, ...], could_be: bool, seen: PushScene) -> None:
-    assert with_values(KINDS["slope_slide"], seen, *shares).physical == could_be
+def test_slide_shares_below_minimum_are_unphysical(shares: tuple[float, ...], physical: bool, seen: PushScene) -> None:
+    assert with_values(KINDS["slope_slide"], seen, *shares).physical == physical
 
 
-def test_between_two_angles_the_shares_of_both_stand_for_the_one_between() -> None:
+def test_slide_interpolates_between_angles() -> None:
     rng = np.random.default_rng(3)
     hills = cv2.GaussianBlur(rng.normal(size=(48, 48)), (0, 0), 3.0).astype(np.float32)
     hills = hills[None] * np.float32(0.004 / hills.std())
@@ -217,18 +220,18 @@ def test_between_two_angles_the_shares_of_both_stand_for_the_one_between() -> No
 
     basis = np.stack([run_off(angle).ravel() for angle in (0.6, 1.1, 1.9)]).astype(float)
     for angle in (0.7, 0.85, 1.3, 1.6):
-        wanted = run_off(angle).ravel()
-        shares, *_ = np.linalg.lstsq(basis.T, wanted, rcond=None)
-        assert np.square(wanted - shares @ basis).sum() < 0.06 * np.square(wanted).sum()
+        expected = run_off(angle).ravel()
+        shares, *_ = np.linalg.lstsq(basis.T, expected, rcond=None)
+        assert np.square(expected - shares @ basis).sum() < 0.06 * np.square(expected).sum()
         assert 0.9 < shares.sum() < 1.15
 
 
-def test_what_is_flatter_than_the_angle_stays() -> None:
+def test_slide_leaves_flatter_slopes_unchanged() -> None:
     slope = np.tile(np.linspace(0, 1, 11, dtype=np.float32) * 0.4, (1, 11, 1))
     assert np.array_equal(relaxed(slope, np.float32(0.05), 10), slope)
 
 
-def test_where_a_tool_sinks_at_rest_its_end_alone_is_deeper_and_wider(seen: PushScene, base: AnalyticPush) -> None:
+def test_sinking_deepens_and_widens_only_the_end(seen: PushScene, base: AnalyticPush) -> None:
     assert not set(LOOKALIKES.values()) & set(VOCABULARY)
     sinks = base.plus(with_values(LOOKALIKES["springback"], seen, 0.2))
     longer = seen.covariates["dwell_s"] > 1.2 * sinks.mechanisms[0].reference["dwell_s"]
@@ -239,3 +242,16 @@ def test_where_a_tool_sinks_at_rest_its_end_alone_is_deeper_and_wider(seen: Push
     assert longer.sum() > 5 and np.median(changed[longer].max((1, 2))) > 5e-4 > 1e-6 > changed[longer].min()
     wider = (touch(sinks, seen).inside - touch(base, seen).inside).sum((1, 2))
     assert np.median(wider[longer]) > 1  # pixels
+
+
+@pytest.mark.parametrize("sigma_px", [0.6, 1.9, 2.1, 5.5, 30.0])
+def test_spread_matches_gaussian_filter_with_zero_border(sigma_px: float) -> None:
+    maps = np.random.default_rng(0).normal(size=(3, 64, 48))
+    expected = gaussian_filter(maps, (0, sigma_px, sigma_px), mode="constant", truncate=4)
+    assert np.allclose(spread(maps, sigma_px), expected, atol=2e-4)
+
+
+def test_spread_conserves_volume_away_from_edges() -> None:
+    heap = np.zeros((1, 96, 96))
+    heap[0, 48, 48] = 1.0
+    assert spread(heap, 6.0).sum() == pytest.approx(1.0, abs=1e-5)

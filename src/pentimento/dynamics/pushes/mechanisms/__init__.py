@@ -1,14 +1,12 @@
-"""The vocabulary of causes: what a push model alone may get wrong, one module each."""
+"""The vocabulary of causes: effects that a push model may lack, one module each."""
 
 from collections.abc import Mapping
 
 from pentimento.dynamics.pushes.mechanisms.adhesion_lift import AdhesionLift
-from pentimento.dynamics.pushes.mechanisms.closed_start import ClosedStart
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.height_offset import HeightOffset
-from pentimento.dynamics.pushes.mechanisms.lower_rims import LowerRims
+from pentimento.dynamics.pushes.mechanisms.lookalikes import ClosedStart, LowerRims, Sinking
 from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism
-from pentimento.dynamics.pushes.mechanisms.sinking import Sinking
 from pentimento.dynamics.pushes.mechanisms.slope_slide import SlopeSlide
 from pentimento.dynamics.pushes.mechanisms.springback import Springback
 from pentimento.dynamics.pushes.mechanisms.stiffness_drift import StiffnessDrift
@@ -35,4 +33,4 @@ LOOKALIKES: Mapping[str, type[Mechanism]] = {
     "height_offset": ClosedStart,
     "springback": Sinking,
 }
-"""By cause: what is none of them, and could be taken for it."""
+"""By cause: an effect outside the vocabulary that can be mistaken for it."""

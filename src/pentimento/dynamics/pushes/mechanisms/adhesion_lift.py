@@ -1,8 +1,7 @@
-"""Material is pulled up as the tool retracts, the more the faster and the longer it rested: a peak at the end of its
-travel, out of what is around.
+"""Material is pulled up as the tool retracts: a peak at the end of its travel, drawn from its surroundings.
 
-What every push leaves there is the base's (``end_lift``); the cause is what follows the speed of retracting, and the
-dwell: tack grows with the rate of separation and with the time of contact (Zosel 1985).
+A peak that is equal in all pushes belongs to the base (``end_lift``). The cause is its dependence on the retraction
+speed and on the dwell: tack grows with the rate of separation and with the time of contact (Zosel 1985).
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
 )
 
 _COLUMN = "retract_speed_m_s"
-_SLOWEST_M_S = 1e-4
+_MIN_SPEED_M_S = 1e-4
+"""Slower retractions count as this fast."""
 
 
 class AdhesionLift(Mechanism):
@@ -42,12 +42,12 @@ class AdhesionLift(Mechanism):
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
         speed = column(scene, recorded(scene, _COLUMN))
-        usual = {_COLUMN: float(np.exp(np.log(np.maximum(speed, _SLOWEST_M_S)).mean()))}
+        usual = {_COLUMN: float(np.exp(np.log(np.maximum(speed, _MIN_SPEED_M_S)).mean()))}
         dwell = usual_s(scene.covariates.get("dwell_s"))
         return usual if dwell is None else usual | {"dwell_s": dwell}
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
-        log = np.log(np.maximum(column(scene, _COLUMN), _SLOWEST_M_S) / self.reference[_COLUMN])
+        log = np.log(np.maximum(column(scene, _COLUMN), _MIN_SPEED_M_S) / self.reference[_COLUMN])
         lift_m = self.values[0] * np.where(np.isfinite(log), log, 0.0)
         if "dwell_s" in self.reference:
             lift_m += self.values[1] * log_times(column(scene, "dwell_s"), self.reference["dwell_s"])

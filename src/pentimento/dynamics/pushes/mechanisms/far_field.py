@@ -1,16 +1,15 @@
-"""Small displacement far from the contact: part of the volume that rims would take rises in a wide, flat swell."""
+"""Small displacement far from the contact: part of the rims' volume rises in a wide, flat swell."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Quantity, Settled
-from pentimento.dynamics.pushes.spread import spread
+from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Quantity, Settled, spread
 
 _REACHES = (2.2, 5.0)
-"""Widths of the swell's two halves, in half-widths of the footprint: beyond the base's rims, and with a long tail, as
-an elastic body has."""
+"""Widths of the swell's two components, in half-widths of the footprint: wider than the base's rims, and with a long
+tail as in an elastic body."""
 
 
 class FarField(Mechanism):

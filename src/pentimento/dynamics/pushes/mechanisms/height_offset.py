@@ -1,4 +1,5 @@
-"""The tool acts at another depth than commanded: by the same distance in every push, and by more towards one side."""
+"""The tool acts at another depth than commanded: by an offset that is equal in all pushes, and by a gradient over the
+table."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, Q
 
 
 class HeightOffset(Mechanism):
-    """See above. A gain of the depth, which the base has, is in proportion to it; this is not."""
+    """See above. The base has a gain of the depth; the offset is independent of the depth."""
 
     cause = "height_offset"
     site = "command"

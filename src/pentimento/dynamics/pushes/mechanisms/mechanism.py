@@ -1,11 +1,11 @@
-"""What a cause may change of a foretold push, and when.
+"""Interface of the mechanisms: which stage of a predicted push a cause may change.
 
     command ── motion ──→ contact ── kept ──→ indentation ── settled ──→ rims and surface
                (command)             (material)              (surface)
                (contact)             (contact)
 
-A mechanism is one named cause of what the base alone gets wrong. It acts at its site; at all others it is the identity.
-With all of its quantities at zero it changes nothing, and what it does is smooth in them there.
+A mechanism models one named cause of an error of the base model. It acts at its site; at all other stages it is the
+identity. With all quantities at zero it changes nothing, and its effect is smooth in them there.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,13 +21,11 @@ from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.strokes.simulation import NotObservable, Quantity
 
 Array = NDArray[Any]
-
 Site = Literal["command", "contact", "material", "surface"]
-
-_SHORTEST_S = 0.05
-_VARIED = 0.3
-"""Standard deviation of a logarithm: below it a time is always about the same."""
-
+_MIN_TIME_S = 0.05
+"""Shorter times count as this long."""
+_MIN_LOG_SPREAD = 0.3
+"""Minimum standard deviation of the logarithm of a time that is taken to vary."""
 __all__ = [
     "Contact",
     "Mechanism",
@@ -38,53 +37,59 @@ __all__ = [
     "log_times",
     "per_push",
     "recorded",
+    "spread",
     "usual_s",
 ]
+_REACH = 4.0
+"""Of the blur kernel, in standard deviations."""
+_WIDE_KERNEL = 0.1
+"""Share of a map's side above which a kernel is cheaper as a matrix product."""
 
 
 class Motion(NamedTuple):
-    """How the tool's path differs from its command, [B] each."""
+    """Deviation of the tool's motion from its command, [B] each."""
 
     along_m: Array
     across_m: Array
     lower_m: Array
-    """How much deeper it goes, at the start of travel as at the end."""
+    """Extra depth along the whole travel."""
     lower_at_start_m: Array
-    """The same at the start of travel, the less the nearer it is to its end."""
+    """Extra depth at the start of the travel, which falls linearly to 0 at its end."""
     log_depth: Array
-    """How much deeper in proportion to its depth, as a logarithm."""
+    """Logarithm of a factor on the depth."""
     log_width: Array
-    """How much wider the tool seems, as a logarithm."""
+    """Logarithm of a factor on the apparent width of the tool."""
     log_depth_at_rest: Array
-    """The same at the end of its travel alone, where it rests."""
-    harder: Array
-    """How many times more than fresh material that which was worked most resists."""
+    """Logarithm of a factor on the depth at the end of the travel alone, where the tool rests."""
+    hardening: Array
+    """Relative increase of the resistance of fully worked material over fresh material."""
 
 
 class Contact(NamedTuple):
     """Where the tool passed below the surface, float32[B, H, W] each."""
 
     pressed_m: Array
-    """How far below the surface in ``before`` its envelope went."""
+    """Depth of the tool's lower envelope below the surface in ``before``."""
     inside: Array
-    """0 outside the contact, 1 inside, soft at the edge."""
+    """0 outside the contact, 1 inside, with a soft edge."""
     beyond_end: Array
-    """How far ahead of the middle of what the tool touches as it lifts off, in radii of that."""
+    """Distance ahead of the centre of the final contact, in radii of that contact."""
     peak: Array
-    """What a tool draws up where it lifts off, out of what is around it: 1 in the middle, no volume."""
+    """Shape of the peak that a tool draws up out of its surroundings as it lifts off: 1 at the centre, zero total
+    volume."""
     heaped_m: Array
-    """How high what the tool took away lies around its groove (``heaping``)."""
+    """Height of the displaced material around the groove (``heaping``)."""
 
 
 class Settled(NamedTuple):
     """Parts of the change of height, float32[B, H, W] each."""
 
     indentation_m: Array
-    """What stays of ``pressed_m``, counted downwards."""
+    """The part of ``pressed_m`` that stays, positive downwards."""
     rims_m: Array
     """Displaced material around it."""
     lift_m: Array
-    """What else rises or falls."""
+    """All other change, positive upwards."""
 
 
 class Mechanism:
@@ -95,62 +100,64 @@ class Mechanism:
     site: ClassVar[Site]
     driving_covariate: ClassVar[str]
     """The covariate that the effect depends on. Causes with the same driving covariate are aliased where their assumed
-    forms are not exact."""
+    forms are inexact."""
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
-    """What is recorded of a push, or its surface and path say, that its effect goes with."""
+    """Columns and properties of the surface and path that the effect depends on."""
     aliasable: ClassVar[bool] = True
-    """Whether a base that is wrong about shapes can look like it. It cannot where the effect goes with what no shape
-    depends on: a column of the table, the hour, or the sign of a direction."""
+    """Whether an inexact shape of the base can be aliased with it. It cannot if the effect depends on something that no
+    shape depends on: a column of the table, the time, or the sign of a direction."""
     by_place: ClassVar[tuple[str, ...]] = ()
-    """Quantities by which it differs from place to place, as no shape does."""
+    """Quantities that make the effect vary over the table, which no shape of the base does."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
-        """``values`` float64[Q] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted pushes."""
+        """``values`` float64[Q] in the quantities' units; ``reference`` as from ``reference_of`` on the fitted
+        pushes."""
         self.values, self.reference = values, reference
 
     @property
     def signature(self) -> tuple[str, ...]:
-        """Quantities of which one at least is above zero in what it is named for; empty: any."""
+        """Quantities of which at least one must be positive for the cause to deserve its name; empty: no such
+        condition."""
         return ()
 
     @property
     def active(self) -> bool:
-        """Whether a quantity differs from zero, so that the mechanism changes the prediction."""
+        """Whether any quantity is not zero."""
         return bool(np.any(self.values))
 
     @property
     def physical(self) -> bool:
-        """Whether it could be so: beyond the signs of its quantities, which a fit heeds."""
+        """Whether the fitted values are physically possible, beyond the sign constraints of the fit."""
         return True
 
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
-        """The constants that the effect is relative to.
+        """Constants that the effect is relative to.
 
         Raises:
-            NotObservable: these pushes cannot show the effect: what it depends on was not recorded or not varied.
+            NotObservable: these pushes cannot show the effect, because its covariate was not recorded or does not vary.
         """
         return {}
 
     def motion(self, motion: Motion, scene: PushScene) -> Motion:
-        """How the tool moves; for the sites command and contact."""
+        """The tool's motion; for the sites command and contact."""
         return motion
 
     def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
-        """What stays of the contact as indentation [B, H, W]; for the sites contact and material."""
+        """The part of the contact that stays as indentation, [B, H, W] metres; for the sites contact and material."""
         return kept_m
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
-        """Indentation, rims and the rest; for the site surface."""
+        """Indentation, rims and lift; for the site surface."""
         return settled
 
 
 def recorded(scene: PushScene, *names: str) -> str:
-    """The first of these columns that is there for every push and varies.
+    """The first of these columns that is known for every push and varies.
 
     Raises:
-        NotObservable: none of them.
+        NotObservable: there is none.
     """
     for name in names:
         values = scene.covariates.get(name)
@@ -160,7 +167,7 @@ def recorded(scene: PushScene, *names: str) -> str:
 
 
 def varies(values: Array) -> bool:
-    """Whether numbers differ by more than rounding."""
+    """Whether values differ by more than rounding."""
     return float(np.ptp(values)) > 1e-3 * float(np.abs(values).max()) + 1e-12
 
 
@@ -168,7 +175,7 @@ def column(scene: PushScene, name: str) -> Array:
     """A column that an effect depends on, float64[B].
 
     Raises:
-        NotObservable: it is not there.
+        NotObservable: the scene has no such column.
     """
     if name not in scene.covariates:
         raise NotObservable(f"{name} is not known of these pushes, and the mechanism depends on it")
@@ -176,19 +183,40 @@ def column(scene: PushScene, name: str) -> Array:
 
 
 def usual_s(seconds: Array | None) -> float | None:
-    """The geometric mean of times [B]; None if they are not known of every push, or hardly differ."""
+    """Geometric mean of times [B]; None if one is unknown, or if they hardly vary."""
     if seconds is None or not np.isfinite(seconds).all():
         return None
-    logs = np.log(np.maximum(seconds, _SHORTEST_S))
-    return float(np.exp(logs.mean())) if np.std(logs) > _VARIED else None
+    logs = np.log(np.maximum(seconds, _MIN_TIME_S))
+    return float(np.exp(logs.mean())) if np.std(logs) > _MIN_LOG_SPREAD else None
 
 
 def log_times(seconds: Array, usual: float) -> Array:
-    """Logarithms [B] of how many times what is usual; 0 where a time is not known."""
-    log = np.log(np.maximum(seconds, _SHORTEST_S) / usual)
+    """Logarithm [B] of times relative to ``usual``; 0 where a time is unknown."""
+    log = np.log(np.maximum(seconds, _MIN_TIME_S) / usual)
     return np.where(np.isfinite(log), log, 0.0)
 
 
 def per_push(values: Array) -> Array:
-    """Numbers [B] for maps [B, H, W]."""
+    """Values [B] as float32[B, 1, 1], for maps [B, H, W]."""
     return np.asarray(values, dtype=np.float32)[:, None, None]
+
+
+def spread(maps: Array, sigma_px: float) -> Array:
+    """Maps [B, H, W] convolved with a normalised Gaussian, float32; beyond the edges they count as 0."""
+    reach = int(np.ceil(_REACH * sigma_px))
+    kernel = cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)
+    maps = maps.astype(np.float32, copy=False)
+    if len(kernel) > _WIDE_KERNEL * min(maps.shape[1:]):
+        return _sums(kernel, maps.shape[1]) @ (maps @ _sums(kernel, maps.shape[2]))
+    blurred = np.empty(maps.shape, dtype=np.float32)
+    for into, each in zip(blurred, maps, strict=True):
+        cv2.sepFilter2D(each, -1, kernel, kernel, dst=into, borderType=cv2.BORDER_CONSTANT)
+    return blurred
+
+
+def _sums(kernel: Array, size: int) -> Array:
+    """Matrix [size, size] of the convolution along a line."""
+    reach = len(kernel) // 2
+    place = np.arange(size)
+    distance = place[:, None] - place
+    return np.where(abs(distance) <= reach, kernel[np.clip(distance + reach, 0, 2 * reach), 0], np.float32(0))

@@ -1,13 +1,13 @@
-"""Part of the indentation recovers elastically: another share where it was compressed more, less of it where the tool
-rested longer, more until it is scanned.
+"""Part of the indentation recovers elastically: the share depends on the compression, the dwell and the time until the
+scan.
 
-A share that is always the same is the base's ``kept``. With compression c, dwell t_d and time until the scan t_s,
+A constant share is the base's ``kept``. With compression c, dwell t_d and time until the scan t_s,
 
-    kept' = kept * (1 + a (c / (c + 5 mm) - 1/2) + b log(t_d / t_d0) - d log(t_s / t_s0)),
+    kept' = kept * (1 + a (c / (c + 5 mm) - 1/2) + b log(t_d / t_d0) - d log(t_s / t_s0)).
 
-for what recovers is bounded by the strain at which the material yields, and so a share that falls with compression.
-No more recovers than was pressed.
-The footprint and the rims stay as wide as the contact was: that tells recovery from a tool that goes less deep.
+The recovering strain is bounded by the strain at which the material yields, so its share falls with compression. No
+more recovers than was pressed. The footprint and the rims keep the width of the contact, which distinguishes recovery
+from a shallower push.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
     usual_s,
 )
 
-_DEEP_M = 0.005
+_COMPRESSION_SCALE_M = 0.005
+"""Compression at which half of the saturation is reached."""
 
 
 class Springback(Mechanism):
@@ -43,9 +44,8 @@ class Springback(Mechanism):
 
     @property
     def signature(self) -> tuple[str, ...]:
-        """What recovers takes time: where times differ, that it does shows. By compression alone, any base that is
-        wrong about depths is too deep or not deep enough.
-        """
+        """Recovery takes time. If the times vary, its dependence on them must be visible. By compression alone, any
+        base that is wrong about depths looks like recovery."""
         of_time = {"dwell_s": "kept_by_log_dwell", "until_scan_s": "recovered_by_log_time"}
         shown = tuple(quantity for time, quantity in of_time.items() if time in self.reference)
         return shown or ("kept_by_compression",)
@@ -56,17 +56,17 @@ class Springback(Mechanism):
         return {name: usual for name, usual in times.items() if usual is not None}
 
     def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
-        by_rest = np.zeros(len(scene))
+        by_time = np.zeros(len(scene))
         for value, name, seconds, sign in (
             (self.values[1], "dwell_s", _dwell_s(scene), 1),
             (self.values[2], "until_scan_s", _until_scan_s(scene), -1),
         ):
             if name in self.reference and seconds is not None:
-                by_rest = by_rest + sign * value * log_times(seconds, self.reference[name])
-        share = contact.pressed_m / (contact.pressed_m + np.float32(_DEEP_M))
+                by_time = by_time + sign * value * log_times(seconds, self.reference[name])
+        share = contact.pressed_m / (contact.pressed_m + np.float32(_COMPRESSION_SCALE_M))
         by_compression = np.float32(self.values[0]) * (share - np.float32(0.5))
         # What is shallow may recover wholly, and no more.
-        return kept_m * np.maximum(1 + per_push(by_rest) + by_compression, 0)
+        return kept_m * np.maximum(1 + per_push(by_time) + by_compression, 0)
 
 
 def _dwell_s(scene: PushScene) -> Array | None:
@@ -74,7 +74,7 @@ def _dwell_s(scene: PushScene) -> Array | None:
 
 
 def _until_scan_s(scene: PushScene) -> Array | None:
-    """From the end of the push, of which its speed and its dwell tell when it was."""
+    """Time [B] from the end of the push to the scan; the end follows from speed and dwell."""
     known = scene.covariates
     if not {"t_after_s", "t_start_s", "speed_m_s"} <= set(known):
         return None

@@ -1,6 +1,7 @@
-"""Deformation drifts with time (a dough that dries) or with temperature: an arm gives way, and goes less deep.
+"""The depth drifts with time (a dough that dries) or with temperature, because a compliant arm yields to a stiffer
+material.
 
-With the session's time at t in [-1, 1] and the temperature T in half ranges about its middle,
+With the session's time t scaled to [-1, 1] and the temperature T in half ranges about its middle,
 
     depth' = depth * exp(a t + b T).
 """
@@ -57,6 +58,6 @@ class StiffnessDrift(Mechanism):
         for value, key, names in ((self.values[0], "time", _TIME), (self.values[1], "temperature", _TEMPERATURE)):
             if f"{key}_half" in self.reference:
                 values = column(scene, names[int(self.reference[f"{key}_column"])])
-                place = (values - self.reference[f"{key}_middle"]) / self.reference[f"{key}_half"]
-                drift = drift + value * np.where(np.isfinite(place), place, 0.0)
+                position = (values - self.reference[f"{key}_middle"]) / self.reference[f"{key}_half"]
+                drift = drift + value * np.where(np.isfinite(position), position, 0.0)
         return motion._replace(log_depth=motion.log_depth + drift)

@@ -1,4 +1,4 @@
-"""An offset that depends on the sign of motion along each axis of the table."""
+"""An offset that depends on the sign of the motion along each axis of the table."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import numpy as np
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, NotObservable, Quantity
 
-_TURNING = 0.1
-"""Share of the motion that lies along an axis below which its sign is not felt."""
-_ONE_HEADING = 0.05
+_DEAD_ZONE = 0.1
+"""Component of the motion's direction along an axis below which the backlash is partial."""
+_MIN_HEADING_SPREAD = 0.05
+"""Minimum circular variance of the headings."""
 
 
 class ToolBacklash(Mechanism):
@@ -28,12 +29,12 @@ class ToolBacklash(Mechanism):
     @classmethod
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
         heading = scene.action[:, 2]
-        if 1 - np.hypot(np.cos(heading).mean(), np.sin(heading).mean()) < _ONE_HEADING:
+        if 1 - np.hypot(np.cos(heading).mean(), np.sin(heading).mean()) < _MIN_HEADING_SPREAD:
             raise NotObservable("all pushes go in one direction")
         return {}
 
     def motion(self, motion: Motion, scene: PushScene) -> Motion:
         cos, sin = np.cos(scene.action[:, 2]), np.sin(scene.action[:, 2])
-        x = -self.values[0] * np.tanh(cos / _TURNING)
-        y = -self.values[1] * np.tanh(sin / _TURNING)
+        x = -self.values[0] * np.tanh(cos / _DEAD_ZONE)
+        y = -self.values[1] * np.tanh(sin / _DEAD_ZONE)
         return motion._replace(along_m=motion.along_m + cos * x + sin * y, across_m=motion.across_m + cos * y - sin * x)

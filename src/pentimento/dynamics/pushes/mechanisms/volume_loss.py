@@ -1,4 +1,4 @@
-"""Displaced material does not reappear in the rims: it is compacted, the more or the less the more is displaced.
+"""Displaced material does not reappear completely in the rims, because it is compacted; the loss depends on the volume.
 
 With V the pressed volume,  rims' = rims * (1 - a - b (V / V_usual - 1)).
 """
@@ -33,6 +33,6 @@ class VolumeLoss(Mechanism):
 
 
 def _commanded_volume(scene: PushScene) -> Array:
-    """Of a round groove that ramps down over the travel and ends in half a bowl, m³ [B]."""
+    """Volume [B] in m³ of a round groove that ramps down over the travel and ends in half a bowl."""
     length, depth = scene.action[:, 3], scene.action[:, 4]
     return np.asarray(np.maximum(depth * scene.half_width_m * (length * 0.67 + scene.half_width_m), 1e-12))

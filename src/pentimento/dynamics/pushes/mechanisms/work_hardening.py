@@ -1,7 +1,7 @@
-"""Material that was pushed before is harder there: later pushes go less deep, and less of what they press stays.
+"""Material that was pushed before is harder: later pushes go less deep, and a smaller part of the indentation stays.
 
-After earlier work w, it resists by b w / (w + 5 mm) more than fresh material, so that an arm that gives way goes less
-deep; and of what is pressed, exp(-a w) stays.
+After earlier work w, the resistance grows by b w / (w + 5 mm) relative to fresh material, so that a compliant arm goes
+less deep. Of the indentation, exp(-a w) stays.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
     Quantity,
 )
 
-_DEEP_M = 0.005
-_MIN_SEEN = 0.02
-"""Share of the pushes that must go where others went."""
+_WORK_SCALE_M = 0.005
+"""Unit of earlier work (summed depth)."""
+_MIN_OVERLAP = 0.02
+"""Minimum share of pushes that pass over an earlier push."""
 
 
 class WorkHardening(Mechanism):
@@ -39,12 +40,12 @@ class WorkHardening(Mechanism):
     def reference_of(cls, scene: PushScene) -> dict[str, float]:
         if not scene.history_known:
             raise NotObservable("the rows do not say when the material was smoothed (reset_id)")
-        if (scene.worked.max((1, 2)) > _DEEP_M / 10).mean() < _MIN_SEEN:
+        if (scene.worked.max((1, 2)) > _WORK_SCALE_M / 10).mean() < _MIN_OVERLAP:
             raise NotObservable("hardly a push goes where an earlier one went since the material was smoothed")
         return {}
 
     def motion(self, motion: Motion, scene: PushScene) -> Motion:
-        return motion._replace(harder=motion.harder + self.values[1])
+        return motion._replace(hardening=motion.hardening + self.values[1])
 
     def kept(self, kept_m: Array, contact: Contact, scene: PushScene) -> Array:
-        return kept_m * np.exp(np.float32(-self.values[0] / _DEEP_M) * scene.worked)
+        return kept_m * np.exp(np.float32(-self.values[0] / _WORK_SCALE_M) * scene.worked)

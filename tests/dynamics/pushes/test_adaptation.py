@@ -1,4 +1,4 @@
-"""One model tells two materials apart, and a few pushes make it one of a third."""
+"""A push model of several materials, and its adaptation to another one from a few pushes."""
 
 import dataclasses
 
@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from pentimento.contracts.errors import ContractError
-from pentimento.dynamics.pushes.conditioned import adapted, together
 from pentimento.dynamics.pushes.evaluation import pose_error
-from pentimento.dynamics.pushes.posed_samples import PoseSamples, in_pose
+from pentimento.dynamics.pushes.pose import PoseSamples, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel
 from pentimento.dynamics.pushes.training import train
+from studies.push_models import adapted, together
 from tests.dynamics.pushes.conftest import CONFIG, Trained
 
 
@@ -27,14 +27,14 @@ def conditioned(trained: Trained) -> PushModel:
     return train(both, "push", [("firm", "ball"), ("soft", "ball")], trained.crop, config, lambda *_: None)
 
 
-def test_each_part_has_its_own_context(trained: Trained) -> None:
+def test_joined_parts_have_their_own_context(trained: Trained) -> None:
     samples = in_pose(trained.training, trained.crop)
     both = together([samples, samples])
     assert both.context.tolist() == [0] * len(samples.state) + [1] * len(samples.state)
     assert torch.equal(both.change[: len(samples.state)], samples.change)
 
 
-def test_the_context_says_which_material_it_is(trained: Trained, conditioned: PushModel) -> None:
+def test_context_selects_material(trained: Trained, conditioned: PushModel) -> None:
     held_out = in_pose(trained.held_out, trained.crop)
     for share, own, other in ((1.0, 0, 1), (0.3, 1, 0)):
         truth = softer(held_out, share)
@@ -44,7 +44,7 @@ def test_the_context_says_which_material_it_is(trained: Trained, conditioned: Pu
         assert right < 0.6 * wrong
 
 
-def test_a_few_pushes_are_enough_for_another_material(trained: Trained, conditioned: PushModel) -> None:
+def test_adapts_to_new_material_from_few_pushes(trained: Trained, conditioned: PushModel) -> None:
     few = softer(in_pose(trained.training, trained.crop), 0.65).pick(torch.arange(10))
     truth = softer(in_pose(trained.held_out, trained.crop), 0.65)
     before = min(pose_error(conditioned, truth._replace(context=torch.full_like(truth.context, k))) for k in (0, 1))
@@ -55,7 +55,7 @@ def test_a_few_pushes_are_enough_for_another_material(trained: Trained, conditio
     assert all(torch.equal(value, again.state_dict()[name]) for name, value in own.state_dict().items())
 
 
-def test_adapting_to_nothing_is_refused(trained: Trained, conditioned: PushModel) -> None:
+def test_rejects_adaptation_without_pushes(trained: Trained, conditioned: PushModel) -> None:
     nothing = in_pose(trained.training, trained.crop).pick(torch.arange(0))
     with pytest.raises(ContractError, match="no pushes"):
         adapted(conditioned, nothing, ("middling", "ball"), 1.0, 0)

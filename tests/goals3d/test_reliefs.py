@@ -1,0 +1,101 @@
+"""Reliefs of letters and shapes, and their placement."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pentimento.goals3d.reliefs import SHAPES, letter_relief, place, shape_relief, soften
+from pentimento.planning.pushes.goal import GoalError
+
+
+def drawn(text: str, side_px: int = 64) -> np.ndarray:
+    return -letter_relief(text, side_px)
+
+
+def test_letters_are_sunk_into_plate() -> None:
+    assert letter_relief("A", 64).min() == -1 and letter_relief("A", 64).max() == 0
+
+
+def test_letters_are_upright_and_left_to_right() -> None:
+    a, e = (drawn(letter) for letter in "AE")
+    assert a[:16].sum() < a[48:].sum()  # an A is narrow at the top, row 0
+    assert e[:, :21].sum() > 1.2 * e[:, 43:].sum()  # an E's stem is on its left
+    assert drawn("L")[-8:].sum() > drawn("L")[:8].sum()
+
+
+def test_letter_holes_are_not_sunk() -> None:
+    ring = drawn("O", 65)
+    assert ring[32, 32] == 0
+    assert ring.max() == 1
+
+
+def test_letters_fill_the_square() -> None:
+    rows = np.flatnonzero(drawn("A").any(axis=1))
+    columns = np.flatnonzero(drawn("AB").any(axis=0))
+    assert rows[-1] - rows[0] + 1 >= 60
+    assert columns[-1] - columns[0] + 1 >= 62
+
+
+@pytest.mark.parametrize(
+    ("text", "family", "message"), [(" ", "DejaVu Serif", "no letter"), ("A", "Nowhere", "no font")]
+)
+def test_rejects_text_without_marks_and_unknown_font(text: str, family: str, message: str) -> None:
+    with pytest.raises(GoalError, match=message):
+        letter_relief(text, 32, family=family)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shapes_are_symmetric(name: str) -> None:
+    shape = shape_relief(name, 40)
+    np.testing.assert_allclose(shape, shape[::-1], atol=1e-12)
+    np.testing.assert_allclose(shape, shape[:, ::-1], atol=1e-12)
+    assert shape.min() >= 0 and shape.max() <= 1
+
+
+def test_shapes_match_closed_forms() -> None:
+    x = (np.arange(40) + 0.5) / 20 - 1
+    np.testing.assert_allclose(shape_relief("pyramid", 40)[20], 1 - np.abs(x).clip(1 / 40), atol=1e-12)
+    np.testing.assert_allclose(shape_relief("dome", 40)[20], np.sqrt(1 - x**2 - (1 / 40) ** 2), atol=1e-12)
+    assert shape_relief("cross", 40)[20, 20] == 0 and shape_relief("cross", 40)[20, 2] == 1
+    assert np.ptp(shape_relief("flat", 40)) == 0
+    with pytest.raises(GoalError, match="no shape 'sphere'; known are pyramid"):
+        shape_relief("sphere", 40)
+
+
+def test_place_centres_relief_and_keeps_proportions() -> None:
+    bar = np.zeros((10, 40))
+    bar[1:-1, 1:-1] = 1.0
+    placed = place(bar, (64, 64), 0.625)
+    rows, columns = np.nonzero(placed > 0.5)
+    assert (rows.min() + rows.max()) / 2 == pytest.approx(31.5, abs=0.5)
+    assert (columns.min() + columns.max()) / 2 == pytest.approx(31.5, abs=0.5)
+    assert np.ptp(columns) / np.ptp(rows) == pytest.approx(37 / 7, rel=0.02)
+
+
+def test_place_extends_rim() -> None:
+    plate = np.full((8, 8), 5.0)
+    plate[3:5, 3:5] = 0.0
+    assert set(np.unique(place(plate, (32, 32), 0.5)[:7])) == {5.0}
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5, float("nan")])
+def test_place_rejects_invalid_share(share: float) -> None:
+    with pytest.raises(GoalError, match="of the area"):
+        place(np.zeros((4, 4)), (8, 8), share)
+
+
+def test_place_rejects_holes_and_lines() -> None:
+    with pytest.raises(GoalError, match="1 holes"):
+        place(np.array([[0.0, np.nan], [0, 0]]), (8, 8), 1.0)
+    with pytest.raises(GoalError, match="at least 2 x 2"):
+        place(np.zeros((1, 5)), (8, 8), 1.0)
+
+
+def test_soften_conserves_volume_and_lowers_slopes() -> None:
+    step = np.zeros((40, 40))
+    step[10:30, 10:30] = 1.0
+    soft = soften(step, 2.0)
+    assert soft.sum() == pytest.approx(step.sum(), rel=1e-6)
+    assert np.abs(np.diff(soft)).max() < 0.3
+    np.testing.assert_array_equal(soften(step, 0.0), step)
