@@ -14,9 +14,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.pushes.cross_fitted import CrossFitted, averaged, cross_fit
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M
-from pentimento.diagnosis.pushes.write import write_push_diagnosis
+from pentimento.diagnosis.pushes.write import ValidatedCorrection, averaged, validate_correction, write_push_diagnosis
 from pentimento.dynamics.pushes.analytic_correction import FILE, correction_as_json
 from pentimento.dynamics.pushes.evaluation import predict
 from pentimento.dynamics.pushes.measured import load_pushes
@@ -55,7 +54,7 @@ def main(arguments: argparse.Namespace) -> None:
         if not np.isin(held_out, samples.action_id).any():
             raise ContractError(f"None of the actions in {unseen} is among the pushes: train the base on them.")
         predicted = averaged(predict(network, samples).numpy(), samples.pixels_per_m)
-        fitted = cross_fit(found, load_pushes(table, PIXELS_PER_M)[0], predicted, held_out, config.seed)
+        fitted = validate_correction(found, load_pushes(table, PIXELS_PER_M)[0], predicted, held_out, config.seed)
         write_push_model(network, out)
         shutil.copyfile(unseen, out / unseen.name)
         if fitted.correction is not None:
@@ -81,7 +80,7 @@ def _verdict_metrics(path: Path) -> dict[str, Any]:
     return metrics
 
 
-def _cross_fit_metrics(fitted: CrossFitted) -> dict[str, Any]:
+def _cross_fit_metrics(fitted: ValidatedCorrection) -> dict[str, Any]:
     alone, planned = fitted.held_out
     made: dict[str, Any] = {
         "correction_kept": fitted.correction is not None,
@@ -92,7 +91,7 @@ def _cross_fit_metrics(fitted: CrossFitted) -> dict[str, Any]:
     return made
 
 
-def _said(fitted: CrossFitted) -> str:
+def _said(fitted: ValidatedCorrection) -> str:
     if fitted.deciding is None:
         return "No established cause is hidden from the network: it stays as it is."
     alone, with_it = fitted.deciding

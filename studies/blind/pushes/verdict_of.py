@@ -26,7 +26,7 @@ def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[
     """The verdict on rows of the pushes contract; `without` removes a cause from the vocabulary."""
     measured, _ = usable(table)
     vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
-    found = diagnose(measured, vocabulary, seed, lambda line: None)
+    found = diagnose(measured, vocabulary, seed, log=lambda line: None)
     return verdict(found, len(measured), len(set(measured.action.tolist())), kind=PUSHES), found
 
 

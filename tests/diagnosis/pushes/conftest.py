@@ -1,4 +1,4 @@
-"""A diagnosis of a session whose truth is the base with lost volume, for all who look at one."""
+"""Shared diagnosis of a session whose truth is the base model with volume loss."""
 
 from __future__ import annotations
 
@@ -29,4 +29,4 @@ def lossy() -> Played:
     samples = played([mechanism(VolumeLoss, given, lost_share=LOST)], ACTIONS)
     measured = measure(samples)
     few = (VolumeLoss, FarField, ToolBacklash)
-    return Played(samples, measured, diagnose(measured, few, 0, lambda line: None))
+    return Played(samples, measured, diagnose(measured, few, 0, log=lambda line: None))

@@ -1,34 +1,46 @@
-"""A fit heeds signs, and ends as low with slopes that are kept as with fresh ones; a model less one of its causes is as
-near to the pushes as one that never had it, wherever its base has gone.
-"""
+"""Least squares on pushes: convergence, bounds, Jacobian statistics, weights and modes."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.pushes import fit as fitting
-from pentimento.diagnosis.pushes.fit import fit, fit_without
-from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, slopes_of
+from pentimento.diagnosis.pushes.fit import (
+    Slopes,
+    action_losses,
+    equalised,
+    fit,
+    fit_without,
+    linearise,
+    linearise_rows,
+    residual,
+    slopes_of,
+)
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
+from pentimento.diagnosis.pushes.modes import MODES, AllModes, mode_scores
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
+from pentimento.dynamics.pushes.analytic_scene import distance_from_path
 from pentimento.dynamics.pushes.mechanisms.adhesion_lift import AdhesionLift
 from tests.diagnosis.pushes.conftest import Played
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank, mechanism, played
 
 
-def test_a_model_without_a_cause_is_no_further_off_than_the_base_alone(lossy: Played) -> None:
+def test_fit_without_cause_is_no_worse_than_base(lossy: Played) -> None:
     extended, measured = lossy.diagnosis.extended, lossy.diagnosis.measured
     base = fit(lossy.diagnosis.base, measured)
-    astray = extended.at(extended.vector - 0.2)
-    without = fit_without(astray, "volume_loss", base, measured)
+    displaced = extended.at(extended.vector - 0.2)
+    without = fit_without(displaced, "volume_loss", base, measured)
     assert not without.mechanisms
     assert action_losses(without, measured).mean() <= action_losses(base, measured).mean() * 1.0005
     assert action_losses(extended, measured).mean() < 0.8 * action_losses(without, measured).mean()
 
 
-def test_slopes_that_serve_twice_lead_as_low_as_fresh_ones(lossy: Played, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reused_jacobian_converges_as_low_as_fresh_one(lossy: Played, monkeypatch: pytest.MonkeyPatch) -> None:
     measured = lossy.diagnosis.measured
     start = first_model(measured.scene)
     taken = []
@@ -40,18 +52,94 @@ def test_slopes_that_serve_twice_lead_as_low_as_fresh_ones(lossy: Played, monkey
     monkeypatch.setattr(fitting, "slopes_of", counted)
     kept = fit(start, measured)
     fewer = len(taken)
-    monkeypatch.setattr(fitting, "_AS_PROMISED", math.inf)
+    monkeypatch.setattr(fitting, "_NEARLY_LINEAR", math.inf)
     fresh = fit(start, measured)
     assert fewer < len(taken) - fewer
     assert action_losses(kept, measured).mean() <= 1.005 * action_losses(fresh, measured).mean()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_cannot_be_below_zero_ends_there_and_the_rest_of_its_cause_is_found(seed: int) -> None:
-    """Without what follows the dwell, its quantity would come out below zero in every second table."""
+def test_unsigned_quantities_stay_non_negative(seed: int) -> None:
+    """Without a dwell effect, an unbounded fit would be negative in every second table."""
     hidden = mechanism(AdhesionLift, blank(), lift_by_log_speed_m=0.001)
     measured = measure(played([hidden], seed=seed), HALF_WIDTH_M)
     start = first_model(measured.scene).plus(identity(AdhesionLift, measured.scene))
     by_speed_m, by_dwell_m = fit(start, measured).mechanisms[-1].values
     assert by_speed_m == pytest.approx(0.001, abs=2e-4)
     assert 0 <= by_dwell_m < 1e-4
+
+
+@pytest.fixture(scope="module")
+def measured() -> MeasuredPushes:
+    return measure(played(actions=14, repeats=2), 0.006)
+
+
+def test_statistics_predict_error_of_small_step(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    statistics = linearise(model, measured)
+    rng = np.random.default_rng(1)
+    step = 0.01 * rng.standard_normal(len(model.vector))
+    predicted = (
+        statistics.energy - 2 * statistics.slope @ step + np.einsum("p,npq,q->n", step, statistics.curvature, step)
+    )
+    found = action_losses(model.at(model.vector + step), measured)
+    assert np.allclose(predicted, found, rtol=0.02)
+    assert np.allclose(statistics.energy, action_losses(model, measured), rtol=1e-4)
+
+
+def test_reused_jacobian_gives_statistics_of_nearby_model(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    slopes = slopes_of(model, measured)
+    near = model.at(model.vector + 0.01)
+    here, there, own = linearise(model, measured), slopes.statistics(near), linearise(near, measured)
+    assert _are_close(slopes.statistics(model), here)
+    assert np.array_equal(there.curvature, here.curvature)
+    assert np.allclose(there.energy, own.energy, rtol=1e-5)
+    assert np.abs(there.slope - own.slope).max() < 0.3 * np.abs(here.slope - own.slope).max()
+    some = np.array([4, 0, 7])
+    assert _are_close(slopes.of(some).statistics(near), there.of(some))
+
+
+def test_statistics_are_independent_of_thread_count(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, found = first_model(measured.scene), []
+    for threads in (1, 2):
+        monkeypatch.setattr(fitting, "get_num_threads", lambda threads=threads: threads)
+        found.append((*linearise_rows(model, measured), residual(model, measured)))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_statistics_ignore_holes(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    known = measured.samples.known.copy()
+    known[:, :, 40:] = False
+    part = replace(measured, samples=measured.samples._replace(known=known))
+    spoilt = replace(part, after=np.where(known, part.after, 1.0).astype(np.float32))
+    for one, other in zip(linearise_rows(model, part), linearise_rows(model, spoilt), strict=True):
+        assert np.allclose(one, other, rtol=1e-5)
+
+
+def test_weights_equalise_pushes_and_distances(measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    even = equalised(measured, model)
+    spread = [action_losses(model, pushes) for pushes in (measured, even)]
+    assert spread[1].std() / spread[1].mean() < 0.7 * spread[0].std() / spread[0].mean()
+    near, squared = distance_from_path(measured.scene) < 1, np.square(residual(model, measured))
+    contrast = [(w * squared)[near].mean() / (w * squared)[~near].mean() for w in (measured.weight, even.weight)]
+    assert contrast[1] < 0.2 * contrast[0]
+    assert even.weight[measured.valid].mean() == pytest.approx(1.0, rel=1e-4)
+    assert np.allclose(linearise(model, even).energy, spread[1], rtol=1e-4)
+
+
+@pytest.mark.parametrize(("mode", "amount"), [("depth", 0.2), ("width", -0.1), ("along", 0.001), ("volume", 0.2)])
+def test_mode_scores_recover_mode_amount(mode: str, amount: float, measured: MeasuredPushes) -> None:
+    model = first_model(measured.scene)
+    values = amount * (np.arange(len(MODES)) == MODES.index(mode))
+    changed = model.plus(AllModes(values, {})).change(measured.scene)
+    played_out = replace(measured, after=measured.scene.before + changed)
+    scores = mode_scores(model, played_out)[0][:, MODES.index(mode)] * AllModes.quantities[MODES.index(mode)].typical
+    assert np.median(scores) == pytest.approx(amount, rel=0.25)
+
+
+def _are_close(one: Statistics, other: Statistics) -> bool:
+    return all(np.allclose(a, b, rtol=1e-5, atol=1e-9) for a, b in zip(one, other, strict=True))

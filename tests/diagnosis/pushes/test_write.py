@@ -1,4 +1,4 @@
-"""What a diagnosis of pushes leaves behind, on file and on the command line."""
+"""Files of a push diagnosis, written by the library and by the command line."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ import pytest
 from pentimento.cli.main import main
 from pentimento.contracts.pushes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
-from pentimento.diagnosis.pushes.next_pushes import as_measured, as_table, proposal_for
+from pentimento.diagnosis.pushes.next_pushes import as_measured, as_table, proposal_for, screen
 from pentimento.diagnosis.pushes.page import build_page
-from pentimento.diagnosis.pushes.screening import survey
 from pentimento.dynamics.pushes.analytic import model_as_json, model_from_json
 from tests.diagnosis.pushes.conftest import Played
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that the command writes for example pushes, of which a third are made twice."""
+    """Output folder of the command for example pushes, a third of them repeated."""
     place = tmp_path_factory.mktemp("diagnosed")
     table = example_table(40)
     ids = pa.array(np.where(np.arange(40) < 30, np.arange(40), np.arange(40) - 10).astype(np.int32))
@@ -36,22 +35,22 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "out"
 
 
-def test_the_command_knows_pushes_by_their_columns(out: Path) -> None:
-    said = json.loads((out / "verdict.json").read_text())
-    assert said["schema"] == 1 and said["kind"] == "pushes" and said["actions"] == 30
+def test_command_detects_pushes_by_columns(out: Path) -> None:
+    verdict = json.loads((out / "verdict.json").read_text())
+    assert verdict["schema"] == 1 and verdict["kind"] == "pushes" and verdict["actions"] == 30
     assert {"extended_model.json", "next_actions.parquet", "report.html", "figures"} <= {p.name for p in out.iterdir()}
     page = (out / "report.html").read_text()
-    assert said["sentence"].split(".")[0] in page and "data:image/png" in page
+    assert verdict["sentence"].split(".")[0] in page and "data:image/png" in page
 
 
-def test_options_that_are_for_strokes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_rejects_stroke_options_for_pushes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_table(tmp_path / "rows", example_table(3), CONTRACT, "# Card")
     given = ["diagnose", str(tmp_path / "rows"), "--out", str(tmp_path / "out"), "--collect", "2"]
     assert main(given) == 1
     assert "--collect is for strokes" in capsys.readouterr().err
 
 
-def test_an_extended_model_is_read_again_as_it_was(lossy: Played, tmp_path: Path) -> None:
+def test_extended_model_round_trips(lossy: Played, tmp_path: Path) -> None:
     model, width = lossy.diagnosis.extended, lossy.measured.scene.half_width_m
     path = tmp_path / "extended_model.json"
     path.write_text(json.dumps(model_as_json(model, width)))
@@ -61,27 +60,27 @@ def test_an_extended_model_is_read_again_as_it_was(lossy: Played, tmp_path: Path
     assert np.array_equal(again.change(scene), model.change(scene))
 
 
-def test_proposed_pushes_are_feasible_pairs_that_say_something(lossy: Played) -> None:
-    seen = survey(lossy.diagnosis)
+def test_proposed_pushes_are_feasible_pairs(lossy: Played) -> None:
+    seen = screen(lossy.diagnosis)
     proposal = proposal_for(lossy.diagnosis, seen, 0)
-    made = pq.ParquetFile(pa.BufferReader(_bytes(as_table(proposal)))).read()
-    assert made.num_rows == 16 and made["smooth"].to_pylist() == [True, False] * 8
-    action = np.array(made["action"].to_pylist())
+    table = pq.ParquetFile(pa.BufferReader(_bytes(as_table(proposal)))).read()
+    assert table.num_rows == 16 and table["smooth"].to_pylist() == [True, False] * 8
+    action = np.array(table["action"].to_pylist())
     recorded = lossy.measured.scene.action
     assert (action[:, 3:] >= recorded[:, 3:].min(0) - 1e-6).all()
     assert (action[:, 3:] <= recorded[:, 3:].max(0) + 1e-6).all()
-    strange = as_measured(proposal.action, proposal.settings, lossy.diagnosis.extended, lossy.measured)
+    planned = as_measured(proposal.action, proposal.settings, lossy.diagnosis.extended, lossy.measured)
     second = np.arange(1, 16, 2)
-    assert not strange.scene.worked[second - 1].any() and (strange.scene.worked[second].max((1, 2)) > 0).all()
+    assert not planned.scene.worked[second - 1].any() and (planned.scene.worked[second].max((1, 2)) > 0).all()
     for before, after in proposal.aliasing.values():
         assert after <= before + 1e-6
 
 
-def test_equal_diagnoses_give_equal_pages(lossy: Played) -> None:
-    seen = survey(lossy.diagnosis)
+def test_report_page_is_reproducible(lossy: Played) -> None:
+    seen = screen(lossy.diagnosis)
     proposal = proposal_for(lossy.diagnosis, seen, 0)
-    said = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35}
-    one, other = (build_page(lossy.diagnosis, seen, proposal, said) for _ in range(2))
+    verdict = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35}
+    one, other = (build_page(lossy.diagnosis, seen, proposal, verdict) for _ in range(2))
     assert one == other and b"volume_loss" in one["report.html"] and b"A note." in one["report.html"]
 
 

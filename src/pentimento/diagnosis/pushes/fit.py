@@ -1,24 +1,43 @@
-"""Least squares on pushes: Gauss-Newton with Levenberg's damping on the sum over actions, and weights of pushes."""
+"""Least squares on pushes: Jacobian by action, Gauss-Newton with Levenberg's damping and a Gaussian prior, and weights.
+
+The Jacobian is computed by finite differences, each from the stage at which its parameter acts: a parameter of the
+surface does not need the contact again. Curvature and slope are summed by action (docs/diagnosis.md §3).
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.gauss_newton import damped_step, predicted_decrease
-from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, mean_squared_error, residual, slopes_of
+from pentimento.diagnosis.batches import in_batches
+from pentimento.diagnosis.gauss_newton import Statistics, by_action, damped_step, predicted_decrease
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model
-from pentimento.dynamics.pushes.analytic_scene import distance_from_path
+from pentimento.dynamics.pushes.analytic import (
+    BASE,
+    CONTACT,
+    HEAP,
+    KEPT,
+    KNOTS,
+    PROFILE,
+    AnalyticPush,
+    first_model,
+    heap,
+    keep,
+    settle,
+    touch,
+)
+from pentimento.dynamics.pushes.analytic_scene import PushScene, distance_from_path
 
 Array = NDArray[Any]
-
-_HOLD = 0.001
-"""Of the error: what a number costs that lies as far from its start as is likely."""
-_LIKELY = {
+_PRIOR_WEIGHT = 0.001
+"""Cost of a parameter at one prior width from its start, relative to the error."""
+_PRIOR_WIDTH = {
     "log_radius": 1.0,
     "log_gain": 0.3,
     "log_gain_by_depth": 0.2,
@@ -35,6 +54,7 @@ _LIKELY = {
     "end_pull": 1.0,
     "log_blur": 0.7,
 }
+"""Prior standard deviation of the base's parameters."""
 _RANGE = {
     "log_radius": (-2.0, 3.0),
     "log_gain": (-1.5, 1.5),
@@ -52,53 +72,68 @@ _RANGE = {
     "end_pull": (-6.0, 6.0),
     "log_blur": (float(np.log(0.3)), float(np.log(4.0))),
 }
-_PROFILE_LIKELY_MM = 4.0
+"""Bounds of the base's parameters."""
+_PROFILE_PRIOR_WIDTH_MM = 4.0
+"""Prior standard deviation of a profile offset at one half-width of the footprint; it is proportional to the radius."""
 _PROFILE_RANGE_MM = (-5.0, 60.0)
-_ENOUGH = 5e-4
-"""Relative fall of the error below which a fit has ended."""
-_ENOUGH_ON_THE_WAY = _ENOUGH / 10
-"""The same while a number goes as far as it may in one iteration: a slide that is slight may show late."""
+"""Bounds of the profile offsets."""
+_TOLERANCE = 5e-4
+"""Relative fall of the error below which a fit has converged."""
+_TOLERANCE_AT_REACH = _TOLERANCE / 10
+"""The same while a parameter moves by its maximum step: a slight slide may show late."""
 _FIRST_DAMPING, _NEXT_DAMPING, _MIN_DAMPING = 1e-4, 1e-3, 1e-7
-"""Of a number's own curvature: at first, once a step has failed, and where all goes well."""
-_BENDS = 0.1
-"""Of what a step promised: less of it gained shows that the valley bends."""
-_AS_PROMISED = 0.7
-"""Of what a step promised: where so much is gained, the slopes at its start serve for the next one as well."""
-_LONGEST = 0.5
-"""How far a number may go in one iteration; a mechanism's may go by twice of it in typical sizes."""
-_MAX_UNEQUAL = 8.0
+"""Damping relative to a parameter's own curvature: at first, after a failed step (``_NEXT_DAMPING``), and at least
+(``_MIN_DAMPING``)."""
+_CURVED = 0.1
+"""Fraction of the predicted fall below which the valley counts as curved."""
+_NEARLY_LINEAR = 0.7
+"""Fraction of the predicted fall above which the Jacobian is reused for the next step."""
+_MAX_STEP = 0.5
+"""Maximum step of a parameter in one iteration; a mechanism's quantity may move twice as far, in typical sizes."""
+_MAX_WEIGHT_RATIO = 8.0
+"""Maximum factor between a push's weight and 1."""
 _RINGS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
-"""Half-widths from the tool's way between which pixels are weighted alike."""
-_MAX_UNEVEN = 30.0
+"""Distances from the tool's path, in half-widths, between which pixels are weighted equally."""
+_MAX_RING_RATIO = 30.0
+"""Maximum ratio between the weights of two rings."""
+_R = TypeVar("_R")
+_STEP = 0.005
+"""Finite-difference step, in the units of ``AnalyticPush.vector``."""
+_MAX_ROWS_AT_ONCE = 60
+"""Rows of one batch, bounded by memory."""
+MM = 1e3
+"""Millimetres in a metre: residuals are in millimetres."""
+_STAGE = {"command": 0, "contact": 0, "material": 2, "surface": 3}
+"""First stage that a mechanism of each site changes: contact, heap, indentation, surface."""
 
 
 def fit(
     model: AnalyticPush, measured: MeasuredPushes, slopes: Slopes | None = None, iterations: int = 30
 ) -> AnalyticPush:
-    """The model whose foretold heights are nearest to the measured, by weighted mean squared error.
+    """The model that minimises the weighted mean squared error of predicted heights.
 
-    What the pushes leave open is held near the plainest base: a ball, rims all round, a hard edge.
+    Parameters that the pushes do not determine stay near the simplest base: a ball, equal rims all round, a hard edge.
 
     Args:
-        slopes: the model's on these pushes, where they are known.
+        slopes: Jacobian of the model on these pushes, where it is known.
     """
     start = _start(measured)
     slopes = slopes or slopes_of(model, measured)
     statistics = slopes.statistics(model)
     loss = float(statistics.energy.mean())
-    hold = _hold(model, loss)
-    loss += _cost(_away(model, start), hold)
+    prior = _prior(model, loss)
+    loss += _cost(_offset(model, start), prior)
     damping = _FIRST_DAMPING
     low, high = _bounds(model)
-    reach = np.concatenate([np.full(len(BASE), _LONGEST), np.full(len(model.vector) - len(BASE), 2 * _LONGEST)])
+    reach = np.concatenate([np.full(len(BASE), _MAX_STEP), np.full(len(model.vector) - len(BASE), 2 * _MAX_STEP)])
     reach[[BASE.index(name) for name in PROFILE]] = 2.0
     for _ in range(iterations):
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
         improved = False
         for _ in range(6):
-            moved = damped_step(model.vector, _away(model, start), statistics, damping, hold, *near)
+            moved = damped_step(model.vector, _offset(model, start), statistics, damping, prior, *near)
             candidate = model.at(moved)
-            new = _loss(candidate, measured) + _cost(_away(candidate, start), hold)
+            new = _loss(candidate, measured) + _cost(_offset(candidate, start), prior)
             if new < loss:
                 improved = True
                 break
@@ -106,30 +141,31 @@ def fit(
         if not improved:
             break
         gained = loss - new
-        promise = predicted_decrease(moved - model.vector, _away(model, start), statistics, hold)
+        predicted_fall = predicted_decrease(moved - model.vector, _offset(model, start), statistics, prior)
         at_reach = ((moved == near[0]) & (moved > low)) | ((moved == near[1]) & (moved < high))
         if at_reach.any():
-            ended = gained < _ENOUGH_ON_THE_WAY * new
+            ended = gained < _TOLERANCE_AT_REACH * new
         else:
-            # What a whole step gives less, or more, than it promised is about what the next one can still give.
-            left = abs(promise - gained) if damping <= _FIRST_DAMPING else gained
-            ended = min(gained, left) < _ENOUGH * new
-        # A valley that bends gives little of what it promised: it is followed in shorter steps.
-        bends = gained < _BENDS * promise and promise > _ENOUGH * new
-        ended &= not bends
+            # The difference between actual and predicted fall of a full step estimates the fall of the next one.
+            left = abs(predicted_fall - gained) if damping <= _FIRST_DAMPING else gained
+            ended = min(gained, left) < _TOLERANCE * new
+        # In a curved valley a step gains little of its predicted fall; it is followed in shorter steps.
+        curved = gained < _CURVED * predicted_fall and predicted_fall > _TOLERANCE * new
+        ended &= not curved
         model, loss = candidate, new
-        damping = damping * 10 if bends else max(damping / 10, _MIN_DAMPING)
+        damping = damping * 10 if curved else max(damping / 10, _MIN_DAMPING)
         if ended:
             break
-        if gained < _AS_PROMISED * promise:
+        if gained < _NEARLY_LINEAR * predicted_fall:
             slopes = slopes_of(model, measured)
         statistics = slopes.statistics(model)
     return model
 
 
 def fit_without(model: AnalyticPush, cause: str, base: AnalyticPush, measured: MeasuredPushes) -> AnalyticPush:
-    """The model without one cause, fitted from its own numbers or from those of the base alone, whichever foretell
-    better: a base that a large cause has bent takes long to come back.
+    """The model without one cause, refitted from its own parameters or from the base's, whichever predict better.
+
+    A base that was bent by a large cause takes many iterations to come back.
 
     Args:
         base: the same without any cause, fitted.
@@ -140,57 +176,57 @@ def fit_without(model: AnalyticPush, cause: str, base: AnalyticPush, measured: M
 
 
 def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
-    """The pushes with weights: the inverse of each one's error about the model, and of the error that all have as far
-    from the tool's way, within bounds, 1 on average.
+    """The pushes with weights: the inverse of each push's error and of the mean error at each distance from the path,
+    within bounds, 1 on average.
 
-    A deep push that meets an old groove is wrong by tens of times what a shallow one is: unweighted, few such pushes
-    would say all. And what a base gets wrong under the tool would drown what rises far from it.
+    A deep push that meets an old groove has tens of times the error of a shallow one: without weights, few such pushes
+    would dominate. Likewise, errors of the base below the tool would hide small displacements far from it.
     """
-    missed, seen = residual(model, measured), measured.valid
+    error, seen = residual(model, measured), measured.valid
     ring, rings = np.digitize(distance_from_path(measured.scene), _RINGS), len(_RINGS) + 1
-    squared = (_levelled(missed, measured) * np.square(missed))[seen]
+    squared = (_push_weights(error, measured) * np.square(error))[seen]
     of_ring = np.bincount(ring[seen], squared, rings) / np.maximum(np.bincount(ring[seen], minlength=rings), 1)
-    place = 1 / np.maximum(of_ring, of_ring.max() / _MAX_UNEVEN)[ring]
-    weight = (_levelled(np.sqrt(place) * missed, measured) * place).astype(np.float32)
+    place = 1 / np.maximum(of_ring, of_ring.max() / _MAX_RING_RATIO)[ring]
+    weight = (_push_weights(np.sqrt(place) * error, measured) * place).astype(np.float32)
     return replace(measured, weight=weight / weight[seen].mean())
 
 
-def _levelled(missed: Array, measured: MeasuredPushes) -> Array:
-    """Weights [B, 1, 1] of pushes that miss so much, [B, H, W]."""
-    error = mean_squared_error(missed, measured)
-    return np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MAX_UNEQUAL, _MAX_UNEQUAL)[:, None, None]
+def _push_weights(residuals: Array, measured: MeasuredPushes) -> Array:
+    """Weights [B, 1, 1] of pushes with these residuals [B, H, W]."""
+    error = mean_squared_error(residuals, measured)
+    return np.clip(np.median(error) / np.maximum(error, 1e-12), 1 / _MAX_WEIGHT_RATIO, _MAX_WEIGHT_RATIO)[:, None, None]
 
 
 def _start(measured: MeasuredPushes) -> Array:
     return first_model(measured.scene).base
 
 
-def _hold(model: AnalyticPush, loss: float) -> Array:
-    """Curvature [P, P] of what holds the base where pushes leave it open."""
-    hold = np.zeros((len(model.vector), len(model.vector)))
+def _prior(model: AnalyticPush, loss: float) -> Array:
+    """Curvature [P, P] of the Gaussian prior on the base's parameters."""
+    prior = np.zeros((len(model.vector), len(model.vector)))
     for i, name in enumerate(BASE):
-        likely = _PROFILE_LIKELY_MM * KNOTS[PROFILE.index(name)] if name in PROFILE else _LIKELY[name]
-        hold[i, i] = 1 / likely**2
-    return _HOLD * loss * hold
+        width = _PROFILE_PRIOR_WIDTH_MM * KNOTS[PROFILE.index(name)] if name in PROFILE else _PRIOR_WIDTH[name]
+        prior[i, i] = 1 / width**2
+    return _PRIOR_WEIGHT * loss * prior
 
 
-def _away(model: AnalyticPush, start: Array) -> Array:
-    """How far each number is from its start."""
-    away = model.vector.copy()
-    away[: len(start)] -= start
-    return away
+def _offset(model: AnalyticPush, start: Array) -> Array:
+    """Distance of each parameter from its start."""
+    offset = model.vector.copy()
+    offset[: len(start)] -= start
+    return offset
 
 
-def _cost(away: Array, hold: Array) -> float:
-    return float(away @ hold @ away)
+def _cost(offset: Array, prior: Array) -> float:
+    return float(offset @ prior @ offset)
 
 
 def _bounds(model: AnalyticPush) -> tuple[Array, Array]:
-    """Where the model's numbers mean something."""
+    """Lower and upper bounds of the model's parameters."""
     low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
         low[i], high[i] = _PROFILE_RANGE_MM if name in PROFILE else _RANGE[name]
-    # What cannot be below zero ends there: where it is nothing, chance would take it below in every second table.
+    # Unsigned quantities are bounded by zero; otherwise a zero effect would be fitted negative in half of the tables.
     quantities = [quantity for mechanism in model.mechanisms for quantity in mechanism.quantities]
     low[len(BASE) :][[not quantity.signed for quantity in quantities]] = 0.0
     return low, high
@@ -198,3 +234,133 @@ def _bounds(model: AnalyticPush) -> tuple[Array, Array]:
 
 def _loss(model: AnalyticPush, measured: MeasuredPushes) -> float:
     return float(action_losses(model, measured).mean())
+
+
+def residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Measured minus predicted height, learned residual included, mm float32[B, H, W]; 0 where nothing was measured."""
+    return np.concatenate(_in_batches(lambda some: _residual(model, measured.pick(some)), len(measured)))
+
+
+def _residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    error = measured.after - measured.scene.before - model.change(measured.scene)
+    return np.where(measured.valid, error * np.float32(MM) - measured.learned_mm, 0)
+
+
+def mean_squared_error(residuals: Array, measured: MeasuredPushes) -> Array:
+    """Of each row, over the measured pixels of its window: mm², [B]."""
+    return np.asarray(np.square(residuals).sum((1, 2)) / measured.valid.sum((1, 2)))
+
+
+def action_losses(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Weighted mean squared error of each action over its rows, mm², in the order of the actions' numbers."""
+    weighted = np.sqrt(measured.weight) * residual(model, measured)
+    return by_action(mean_squared_error(weighted, measured), measured.action)
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """The weighted Jacobian; models near the one at which it was computed may reuse it."""
+
+    measured: MeasuredPushes
+    batches: tuple[Array, ...]
+    """Millimetres float32[B, P, H W], a few rows each."""
+    curvature: Array
+    """J^T J of each row, [B, P, P]."""
+
+    def of(self, columns: Array) -> Slopes:
+        """The Jacobian in these parameters alone, in their order."""
+        batches = tuple(slopes[:, columns] for slopes in self.batches)
+        return replace(self, batches=batches, curvature=self.curvature[:, columns][:, :, columns])
+
+    def statistics(self, model: AnalyticPush) -> Statistics:
+        """Statistics with the residuals of this model, as from ``linearise``."""
+        residuals = _in_batches(lambda some: _weighted_residual(model, self.measured.pick(some)), len(self.measured))
+        slope = np.concatenate([_slope(*pair) for pair in zip(self.batches, residuals, strict=True)])
+        energy = np.concatenate([np.square(error).sum(1) for error in residuals])
+        rows = _a_pixel((self.curvature, slope, energy), self.measured)
+        return Statistics(*(by_action(values, self.measured.action) for values in rows))
+
+
+def slopes_of(model: AnalyticPush, measured: MeasuredPushes) -> Slopes:
+    """Jacobian of the predicted heights in all parameters of the model."""
+
+    def of(some: slice) -> tuple[Array, Array]:
+        slopes = _weighted_slopes(model, measured.pick(some))
+        return slopes, _curvature(slopes)
+
+    batches, curvature = zip(*_in_batches(of, len(measured)), strict=True)
+    return Slopes(measured, batches, np.concatenate(curvature))
+
+
+def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
+    """Jacobian of the predicted heights in all parameters of the model, summed by action."""
+    return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
+
+
+def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+    """The same for each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], divided by its number of measured pixels;
+    mm²."""
+    parts = _in_batches(lambda some: _row_statistics(model, measured.pick(some)), len(measured))
+    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return curvature, slope, energy
+
+
+def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
+    """Derivatives of the change of height by each parameter of ``model.vector``, metres float32[P, B, H, W]."""
+    contact = touch(model, scene)
+    kept = keep(model, scene, contact)
+    still = settle(model, scene, contact, kept)
+    stages = [_stage(name) for name in BASE]
+    stages += [_STAGE[m.site] for m in model.mechanisms for _ in m.quantities]
+    found = np.empty((len(stages), *still.shape), dtype=np.float32)
+    for p, stage in enumerate(stages):
+        moved = model.at(model.vector + _STEP * (np.arange(len(stages)) == p))
+        touched = touch(moved, scene) if stage == 0 else heap(moved, scene, contact) if stage == 1 else contact
+        stays = keep(moved, scene, touched) if stage in (0, 2) else kept
+        np.subtract(settle(moved, scene, touched, stays), still, out=found[p])
+        found[p] /= np.float32(_STEP)
+    return found
+
+
+def _in_batches(function: Callable[[slice], _R], rows: int) -> list[_R]:
+    """Results for batches of rows, on all threads; each batch is as large as memory allows, because threads wait for
+    each other between two compiled functions."""
+    threads = get_num_threads()
+    rounds = math.ceil(rows / (threads * _MAX_ROWS_AT_ONCE))
+    return in_batches(function, rows, math.ceil(rows / (threads * rounds)), threads)
+
+
+def _stage(name: str) -> int:
+    return next((stage for stage, names in enumerate((CONTACT, HEAP, KEPT)) if name in names), 3)
+
+
+def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+    slopes, rest = _weighted_slopes(model, measured), _weighted_residual(model, measured)
+    return _a_pixel((_curvature(slopes), _slope(slopes, rest), np.square(rest).sum(1)), measured)
+
+
+def _weighted_slopes(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Millimetres float32[B, P, H W]."""
+    slopes = derivatives(model, measured.scene)
+    slopes *= np.sqrt(measured.weight) * measured.valid * np.float32(MM)
+    return slopes.reshape(len(slopes), len(measured), -1).transpose(1, 0, 2)
+
+
+def _weighted_residual(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """Millimetres float32[B, H W]."""
+    return (_residual(model, measured) * np.sqrt(measured.weight) * measured.valid).reshape(len(measured), -1)
+
+
+def _curvature(slopes: Array) -> Array:
+    return slopes @ slopes.transpose(0, 2, 1)
+
+
+def _slope(slopes: Array, rest: Array) -> Array:
+    return np.einsum("bpn,bn->bp", slopes, rest)
+
+
+def _a_pixel(sums: tuple[Array, Array, Array], measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+    """Sums over each row's pixels, divided by its number of measured pixels."""
+    pixels = measured.valid.sum((1, 2)).astype(np.float64)
+    curvature, slope, energy = sums
+    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels

@@ -1,61 +1,138 @@
-"""The noise floor of pushes: what even a perfect model would miss, read off repeated actions (docs/diagnosis.md §7)."""
+"""Noise floor of pushes from repeated actions, and the effect of execution and scanner noise on each surface.
+
+The floor is the error of a perfect model (docs/diagnosis.md §7). Repeats measure the noise on the surfaces that they
+meet. On other surfaces the same noise has a different effect: an arm that reaches its place within a third of a
+millimetre causes a smaller error on flat material than at the wall of an old groove, and a scanner is less accurate on
+a wall.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.evaluation import MIN_REPEATED, Floor, repeat_variances, weighted_floor
-from pentimento.diagnosis.pushes.jacobian import action_losses, residual
+from pentimento.diagnosis.pushes.fit import MM, action_losses, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.pushes.noise import error_by_noise
 from pentimento.dynamics.pushes.analytic import AnalyticPush
+from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, Quantity
 
 Array = NDArray[Any]
+_STEP_M = 1e-5
+"""Finite-difference step."""
+_RIDGE = 1e-6
+"""Relative to the mean sensitivity: pushes that hardly depend on the arm's place do not determine it."""
+_SLOPES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.2)
+"""Bin edges of the surface's slope."""
+_MIN_PIXELS = 100
+"""Bins with fewer pixels take the value of the next flatter bin."""
+_UNTOUCHED_MM = 0.02
+"""Predicted change below which a pixel counts as untouched."""
 
 
 def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Floor | None:
-    """What even a perfect model would miss, weighted as errors are, from repeated actions (docs/diagnosis.md §7), mm²;
-    None where none is repeated.
+    """Noise floor from repeated actions, weighted like the errors, mm²; None with too few repeats.
 
-    Of the *residuals*, so that what differs between repeats and is foretold (the surface below) is not noise.
+    It is computed from residuals, so that predicted differences between repeats (the surface below) are not noise.
     """
     _, spread = _spread_of_repeats(model, measured)
     return weighted_floor(spread, np.ones(len(spread)), seed) if len(spread) >= MIN_REPEATED else None
 
 
-def floor_of_test_split(model: AnalyticPush, measured: MeasuredPushes, test_split: Array, seed: int) -> Floor | None:
-    """The noise floor of the rows ``test_split``.
+def floor_of_test_split(model: AnalyticPush, measured: MeasuredPushes, test: Array, seed: int) -> Floor | None:
+    """Noise floor of the rows ``test``.
 
-    A repeated action contributes its own spread. A single action contributes the mean of all repeated actions,
-    corrected for what the same noise does on its surface.
+    A repeated action contributes its own spread. A single action contributes the mean spread of all repeated actions,
+    corrected for the effect of the same noise on its surface.
     """
     repeated, spread = _spread_of_repeats(model, measured)
     if len(spread) < MIN_REPEATED:
         return None
-    own = np.array([measured.action[rows[0]] in measured.action[test_split] for rows in repeated])
-    single = np.setdiff1d(measured.action[test_split], [measured.action[rows[0]] for rows in repeated])
-    noise = error_by_noise(model, measured, repeated)
+    in_test = np.array([measured.action[rows[0]] in measured.action[test] for rows in repeated])
+    single = np.setdiff1d(measured.action[test], [measured.action[rows[0]] for rows in repeated])
+    noise = error_of_noise(model, measured, repeated)
     usual = np.mean([noise[rows].mean() for rows in repeated])
     more = [noise[measured.action == action].mean() - usual for action in single]
-    floor = weighted_floor(spread, own + len(single) / len(spread), seed)
-    return floor.moved(float(np.sum(more)) / int(own.sum() + len(single)))
+    floor = weighted_floor(spread, in_test + len(single) / len(spread), seed)
+    return floor.moved(float(np.sum(more)) / int(in_test.sum() + len(single)))
 
 
-def floor_while_searching(model: AnalyticPush, weighed: MeasuredPushes, discovery_split: Array, seed: int) -> float:
-    """The noise floor, mm², weighted as errors are; at most the error of ``discovery_split``; 0 where unknown."""
-    noise = noise_floor(model, weighed, seed)
-    return min(noise.mse, float(action_losses(model, weighed.pick(discovery_split)).mean())) if noise else 0.0
+def floor_in_search(model: AnalyticPush, weighted: MeasuredPushes, discovery: Array, seed: int) -> float:
+    """Noise floor, weighted like the errors, mm²; at most the error of the rows ``discovery``; 0 where it is
+    unknown."""
+    noise = noise_floor(model, weighted, seed)
+    return min(noise.mse, float(action_losses(model, weighted.pick(discovery)).mean())) if noise else 0.0
 
 
 def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:
-    """Rows of each repeated action whose windows lie alike, and how far these differ in what the model misses, mm² [K],
-    weighted as errors are.
-    """
+    """Rows of each repeated action with aligned windows, and the spread [K] of their residuals, weighted like the
+    errors, mm²."""
     groups = [np.flatnonzero(measured.action == action) for action in np.unique(measured.action)]
     window = measured.samples.window_m
     aligned = [g for g in groups if len(g) > 1 and np.ptp(window[g], axis=0).max() < measured.scene.pixel_m / 2]
-    rest = np.sqrt(measured.weight) * residual(model, measured)
-    return aligned, repeat_variances(rest, measured.valid, aligned)
+    residuals = np.sqrt(measured.weight) * residual(model, measured)
+    return aligned, repeat_variances(residuals, measured.valid, aligned)
+
+
+class ExecutionNoise(Mechanism):
+    """Pseudo-mechanism: the tool acts beside its command."""
+
+    cause: ClassVar[str] = "scatter"
+    site = "command"
+    driving_covariate = "nothing"
+    quantities = (Quantity("along", "m", 0.0003), Quantity("across", "m", 0.0003), Quantity("lower", "m", 0.0003))
+
+    def motion(self, motion: Motion, scene: PushScene) -> Motion:
+        along, across, lower = self.values
+        return motion._replace(
+            along_m=motion.along_m + along, across_m=motion.across_m + across, lower_m=motion.lower_m + lower
+        )
+
+
+def noise_derivatives(model: AnalyticPush, scene: PushScene) -> Array:
+    """Derivatives of a model's change of height by the quantities of ``ExecutionNoise``, mm per mm, float32[3, B, H,
+    W]."""
+    unchanged = model.change(scene)
+    steps = _STEP_M * np.eye(len(ExecutionNoise.quantities))
+    return np.stack(
+        [(model.plus(ExecutionNoise(step, {})).change(scene) - unchanged) / np.float32(_STEP_M) for step in steps]
+    )
+
+
+def error_of_noise(model: AnalyticPush, measured: MeasuredPushes, repeated: Sequence[Array]) -> Array:
+    """Mean squared error [B] of each row that execution noise and scanner noise cause, weighted like the errors, mm².
+
+    Args:
+        repeated: rows of each of some repeated actions.
+    """
+    return error_of_execution_noise(model, measured, repeated) + error_of_scanner_noise(model, measured)
+
+
+def error_of_execution_noise(model: AnalyticPush, measured: MeasuredPushes, repeated: Sequence[Array]) -> Array:
+    """The part of execution noise, to second order: the scatter of repeats along, across and in depth, times the
+    sensitivity of each row."""
+    count = len(ExecutionNoise.quantities)
+    curvature, slope, _ = linearise_rows(model.plus(ExecutionNoise(np.zeros(count), {})), measured)
+    curvature, slope = curvature[:, -count:, -count:], slope[:, -count:]
+    ridge = _RIDGE * np.trace(curvature.mean(0)) * np.eye(count)
+    beside = np.linalg.solve(curvature + ridge, slope[..., None])[..., 0]
+    scatter = np.mean([np.cov(beside[rows], rowvar=False) for rows in repeated], axis=0)
+    return np.einsum("bij,ij->b", curvature, scatter)
+
+
+def error_of_scanner_noise(model: AnalyticPush, measured: MeasuredPushes) -> Array:
+    """The part of scanner noise: the residual of untouched material of equal slope."""
+    change = model.change(measured.scene)
+    down, right = np.gradient(measured.scene.before + change, measured.scene.pixel_m, axis=(1, 2))
+    steep = np.digitize(np.hypot(down, right), _SLOPES)
+    squared = np.square(residual(model, measured))
+    untouched = measured.valid & (np.abs(change) * MM < _UNTOUCHED_MM)
+    noise = np.zeros(len(_SLOPES) + 1)
+    for k in range(len(noise)):
+        equally_steep = untouched & (steep == k)
+        noise[k] = squared[equally_steep].mean() if equally_steep.sum() >= _MIN_PIXELS else noise[max(k - 1, 0)]
+    return (np.where(measured.valid, noise[steep], 0) * measured.weight).sum((1, 2)) / measured.valid.sum((1, 2))

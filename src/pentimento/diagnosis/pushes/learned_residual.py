@@ -1,11 +1,10 @@
-"""What a tool does to a material alike in every push and the analytic model does not foretell: a flank's curve, a rim's
-slope, how a wall gives way.
+"""Learned residual model: systematic errors of the analytic push model, such as a flank's curve or a rim's slope.
 
-Learnt by boosted trees as of strokes, pixel by pixel, from where a pixel lies about the way of the
-tool, how deep and how far it goes, how high the surface stands, and how far it is to the ends of travel: nothing of
-time, speed, dwell, room, heading or history. What of it looks like a cause is left in the residual. They learn twice,
-as of strokes: where the arm came to be, and how deep, is chance. Sealed pushes are told in the end by trees that learn
-from all others at once.
+Boosted trees predict the residual pixel by pixel, cross-fitted by action as for strokes. Their features are the pixel's
+place relative to the tool's path, the command, and the surface; time, speed, dwell, place on the table, heading and
+history are excluded. The part of the prediction that looks like a cause is left in the residual. The trees are fitted
+twice, because execution noise hides the systematic part at first. In the end, the test split is predicted by one set of
+trees that is fitted to the whole discovery split.
 """
 
 from __future__ import annotations
@@ -18,93 +17,97 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.boosting import Trees, action_effect, cause_projection, cross_fitted, folds, grow
-from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
+from pentimento.diagnosis.pushes.fit import MM, linearise, residual
+from pentimento.diagnosis.pushes.floor import noise_derivatives
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.pushes.noise import by_scatter
 from pentimento.dynamics.pushes.analytic import AnalyticPush, keep, settle, touch
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import spread
 
 Array = NDArray[Any]
 
-_REACH = 3.0  # half-widths from the way of the tool: beyond, hardly anything moves
+_REACH = 3.0
+"""Distance from the tool's path in half-widths beyond which the residual is not modelled."""
 _TREES = 50
-_FIRST_TREES = 20  # enough to see by how much each push is displaced
-_SMALL = 1e-3
-"""Of a number's typical size: a step that is small enough to be linear."""
+"""Boosting rounds."""
+_FIRST_TREES = 20
+"""Boosting rounds of the first fit, from which each push's execution noise is estimated."""
+_LINEAR_STEP = 1e-3
+"""Finite-difference step, relative to a parameter's typical size."""
 
 
 @dataclass(frozen=True)
 class LearnedPushResidual:
-    """What was learnt, as seen from a model."""
+    """A fitted residual model, relative to an analytic model."""
 
     model: AnalyticPush
     trees: tuple[Trees, ...]
     share: float
-    """By how much what the trees say is to be believed, 0 to 1."""
+    """Shrinkage of the trees' prediction, 0 to 1."""
     cause_projection: Array
-    """[P] of the model's numbers: what of it they would do."""
+    """[P]: parameters of the model whose effect is aliased with the prediction, and removed from it."""
 
     def of(self, measured: MeasuredPushes) -> MeasuredPushes:
-        """Pushes that nothing was learnt from, with their habits."""
+        """New pushes with their learned residual."""
         features, seen = _pixels(self.model, measured)
-        return self._joined(measured, seen, np.mean([trees.predict(features) for trees in self.trees], axis=0))
+        return self._with_prediction(measured, seen, np.mean([trees.predict(features) for trees in self.trees], axis=0))
 
-    def learnt_from_all(self, measured: MeasuredPushes, rows: Array) -> tuple[LearnedPushResidual, MeasuredPushes]:
-        """Habits learnt once more, from all pushes with the indices ``rows`` by one set of trees, which knows more than
-        sets that each learn from a part; and the pushes, of which those that are none of ``rows`` have these.
+    def refitted(self, measured: MeasuredPushes, rows: Array) -> tuple[LearnedPushResidual, MeasuredPushes]:
+        """Refit one set of trees to all pushes ``rows``; pushes outside ``rows`` get its prediction.
 
         Args:
-            measured: pushes that have these habits.
+            measured: pushes with the cross-fitted learned residual.
         """
-        bare = replace(measured, habit=np.zeros_like(measured.habit))
+        bare = replace(measured, learned_mm=np.zeros_like(measured.learned_mm))
         features, seen = _pixels(self.model, measured)
         push, weight = np.nonzero(seen)[0], measured.weight[seen]
-        left, missing = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
-        missing -= action_effect(left, _scatter(self.model, measured, seen), weight, push)
-        trees = grow(features, missing, weight, np.isin(push, rows), _TREES)
+        left, target = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
+        target -= action_effect(left, _noise_at(self.model, measured, seen), weight, push)
+        trees = grow(features, target, weight, np.isin(push, rows), _TREES)
         learned_residual = replace(self, trees=(trees,))
-        habit = learned_residual._joined(bare, seen, trees.predict(features)).habit
-        habit[rows] = measured.habit[rows]
-        return learned_residual, replace(measured, habit=habit)
+        learned_mm = learned_residual._with_prediction(bare, seen, trees.predict(features)).learned_mm
+        learned_mm[rows] = measured.learned_mm[rows]
+        return learned_residual, replace(measured, learned_mm=learned_mm)
 
-    def _joined(self, measured: MeasuredPushes, seen: Array, said: Array) -> MeasuredPushes:
+    def _with_prediction(self, measured: MeasuredPushes, seen: Array, predicted: Array) -> MeasuredPushes:
         scene = measured.scene
-        moved = self.model.at(self.model.vector + _SMALL * self.cause_projection)
-        alike = (moved.change(scene) - self.model.change(scene)) * np.float32(MM / _SMALL)
-        return replace(measured, habit=self.share * _maps(said, seen) - alike)
+        moved = self.model.at(self.model.vector + _LINEAR_STEP * self.cause_projection)
+        aliased = (moved.change(scene) - self.model.change(scene)) * np.float32(MM / _LINEAR_STEP)
+        return replace(measured, learned_mm=self.share * _maps(predicted, seen) - aliased)
 
 
 def learn_residual(
     measured: MeasuredPushes, model: AnalyticPush, rows: Array, candidates: Sequence[Mechanism], seed: int
 ) -> tuple[LearnedPushResidual, MeasuredPushes]:
-    """Habits of the pushes with the indices ``rows``, and all pushes with theirs instead of any that they had.
+    """Cross-fit the residual model to the pushes ``rows``; all pushes get its prediction in place of an earlier one.
 
     Args:
         model: fitted to them.
         candidates: causes beside the model's whose effects must stay in the residual.
     """
-    measured = replace(measured, habit=np.zeros_like(measured.habit))
+    measured = replace(measured, learned_mm=np.zeros_like(measured.learned_mm))
     features, seen = _pixels(model, measured)
     push = np.nonzero(seen)[0]
     fold = folds(measured.action, rows, seed)[push]
-    missing = residual(model, measured)[seen].astype(np.float64)
+    target = residual(model, measured)[seen].astype(np.float64)
     weight = measured.weight[seen]
-    _, said, share = cross_fitted(features, missing, weight, fold, _FIRST_TREES)
-    # As of strokes, where the arm came to be is chance, and hides what is alike until some of that has been learnt.
-    missing -= action_effect(missing - share * said, _scatter(model, measured, seen), weight, push)
-    trees, said, share = cross_fitted(features, missing, weight, fold, _TREES)
+    _, predicted, share = cross_fitted(features, target, weight, fold, _FIRST_TREES)
+    # Execution noise hides the systematic residual, so it is removed once part of the residual has been learned.
+    target -= action_effect(target - share * predicted, _noise_at(model, measured, seen), weight, push)
+    trees, predicted, share = cross_fitted(features, target, weight, fold, _TREES)
     full = model.plus(*candidates)
-    maps = share * _maps(said, seen)
-    asked = replace(measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM))
-    amounts = cause_projection(linearise(full, asked.pick(rows)), full.nuisances)
+    maps = share * _maps(predicted, seen)
+    predicted_only = replace(
+        measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM)
+    )
+    amounts = cause_projection(linearise(full, predicted_only.pick(rows)), full.nuisances)
     learned_residual = LearnedPushResidual(full, trees, share, amounts)
-    return learned_residual, learned_residual._joined(measured, seen, said)
+    return learned_residual, learned_residual._with_prediction(measured, seen, predicted)
 
 
-def _scatter(model: AnalyticPush, measured: MeasuredPushes, seen: Array) -> Array:
-    """How each pixel [n] that is ``seen`` changes as the arm comes elsewhere, and deeper, [n, K]."""
-    return np.asarray(by_scatter(model, measured.scene)[:, seen].T, dtype=np.float64)
+def _noise_at(model: AnalyticPush, measured: MeasuredPushes, seen: Array) -> Array:
+    """Sensitivity of each pixel [n] that is ``seen`` to execution noise, [n, K]."""
+    return np.asarray(noise_derivatives(model, measured.scene)[:, seen].T, dtype=np.float64)
 
 
 def _maps(values: Array, seen: Array) -> Array:
@@ -115,26 +118,26 @@ def _maps(values: Array, seen: Array) -> Array:
 
 
 def _pixels(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array]:
-    """Features [n, 13] of the pixels near the ways of the tool, and which these are, bool[B, H, W].
+    """Features [n, 13] of the pixels near the tool's path, and the mask of these pixels, bool[B, H, W].
 
-    How far ahead and aside of its place of the way a pixel lies, and how far; how deep the tool goes there and is to go
-    in the end, and how far; how much of the surface is in its way, how high that is; what is heaped up there, and how
-    much is pressed away around; what the model makes of it all; how far it is to both ends. What is told of places is
-    in half-widths, what of commands and heights in millimetres.
+    Distance ahead of and beside the nearest station, and total; tip depth there, commanded depth and length; pressed
+    depth, surface height, heaped height; indentation nearby; predicted change; distances to both ends. Places are in
+    half-widths of the footprint, commands and heights in millimetres.
     """
     scene = measured.scene
     half, (length, depth) = scene.half_width_m, (scene.action[:, k, None, None] for k in (3, 4))
     station = np.clip(scene.along, 0.0, length)
     ramp = np.where(length > 0, station / np.maximum(length, 1e-9), 1.0)
     ahead, aside = (scene.along - station) / half, np.abs(scene.across) / half
-    away = np.hypot(ahead, aside)
-    seen = measured.valid & (away < _REACH)
+    distance = np.hypot(ahead, aside)
+    seen = measured.valid & (distance < _REACH)
     contact = touch(model, scene)
     indentation = keep(model, scene, contact)
-    told = (
-        ahead, aside, away, depth * ramp * MM, *(np.broadcast_to(told * MM, away.shape) for told in (depth, length)),
+    features = (
+        ahead, aside, distance, depth * ramp * MM,
+        *(np.broadcast_to(command * MM, distance.shape) for command in (depth, length)),
         contact.pressed_m * MM, scene.before * MM, contact.heaped_m * MM,
         spread(indentation, half / scene.pixel_m) * MM, settle(model, scene, contact, indentation) * MM,
         np.minimum(station / half, _REACH), np.minimum((length - station) / half, _REACH),
     )  # fmt: skip
-    return np.stack([maps[seen] for maps in told], axis=1).astype(np.float64), seen
+    return np.stack([maps[seen] for maps in features], axis=1).astype(np.float64), seen

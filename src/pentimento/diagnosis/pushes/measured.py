@@ -1,50 +1,54 @@
-"""Rows of the pushes contract as the gap finder needs them: windows about each push, actions, covariates."""
+"""Measured pushes as a diagnosis uses them: windows around each push, covariates, denoised scans, and the data
+splits."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.evaluation import Actions, split
 from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of, smoothed_periods
 from pentimento.dynamics.pushes.measured import PushSamples
 
 Array = NDArray[Any]
-
 PIXELS_PER_M = 640.0
-"""Finer scans are averaged down to about this: a footprint is then some ten pixels wide."""
+"""Finer scans are averaged down to about this; a footprint is then about ten pixels wide."""
 _SIDE_PX = 64
-_FEWEST_BLOCKS = 12
+"""Side of the windows around the pushes."""
+_MIN_BLOCKS = 12
+"""Below this number of smoothings, each action is its own block."""
 
 
 @dataclass(frozen=True)
 class MeasuredPushes:
-    """B pushes that can be compared with what a model foretells."""
+    """B pushes that can be compared with a model's predictions."""
 
     samples: PushSamples
-    """Cropped to windows of one size about the pushes."""
+    """Cropped to windows of one size around the pushes."""
     scene: PushScene
     """With ``before`` denoised."""
     after: Array
     """float32[B, H, W] metres above the surface at the start of each push."""
     block: Array
-    """int64[B]: which pushes share a surface: those between two smoothings."""
+    """int64[B]: pushes of one block share a surface; a block lies between two smoothings."""
     turn: Array
     """int64[B]: rank in the order of execution, session by session."""
     weight: Array
-    """float32[B, H, W]: of each pixel's squared error in fits; 1 unless ``fit.equalised`` has looked at them."""
-    habit: Array
-    """float32[B, H, W]: what is foretold beside what any model says (``learned_residual``), mm."""
+    """float32[B, H, W]: weight of each pixel's squared error in fits; 1 unless set by ``fit.equalised``."""
+    learned_mm: Array
+    """float32[B, H, W]: prediction of the learned residual model (``learned_residual``), added to that of any analytic
+    model, mm."""
 
     def __len__(self) -> int:
         return len(self.block)
 
     @property
     def action(self) -> Array:
-        """int64[B]: rows of one value repeat one command."""
+        """int64[B]: rows with equal values repeat one command."""
         return self.samples.action_id
 
     @property
@@ -54,22 +58,22 @@ class MeasuredPushes:
 
     @property
     def covariates(self) -> dict[str, Array]:
-        """float64[B] each: every numeric column but identities; NaN where unknown."""
+        """float64[B] each: every numeric column except identities; NaN where unknown."""
         return {name: v for name, v in self.scene.covariates.items() if not name.endswith("_id")}
 
     def pick(self, rows: Array | slice) -> MeasuredPushes:
         """The pushes with these indices."""
         return MeasuredPushes(
             self.samples.pick(rows), self.scene.pick(rows), self.after[rows], self.block[rows], self.turn[rows],
-            self.weight[rows], self.habit[rows],
+            self.weight[rows], self.learned_mm[rows],
         )  # fmt: skip
 
 
 def measure(samples: PushSamples, half_width_m: float | None = None) -> MeasuredPushes:
-    """Measured pushes with windows about each, ``before`` denoised (docs/diagnosis.md §3).
+    """Measured pushes with windows around each, ``before`` denoised.
 
     Args:
-        half_width_m: of the footprint; by default read off these pushes.
+        half_width_m: half-width of the footprint; by default estimated from these pushes.
 
     Raises:
         ContractError: there are pinches among them, or a push starts outside its window.
@@ -82,7 +86,7 @@ def measure(samples: PushSamples, half_width_m: float | None = None) -> Measured
 
 
 def cropped(samples: PushSamples, side_px: int = _SIDE_PX) -> PushSamples:
-    """Windows of at most ``side_px`` pixels a side about the middle of each push, on the pixels of the scan."""
+    """Windows of at most ``side_px`` pixels a side, centred on each push, on the pixels of the scan."""
     rows, columns = (min(side, side_px) for side in samples.before.shape[1:])
     k, action, window = samples.pixels_per_m, samples.action, samples.window_m.copy()
     travel = action[:, 3] / 2
@@ -101,23 +105,63 @@ def cropped(samples: PushSamples, side_px: int = _SIDE_PX) -> PushSamples:
 
 
 def _first(middle_m: Array, k: float, size: int, whole: int) -> Array:
-    """First pixel of a part of ``size`` pixels about a place, inside a whole."""
+    """First pixel of a part of ``size`` pixels around a place, inside the whole."""
     return np.clip(np.rint(middle_m * k - size / 2).astype(int), 0, whole - size)
 
 
 def _blocks(samples: PushSamples) -> Array:
     period = smoothed_periods(samples)
-    if period is None or period.max() + 1 < _FEWEST_BLOCKS:  # never smoothed, or hardly: each action by itself
+    if period is None or period.max() + 1 < _MIN_BLOCKS:  # hardly ever smoothed: each action is its own block
         return np.asarray(np.unique(samples.action_id, return_inverse=True)[1])
     return period
 
 
 def _denoised(height_m: Array) -> Array:
-    """A scan [H, W] less its pixel noise, edges kept."""
+    """A scan [H, W] without pixel noise, edges preserved."""
     height_mm = (height_m * 1e3).astype(np.float32)
-    # Immerkaer's estimate: a mask that no plane and no straight edge excites.
+    # Immerkaer's noise estimate: the mask does not respond to planes or straight edges.
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     noise = float(np.median(np.abs(cv2.filter2D(height_mm, -1, mask)))) / 0.6745 / 6
     if noise < 1e-4:
         return height_m
     return np.asarray(cv2.bilateralFilter(height_mm, 5, 4 * noise, 1.2) / 1e3, dtype=np.float32)
+
+
+class PushSplits(NamedTuple):
+    """Row indices of the two splits; all rows of one action are in one split."""
+
+    discovery: Array
+    test: Array
+
+
+def split_pushes(measured: Actions, seed: int) -> PushSplits:
+    """Discovery split (80 % of the actions) and test split (20 %); half of the test actions are repeated, where there
+    are enough.
+
+    The noise floor is estimated from repeats. Repeats are pushed into fresh material, so alone they would hide effects
+    of the history. The other half of the test split are whole blocks of single actions.
+
+    There is no separate confirmation split (docs/diagnosis.md §2): the test split confirms. Pushes differ from their
+    repeats mostly by their depth, so backlash and hardening need many pushes to be detected, and a second fifth
+    confirms less than a third more discovery pushes find.
+
+    Raises:
+        ContractError: too few actions.
+    """
+    test_actions = np.unique(measured.action[split(measured, seed).test])
+    actions, count = np.unique(measured.action, return_counts=True)
+    repeated = actions[count > 1]
+    if np.isin(test_actions, repeated).all() and len(test_actions) >= 4:  # otherwise the test split has blocks already
+        rng = np.random.default_rng([seed, 17])
+        replaced = rng.permutation(test_actions)[len(test_actions) // 2 :]
+        single = np.setdiff1d(actions, repeated)
+        first = {action: int(np.flatnonzero(measured.action == action)[0]) for action in single.tolist()}
+        block = np.array([measured.block[first[action]] for action in single.tolist()])
+        whole_blocks: list[int] = []
+        for one in rng.permutation(np.unique(block)):
+            if len(whole_blocks) >= len(replaced):
+                break
+            whole_blocks += single[block == one].tolist()
+        test_actions = np.union1d(np.setdiff1d(test_actions, replaced), whole_blocks)
+    in_test = np.isin(measured.action, test_actions)
+    return PushSplits(np.flatnonzero(~in_test), np.flatnonzero(in_test))

@@ -1,6 +1,7 @@
-"""Ways in which the whole change of a push can differ, and what they depend on when no cause explains it.
+"""Residual modes of pushes, and the covariates that they depend on when no cause explains it (docs/diagnosis.md §9).
 
-The clay modes of docs/diagnosis.md §9: depth, footprint width, shift along and across, rim height, smoothing, volume.
+A mode is a way in which the whole change of a push can differ: depth, width, shift along and across, rims, smoothing,
+volume.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.pushes.jacobian import linearise_rows
+from pentimento.diagnosis.pushes.fit import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.residual_structure import Unexplained, find_structure
 from pentimento.dynamics.pushes.analytic import AnalyticPush
@@ -20,15 +21,16 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, 
 Array = NDArray[Any]
 
 _SMOOTHED, _SWOLLEN = 0.4, 1.5
-"""Widths over which the surface is smoothed and volume appears, in half-widths of the footprint."""
+"""Widths of the smoothing kernel (``_SMOOTHED``) and of the added volume (``_SWOLLEN``), in half-widths of the
+footprint."""
 
 
 class AllModes(Mechanism):
-    """All of them at once, by an amount of each that is the same for all pushes."""
+    """Pseudo-mechanism with the amount of each mode, equal for all pushes."""
 
     cause: ClassVar[str] = "modes"
     site = "command"
-    driving_covariate = "anything"
+    driving_covariate = "any"
     quantities = (
         Quantity("depth", "1", 0.1),
         Quantity("width", "1", 0.1),
@@ -59,27 +61,28 @@ MODES = tuple(quantity.name for quantity in AllModes.quantities)
 
 
 def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, float]:
-    """Each row's residual in each mode, in typical sizes, [B, M]; the modes' own energies [B, M]; and the mean error of
-    the rows, both mm².
-    """
+    """Amount of each mode in each row's residual, in typical sizes, [B, M]; the modes' energies [B, M]; the mean error
+    of the rows. Energies and error are in mm²."""
     curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
-    own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
-    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own, float(error.mean())
+    energy = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
+    return slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean())
 
 
-def unexplained(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> tuple[list[Unexplained], Array, list[str]]:
-    """What is significant, and all statistics |t| [M, covariates] with the covariates' names, for the heat map."""
-    return find_structure(MODES, *mode_scores(model, measured), covariates_shown(measured), measured.action, seed)
+def structured_residual(
+    model: AnalyticPush, measured: MeasuredPushes, seed: int
+) -> tuple[list[Unexplained], Array, list[str]]:
+    """Significant dependences of modes on covariates, all statistics |t| [M, covariates], and the covariates' names."""
+    return find_structure(MODES, *mode_scores(model, measured), varying_covariates(measured), measured.action, seed)
 
 
-def covariates_shown(measured: MeasuredPushes) -> dict[str, Array]:
-    """Everything that was recorded of every push, or follows from its command and its place, and varies."""
+def varying_covariates(measured: MeasuredPushes) -> dict[str, Array]:
+    """Covariates that vary and are known for every push: recorded, or derived from its command and its surface."""
     recorded = {n: v for n, v in measured.covariates.items() if np.isfinite(v).all() and np.ptp(v) > 1e-9}
-    return recorded | of_the_command(measured.scene)
+    return recorded | command_covariates(measured.scene)
 
 
-def of_the_command(scene: PushScene) -> dict[str, Array]:
-    """What commands and surfaces say of each push, float64[B] each, as far as it varies."""
+def command_covariates(scene: PushScene) -> dict[str, Array]:
+    """Varying covariates of each push that follow from its command and its surface, float64[B] each."""
     x, y, heading, length, depth = scene.action.T
     under = (np.square(scene.across) + np.square(np.minimum(scene.along, 0))) < scene.half_width_m**2
     under &= scene.along < length[:, None, None] + scene.half_width_m

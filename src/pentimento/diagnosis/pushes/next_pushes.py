@@ -1,8 +1,9 @@
-"""The pushes that would best tell rival causes apart: a D_s-optimal design.
+"""Screening of the residual after a diagnosis, and the pushes that best separate its open questions (D_s-optimal
+design).
 
-They come in pairs: one into freshly smoothed material, and one that meets what it left. Pairs are chosen one after
-another from random ones to raise the sum of log det S over the causes in question, then each is exchanged while another
-is better (Fedorov 1972).
+The proposed pushes come in pairs: one into freshly smoothed material, and one that meets what the first left. Pairs are
+chosen greedily from random ones to maximise the sum of log det S over the causes in question; then each is exchanged
+while another one is better (Fedorov 1972).
 """
 
 from __future__ import annotations
@@ -17,46 +18,54 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.schema import vector
 from pentimento.diagnosis.experiment_design import (
+    Aliasing,
     Columns,
     Question,
+    aliasing,
+    detectable,
     greedy_exchange,
     most_informed_question,
     pair_aliasing,
     questions,
 )
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
-from pentimento.diagnosis.pushes.jacobian import linearise_rows
+from pentimento.diagnosis.pushes.fit import linearise, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.pushes.screening import PushSurvey, columns_of
+from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
+from pentimento.diagnosis.pushes.search import observable_causes
+from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, robust_deviations
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
+from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
 Array = NDArray[Any]
-
 PAIRS = 8
+"""Pairs of a proposal."""
 _SEQUENCES = 10
-"""Random ones; each turn takes its pair from one of them."""
+"""Random candidates for each turn."""
 _BESIDE = 0.7
-"""How far beside the way of the first push the second is aimed, in half-widths of the footprint."""
+"""Standard deviation of the second push's offset from the path of the first, in half-widths of the footprint."""
 _TRIES = 60
+"""Draws of an action before one that leaves the recorded area is accepted."""
 _SPEEDS = ("speed_m_s", "dwell_s", "retract_speed_m_s")
+"""Settings of a push that are drawn from the recorded ones."""
 
 
 class PushProposal(NamedTuple):
-    """Pushes in the order in which they are to be made; the first of each pair after smoothing."""
+    """Pushes in their order of execution; the material is smoothed before the first of each pair."""
 
     action: Array
     """float64[K, 5]"""
     settings: dict[str, Array]
     """[K] each: speed of travel, dwell, speed of retracting, as far as they were recorded."""
     question: tuple[Question, ...]
-    """For each push, what it says most about."""
+    """For each push, the question to which it contributes most."""
     aliasing: dict[tuple[str, str], tuple[float, float]]
-    """Of each pair of causes: so far, and as it will be with these pushes."""
+    """Of each pair of causes: so far, and predicted with these pushes."""
 
 
-def proposal_for(diagnosis: PushDiagnosis, seen: PushSurvey, seed: int) -> PushProposal:
-    """The next pushes after a diagnosis; none where nothing is in question."""
+def proposal_for(diagnosis: PushDiagnosis, seen: PushScreening, seed: int) -> PushProposal:
+    """The next pushes after a diagnosis; none where no question is open."""
     asked = questions(diagnosis, seen.aliasing)
     if not asked:
         return PushProposal(np.zeros((0, 5)), {}, (), {})
@@ -69,7 +78,7 @@ def proposal_for(diagnosis: PushDiagnosis, seen: PushSurvey, seed: int) -> PushP
 def propose(
     model: AnalyticPush, measured: MeasuredPushes, asked: Sequence[Question], seed: int, pairs: int = PAIRS
 ) -> PushProposal:
-    """The ``pairs`` of pushes that say most about the questions, given the pushes made so far.
+    """The ``pairs`` of pushes that contribute most to the questions, given the pushes executed so far.
 
     Args:
         model: with a mechanism for every cause that the questions name.
@@ -78,27 +87,27 @@ def propose(
     columns = columns_of(model)
     so_far = linearise_rows(model, measured)[0].sum(0)
     rng = np.random.default_rng([seed, 14])
-    count = _SEQUENCES * pairs
-    action, settings = _drawn_pairs(measured, count, rng)
-    strange = as_measured(action, settings, model, measured)
-    says = linearise_rows(model, strange)[0].reshape(_SEQUENCES, pairs, 2, *so_far.shape)
-    best = greedy_exchange(so_far, says.sum(2), columns, asked)
+    drawn = _SEQUENCES * pairs
+    action, settings = _drawn_pairs(measured, drawn, rng)
+    candidates = as_measured(action, settings, model, measured)
+    candidate_curvature = linearise_rows(model, candidates)[0].reshape(_SEQUENCES, pairs, 2, *so_far.shape)
+    best = greedy_exchange(so_far, candidate_curvature.sum(2), columns, asked)
     of_turn = np.array([sequence * pairs + turn for turn, sequence in enumerate(best)])
     rows = (2 * of_turn[:, None] + np.arange(2)).ravel()
-    chosen = says.reshape(-1, *so_far.shape)[rows]
+    chosen = candidate_curvature.reshape(-1, *so_far.shape)[rows]
     total = so_far + chosen.sum(0)
     about = tuple(most_informed_question(total, one, columns, asked) for one in chosen)
     return PushProposal(
         action[rows], {name: values[rows] for name, values in settings.items()}, about,
-        _likeness(so_far, total, columns, asked),
+        _aliasing_before_and_after(so_far, total, columns, asked),
     )  # fmt: skip
 
 
 def as_table(proposal: PushProposal) -> pa.Table:
-    """What a robot needs, to be made in its order: one row for each push.
+    """Table for a robot, one row for each push in order of execution.
 
     ``order``; ``action`` [5] in the canvas frame; ``smooth``: smooth the material first; ``speed_m_s``, ``dwell_s``,
-    ``retract_speed_m_s`` (NaN: as usual); ``separates``: the causes that it says most about, joined by " | ".
+    ``retract_speed_m_s`` (NaN: default); ``separates``: the causes to which it contributes most, joined by " | ".
     """
     count = len(proposal.action)
     columns: dict[str, pa.Array] = {
@@ -115,9 +124,8 @@ def as_table(proposal: PushProposal) -> pa.Table:
 def as_measured(
     action: Array, settings: dict[str, Array], model: AnalyticPush, measured: MeasuredPushes
 ) -> MeasuredPushes:
-    """Pairs of pushes [2 K, 5] as rows that nobody has made yet: the second of a pair finds what the first leaves, as
-    the model foretells it.
-    """
+    """Pairs of planned pushes [2 K, 5] as rows: the second of a pair meets the surface that the model predicts after
+    the first."""
     like = np.full(len(action), len(measured) - 1)
     shape, k = measured.after.shape[1:], 1 / measured.scene.pixel_m
     middle = action[:, :2] + _ahead(action) / 2
@@ -135,7 +143,7 @@ def as_measured(
         return push_scene(level, along, across, worked, pushes, history, columns, 1 / k, half_width)
 
     first, second = np.arange(0, len(action), 2), np.arange(1, len(action), 2)
-    # The first push, looked at through the window of the second: it may start outside, where the surface is level.
+    # The first push in the window of the second: it may start outside, where the surface is level.
     along, across = local_places(windows[second], shape, action[first], k)
     seen = push_scene(
         flat[first], along, across, flat[first], action[first], measured.scene.history_known,
@@ -156,20 +164,21 @@ def as_measured(
 
 
 def _drawn_pairs(measured: MeasuredPushes, count: int, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
-    """Actions [2 K, 5] within the recorded ranges, and speeds [2 K]; every second goes where the one before did."""
-    made = measured.scene.action
-    low, high = made.min(0), made.max(0)
+    """Actions [2 K, 5] within the recorded ranges, and settings [2 K]; every second push aims at the path of the one
+    before."""
+    executed = measured.scene.action
+    low, high = executed.min(0), executed.max(0)
     low[2], high[2] = -np.pi, np.pi
-    place = np.concatenate([made[:, :2], made[:, :2] + _ahead(made)])
+    place = np.concatenate([executed[:, :2], executed[:, :2] + _ahead(executed)])
     inside = place.min(0), place.max(0)
     action = np.empty((2 * count, 5))
     for row in range(2 * count):
         for _ in range(_TRIES):
             one = rng.uniform(low, high)
             if row % 2:
-                on_way = action[row - 1, :2] + rng.random() * _ahead(action[row - 1 : row])[0]
+                on_path = action[row - 1, :2] + rng.random() * _ahead(action[row - 1 : row])[0]
                 beside = _BESIDE * measured.scene.half_width_m * rng.standard_normal(2)
-                one[:2] = on_way + beside - _ahead(one[None])[0] / 2
+                one[:2] = on_path + beside - _ahead(one[None])[0] / 2
             ends = np.stack([one[:2], one[:2] + _ahead(one[None])[0]])
             action[row] = one
             if (ends >= inside[0]).all() and (ends <= inside[1]).all():
@@ -183,12 +192,67 @@ def _drawn_pairs(measured: MeasuredPushes, count: int, rng: np.random.Generator)
 
 
 def _ahead(action: Array) -> Array:
-    """From start to end of travel [B, 2]."""
+    """Vector from start to end of travel, [B, 2]."""
     return action[:, 3:4] * np.stack([np.cos(action[:, 2]), np.sin(action[:, 2])], axis=1)
 
 
-def _likeness(
+def _aliasing_before_and_after(
     so_far: Array, total: Array, columns: Columns, asked: Sequence[Question]
 ) -> dict[tuple[str, str], tuple[float, float]]:
     pairs = [(question[0], question[1]) for question in asked if len(question) == 2]
     return {pair: (pair_aliasing(so_far, columns, pair), pair_aliasing(total, columns, pair)) for pair in pairs}
+
+
+class PushScreening(NamedTuple):
+    """Residual screening of a diagnosis: the data of the report's figures."""
+
+    measured: MeasuredPushes
+    test: MeasuredPushes
+    full: AnalyticPush
+    """The extended model with every other observable cause at zero."""
+    aliasing: Aliasing
+    detectable: dict[str, float]
+    """Smallest share of the error that a cause must remove to be found in four of five such collections."""
+    base_strength: Array
+    """[modes, covariates] of the base's residual: correlation times the root of the number of pushes."""
+    extended_strength: Array
+    covariates: tuple[str, ...]
+    modes: tuple[str, ...]
+    dependence: tuple[Dependence, ...]
+    base_residual: Array
+    """[B, H, W] of all pushes, measured minus predicted, mm; NaN where nothing was measured."""
+    extended_residual: Array
+
+
+def screen(diagnosis: PushDiagnosis) -> PushScreening:
+    """Screen the residuals of base and extended model over all pushes."""
+    measured = diagnosis.measured
+    there = {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
+    others, _ = observable_causes(measured, [kind for kind in VOCABULARY if kind.cause not in there])
+    full = diagnosis.extended.plus(*others.values())
+    statistics, columns = linearise(full, measured), columns_of(full)
+    covariates = varying_covariates(measured)
+    models = {"base": diagnosis.base, "extended": diagnosis.extended}
+    scores = {name: robust_deviations(mode_scores(model, measured)[0]) for name, model in models.items()}
+    strengths = {name: mode_strength(values, covariates) for name, values in scores.items()}
+    residuals = {name: np.where(measured.valid, residual(model, measured), np.nan) for name, model in models.items()}
+    return PushScreening(
+        measured=measured,
+        test=measured.pick(diagnosis.splits.test),
+        full=full,
+        aliasing=aliasing(statistics, columns),
+        detectable=detectable(statistics, columns),
+        base_strength=strengths["base"],
+        extended_strength=strengths["extended"],
+        covariates=tuple(covariates),
+        modes=MODES,
+        dependence=dependences(MODES, scores["base"], scores["extended"], covariates, strengths, measured.action),
+        base_residual=residuals["base"],
+        extended_residual=residuals["extended"],
+    )
+
+
+def columns_of(model: AnalyticPush) -> Columns:
+    """Indices of the nuisance parameters, and of the quantities of each mechanism, in the Jacobian of ``model``."""
+    causes = {mechanism.cause: model.columns_of(mechanism.cause) for mechanism in model.mechanisms}
+    return Columns(np.arange(model.nuisances), causes)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from pentimento.diagnosis.pushes.modes import of_the_command
+from pentimento.diagnosis.pushes.modes import command_covariates
 from pentimento.dynamics.pushes.analytic import BASE, AnalyticPush, first_model, identity, touch
 from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
 from pentimento.dynamics.pushes.mechanisms import LOOKALIKES, VOCABULARY, Mechanism
@@ -51,7 +51,9 @@ def test_vocabulary_matches_documentation() -> None:
 
 def test_informative_covariates_are_known_columns(seen: PushScene) -> None:
     names = {name for kind in VOCABULARY for name in kind.informative_covariates}
-    assert names <= set(seen.covariates) | set(of_the_command(replace(seen, history_known=True, worked=seen.before)))
+    assert names <= set(seen.covariates) | set(
+        command_covariates(replace(seen, history_known=True, worked=seen.before))
+    )
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)

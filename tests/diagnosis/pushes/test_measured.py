@@ -1,17 +1,17 @@
-"""What of pushes is searched, and what is sealed."""
+"""Discovery and test split of pushes."""
 
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.pushes.splits import split_pushes
+from pentimento.diagnosis.pushes.measured import split_pushes
 
 SINGLE, REPEATED, TIMES, PER_BLOCK = 60, 20, 3, 4
 
 
 class Rows(NamedTuple):
-    """All that a split looks at."""
+    """Rows as a split needs them."""
 
     action: np.ndarray
     block: np.ndarray
@@ -26,20 +26,20 @@ def rows_of(repeated: int) -> Rows:
 
 @pytest.mark.parametrize("repeated", [0, 3, REPEATED])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_every_row_is_in_one_part_and_no_action_in_two(repeated: int, seed: int) -> None:
+def test_splits_partition_rows_by_action(repeated: int, seed: int) -> None:
     rows = rows_of(repeated)
-    discovery_split, test_split = split_pushes(rows, seed)
-    np.testing.assert_array_equal(np.sort(np.concatenate([discovery_split, test_split])), np.arange(len(rows.action)))
-    assert not set(rows.action[discovery_split]) & set(rows.action[test_split])
-    assert len(np.unique(rows.action[test_split])) == pytest.approx(0.2 * (SINGLE + repeated), abs=PER_BLOCK)
+    discovery, test = split_pushes(rows, seed)
+    np.testing.assert_array_equal(np.sort(np.concatenate([discovery, test])), np.arange(len(rows.action)))
+    assert not set(rows.action[discovery]) & set(rows.action[test])
+    assert len(np.unique(rows.action[test])) == pytest.approx(0.2 * (SINGLE + repeated), abs=PER_BLOCK)
 
 
-def test_half_of_what_is_sealed_are_repeats_and_the_rest_whole_blocks() -> None:
+def test_test_split_is_half_repeats_half_whole_blocks() -> None:
     rows = rows_of(REPEATED)
-    test_split = split_pushes(rows, 0).test_split
-    repeated = np.unique(rows.action[test_split][rows.action[test_split] >= SINGLE])
+    test = split_pushes(rows, 0).test
+    repeated = np.unique(rows.action[test][rows.action[test] >= SINGLE])
     assert len(repeated) == round(0.2 * (SINGLE + REPEATED)) // 2
-    singles = test_split[rows.action[test_split] < SINGLE]
+    singles = test[rows.action[test] < SINGLE]
     assert len(singles) >= len(repeated)
     for block in np.unique(rows.block[singles]):
         assert (rows.block[singles] == block).sum() == PER_BLOCK
