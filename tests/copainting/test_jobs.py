@@ -10,18 +10,18 @@ from pentimento.copainting.jobs import gather, generator_for, scratch_folder, wo
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_order_from_any_number_of_processes(workers: int) -> None:
+def test_jobs_return_results_in_order_for_any_number_of_processes(workers: int) -> None:
     with worker_pool(workers, int) as submit:
         assert gather([submit(math.factorial, n) for n in range(8)]) == [math.factorial(n) for n in range(8)]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_failure_comes_through(workers: int) -> None:
+def test_failure_of_a_job_is_raised(workers: int) -> None:
     with pytest.raises(ValueError), worker_pool(workers, int) as submit:
         gather([submit(math.sqrt, -1.0)])
 
 
-def test_another_setting_or_input_is_another_folder() -> None:
+def test_scratch_folder_depends_on_settings_and_inputs() -> None:
     root = Path("scratch")
     first = scratch_folder(root, "fit", {"a": 1, "b": 2.5}, {"data": "x"})
     assert first == scratch_folder(root, "fit", {"b": 2.5, "a": 1}, {"data": "x"})
@@ -33,7 +33,7 @@ def test_another_setting_or_input_is_another_folder() -> None:
     assert len({first, *others}) == 4
 
 
-def test_generators_of_neighbouring_keys_are_unlike() -> None:
+def test_generators_of_neighbouring_keys_are_uncorrelated() -> None:
     keys = [(0, 0), (0, 1), (1, 0), (0, 1, 0), (1, 1)]
     drawn = [torch.randn(4000, generator=generator_for(*key)) for key in keys]
     correlation = torch.corrcoef(torch.stack(drawn)) - torch.eye(len(keys))

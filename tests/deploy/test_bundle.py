@@ -19,7 +19,7 @@ from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle
 pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
 
 
-def test_it_opens_and_says_how_well_each_graph_agrees() -> None:
+def test_written_bundle_opens_with_parity_of_each_graph() -> None:
     folder, _ = small_bundle()
     manifest = open_bundle(folder).manifest
     assert {f"{BRUSH}_marks", f"{BRUSH}_pull", f"{BRUSH}_gain", "semantic", "text", "caption", "goal_denoise"} <= set(
@@ -32,7 +32,7 @@ def test_it_opens_and_says_how_well_each_graph_agrees() -> None:
     assert manifest.settings["small"].envelope == envelope_for(load_tool("marker"), CANVAS_M)
 
 
-def test_its_facts_are_those_of_the_models() -> None:
+def test_bundle_facts_are_those_of_the_models() -> None:
     folder, models = small_bundle()
     manifest = open_bundle(folder).manifest
     goal, brush = manifest.goal, manifest.brushes[BRUSH]
@@ -43,7 +43,7 @@ def test_its_facts_are_those_of_the_models() -> None:
     assert brush.picks_up and brush.has_gain
 
 
-def test_a_push_model_plans_from_the_bundle_as_in_pytorch() -> None:
+def test_push_model_of_the_bundle_agrees_with_pytorch() -> None:
     folder, models = small_bundle()
     bundle = open_bundle(folder)
     facts = bundle.manifest.clays["clay_foam"]
@@ -57,7 +57,7 @@ def test_a_push_model_plans_from_the_bundle_as_in_pytorch() -> None:
     assert (carried[0] - height).min() < -1e-3
 
 
-def test_its_card_lists_every_graph_and_no_file_names_a_place_or_a_time() -> None:
+def test_bundle_card_lists_graphs_without_paths_or_times() -> None:
     folder, models = small_bundle()
     card = (folder / "card.md").read_text()
     manifest = open_bundle(folder).manifest
@@ -69,6 +69,6 @@ def test_its_card_lists_every_graph_and_no_file_names_a_place_or_a_time() -> Non
     assert metrics["largest_difference"] == max(max(g.parity.values()) for g in manifest.graphs.values())
 
 
-def test_ports_bear_the_names_of_the_planners_arrays() -> None:
+def test_port_names_are_the_planners_fields() -> None:
     assert [*STROKES] == [name for name in Strokes.__dataclass_fields__ if name != "inherited"]
     assert [*MARKS] == [name if name != "color" else "paint" for name in Marks._fields]

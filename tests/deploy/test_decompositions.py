@@ -23,7 +23,7 @@ def gradient(output: Tensor, image: Tensor) -> tuple[Tensor, Tensor]:
 @pytest.mark.parametrize(
     ("side", "stride", "padding", "groups"), [(8, 1, 1, 1), (9, 2, 1, 1), (8, 2, 1, 2), (8, 4, 0, 1)]
 )
-def test_the_gradient_of_a_convolution(side: int, stride: int, padding: int, groups: int) -> None:
+def test_decomposed_convolution_gradient(side: int, stride: int, padding: int, groups: int) -> None:
     image, weight = random(2, 4, side, side + 1).requires_grad_(), random(6, 4 // groups, 3, 3)
     cotangent, expected = gradient(conv2d(image, weight, None, stride, padding, 1, groups), image)
     decomposed = exportable(Resizing())[ATEN.convolution_backward.default]
@@ -33,7 +33,7 @@ def test_the_gradient_of_a_convolution(side: int, stride: int, padding: int, gro
 
 
 @pytest.mark.parametrize(("size", "new_size"), [((20, 12), (8, 8)), ((8, 8), (8, 8)), ((5, 30), (8, 8))])
-def test_resizing_and_its_gradient(size: tuple[int, int], new_size: tuple[int, int]) -> None:
+def test_decomposed_resizing_and_its_gradient(size: tuple[int, int], new_size: tuple[int, int]) -> None:
     image = random(2, 3, *size).requires_grad_()
     resized = interpolate(image, new_size, mode="bicubic", antialias=True, align_corners=False)
     cotangent, expected = gradient(resized, image)
@@ -48,12 +48,12 @@ def test_resizing_and_its_gradient(size: tuple[int, int], new_size: tuple[int, i
     torch.testing.assert_close(back, expected)
 
 
-def test_resizing_without_matrices_says_so() -> None:
+def test_rejects_resizing_without_matrices() -> None:
     with pytest.raises(NotImplementedError, match="takes no matrices"):
         Resizing().forward(random(1, 3, 8, 8), (4, 4), False)
 
 
-def test_looking_from_elsewhere_and_its_gradient_reach_over_the_edge_too() -> None:
+def test_decomposed_affine_grid_and_sampling_gradient_beyond_the_edge() -> None:
     image = random(2, 3, 7, 11).requires_grad_()
     matrices = torch.tensor([[[1.4, -0.3, 0.2], [0.3, 0.8, -0.4]], [[0.5, 0.0, 0.9], [0.0, 0.5, 0.9]]])
     grid = affine_grid(matrices, [2, 3, 7, 11], align_corners=False)
@@ -66,7 +66,7 @@ def test_looking_from_elsewhere_and_its_gradient_reach_over_the_edge_too() -> No
 
 
 @pytest.mark.parametrize(("padding", "number"), [("zeros", 0), ("border", 1)])
-def test_looking_from_a_place_that_moves_has_a_gradient_too(padding: str, number: int) -> None:
+def test_decomposed_sampling_gradient_in_the_grid(padding: str, number: int) -> None:
     image = random(2, 3, 7, 11).requires_grad_()
     grid = (3 * random(2, 9, 5, 2) - 1.5).requires_grad_()  # a third of the samples is beyond the edge
     seen = grid_sample(image, grid, mode="bilinear", padding_mode=padding, align_corners=False)
@@ -78,14 +78,14 @@ def test_looking_from_a_place_that_moves_has_a_gradient_too(padding: str, number
 
 
 @pytest.mark.parametrize("size", [(6, 8), (7, 9)])
-def test_the_gradient_of_means_over_squares_at_odd_edges_too(size: tuple[int, int]) -> None:
+def test_decomposed_pooling_gradient_at_odd_edges(size: tuple[int, int]) -> None:
     image = random(3, 1, *size).requires_grad_()
     cotangent, expected = gradient(avg_pool2d(image, 2, ceil_mode=True), image)
     decomposed = exportable(Resizing())[ATEN.avg_pool2d_backward.default]
     torch.testing.assert_close(decomposed(cotangent, image, [2, 2], [2, 2], [0, 0], True, True, None), expected)
 
 
-def test_the_gradient_of_padding_by_copies() -> None:
+def test_decomposed_replication_padding_gradient() -> None:
     image = random(1, 2, 5, 6).requires_grad_()
     cotangent, expected = gradient(pad(image, (3, 1, 2, 4), mode="replicate"), image)
     decomposed = exportable(Resizing())[ATEN.replication_pad2d_backward.default]
@@ -93,7 +93,7 @@ def test_the_gradient_of_padding_by_copies() -> None:
 
 
 @pytest.mark.parametrize(("axis", "index"), [(0, 0), (1, -1), (-1, 2)])
-def test_the_gradient_of_one_entry(axis: int, index: int) -> None:
+def test_decomposed_select_gradient(axis: int, index: int) -> None:
     tensor = random(3, 4, 5).requires_grad_()
     cotangent, expected = gradient(tensor.select(axis, index), tensor)
     decomposed = exportable(Resizing())[ATEN.select_backward.default]
@@ -101,14 +101,14 @@ def test_the_gradient_of_one_entry(axis: int, index: int) -> None:
 
 
 @pytest.mark.parametrize(("axis", "start", "end"), [(0, 1, 3), (1, 0, 2**63 - 1), (-1, -3, -1), (2, 2, 9)])
-def test_the_gradient_of_a_stretch(axis: int, start: int, end: int) -> None:
+def test_decomposed_slice_gradient(axis: int, start: int, end: int) -> None:
     tensor = random(3, 4, 5).requires_grad_()
     cotangent, expected = gradient(torch.ops.aten.slice(tensor, axis, start, end), tensor)
     decomposed = exportable(Resizing())[ATEN.slice_backward.default]
     torch.testing.assert_close(decomposed(cotangent, tensor.shape, axis, start, end, 1), expected)
 
 
-def test_what_has_no_exported_form_says_so() -> None:
+def test_rejects_gradients_without_decomposition() -> None:
     table, image = exportable(Resizing()), random(1, 2, 4, 4)
     with pytest.raises(NotImplementedError, match="of weights"):
         table[ATEN.convolution_backward.default](

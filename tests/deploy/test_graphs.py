@@ -34,17 +34,25 @@ def rows(count: int) -> Tensor:
     return torch.randn(count, 3, generator=generator("rows", count))
 
 
-def test_a_gradient_is_exported_with_an_open_size() -> None:
-    model = export(value_and_slope, [rows(7)], ["x"], ["value", "slope"], [{0: "rows"}])
-    graph = compared("tanh", model, value_and_slope, [[rows(1)], [rows(4)], [rows(50)]], UNITS, 1e-5, ("m",))
+def test_exports_gradient_with_dynamic_size() -> None:
+    model = export(value_and_slope, [rows(7)], ["x"], outputs=["value", "slope"], free=[{0: "rows"}])
+    graph = compared(
+        "tanh",
+        model,
+        value_and_slope,
+        examples=[[rows(1)], [rows(4)], [rows(50)]],
+        units=UNITS,
+        tolerance=1e-5,
+        models=("m",),
+    )
     assert graph.inputs[0].shape == ("rows", 3) and graph.outputs[1].shape == ("rows", 3)
     assert set(graph.parity) == {"value", "slope"} and max(graph.parity.values()) < 1e-5
     header = read_header(graph.content)
     assert (header.opsets, header.ir_version) == ({"": OPSET}, IR_VERSION)
 
 
-def test_the_same_function_gives_the_same_bytes_and_names_no_place() -> None:
-    one, again = (export(value_and_slope, [rows(2)], ["x"], ["value", "slope"]) for _ in range(2))
+def test_export_is_reproducible_and_has_no_paths() -> None:
+    one, again = (export(value_and_slope, [rows(2)], ["x"], outputs=["value", "slope"]) for _ in range(2))
     content = one.SerializeToString(deterministic=True)
     assert content == again.SerializeToString(deterministic=True)
     assert not any(word in content for word in (b"/", b".py", b"torch."))
@@ -52,20 +60,22 @@ def test_the_same_function_gives_the_same_bytes_and_names_no_place() -> None:
     assert len(stored) == len(set(stored))  # each array once
 
 
-def test_a_graph_that_computes_something_else_is_not_deployed() -> None:
-    model = export(value_and_slope, [rows(2)], ["x"], ["value", "slope"])
+def test_rejects_graph_that_differs_from_its_function() -> None:
+    model = export(value_and_slope, [rows(2)], ["x"], outputs=["value", "slope"])
 
     def other(x: Tensor) -> tuple[Tensor, Tensor]:
         value, slope = value_and_slope(x)
         return value, 1.001 * slope
 
     with pytest.raises(ParityError, match=r"graph tanh gives slope with a relative difference of 0\.00"):
-        compared("tanh", model, other, [[rows(2)]], UNITS, 1e-4, ())
-    assert compared("tanh", model, other, [[rows(2)]], UNITS, 1e-2, ()).parity["slope"] == pytest.approx(1e-3, rel=0.01)
+        compared("tanh", model, other, examples=[[rows(2)]], units=UNITS, tolerance=1e-4, models=())
+    assert compared("tanh", model, other, examples=[[rows(2)]], units=UNITS, tolerance=1e-2, models=()).parity[
+        "slope"
+    ] == pytest.approx(1e-3, rel=0.01)
     assert session(model.SerializeToString()).get_inputs()[0].shape == [2, 3]
 
 
-def test_examples_on_a_kink_compare_nothing_and_the_others_still_do() -> None:
+def test_comparison_skips_examples_at_kinks_only() -> None:
     """Beside x = 1 the slope of |x − 1| is the sign of a rounding error."""
 
     def kinked(x: Tensor) -> tuple[Tensor, Tensor]:
@@ -79,20 +89,25 @@ def test_examples_on_a_kink_compare_nothing_and_the_others_still_do() -> None:
         return value, 1.01 * slope
 
     kink, plain = torch.ones(1, 3) + 1e-7, torch.tensor([[0.5, 2.0, 3.0]])
-    model = export(kinked, [plain], ["x"], ["value", "slope"])
+    model = export(kinked, [plain], ["x"], outputs=["value", "slope"])
 
     def flipped_there(x: Tensor) -> tuple[Tensor, Tensor]:
         value, slope = kinked(x)
         return value, -slope if x is kink else slope
 
-    assert compared("kink", model, flipped_there, [[kink], [plain]], UNITS, 1e-4, ()).parity["slope"] == 0
+    assert (
+        compared(
+            "kink", model, flipped_there, examples=[[kink], [plain]], units=UNITS, tolerance=1e-4, models=()
+        ).parity["slope"]
+        == 0
+    )
     with pytest.raises(ParityError, match="relative difference"):
-        compared("kink", model, steeper, [[kink], [plain]], UNITS, 1e-4, ())
+        compared("kink", model, steeper, examples=[[kink], [plain]], units=UNITS, tolerance=1e-4, models=())
     with pytest.raises(ParityError, match="at each of 1 examples"):
-        compared("kink", model, flipped_there, [[kink]], UNITS, 1e-4, ())
+        compared("kink", model, flipped_there, examples=[[kink]], units=UNITS, tolerance=1e-4, models=())
 
 
-def test_the_difference_is_relative_and_knows_no_mercy_for_shapes_and_nan() -> None:
+def test_relative_difference_is_infinite_for_other_shapes_and_nan() -> None:
     wanted = np.array([3.0, 4.0], np.float32)
     assert relative_difference(wanted, wanted) == 0
     assert relative_difference(wanted * 1.5, wanted) == pytest.approx(0.5)
@@ -103,7 +118,7 @@ def test_the_difference_is_relative_and_knows_no_mercy_for_shapes_and_nan() -> N
     assert relative_difference(np.array([3.0, np.nan]), np.array([3.0, np.nan])) == 0
 
 
-def test_the_gradient_of_a_field_along_a_path_can_be_exported() -> None:
+def test_exports_gradient_of_a_field_along_a_path() -> None:
     """A flat tool's mark is read off its path in between the points."""
     arc = torch.linspace(0, 1, 6).expand(1, 3, 6)
 
@@ -115,6 +130,13 @@ def test_the_gradient_of_a_field_along_a_path_can_be_exported() -> None:
 
     numbers = generator("along", 3)
     examples = [torch.rand(1, 3, 4, generator=numbers), torch.rand(1, 3, 6, 2, generator=numbers)]
-    model = export(pulled, examples, ["place", "field"], ["to_place", "to_field"])
+    model = export(pulled, examples, ["place", "field"], outputs=["to_place", "to_field"])
     units = dict.fromkeys(("place", "field", "to_place", "to_field"), "1")
-    assert max(compared("along", model, pulled, [examples], units, 1e-5, ()).parity.values()) < 1e-5
+    assert (
+        max(
+            compared(
+                "along", model, pulled, examples=[examples], units=units, tolerance=1e-5, models=()
+            ).parity.values()
+        )
+        < 1e-5
+    )

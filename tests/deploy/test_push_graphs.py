@@ -36,7 +36,7 @@ def clay() -> TorchClay:
 
 @pytest.fixture(scope="module")
 def exported(clay: TorchClay) -> tuple[ClayFacts, dict[str, Graph]]:
-    return clay_graphs("clay", clay, FACTS, SHAPE, 1e-4, ("push_foam",))
+    return clay_graphs("clay", clay, FACTS, shape=SHAPE, tolerance=1e-4, models=("push_foam",))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def height() -> np.ndarray:
     return (0.04 + 5e-4 * np.random.default_rng(0).standard_normal(SHAPE)).astype(np.float32)
 
 
-def test_values_and_gradients_are_pytorchs(clay: TorchClay, by_graphs: GraphClay) -> None:
+def test_push_graphs_equal_pytorch_in_values_and_gradients(clay: TorchClay, by_graphs: GraphClay) -> None:
     one: Seam = clay
     other: Seam = by_graphs
     actions = np.stack([ACTION, ACTION + np.array([0.02, -0.01, 2.0, -0.01, 0.0]), ACTION * 0.5])
@@ -72,24 +72,24 @@ def test_values_and_gradients_are_pytorchs(clay: TorchClay, by_graphs: GraphClay
     np.testing.assert_array_equal(other.window_m, WINDOW)
 
 
-def test_any_number_of_alternatives(by_graphs: GraphClay) -> None:
+def test_push_graph_takes_any_number_of_pushes(by_graphs: GraphClay) -> None:
     assert by_graphs.after(height(), np.empty((0, 5))).shape == (0, *SHAPE)
     assert by_graphs.after(height(), np.tile(ACTION, (5, 1))).shape == (5, *SHAPE)
 
 
-def test_a_scan_of_another_size_is_a_sentence(by_graphs: GraphClay) -> None:
+def test_push_graph_rejects_scan_of_another_size(by_graphs: GraphClay) -> None:
     with pytest.raises(ContractError, match=r"is \[20, 50\] .* for \[40, 50\]"):
         by_graphs.after(height()[:20], ACTION[None])
 
 
-def test_holes_are_a_sentence(by_graphs: GraphClay) -> None:
+def test_push_graph_rejects_scan_with_holes(by_graphs: GraphClay) -> None:
     holed = height()
     holed[3, 4] = np.nan
     with pytest.raises(ContractError, match="holes"):
         by_graphs.step(holed, ACTION)
 
 
-def test_the_graphs_say_what_they_are(exported: tuple[ClayFacts, dict[str, Graph]]) -> None:
+def test_push_graphs_have_facts_and_parity(exported: tuple[ClayFacts, dict[str, Graph]]) -> None:
     facts, graphs = exported
     assert facts == ClayFacts("ball", "push", (0.0, 0.0, 0.1, 0.08), SHAPE, 0.02, 0.008)
     assert graphs["clay_after"].inputs[1].shape == ("pushes", 5)

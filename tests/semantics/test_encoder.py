@@ -12,14 +12,14 @@ from pentimento.semantics.encoder import ConvolutionalCLIP, Encoder, EncoderShap
 from tests.semantics.conftest import SHAPE
 
 
-def test_vectors_have_unit_length_at_any_size_of_picture(encoder: Encoder, images: torch.Tensor) -> None:
+def test_embeddings_have_unit_length_at_any_picture_size(encoder: Encoder, images: torch.Tensor) -> None:
     for size in (16, 32, 50):
         resized = torch.nn.functional.interpolate(images[:3], (size, size))
         assert torch.allclose(encoder.embed_images(resized).norm(dim=-1), torch.ones(3), atol=1e-5)
     assert torch.allclose(encoder.embed_texts(["a", "a red house " * 50]).norm(dim=-1), torch.ones(2), atol=1e-5)
 
 
-def test_the_gradient_of_a_picture_is_that_of_finite_differences(encoder: Encoder, images: torch.Tensor) -> None:
+def test_embedding_gradient_equals_finite_differences(encoder: Encoder, images: torch.Tensor) -> None:
     image = images[:1].clone().requires_grad_()
     goal = encoder.embed_texts(["a house"])[0]
     (gradient,) = torch.autograd.grad((encoder.embed_images(image) @ goal).sum(), image)
@@ -37,7 +37,7 @@ def test_patch_features_are_those_of_the_middle_layer(encoder: Encoder, images: 
     assert torch.allclose(features, out.hidden_states[1][:, 1:], atol=1e-5)
 
 
-def test_what_is_saved_is_the_published_layout_and_reads_back(
+def test_saved_encoder_has_the_published_layout_and_loads(
     encoder: Encoder, images: torch.Tensor, tmp_path: Path
 ) -> None:
     encoder.save(tmp_path)
@@ -50,7 +50,7 @@ def test_what_is_saved_is_the_published_layout_and_reads_back(
     assert torch.allclose(back.embed_texts(["a red house"]), encoder.embed_texts(["a red house"]), atol=1e-5)
 
 
-def test_another_weight_is_another_digest(encoder: Encoder, tmp_path: Path) -> None:
+def test_encoder_digest_depends_on_the_weights(encoder: Encoder, tmp_path: Path) -> None:
     encoder.save(tmp_path)
     other = Encoder.load(tmp_path)
     with torch.no_grad():
@@ -58,7 +58,7 @@ def test_another_weight_is_another_digest(encoder: Encoder, tmp_path: Path) -> N
     assert other.digest != encoder.digest
 
 
-def test_what_is_no_clip_model_is_a_sentence(tmp_path: Path) -> None:
+def test_rejects_folder_without_clip_model(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="is no folder of a CLIP model"):
         Encoder.load(tmp_path)
     (tmp_path / "config.json").write_text(json.dumps({"model_type": "bert"}))
@@ -69,9 +69,7 @@ def test_what_is_no_clip_model_is_a_sentence(tmp_path: Path) -> None:
         Encoder.load(tmp_path)
 
 
-def test_a_model_of_the_published_layout_without_a_stem_is_read_as_it_is(
-    encoder: Encoder, images: torch.Tensor, tmp_path: Path
-) -> None:
+def test_loads_published_model_without_stem(encoder: Encoder, images: torch.Tensor, tmp_path: Path) -> None:
     config = CLIPConfig.from_dict(encoder.model.config.to_dict())
     del config.vision_config.convolutional_stem
     torch.manual_seed(0)
@@ -82,7 +80,7 @@ def test_a_model_of_the_published_layout_without_a_stem_is_read_as_it_is(
     assert torch.allclose(back.embed_images(images), published.embed_images(images), atol=1e-5)
 
 
-def test_shapes_that_cannot_be_are_sentences() -> None:
+def test_rejects_impossible_encoder_shapes() -> None:
     with pytest.raises(ValueError, match="multiple of patch_px"):
         EncoderShape(60, 8, 32, 1, 16, 1, 2, 16)
     with pytest.raises(ValueError, match="another power of 2"):
@@ -104,11 +102,11 @@ def embeddings(tokenizer: CLIPTokenizer) -> StemEmbeddings:
     return found
 
 
-def test_there_are_as_many_tokens_as_patches_and_one_of_the_class(embeddings: StemEmbeddings) -> None:
+def test_stem_gives_one_token_per_patch_and_a_class_token(embeddings: StemEmbeddings) -> None:
     assert embeddings(torch.rand(2, 3, 32, 32)).shape == (2, 1 + 8 * 8, 32)
 
 
-def test_a_spot_changes_the_places_near_it_only(embeddings: StemEmbeddings) -> None:
+def test_stem_is_local(embeddings: StemEmbeddings) -> None:
     blank = torch.zeros(1, 3, 32, 32)
     spot = blank.clone()
     spot[..., 13:15, 17:19] = 1
@@ -118,7 +116,7 @@ def test_a_spot_changes_the_places_near_it_only(embeddings: StemEmbeddings) -> N
     assert int((rows - 3).abs().max()) <= 2 and int((columns - 4).abs().max()) <= 2
 
 
-def test_the_class_token_starts_with_the_same_wherever_a_thing_is(embeddings: StemEmbeddings) -> None:
+def test_class_token_of_the_stem_is_independent_of_position(embeddings: StemEmbeddings) -> None:
     pictures = torch.zeros(2, 3, 32, 32)
     thing = torch.rand(3, 4, 4, generator=torch.Generator().manual_seed(0))
     pictures[0, :, 12:16, 12:16], pictures[1, :, 16:20, 12:16] = thing, thing
@@ -127,6 +125,6 @@ def test_the_class_token_starts_with_the_same_wherever_a_thing_is(embeddings: St
     assert not torch.allclose(first[1:], other[1:], atol=1e-3)
 
 
-def test_positions_are_not_interpolated(embeddings: StemEmbeddings) -> None:
+def test_stem_rejects_interpolated_positions(embeddings: StemEmbeddings) -> None:
     with pytest.raises(ValueError, match="not interpolated"):
         embeddings(torch.zeros(1, 3, 32, 32), interpolate_pos_encoding=True)

@@ -16,22 +16,20 @@ def light(images: torch.Tensor) -> torch.Tensor:
     return srgb_to_linear(images[0]).movedim(0, -1)
 
 
-def test_the_text_objective_is_one_minus_the_cosine(
-    encoder: Encoder, images: torch.Tensor, light: torch.Tensor
-) -> None:
+def test_text_objective_is_one_minus_the_cosine(encoder: Encoder, images: torch.Tensor, light: torch.Tensor) -> None:
     value = TextObjective(encoder, "a red house", 0, 0)(light)
     cosine = encoder.embed_images(images[:1]) @ encoder.embed_texts(["a red house"])[0]
     assert float(value) == pytest.approx(1 - float(cosine), abs=1e-4)
 
 
-def test_the_semantic_objective_of_the_target_itself_is_zero(encoder: Encoder, light: torch.Tensor) -> None:
+def test_semantic_objective_of_the_target_is_zero(encoder: Encoder, light: torch.Tensor) -> None:
     objective = SemanticObjective(encoder, light, 3, 0)
     assert float(objective(light)) == pytest.approx(0, abs=1e-8)
     assert float(objective(1 - light)) > 0.01
 
 
 @pytest.mark.parametrize("views", [0, 4])
-def test_both_go_down_along_their_gradient(encoder: Encoder, light: torch.Tensor, views: int) -> None:
+def test_objectives_decrease_along_their_gradient(encoder: Encoder, light: torch.Tensor, views: int) -> None:
     for make in (
         lambda: TextObjective(encoder, "a red house", views, 0),
         lambda: SemanticObjective(encoder, torch.ones_like(light) * 0.2, views, 0),
@@ -44,7 +42,7 @@ def test_both_go_down_along_their_gradient(encoder: Encoder, light: torch.Tensor
         assert float(after) < float(before.detach())
 
 
-def test_views_differ_from_call_to_call_and_repeat_with_the_seed(encoder: Encoder, light: torch.Tensor) -> None:
+def test_random_views_differ_by_call_and_repeat_with_the_seed(encoder: Encoder, light: torch.Tensor) -> None:
     one, other = (TextObjective(encoder, "a house", 3, 5) for _ in range(2))
     first, second = float(one(light)), float(one(light))
     assert first != second and float(other(light)) == first
@@ -59,7 +57,7 @@ def test_saliency_is_a_map_from_0_to_1_of_each_caption(encoder: Encoder, images:
     assert not torch.allclose(saliency(encoder, images[1:2], ["a blue cloud"])[0], maps[1], atol=1e-2)
 
 
-def test_saliency_through_convolutions_moves_with_the_thing(encoder: Encoder) -> None:
+def test_saliency_of_convolutions_moves_with_the_thing(encoder: Encoder) -> None:
     shape = EncoderShape(64, 4, 32, 0, 16, 1, 2, 16)
     convolutions = Encoder(new_model(shape, encoder.tokenizer, 0), encoder.tokenizer)
     images = torch.ones(2, 3, 64, 64)
@@ -71,7 +69,7 @@ def test_saliency_through_convolutions_moves_with_the_thing(encoder: Encoder) ->
     assert not torch.allclose(one, other, atol=1e-2)
 
 
-def test_value_and_gradient_are_those_of_the_function() -> None:
+def test_torch_objective_returns_value_and_gradient() -> None:
     image = np.random.default_rng(0).random((5, 7, 3), np.float32)
     weights = torch.linspace(-1, 1, 3)
     value, gradient = TorchObjective(lambda picture: (picture.square() * weights).sum())(image)
@@ -80,7 +78,7 @@ def test_value_and_gradient_are_those_of_the_function() -> None:
     assert gradient.dtype == np.float32 and isinstance(value, float)
 
 
-def test_gradients_come_where_they_are_switched_off_and_the_image_stays() -> None:
+def test_torch_objective_computes_gradients_within_no_grad() -> None:
     image = np.full((2, 2, 3), 0.5, np.float32)
     with torch.no_grad():
         _, gradient = TorchObjective(lambda picture: picture.sum())(image)

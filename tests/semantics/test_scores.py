@@ -28,26 +28,26 @@ class Told(Encoder):
 IMAGES = torch.eye(3)[:, :, None, None].expand(3, 3, 4, 4)
 
 
-def test_the_score_is_the_cosine() -> None:
+def test_clip_score_is_the_cosine() -> None:
     scores = clip_score(Told(), IMAGES, ["a red", "a red", "blue and green"])
     assert scores.tolist() == pytest.approx([1.0, 0.0, 0.5**0.5])
 
 
-def test_mismatched_pairs_are_never_a_pictures_own() -> None:
+def test_mismatched_quantile_excludes_own_captions() -> None:
     captions = ["a red", "a green", "a blue"]
     assert mismatched_quantile(Told(), IMAGES, captions, 1.0, 0) == 0.0
     with pytest.raises(ValueError, match="no mismatched pair"):
         mismatched_quantile(Told(), IMAGES, ["a red"] * 3, 0.5, 0)
 
 
-def test_retrieval_of_a_perfect_encoder_is_perfect_and_chance_is_beside_it() -> None:
+def test_retrieval_of_a_perfect_encoder_is_perfect() -> None:
     found = retrieval(Told(), IMAGES, ["a red", "a green", "a blue"], 3, 0)
     assert found == {"image_to_text": 1.0, "text_to_image": 1.0, "chance": pytest.approx(1 / 3)}
     turned = retrieval(Told(), IMAGES, ["a green", "a blue", "a red"], 3, 0)
     assert turned["image_to_text"] == 0.0
 
 
-def test_recognised_are_the_best_as_many_as_were_asked() -> None:
+def test_recognised_kinds_are_the_k_best() -> None:
     scores = object_scores(Told(), IMAGES, WORDS)
     assert torch.equal(scores, torch.eye(3))
     assert recognised(scores[:2], WORDS, [["red"], ["red"]]) == [[True], [False]]

@@ -18,18 +18,18 @@ def two_squares() -> np.ndarray:
     return image
 
 
-def test_things_are_numbered_from_the_largest_on_and_the_ground_is_0() -> None:
+def test_segments_are_numbered_by_size_with_background_0() -> None:
     regions = segment(two_squares(), CLASSICAL)
     assert regions.dtype == np.uint8 and regions.shape == (64, 64)
     assert set(np.unique(regions)) == {0, 1, 2}
     assert (regions[12:36, 10:32] == 1).all() and (regions[47:55, 43:57] == 2).all() and regions[0, 0] == 0
 
 
-def test_a_flat_picture_has_no_region() -> None:
+def test_flat_picture_has_no_segment() -> None:
     assert (segment(np.full((32, 32, 3), 90, np.uint8), CLASSICAL) == 0).all()
 
 
-def test_sam_from_a_local_folder(tmp_path: Path) -> None:
+def test_segments_by_sam_from_a_local_folder(tmp_path: Path) -> None:
     from transformers import SamConfig, SamMaskDecoderConfig, SamModel, SamPromptEncoderConfig, SamVisionConfig
 
     torch.manual_seed(0)
@@ -49,7 +49,7 @@ def test_sam_from_a_local_folder(tmp_path: Path) -> None:
     np.testing.assert_array_equal(regions, again)
 
 
-def test_a_folder_without_sam_is_a_sentence(tmp_path: Path) -> None:
+def test_rejects_folder_without_sam(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="holds no SAM model"):
         segment(two_squares(), SegmentationConfig("sam", str(tmp_path), 60.0, 0.0, 3))
     with pytest.raises(ValueError, match="give the folder with sam"):

@@ -22,7 +22,7 @@ def crops() -> dict[str, list[Tensor]]:
     return equal_palette_crops(192)
 
 
-def test_the_style_gradient_is_that_of_finite_differences() -> None:
+def test_style_gradient_equals_finite_differences() -> None:
     features = LocalFeatures().double()
     objective = StyleObjective(soft_blobs(40, 48, 1, torch.float64), features, 0)
     image = soft_blobs(40, 48, 0, torch.float64).requires_grad_(True)
@@ -35,20 +35,20 @@ def test_the_style_gradient_is_that_of_finite_differences() -> None:
         assert float((ends[1] - ends[0]) / 2e-6) == pytest.approx(float((gradient * way).sum()), rel=1e-4)
 
 
-def test_a_picture_has_its_own_style() -> None:
+def test_style_objective_of_the_style_picture_is_zero() -> None:
     image = soft_blobs(64, 96, 0)
     assert float(StyleObjective(image, FEATURES, 0)(image)) == 0
     assert float(StyleObjective(soft_blobs(64, 96, 1) ** 2, FEATURES, 0)(image)) > 0.05
 
 
-def test_what_was_asked_before_changes_no_answer() -> None:
+def test_style_objective_does_not_depend_on_earlier_calls() -> None:
     fresh, used = (StyleObjective(soft_blobs(64, 96, 1) ** 2, FEATURES, 0) for _ in range(2))
     for seed in range(12):
         used(soft_blobs(64, 96, seed))
     assert float(used(soft_blobs(64, 96, 20))) == pytest.approx(float(fresh(soft_blobs(64, 96, 20))), rel=1e-6)
 
 
-def test_style_does_not_ask_where() -> None:
+def test_style_objective_ignores_positions() -> None:
     image = crops()["gravel"][0]
     swapped = torch.cat([image[:, 96:], image[:, :96]], 1)  # whole cells change places; only their seams differ
     moved, other = (float(StyleObjective(image, FEATURES, 0)(crop)) for crop in (swapped, crops()["gravel"][1]))
@@ -57,7 +57,7 @@ def test_style_does_not_ask_where() -> None:
     assert near(swapped.numpy())[0] > 0.8 * near(crops()["gravel"][1].numpy())[0]
 
 
-def test_pictures_of_other_sizes_are_compared_by_draws_that_the_seed_repeats() -> None:
+def test_style_objective_draws_cells_by_seed_for_other_sizes() -> None:
     image, style = soft_blobs(96, 96, 0), soft_blobs(64, 80, 1)
     first, second, other = (StyleObjective(style, FEATURES, seed) for seed in (0, 0, 1))
     values = [float(first(image)) for _ in range(4)]
@@ -65,7 +65,7 @@ def test_pictures_of_other_sizes_are_compared_by_draws_that_the_seed_repeats() -
     assert len({*values, float(other(image))}) == 5
 
 
-def test_crops_of_a_texture_are_nearer_than_another_texture_of_the_same_palette() -> None:
+def test_style_ranks_crops_of_one_texture_nearest() -> None:
     """Every crop holds exactly the same greys, so that colour statistics cannot tell; the margin is large."""
     sets = {name: [FEATURES(crop) for crop in of_one] for name, of_one in crops().items()}
     style = texture_ranks(sets, lambda a, b: float(earth_movers_distance(a, b)))
@@ -82,7 +82,7 @@ def _color_moments(image: Tensor) -> Tensor:
     return torch.cat([colors.mean(0), torch.cov(colors.T).flatten()])
 
 
-def test_moving_pixels_down_the_style_objective_brings_the_style() -> None:
+def test_pixel_descent_on_the_style_objective_transfers_style() -> None:
     start, style = crops()["brick"][0], crops()["grass"][0]
     objective = StyleObjective(style, FEATURES, 0)
     image = start.clone().requires_grad_(True)

@@ -13,7 +13,7 @@ from tests.semantics.textures import soft_blobs
 FEATURES = LocalFeatures()
 
 
-def test_filters_see_no_uniform_light_and_give_a_grating_its_amplitude_at_every_phase() -> None:
+def test_gabor_bank_gives_a_grating_its_amplitude_at_every_phase() -> None:
     bank = gabor_bank(4).double()[:, 0]
     assert float(bank.sum((1, 2)).abs().max()) < 1e-6
     steps = torch.arange(7, dtype=torch.float64) - 3
@@ -26,7 +26,7 @@ def test_filters_see_no_uniform_light_and_give_a_grating_its_amplitude_at_every_
             assert int(modulus.argmax()) == index
 
 
-def test_a_uniform_picture_has_its_colour_and_no_contrast() -> None:
+def test_uniform_picture_has_its_colour_and_no_contrast() -> None:
     color = torch.tensor([0.5, 0.2, 0.05])
     cells = FEATURES(color.expand(50, 70, 3))
     assert cells.shape == (3 * 4, 49)
@@ -36,7 +36,7 @@ def test_a_uniform_picture_has_its_colour_and_no_contrast() -> None:
 
 
 @pytest.mark.parametrize("period", [4, 8, 16, 32])
-def test_each_scale_answers_its_own_period_and_orientation(period: int) -> None:
+def test_each_scale_responds_to_its_period_and_orientation(period: int) -> None:
     wave = 0.5 + 0.2 * torch.cos(2 * np.pi * (torch.arange(192) + 0.5) / period)
     upright = (wave**2.2)[None, :, None].expand(192, 192, 3)  # about a cosine in sRGB
     contrast = FEATURES(upright).reshape(12, 12, 49)[3:9, 3:9, 9:].mean((0, 1))
@@ -46,7 +46,7 @@ def test_each_scale_answers_its_own_period_and_orientation(period: int) -> None:
     torch.testing.assert_close(turned[[0, 1, 2, 3]], contrast[[2, 1, 0, 3]], rtol=1e-3, atol=1e-4)
 
 
-def test_dark_blue_on_light_yellow_is_not_light_blue_on_dark_yellow() -> None:
+def test_features_separate_dark_blue_on_light_yellow_from_the_reverse() -> None:
     """Both have nearly the same mean and contrasts of light and of colour; it is their going together that differs."""
     sign = torch.tensor(np.random.default_rng(0).choice([-1.0, 1.0], (24, 24)), dtype=torch.float32)
     sign = sign.repeat_interleave(8, 0).repeat_interleave(8, 1)[..., None]
@@ -60,7 +60,7 @@ def test_dark_blue_on_light_yellow_is_not_light_blue_on_dark_yellow() -> None:
 
 
 @pytest.mark.parametrize(("height", "width"), [(16, 16), (17, 31), (150, 203)])
-def test_odd_and_small_pictures_are_covered_to_the_last_pixel(height: int, width: int) -> None:
+def test_features_cover_odd_and_small_pictures(height: int, width: int) -> None:
     image = soft_blobs(height, width, 0).requires_grad_(True)
     cells = FEATURES(image)
     assert len(cells) == round(height / CELL_PX) * round(width / CELL_PX)
@@ -68,12 +68,12 @@ def test_odd_and_small_pictures_are_covered_to_the_last_pixel(height: int, width
     assert bool((gradient.abs().amax(-1) > 0).all())
 
 
-def test_means_over_cells_keep_the_mean() -> None:
+def test_cell_means_keep_the_mean() -> None:
     maps = points(7, 11, 0)
     torch.testing.assert_close(cell_means(maps, (3, 4)).mean(), maps.mean())
     torch.testing.assert_close(cell_means(maps, (7, 11)), maps)
 
 
-def test_a_picture_smaller_than_a_cell_is_a_sentence() -> None:
+def test_rejects_picture_smaller_than_a_cell() -> None:
     with pytest.raises(ConfigError, match=r"15 x 40 px has no local features: .*16 px or more"):
         FEATURES(torch.zeros(15, 40, 3))

@@ -30,7 +30,7 @@ def read(tmp_path: Path, text: str) -> ObjectivesConfig:
     return load_section(tmp_path / "params.yaml", "objectives", ObjectivesConfig)
 
 
-def test_the_section_is_read_and_its_sum_has_its_terms(tmp_path: Path) -> None:
+def test_objectives_section_gives_the_print_and_style_terms(tmp_path: Path) -> None:
     objectives = read(tmp_path, YAML)
     assert objectives == ObjectivesConfig(1.0, STYLE)
     config = replace(CONFIG, objectives=objectives)
@@ -49,7 +49,7 @@ def test_the_section_is_read_and_its_sum_has_its_terms(tmp_path: Path) -> None:
     assert objective_for(task, config)(own)[0] == pytest.approx(objective_for(task, alone)(own)[0])
 
 
-def test_the_first_pass_copies_the_style_picture_where_nothing_else_composes() -> None:
+def test_first_pass_targets_the_style_picture_without_print_objective() -> None:
     style = PictureStyle(STYLE, 0)
     task = replace(scene(), target=np.zeros((*SHAPE, 3), np.float32), style=style)
     for objectives, copied in (
@@ -62,12 +62,12 @@ def test_the_first_pass_copies_the_style_picture_where_nothing_else_composes() -
         assert config.objectives == ObjectivesConfig(1.0, None)
 
 
-def test_a_style_without_a_workshop_is_a_sentence() -> None:
+def test_rejects_style_objective_for_a_scene_without_style() -> None:
     with pytest.raises(ConfigError, match="ask for a style, but the scene that is planned for has none"):
         objective_for(scene(), replace(CONFIG, objectives=ObjectivesConfig(1.0, STYLE)))
 
 
-def test_a_style_changes_what_the_plan_is_made_of() -> None:
+def test_style_objective_changes_the_plan() -> None:
     strong = replace(STYLE, weight=0.3)
     both = replace(CONFIG, objectives=ObjectivesConfig(1.0, strong), iterations_palette=30, relocate_every=0)
     target = fit_to_canvas(load_photograph("coffee"), (80, 120)).astype(np.float32)
@@ -92,19 +92,19 @@ def test_a_style_changes_what_the_plan_is_made_of() -> None:
         ("weights: null", "weights: a.pth", r"vgg16_weights is 'a\.pth' while features is 'local'"),
     ],
 )
-def test_what_makes_no_sense_is_a_sentence(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+def test_rejects_invalid_objectives(tmp_path: Path, old: str, new: str, sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence):
         read(tmp_path, YAML.replace(old, new))
 
 
-def test_no_objective_is_no_plan(tmp_path: Path) -> None:
+def test_rejects_objectives_without_any_term(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigError, match=r"print_weight is 0\.0 and style is null|print_weight is 0 and style is null"
     ):
         read(tmp_path, "objectives: {print_weight: 0, style: null}")
 
 
-def test_files_that_are_not_there_are_named(tmp_path: Path) -> None:
+def test_rejects_missing_style_files_by_name(tmp_path: Path) -> None:
     with pytest.raises(ImageError, match=r"no photograph 'no_such_style'"):
         PictureStyle(replace(STYLE, picture="no_such_style"), 0).picture(SHAPE)
     none = StyleConfig(1.0, "retina", "vgg16", str(tmp_path / "none.pth"))

@@ -10,13 +10,13 @@ from pentimento.semantics.tokenizer import END, learn_tokenizer
 CAPTIONS = ["a red house beside a tree", "a blue house under a cloud"] * 5
 
 
-def test_words_that_were_seen_are_one_token_each() -> None:
+def test_tokenizer_encodes_known_words_as_one_token() -> None:
     tokenizer = learn_tokenizer(CAPTIONS, 200, 16)
     assert len(tokenizer("a red house beside a tree")["input_ids"]) == 6 + 2
     assert len(tokenizer("a zebra")["input_ids"]) > 4
 
 
-def test_any_language_comes_back_and_long_texts_are_cut() -> None:
+def test_tokenizer_round_trips_any_language_and_truncates() -> None:
     tokenizer = learn_tokenizer(CAPTIONS, 200, 64)
     for text in ("猫が月の下に", "été à la mer", "a 😀 house"):
         ids = tokenizer(text)["input_ids"]
@@ -26,7 +26,7 @@ def test_any_language_comes_back_and_long_texts_are_cut() -> None:
     assert len(cut) == 64 and cut[-1] == tokenizer.eos_token_id
 
 
-def test_learning_is_deterministic_and_saved_files_read_back(tmp_path: Path) -> None:
+def test_tokenizer_is_deterministic_and_survives_saving(tmp_path: Path) -> None:
     one, other = learn_tokenizer(CAPTIONS, 50, 16), learn_tokenizer(CAPTIONS, 50, 16)
     assert one.get_vocab() == other.get_vocab()
     one.save_pretrained(tmp_path)

@@ -14,19 +14,19 @@ from pentimento.semantics.training import contrast, patch_kinds, train_encoder
 from tests.semantics.conftest import SHAPE, training
 
 
-def test_contrast_of_undecided_logits_is_the_logarithm_of_the_choices() -> None:
+def test_contrast_of_equal_logits_is_the_logarithm_of_the_choices() -> None:
     loss = contrast(torch.zeros(4, 6), torch.arange(4))  # 4 pictures, 6 captions of which 2 are nobody's
     assert float(loss) == pytest.approx(0.5 * (math.log(6) + math.log(4)))
     certain = torch.full((3, 3), -50.0).fill_diagonal_(50.0)
     assert float(contrast(certain, torch.arange(3))) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_caption_of_two_pictures_is_right_for_both() -> None:
+def test_shared_caption_is_positive_for_both_pictures() -> None:
     logits = torch.full((2, 1), 3.0)
     assert float(contrast(logits, torch.tensor([0, 0]))) == pytest.approx(0.5 * math.log(2), abs=1e-6)
 
 
-def test_patches_get_the_kind_that_covers_most_of_them() -> None:
+def test_patch_kind_is_the_one_that_covers_most() -> None:
     regions = torch.zeros(1, 8, 8)
     regions[0, :4, :4], regions[0, 4:, 6:], regions[0, 0, 4] = 1, 2, 2
     kinds = patch_kinds(regions, torch.tensor([[-1, 7, 3]]), 4)
@@ -34,7 +34,7 @@ def test_patches_get_the_kind_that_covers_most_of_them() -> None:
     assert (patch_kinds(regions, torch.tensor([[-1]]), 4) == -1).all()
 
 
-def test_altered_captions_are_wrong_by_one_word(known: Examples, tokenizer: CLIPTokenizer, rows: Captioned) -> None:
+def test_altered_captions_differ_by_one_word(known: Examples, tokenizer: CLIPTokenizer, rows: Captioned) -> None:
     for index in range(20):
         for caption, altered in zip(known.captions[index], known.altered[index], strict=True):
             assert altered
@@ -65,7 +65,7 @@ def test_black_styles_are_grey_on_light_paper(style: str) -> None:
     assert (spread > 100) if style == "paint" else (spread < 40)
 
 
-def test_training_learns_and_is_the_same_for_the_same_seed(
+def test_encoder_training_learns_and_is_reproducible(
     known: Examples, tokenizer: CLIPTokenizer, encoder: Encoder
 ) -> None:
     losses: list[float] = []
@@ -75,7 +75,7 @@ def test_training_learns_and_is_the_same_for_the_same_seed(
     assert train_encoder(known, tokenizer, SHAPE, training(seed=1), lambda *_: None).digest != encoder.digest
 
 
-def test_without_objects_captions_alone_are_learned(rows: Captioned, tokenizer: CLIPTokenizer) -> None:
+def test_encoder_trains_without_objects(rows: Captioned, tokenizer: CLIPTokenizer) -> None:
     from pentimento.semantics.examples import examples
 
     nothing: list[list[str]] = [[] for _ in rows.captions]
@@ -85,6 +85,6 @@ def test_without_objects_captions_alone_are_learned(rows: Captioned, tokenizer: 
     assert losses[-1] < losses[0]
 
 
-def test_a_view_without_a_share_is_a_sentence() -> None:
+def test_rejects_view_shares_that_miss_a_view() -> None:
     with pytest.raises(ValueError, match="give each of picture, lines"):
         training(view_shares={"picture": 1.0})

@@ -46,7 +46,7 @@ def image(seed: int) -> Tensor:
     return torch.rand(48, 32, 3, generator=torch.Generator().manual_seed(seed))
 
 
-def test_the_features_are_the_networks_activations(network: nn.Sequential, weights: Path) -> None:
+def test_vgg_features_are_the_networks_activations(network: nn.Sequential, weights: Path) -> None:
     cells = load_vgg16(weights)(image(0))
     assert cells.shape == (3 * 2, 3 + 64 + 128 + 256 + 512)
     srgb = linear_to_srgb(image(0).movedim(-1, 0))
@@ -64,7 +64,7 @@ def test_the_features_are_the_networks_activations(network: nn.Sequential, weigh
             first = last
 
 
-def test_the_style_objective_works_through_it(weights: Path) -> None:
+def test_style_objective_decreases_along_its_gradient_through_vgg(weights: Path) -> None:
     objective = StyleObjective(image(0), load_vgg16(weights), 0)
     assert float(objective(image(0))) == 0
     start = (image(1) ** 3).requires_grad_(True)
@@ -76,12 +76,12 @@ def test_the_style_objective_works_through_it(weights: Path) -> None:
     assert float(lower) < float(value.detach())
 
 
-def test_a_missing_file_is_a_sentence(tmp_path: Path) -> None:
+def test_rejects_missing_vgg_weights(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no VGG-16 weights at .*nowhere\.pth: .*local features"):
         load_vgg16(tmp_path / "nowhere.pth")
 
 
-def test_files_that_are_no_tensors_are_a_sentence(tmp_path: Path) -> None:
+def test_rejects_vgg_files_that_are_no_state_dict(tmp_path: Path) -> None:
     broken = tmp_path / "broken.pth"
     for content in (b"", b"not a pickle", b"PK\x03\x04 cut off"):
         broken.write_bytes(content)
@@ -102,7 +102,7 @@ class Malice:
         return Path.touch, (self.path,)
 
 
-def test_no_code_of_the_file_is_run(tmp_path: Path) -> None:
+def test_vgg_file_with_code_is_rejected_and_not_executed(tmp_path: Path) -> None:
     torch.save({"features.0.weight": Malice(tmp_path / "written")}, tmp_path / "evil.pth")
     with pytest.raises(ContractError, match=r"evil\.pth is not a file of tensors"):
         load_vgg16(tmp_path / "evil.pth")
@@ -117,7 +117,7 @@ def test_no_code_of_the_file_is_run(tmp_path: Path) -> None:
         (torch.full((128, 64, 3, 3), torch.nan), r"features\.5\.weight is not finite"),
     ],
 )
-def test_another_layout_is_named_by_its_tensor(
+def test_rejects_vgg_state_dict_of_another_layout(
     network: nn.Sequential, tmp_path: Path, entry: Tensor | None, sentence: str
 ) -> None:
     state: dict[str, object] = {f"features.{name}": tensor for name, tensor in network[:24].state_dict().items()}

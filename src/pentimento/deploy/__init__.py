@@ -1,1 +1,1 @@
-"""From trained models to what a robot carries: graphs with their gradients, compared with PyTorch, and the bundle."""
+"""Export of trained models to ONNX graphs and a bundle that runs without PyTorch."""

@@ -1,4 +1,4 @@
-"""x"""
+"""Writing a bundle: its files, the manifest that lists them, and its card."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -41,10 +41,21 @@ from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 
+_HEAD: Final = """# bundle
+
+What a robot needs to paint together with a person, without PyTorch: stroke models and image objectives with their
+gradients, the parts of the goal planner, tools and safety envelopes. `manifest.json` lists every file with its size and
+SHA-256, which are checked before any file is opened. The limits of each part are in the card of the model that it was
+exported from.
+
+- **Made by** the stage `deploy`, which compared each graph with PyTorch and wrote the differences below.
+- **Used by** `pentimento run`.
+"""
+
 
 @dataclass(frozen=True)
 class SettingConfig:
-    """A tool before a canvas, and how the runner paints there."""
+    """A tool and a canvas, and how the robot paints there."""
 
     tool: str
     canvas_m: tuple[float, float]
@@ -52,7 +63,7 @@ class SettingConfig:
     batch: int
     """Strokes between two photographs."""
     style: bool
-    """Whether the runner may paint in the style of a picture there."""
+    """Whether the bundle supports painting in the style of a picture there."""
     planner: PlannerConfig
 
     def __post_init__(self) -> None:
@@ -61,7 +72,7 @@ class SettingConfig:
 
 @dataclass(frozen=True)
 class ClayConfig:
-    """What the scanner of a sculpting robot sees."""
+    """The field of view of a sculpting robot's scanner."""
 
     window_m: tuple[float, float, float, float]
     """Canvas frame."""
@@ -74,12 +85,12 @@ class ClayConfig:
 
 @dataclass(frozen=True)
 class DeployConfig:
-    """What goes into a bundle."""
+    """The content of a bundle."""
 
     tolerance: float
-    """The most by which a graph may differ from PyTorch, as a share of the norm."""
+    """Maximum difference of a graph from PyTorch, relative to the norm."""
     views: int
-    """Of a picture that an encoder judges, moved at random, beside the plain one."""
+    """Random views of a picture in the encoder's objectives, beside the plain one."""
     asking: GoalSampling
     settings: dict[str, SettingConfig]
     clays: dict[str, ClayConfig]
@@ -94,7 +105,7 @@ class DeployConfig:
 
 @dataclass(frozen=True, eq=False)
 class Models:
-    """What a bundle is made of, by the names of their folders."""
+    """The models of a bundle."""
 
     strokes: Mapping[str, StrokeModel]
     """By tool."""
@@ -105,7 +116,7 @@ class Models:
     pushes: Mapping[str, PushModel]
     """By material."""
     digests: Mapping[str, str]
-    """By which the pipeline knows each: ``stroke_<tool>``, ``semantics``, ``goal``, ``push_<material>``."""
+    """Of the pipeline, for each of `stroke_<tool>`, `semantics`, `goal` and `push_<material>`."""
 
 
 def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest:
@@ -113,7 +124,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
-        ConfigError: a part is of a kind that the runner does not know.
+        ConfigError: the lean core does not support a part.
     """
     brushes, graphs = _brushes(models, config)
     styles, style_parts = _styles(config)
@@ -165,7 +176,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
 
 
 def brush_name(setting: SettingConfig) -> str:
-    """Of a stroke model with so many points in a path."""
+    """The name of a stroke model with the number of points of its paths."""
     return f"{setting.tool}_{setting.planner.path_points}"
 
 
@@ -176,13 +187,15 @@ def _brushes(models: Models, config: DeployConfig) -> tuple[dict[str, BrushFacts
         name, points = brush_name(setting), setting.planner.path_points
         if name not in facts:
             model, tool = models.strokes[setting.tool], load_tool(setting.tool)
-            facts[name], made = brush_graphs(name, model, tool, points, setting.canvas_m, config.tolerance)
-            graphs |= made
+            facts[name], of_brush = brush_graphs(
+                name, model, tool, path_points=points, canvas_m=setting.canvas_m, tolerance=config.tolerance
+            )
+            graphs |= of_brush
     return facts, graphs
 
 
 def _styles(config: DeployConfig) -> tuple[dict[str, StyleFacts], dict[str, Graph]]:
-    """Of pictures as large as each setting's canvas, and half as large: planners begin so."""
+    """Of pictures in the size of each setting's canvas, and of half that size, which planners use first."""
     facts: dict[str, StyleFacts] = {}
     graphs: dict[str, Graph] = {}
     for setting in (setting for setting in config.settings.values() if setting.style):
@@ -190,8 +203,8 @@ def _styles(config: DeployConfig) -> tuple[dict[str, StyleFacts], dict[str, Grap
         for shape in ((height, width), (max(round(height / 2), 1), max(round(width / 2), 1))):
             name = f"style_{shape[0]}x{shape[1]}"
             if name not in facts:
-                facts[name], made = style_graphs(name, shape, config.tolerance)
-                graphs |= made
+                facts[name], of_style = style_graphs(name, shape, config.tolerance)
+                graphs |= of_style
     return facts, graphs
 
 
@@ -201,8 +214,10 @@ def _clays(models: Models, config: DeployConfig) -> tuple[dict[str, ClayFacts], 
     for material, clay in config.clays.items():
         name, model = f"clay_{material}", models.pushes[material]
         planned = planned_clay(model, np.array(clay.window_m))
-        facts[name], made = clay_graphs(name, planned, model.facts, clay.shape, config.tolerance, (f"push_{material}",))
-        graphs |= made
+        facts[name], of_clay = clay_graphs(
+            name, planned, model.facts, shape=clay.shape, tolerance=config.tolerance, models=(f"push_{material}",)
+        )
+        graphs |= of_clay
     return facts, graphs
 
 
@@ -232,7 +247,7 @@ def _length(tokenizer: Any) -> int:
 
 
 def _metrics(graphs: Mapping[str, Graph]) -> dict[str, Any]:
-    """For DVC and MLflow."""
+    """Metrics for DVC and MLflow."""
     return {
         "parity": {name: max(graph.parity.values()) for name, graph in graphs.items()},
         "largest_difference": max(max(graph.parity.values()) for graph in graphs.values()),
@@ -244,20 +259,8 @@ def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-_HEAD = """# bundle
-
-What a robot needs to paint beside a person, without PyTorch: stroke models with their gradients, image objectives with
-theirs, the goal planner's parts, tools and safety envelopes. `manifest.json` lists every file with its size and
-SHA-256; the runner checks all of it before it opens anything. What each part is good for, and what not, is said by the
-cards of the models that it came from.
-
-- **Made by** the stage `deploy`, which compared each graph with PyTorch and wrote the differences below.
-- **Used by** `pentimento run`.
-"""
-
-
 def bundle_card(settings: Mapping[str, Setting], graphs: Mapping[str, GraphEntry], sizes: Mapping[str, int]) -> str:
-    """Markdown."""
+    """The card of a bundle in Markdown."""
     lines = [_HEAD, "| setting | tool | canvas | strokes | envelope |", "|---|---|---|---|---|"]
     for name, setting in sorted(settings.items()):
         width, height = (1000 * length for length in setting.canvas_m)
@@ -266,14 +269,14 @@ def bundle_card(settings: Mapping[str, Setting], graphs: Mapping[str, GraphEntry
         )
     lines += [
         "",
-        "The difference of a graph is the largest of its outputs' and of several examples': norm of the difference",
-        "from PyTorch's over the norm of PyTorch's.",
+        "The difference of a graph is the norm of the difference from PyTorch over the norm of PyTorch's result, the",
+        "maximum over its outputs and several examples.",
         "",
         "| graph | from | kB | difference |",
         "|---|---|---|---|",
     ]
     for name, graph in sorted(graphs.items()):
-        made_from = ", ".join(graph.models) or "fixed features"
+        origin = ", ".join(graph.models) or "fixed features"
         difference = max(graph.parity.values())
-        lines.append(f"| {name} | {made_from} | {sizes[graph.file] / 1000:.1f} | {difference:.1e} |")
+        lines.append(f"| {name} | {origin} | {sizes[graph.file] / 1000:.1f} | {difference:.1e} |")
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""How gradients that ONNX has no operator for are said by operators that it has.
+"""Gradients that ONNX has no operator for, as compositions of operators that it has.
 
 Each function replaces one operator of PyTorch while a function is traced.
 """
@@ -23,9 +23,10 @@ _BILINEAR, _ZEROS, _BORDER = 0, 0, 1  # as PyTorch numbers the modes of grid_sam
 
 @dataclass
 class Resizing:
-    """The matrices by which pictures are resized while a function is traced: arguments of that function.
+    """The matrices that resize pictures while a function is traced, as arguments of that function.
 
-    A traced graph would otherwise hold them for one size of picture. ``planning.resizing`` fills them.
+    Without them a traced graph would hold the matrices for one size of picture. `bundle.views.resizing_matrix` computes
+    them.
     """
 
     rows: Tensor | None = None
@@ -55,7 +56,7 @@ class Resizing:
 
 
 def exportable(resizing: Resizing) -> Mapping[Any, Decomposition]:
-    """The table for ``make_fx``: the core operators, and gradients that they lack."""
+    """The table for `make_fx`: the core operators, and gradients that they lack."""
     aten = torch.ops.aten
     return {
         **core_aten_decompositions(),
@@ -84,7 +85,7 @@ def _convolution_backward(
     groups: int,
     wanted: Sequence[bool],
 ) -> tuple[Tensor | None, None, None]:
-    """∂loss/∂image of a convolution: the transposed convolution; weights are frozen."""
+    """∂loss/∂image of a convolution with frozen weights: the transposed convolution."""
     _require(not transposed and not any(wanted[1:]), "the gradient of a transposed convolution, or of weights")
     if not wanted[0]:
         return None, None, None
@@ -114,7 +115,7 @@ def _pooling_backward(
     ceil_mode: bool,
     *_edges: Any,
 ) -> Tensor:
-    """∂loss/∂image of means over squares: the transposed product with what pooling makes of the identity."""
+    """∂loss/∂image of average pooling: the transposed product with the pooled identity."""
     _require(not any(padding), "pooling with padding")
 
     def means(size: int, axis: int) -> Tensor:
@@ -129,7 +130,7 @@ def _pooling_backward(
 
 
 def _padding_backward(gradient: Tensor, image: Tensor, padding: Sequence[int]) -> Tensor:
-    """∂loss/∂image of padding by copies of the edge: each copy's gradient goes to the edge."""
+    """∂loss/∂image of replication padding: the gradients of all copies are summed at the edge."""
     left, right, top, bottom = padding
 
     def copies(size: int, before: int, after: int) -> Tensor:
@@ -141,15 +142,15 @@ def _padding_backward(gradient: Tensor, image: Tensor, padding: Sequence[int]) -
 
 
 def _select_backward(gradient: Tensor, sizes: Sequence[int], axis: int, index: int) -> Tensor:
-    """∂loss/∂tensor of one of its entries along an axis: zeros around the gradient.
+    """∂loss/∂tensor of one entry along an axis: the gradient surrounded by zeros.
 
-    PyTorch's own decomposition takes four operators, which is felt where a path is followed point by point.
+    PyTorch's own decomposition takes four operators, which is slow where a path is computed point by point.
     """
     return _zeros_around(gradient.unsqueeze(axis), sizes, axis, index)
 
 
 def _slice_backward(gradient: Tensor, sizes: Sequence[int], axis: int, start: int, _end: int, step: int) -> Tensor:
-    """∂loss/∂tensor of a stretch of it along an axis, likewise."""
+    """∂loss/∂tensor of a slice along an axis: the gradient surrounded by zeros."""
     _require(step == 1, "the gradient of a slice with a step")
     return _zeros_around(gradient, sizes, axis, start)
 
@@ -162,7 +163,7 @@ def _zeros_around(gradient: Tensor, sizes: Sequence[int], axis: int, start: int)
 
 
 def _affine_grid(matrices: Tensor, size: Sequence[int], align_corners: bool) -> Tensor:
-    """Where each pixel of [B, C, h, w] looks, [B, h, w, 2]. PyTorch's own decomposition fixes the size."""
+    """Sampling positions [B, h, w, 2] of the pixels of [B, C, h, w]. PyTorch's own decomposition fixes the size."""
     _require(not align_corners, "an affine grid with aligned corners")
     height, width = size[2:]
     x = ((2 * torch.arange(width) + 1) / width - 1)[None, None, :]
@@ -174,7 +175,7 @@ def _affine_grid(matrices: Tensor, size: Sequence[int], align_corners: bool) -> 
 def _grid_sampler_backward(
     gradient: Tensor, image: Tensor, grid: Tensor, mode: int, padding: int, align_corners: bool, wanted: Sequence[bool]
 ) -> tuple[Tensor | None, Tensor | None]:
-    """∂loss/∂image and ∂loss/∂grid of bilinear sampling: each sample was read from four pixels."""
+    """∂loss/∂image and ∂loss/∂grid of bilinear sampling, in which each sample reads four pixels."""
     _require(mode == _BILINEAR and padding in (_ZEROS, _BORDER) and not align_corners, "this grid_sample")
     batch, channels, height, width = image.shape
     free_x, free_y = ((grid[..., 0] + 1) * width - 1) / 2, ((grid[..., 1] + 1) * height - 1) / 2
@@ -207,9 +208,9 @@ def _grid_sampler_backward(
 
 
 def _two_beside(place: Tensor, size: int, ring: int) -> list[tuple[Tensor, Tensor, Tensor]]:
-    """The two pixels of a line on both sides of each place: index, share, and how the share grows with the place.
+    """The two pixels on both sides of each position along an axis: index, weight, and derivative of the weight.
 
-    A pixel of the ring of zeros has neither, and stands as any other.
+    In the ring of zeros around the image, weight and derivative are 0.
     """
     first = place.floor()
     part = place - first

@@ -1,8 +1,8 @@
-"""The goal planner's parts as graphs, with what a sampler must know; ``bundle.sampler`` asks them."""
+"""The parts of the goal planner as graphs, with the facts for `bundle.sampler`."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import torch
 from diffusers import DDIMScheduler
@@ -13,20 +13,20 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.goal.planner import GoalPlanner, GoalSampling
 from pentimento.deploy.graphs import Graph, compared, export_module, generator
 
-_UNITS = {
-    "tokens": "token numbers, filled up with ends",
+_UNITS: Final = {
+    "tokens": "token ids, padded with the end token",
     "states": "hidden states of the text encoder",
     "pictures": "sRGB from -1 to 1, [B, 3, H, W]",
-    "latents": "latents; for goal_decode divided by their scaling",
-    "noisy": "latents under way, then those of the canvas",
+    "latents": "latents; of goal_decode divided by their scaling",
+    "noisy": "noisy latents, then those of the canvas",
     "timestep": "of the noise schedule",
-    "told": "what the network foretells, see the facts",
+    "told": "prediction of the network, see the facts",
 }
-_BATCHES = (1, 3, 6)
+_BATCHES: Final = (1, 3, 6)
 
 
 def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
-    """``goal_text``, ``goal_encode``, ``goal_denoise`` and ``goal_decode``, each with an open number of pictures.
+    """`goal_text`, `goal_encode`, `goal_denoise` and `goal_decode`, each with a dynamic number of pictures.
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
@@ -61,17 +61,19 @@ def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
     for name, part, inputs, output in parts:
         part.eval().requires_grad_(False)
         free = [dict[int, str]() if key == "timestep" else {0: "pictures_at_once"} for key in inputs]
-        made = export_module(part, examples(name, 2), inputs, [output], free)
-        compare = [examples(name, batch) for batch in _BATCHES]
-        graphs[name] = compared(name, made, _one(part), compare, _UNITS, tolerance, ("goal",))
+        exported = export_module(part, examples(name, 2), inputs, outputs=[output], free=free)
+        graphs[name] = compared(
+            name, exported, _as_function(part), examples=[examples(name, batch) for batch in _BATCHES], units=_UNITS,
+            tolerance=tolerance, models=("goal",),
+        )  # fmt: skip
     return graphs
 
 
 def goal_facts(planner: GoalPlanner, words: WordsFacts, sampling: GoalSampling) -> GoalFacts:
-    """What a sampler must know of a goal planner.
+    """The facts of a goal planner for the sampler.
 
     Raises:
-        ConfigError: its noise schedule is of a kind that the runner's sampler does not know.
+        ConfigError: the lean core's sampler does not support its noise schedule.
     """
     scheduler = planner.scheduler
     config = scheduler.config
@@ -102,7 +104,7 @@ def _side_px(planner: GoalPlanner) -> int:
     return int(planner.unet.config.sample_size * planner.vae_scale_factor)
 
 
-def _one(part: nn.Module) -> Any:
+def _as_function(part: nn.Module) -> Any:
     def function(*arguments: Tensor) -> tuple[Tensor]:
         with torch.no_grad():
             return (part(*arguments),)
@@ -146,5 +148,5 @@ class _Denoise(nn.Module):
         self.unet = unet
 
     def forward(self, noisy: Tensor, timestep: Tensor, states: Tensor) -> Tensor:
-        told: Tensor = self.unet(noisy, timestep, encoder_hidden_states=states, return_dict=False)[0]
-        return told
+        prediction: Tensor = self.unet(noisy, timestep, encoder_hidden_states=states, return_dict=False)[0]
+        return prediction

@@ -1,4 +1,8 @@
-"""x"""
+"""Export of PyTorch functions to ONNX graphs, with reproducible bytes, and their comparison with PyTorch.
+
+Functions may compute gradients. They are traced into primitive operators (`make_fx`) before the export, because the
+exporter cannot differentiate.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +26,11 @@ from pentimento.contracts.errors import PentimentoError
 from pentimento.deploy.decompositions import Resizing, exportable
 
 OPSET: Final = 20
-"""Of ONNX's operators. onnxruntime reads it from 1.17 on."""
+"""Version of ONNX's operators, supported by onnxruntime from 1.17 on."""
 IR_VERSION: Final = 10
-"""Of ONNX's format."""
+"""Version of ONNX's format."""
+_NUDGE: Final = 1e-5  # relative change of inputs; less is averaged out before it acts as rounding does
+_NUDGES: Final = 8  # random changes of an example, because whether rounding crosses a kink is random
 Function = Callable[..., tuple[Tensor, ...]]
 
 
@@ -32,18 +38,19 @@ def export(
     function: Function,
     examples: Sequence[Tensor],
     inputs: Sequence[str],
+    *,
     outputs: Sequence[str],
     free: Sequence[dict[int, str]] | None = None,
     resizing: Resizing | None = None,
 ) -> onnx.ModelProto:
-    """The graph of a function of tensors that may differentiate inside, by ``torch.autograd.grad``.
+    """The graph of a function of tensors that may differentiate inside, by `torch.autograd.grad`.
 
     Args:
-        function: takes tensors of the examples' shapes and gives a tuple of tensors.
+        function: takes tensors of the examples' shapes and returns a tuple of tensors.
         inputs, outputs: the names of arguments and results.
-        free: of each input the dimensions whose size is left open, by name; None: all sizes are those of the examples.
-            An open size must differ in the examples from every other size, or it is taken to be that one.
-        resizing: where the function resizes pictures, what it puts the matrices for that into.
+        free: the dynamic dimensions of each input, by name; None: all sizes are those of the examples. A dynamic size
+            must differ from every other size in the examples, or the exporter confuses them.
+        resizing: where the function resizes pictures, the object that it sets the matrices of.
     """
     # Weights are real tensors beside symbolic arguments.
     traced = make_fx(
@@ -54,17 +61,18 @@ def export(
     )(*examples)
     traced.graph.eliminate_dead_code()
     traced.recompile()
-    return export_module(traced, examples, inputs, outputs, free)
+    return export_module(traced, examples, inputs, outputs=outputs, free=free)
 
 
 def export_module(
     module: torch.nn.Module,
     examples: Sequence[Tensor],
     inputs: Sequence[str],
+    *,
     outputs: Sequence[str],
     free: Sequence[dict[int, str]] | None = None,
 ) -> onnx.ModelProto:
-    """The graph of a module that is not differentiated; arguments as of ``export``."""
+    """The graph of a module that is not differentiated; arguments as of `export`."""
     named: dict[str, Any] = {name: torch.export.Dim(name) for sizes in free or () for name in sizes.values()}
     shapes = None
     if free is not None:
@@ -86,7 +94,7 @@ def export_module(
 
 
 def _bare(model: onnx.ModelProto) -> onnx.ModelProto:
-    """The graph with nothing of how it was made, and each array once."""
+    """The graph without metadata of the export, and with each array stored once."""
     del model.metadata_props[:]
     model.doc_string = ""
     model.producer_version = ""
@@ -120,7 +128,7 @@ def _bare(model: onnx.ModelProto) -> onnx.ModelProto:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """The exporter warns of what is meant here: of packages it could use, and of graphs traced in training mode."""
+    """Suppress the exporter's warnings about optional packages and graphs in training mode, which do not apply here."""
     exporter = logging.getLogger("torch.onnx")
     level = exporter.level
     exporter.setLevel(logging.ERROR)
@@ -130,13 +138,6 @@ def _quiet() -> Iterator[None]:
             yield
     finally:
         exporter.setLevel(level)
-
-
-Examples = Callable[[int], Sequence[Tensor]]
-"""The arguments of one call, anew for each number, of open sizes that change with it."""
-
-_NUDGE = 1e-5  # of an input: with less, noise that is averaged on its way does not do what rounding on the way does
-_NUDGES = 8  # of an example: whether rounding crosses a kink is chance
 
 
 class ParityError(PentimentoError):
@@ -151,28 +152,31 @@ class Graph:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     parity: dict[str, float]
-    """Of each output: norm of the difference from PyTorch's over the norm of PyTorch's, the largest of all examples."""
+    """For each output, the norm of the difference from PyTorch over the norm of PyTorch's result, the maximum over
+    examples.
+    """
     models: tuple[str, ...]
-    """Which models it came from."""
+    """The models that it was exported from."""
 
 
 def compared(
     name: str,
     model: onnx.ModelProto,
     function: Callable[..., Sequence[Tensor]],
+    *,
     examples: Sequence[Sequence[Tensor]],
     units: Mapping[str, str],
     tolerance: float,
     models: tuple[str, ...],
 ) -> Graph:
-    """A graph whose answers were compared with those of the function that it came from.
+    """A graph whose results were compared with those of its function.
 
-    An example that differs by more where the function itself is not determined to within the tolerance (a gradient
-    on a kink, say) shows nothing and is passed over.
+    An example is skipped if the graph differs by more than the tolerance, but the function itself is not determined to
+    within the tolerance there, such as a gradient at a kink.
 
     Args:
         units: of each input and output, in words.
-        tolerance: the most by which an output may differ, as a share of its norm.
+        tolerance: maximum difference of an output, relative to its norm.
 
     Raises:
         ParityError: an output differs by more, or no example could be compared.
@@ -183,16 +187,16 @@ def compared(
     parity = {port.name: 0.0 for port in outputs}
     undetermined = 0
     for arguments in examples:
-        expected = _answers(function, arguments)
+        expected = _results(function, arguments)
         given = {port.name: argument.numpy() for port, argument in zip(inputs, arguments, strict=True)}
         found = [relative_difference(*pair) for pair in zip(runtime.run(None, given), expected, strict=True)]
-        if max(found) > tolerance and _unsteadiness(function, arguments, expected) > tolerance:
+        if max(found) > tolerance and _sensitivity(function, arguments, expected) > tolerance:
             undetermined += 1
             continue
         parity = {key: max(before, now) for (key, before), now in zip(parity.items(), found, strict=True)}
     if undetermined == len(examples):
         raise ParityError(
-            f"The graph {name} cannot be compared: at each of {undetermined} examples, PyTorch's own answer moves by "
+            f"The graph {name} cannot be compared: at each of {undetermined} examples, PyTorch's own result moves by "
             f"more than the tolerance of {tolerance:g} with the sixth digit of its input."
         )
     worst = max(parity, key=lambda key: parity[key])
@@ -205,27 +209,28 @@ def compared(
     return Graph(content, inputs, outputs, rounded, models)
 
 
-def relative_difference(answer: NDArray[Any], wanted: NDArray[Any]) -> float:
-    """Norm of the difference over the norm of what is wanted; the norm of the answer where nothing is wanted.
+def relative_difference(result: NDArray[Any], expected: NDArray[Any]) -> float:
+    """Norm of the difference over the norm of the expected result; norm of the difference if the expected result is
+    zero.
 
-    NaN must stand where it is wanted; elsewhere, or for another shape, the difference is infinite.
+    Infinite for another shape, or if NaN is at other positions than in the expected result.
     """
-    if answer.shape != wanted.shape or not np.array_equal(np.isnan(answer), np.isnan(wanted)):
+    if result.shape != expected.shape or not np.array_equal(np.isnan(result), np.isnan(expected)):
         return float("inf")
-    known = ~np.isnan(wanted)
-    difference = np.linalg.norm((answer[known] - wanted[known]).astype(np.float64))
-    size = np.linalg.norm(wanted[known].astype(np.float64))
+    known = ~np.isnan(expected)
+    difference = np.linalg.norm((result[known] - expected[known]).astype(np.float64))
+    size = np.linalg.norm(expected[known].astype(np.float64))
     return float(difference / size if size > 0 else difference)
 
 
-def _answers(function: Callable[..., Sequence[Tensor]], arguments: Sequence[Tensor]) -> list[NDArray[Any]]:
+def _results(function: Callable[..., Sequence[Tensor]], arguments: Sequence[Tensor]) -> list[NDArray[Any]]:
     return [value.detach().numpy() for value in function(*arguments)]
 
 
-def _unsteadiness(
+def _sensitivity(
     function: Callable[..., Sequence[Tensor]], arguments: Sequence[Tensor], expected: Sequence[NDArray[Any]]
 ) -> float:
-    """The most by which an answer moves, as a share of its norm, when every input moves by ``_NUDGE`` of itself."""
+    """Maximum relative change of a result when every input changes by `_NUDGE` of itself."""
     numbers = torch.Generator().manual_seed(0)
     moves = []
     for _ in range(_NUDGES):
@@ -235,13 +240,13 @@ def _unsteadiness(
             else argument
             for argument in arguments
         ]
-        answers = _answers(function, nudged)
-        moves += [relative_difference(answer, wanted) for answer, wanted in zip(answers, expected, strict=True)]
+        results = _results(function, nudged)
+        moves += [relative_difference(result, expected) for result, expected in zip(results, expected, strict=True)]
     return max(moves)
 
 
 def session(content: bytes) -> onnxruntime.InferenceSession:
-    """A graph, opened on one thread of the processor."""
+    """A graph, opened on one thread of the CPU."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3
@@ -249,7 +254,7 @@ def session(content: bytes) -> onnxruntime.InferenceSession:
 
 
 def generator(name: str, number: int) -> torch.Generator:
-    """Random numbers of a graph's example."""
+    """The random generator of a graph's example."""
     seed = int.from_bytes(name.encode()[-6:], "little") + number
     return torch.Generator().manual_seed(seed)
 

@@ -1,30 +1,30 @@
-"""Image objectives as graphs: a picture to the objective's value and its gradient in the picture.
+"""Image objectives as graphs: a picture to the value of the objective and its gradient.
 
-Values are as in ``semantics.objective`` and ``semantics.style``; what those draw at random is an argument here,
-so that the runner draws it. Pictures may have any size where they are resized for the encoder, since the matrices
-for that are arguments, too (``bundle.views``). The print objective is no graph: its compiled code is the lean core's.
+Values are those of `semantics.objective` and `semantics.style`. Their random draws are arguments of the graphs, so the
+caller draws them. Pictures that are resized for the encoder may have any size, because the resizing matrices are
+arguments, too (`bundle.views`). The print objective needs no graph: its compiled code is in the lean core.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
 from pentimento.bundle.manifest import MAX_CELLS, StyleFacts
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.deploy.decompositions import Resizing
 from pentimento.deploy.graphs import Graph, compared, export, generator
-from pentimento.dynamics.strokes.photometry import linear_to_srgb
 from pentimento.semantics.encoder import Encoder
+from pentimento.semantics.objective import semantic_loss, text_loss
 from pentimento.semantics.style_features import LocalFeatures, cell_grid
 
-_EXAMPLE_PX = (45, 37)  # sizes unlike each other and unlike any other size in the graphs
-_COMPARED_PX = ((64, 64), (96, 96), (50, 130), (80, 60), (33, 47))
-_UNITS = {
+_EXAMPLE_PX: Final = (45, 37)  # differ from each other and every other size in the graphs
+_COMPARED_PX: Final = ((64, 64), (96, 96), (50, 130), (80, 60), (33, 47))
+_UNITS: Final = {
     "image": "linear light, any values",
     "target": "linear light",
     "caption": "unit vector, as the graph caption gives it",
@@ -33,29 +33,16 @@ _UNITS = {
     "columns": "bundle.views.resizing_matrix",
     "loss": "1, the objective",
     "gradient": "d loss / d image",
-    "tokens": "token numbers, filled up with ends",
+    "tokens": "token ids, padded with the end token",
     "vector": "unit vector",
-    "features": "sRGB units, see objectives.features",
-    "partners": "features of the cells that they are paired with",
-    "drawn": "which cells are paired",
+    "features": "sRGB units, see semantics.style_features",
+    "partners": "features of the cells paired with them",
+    "drawn": "indices of the paired cells",
 }
 
 
-def semantic_value(encoder: Encoder, image: Tensor, target: Tensor, views: Tensor) -> Tensor:
-    """The semantic objective (4.4) of an image and a target, [H, W, 3] in linear light, seen by views [V, 2, 3] too."""
-    pair = _seen(torch.cat([_as_batch(image), _as_batch(target)]), views)
-    features = encoder.patch_features(pair)
-    half = 1 + len(views)
-    return mse_loss(features[:half], features[half:].detach())
-
-
-def text_value(encoder: Encoder, image: Tensor, caption: Tensor, views: Tensor) -> Tensor:
-    """The text objective (4.1) of an image [H, W, 3] in linear light and a caption's vector [D], likewise."""
-    return 1 - (encoder.embed_images(_seen(_as_batch(image), views)) @ caption).mean()
-
-
 def encoder_graphs(encoder: Encoder, views: int, tolerance: float) -> dict[str, Graph]:
-    """``semantic``, ``text`` and ``caption``, of pictures with ``views`` beside the plain one.
+    """`semantic`, `text` and `caption`, for pictures with `views` random views beside the plain one.
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
@@ -75,7 +62,9 @@ def encoder_graphs(encoder: Encoder, views: int, tolerance: float) -> dict[str, 
         matrices = [torch.from_numpy(resizing_matrix(side, encoder.image_px)) for side in size]
         return [image, other, drawn, *matrices]
 
-    def sloped(value: Callable[[Encoder, Tensor, Tensor, Tensor], Tensor]) -> Callable[..., tuple[Tensor, Tensor]]:
+    def with_gradient(
+        value: Callable[[Encoder, Tensor, Tensor, Tensor], Tensor],
+    ) -> Callable[..., tuple[Tensor, Tensor]]:
         def function(
             image: Tensor, other: Tensor, views: Tensor, rows: Tensor, columns: Tensor
         ) -> tuple[Tensor, Tensor]:
@@ -87,25 +76,27 @@ def encoder_graphs(encoder: Encoder, views: int, tolerance: float) -> dict[str, 
     graphs = {}
     size = {0: "height", 1: "width"}
     for name, other, value, free in (
-        ("semantic", "target", semantic_value, size),
-        ("text", "caption", text_value, dict[int, str]()),
+        ("semantic", "target", semantic_loss, size),
+        ("text", "caption", text_loss, dict[int, str]()),
     ):
-        function = sloped(value)
-        model = export(
+        function = with_gradient(value)
+        exported = export(
             function,
             examples(name, _EXAMPLE_PX),
             ["image", other, "views", "rows", "columns"],
-            ["loss", "gradient"],
-            [size, free, {}, {1: "height"}, {1: "width"}],
-            resizing,
+            outputs=["loss", "gradient"],
+            free=[size, free, {}, {1: "height"}, {1: "width"}],
+            resizing=resizing,
         )
-        compare = [examples(name, shape) for shape in _COMPARED_PX]
-        graphs[name] = compared(name, model, function, compare, _UNITS, tolerance, ("semantics",))
+        graphs[name] = compared(
+            name, exported, function, examples=[examples(name, shape) for shape in _COMPARED_PX], units=_UNITS,
+            tolerance=tolerance, models=("semantics",),
+        )  # fmt: skip
     return graphs | {"caption": _caption_graph(encoder, tolerance)}
 
 
 def style_graphs(name: str, shape: tuple[int, int], tolerance: float) -> tuple[StyleFacts, dict[str, Graph]]:
-    """The style objective's local features of pictures of one size, and the distance of paired cells.
+    """Graphs of the local features of pictures of one size, and of the distance of paired cells.
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
@@ -118,10 +109,10 @@ def style_graphs(name: str, shape: tuple[int, int], tolerance: float) -> tuple[S
         return (network(image),)
 
     def pull(image: Tensor, drawn: Tensor, partners: Tensor) -> tuple[Tensor, Tensor]:
-        def way(leaf: Tensor) -> Tensor:
+        def distance(leaf: Tensor) -> Tensor:
             return torch.linalg.vector_norm(network(leaf)[drawn] - partners, dim=1).mean()
 
-        return value_and_gradient(way, image)
+        return value_and_gradient(distance, image)
 
     def examples(number: int) -> list[Tensor]:
         numbers = generator(name, number)
@@ -135,14 +126,20 @@ def style_graphs(name: str, shape: tuple[int, int], tolerance: float) -> tuple[S
         ("pull", pull, 3, ["image", "drawn", "partners"], ["loss", "gradient"]),
     )
     for part, function, count, inputs, outputs in plain:
-        model = export(function, examples(0)[:count], inputs, outputs)
-        compare = [examples(number)[:count] for number in (1, 2)]
-        graphs[f"{name}_{part}"] = compared(f"{name}_{part}", model, function, compare, _UNITS, tolerance, ())
+        graphs[f"{name}_{part}"] = compared(
+            f"{name}_{part}",
+            export(function, examples(0)[:count], inputs, outputs=outputs),
+            function,
+            examples=[examples(number)[:count] for number in (1, 2)],
+            units=_UNITS,
+            tolerance=tolerance,
+            models=(),
+        )
     return StyleFacts(*shape, cells), graphs
 
 
 def value_and_gradient(function: Callable[[Tensor], Tensor], image: Tensor) -> tuple[Tensor, Tensor]:
-    """A scalar function of an image, and its gradient there."""
+    """The value of a scalar function of an image, and its gradient."""
     leaf = image.detach().requires_grad_(True)
     with torch.enable_grad():
         value = function(leaf)
@@ -154,8 +151,8 @@ def _caption_graph(encoder: Encoder, tolerance: float) -> Graph:
     end = encoder.tokenizer.eos_token_id
 
     def caption(tokens: Tensor) -> tuple[Tensor]:
-        found = encoder.model.get_text_features(input_ids=tokens).pooler_output
-        return (torch.nn.functional.normalize(found, dim=-1),)
+        features = encoder.model.get_text_features(input_ids=tokens).pooler_output
+        return (torch.nn.functional.normalize(features, dim=-1),)
 
     def examples(number: int) -> list[Tensor]:
         tokens = torch.randint(0, end - 1, (1, length), generator=generator("caption", number))
@@ -163,22 +160,12 @@ def _caption_graph(encoder: Encoder, tolerance: float) -> Graph:
         tokens[:, 2 + number % (length - 2) :] = end
         return [tokens]
 
-    model = export(caption, examples(3), ["tokens"], ["vector"])
-    compare = [examples(number) for number in (0, 1, 5, length)]
-    return compared("caption", model, caption, compare, _UNITS, tolerance, ("semantics",))
-
-
-def _seen(images: Tensor, views: Tensor) -> Tensor:
-    """[B, 3, H, W] to [B · (1 + V), 3, H, W]: each picture plain and by each view."""
-    batch, count = len(images), len(views)
-    if count == 0:
-        return images
-    repeated = images.repeat_interleave(count, 0)
-    grid = affine_grid(views.repeat(batch, 1, 1), list(repeated.shape), align_corners=False)
-    moved = grid_sample(repeated, grid, mode="bilinear", padding_mode="border", align_corners=False)
-    return torch.cat([images[:, None], moved.reshape(batch, count, *images.shape[1:])], 1).flatten(0, 1)
-
-
-def _as_batch(image: Tensor) -> Tensor:
-    """Linear light [H, W, 3] to sRGB [1, 3, H, W]."""
-    return linear_to_srgb(image.clamp(0.0, 1.0)).movedim(-1, 0)[None]
+    return compared(
+        "caption",
+        export(caption, examples(3), ["tokens"], outputs=["vector"]),
+        caption,
+        examples=[examples(number) for number in (0, 1, 5, length)],
+        units=_UNITS,
+        tolerance=tolerance,
+        models=("semantics",),
+    )

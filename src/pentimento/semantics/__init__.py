@@ -1,1 +1,1 @@
-"""What pictures mean: a text-image encoder trained here or published, and what is asked of it."""
+"""Text-image encoders, their training and scores, and the semantic and style objectives of plans."""

@@ -1,8 +1,7 @@
-"""Pictures as a robot may have drawn them: black lines, hatching, a marker's short strokes, paint.
+"""Drawing styles for training pictures: black contours, hatching, grey, short marker strokes and paint strokes.
 
-An encoder that has seen only smooth pictures says nothing about a drawing. So it is shown each picture also as contours
-in black on paper, as tones made of short black strokes, in soft grey, as contours patched together from short strokes
-of a marker, and as strokes of colour: cheap likenesses of what a marker or a brush leaves, made from the picture alone.
+An encoder trained on smooth pictures only does not recognise drawings. These styles approximate what a marker or a
+brush leaves; they are computed from the picture alone.
 """
 
 from __future__ import annotations
@@ -15,22 +14,22 @@ from numpy.typing import NDArray
 
 Style = Literal["lines", "hatching", "grey", "strokes", "paint"]
 STYLES: tuple[Style, ...] = ("lines", "hatching", "grey", "strokes", "paint")
-_FINER = 2
-"""Lines are drawn so many times finer and averaged."""
+_SUPERSAMPLING = 2
+"""Lines are drawn at this many times the size and averaged down."""
 _ROUNDS = 3
-"""In which a marker's strokes are laid, each where the ones before have left something to draw."""
-_WAYS = 10
-"""Directions that a stroke is tried in."""
+"""In which a marker's strokes are placed, each where the earlier ones have left contours uncovered."""
+_DIRECTIONS = 10
+"""Candidate directions of a stroke."""
 _LENGTHS = np.array([0.08, 0.14, 0.24])
-"""Of a marker's strokes, of the picture's side."""
-_DARK = 0.45
-"""How much of a stroke must be contour for it to be better than a shorter one."""
+"""Candidate lengths of a marker's strokes, in sides of the picture."""
+_MIN_CONTOUR = 0.45
+"""Minimum fraction of contour under a stroke for it to be preferred to a shorter one."""
 
 
 def draw(image: NDArray[np.uint8], style: Style, generator: np.random.Generator) -> NDArray[np.uint8]:
-    """The picture sRGB [H, W, 3] in a style; pen, paper and hand vary with the generator."""
+    """The picture, sRGB [H, W, 3], in a style; pen, paper and strokes vary with the generator."""
     height, width = image.shape[:2]
-    size = (width * _FINER, height * _FINER)
+    size = (width * _SUPERSAMPLING, height * _SUPERSAMPLING)
     large = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     pen = generator.uniform(0.012, 0.035) * min(size)  # of 64 px: 0.8 to 2.2
     paper = tuple(float(v) for v in generator.uniform(225, 255) + generator.uniform(-6, 0, 3))
@@ -63,7 +62,7 @@ def _ink(generator: np.random.Generator) -> tuple[float, ...]:
 def _draw_contours(
     canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, generator: np.random.Generator
 ) -> None:
-    """Where colours change (Canny 1986, the strongest channel), as wide as the pen."""
+    """Contours where colours change (Canny 1986, the strongest channel), in the width of the pen."""
     soft = cv2.GaussianBlur(image, (5, 5), generator.uniform(0.8, 1.6))
     high = generator.uniform(60, 200)
     edges = cv2.Canny(soft, 0.4 * high, high)
@@ -75,7 +74,7 @@ def _draw_contours(
 def _draw_tones(
     canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, strokes: int, generator: np.random.Generator
 ) -> None:
-    """Short black strokes, where the picture is dark or its colours change, along its contours or all one way."""
+    """Short black strokes where the picture is dark or its colours change, along its contours or in one direction."""
     grey = cv2.cvtColor(cv2.GaussianBlur(image, (3, 3), 0.8), cv2.COLOR_RGB2GRAY).astype(np.float32)
     across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
     steep = np.hypot(across, down)
@@ -92,10 +91,10 @@ def _draw_tones(
 
 
 def _draw_strokes(canvas: NDArray[np.uint8], image: NDArray[np.uint8], generator: np.random.Generator) -> None:
-    """Contours out of a few dozen short strokes that miss them a little and double them, as a robot's marker does.
+    """Contours as a few dozen short strokes with small errors and overlaps, like those of a robot's marker.
 
-    What is darker than its surroundings is wanted (Winnemöller, Kyprianidis and Olsen 2012). Each stroke starts from a
-    place where that is not drawn yet, and goes the way and as far as most of it is wanted.
+    Wanted are pixels darker than their surroundings (Winnemöller, Kyprianidis and Olsen 2012). Each stroke starts at a
+    wanted pixel that is not covered yet. Its direction and length are those that cover the most wanted pixels.
     """
     side = min(image.shape[:2])
     pen = generator.uniform(0.008, 0.023) * side  # of 64 px: 0.5 to 1.5
@@ -106,7 +105,7 @@ def _draw_strokes(canvas: NDArray[np.uint8], image: NDArray[np.uint8], generator
     want = np.clip((far - near) / generator.uniform(0.12, 0.3), 0, 1) ** 2
     left, ink = want.copy(), _ink(generator)
     for strokes in np.diff(np.linspace(0, generator.integers(40, 90), _ROUNDS + 1).astype(int)).tolist():
-        ends = _along(want, left, strokes, generator)
+        ends = _best_strokes(want, left, strokes, generator)
         cv2.polylines(left, list(np.rint(ends).astype(np.int32)), False, (0.0,), max(1, round(1.3 * pen)))
         missed = ends + generator.normal(0, 0.004 * side, ends.shape)
         middles = missed.mean(1, keepdims=True) + generator.normal(0, 0.012 * side, (strokes, 1, 2))
@@ -114,14 +113,14 @@ def _draw_strokes(canvas: NDArray[np.uint8], image: NDArray[np.uint8], generator
         cv2.polylines(canvas, list(np.rint(8 * bent).astype(np.int32)), False, ink, max(1, round(pen)), cv2.LINE_AA, 3)
 
 
-def _along(
+def _best_strokes(
     want: NDArray[np.floating], left: NDArray[np.floating], strokes: int, generator: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Both ends [n, 2, 2] (x, y) of strokes about places drawn from ``left``, along what is in ``want``."""
+    """Both ends [n, 2, 2] (x, y) of strokes around points drawn from `left`, along the contours in `want`."""
     height, width = want.shape
     summed = np.cumsum(left.ravel() + 2e-5, dtype=np.float64)
     places = np.searchsorted(summed, generator.random(strokes) * summed[-1]).clip(max=want.size - 1)
-    angles = generator.uniform(0, np.pi) + np.arange(_WAYS) * np.pi / _WAYS
+    angles = generator.uniform(0, np.pi) + np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
     lengths = _LENGTHS * min(height, width) * generator.uniform(0.7, 1.2)
     steps = np.linspace(-0.5, 0.5, 9)[:, None] * np.stack([np.cos(angles), np.sin(angles)], 1)[:, None]
     middles = np.stack([places % width, places // width], 1)
@@ -129,7 +128,7 @@ def _along(
     columns, rows = np.rint(points).astype(int).transpose(4, 0, 1, 2, 3)
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     covered = (want[rows.clip(0, height - 1), columns.clip(0, width - 1)] * inside).mean(-1)
-    gain = np.where(covered < _DARK, covered - 1, (covered - _DARK) * lengths[:, None] ** 0.7)
+    gain = np.where(covered < _MIN_CONTOUR, covered - 1, (covered - _MIN_CONTOUR) * lengths[:, None] ** 0.7)
     best = gain.reshape(strokes, -1).argmax(1)
     chosen = points.reshape(strokes, -1, 9, 2)[np.arange(strokes), best]
     return np.stack([chosen[:, 0], chosen[:, -1]], 1)
@@ -138,7 +137,7 @@ def _along(
 def _draw_colors(
     canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, generator: np.random.Generator
 ) -> None:
-    """Strokes of the picture's own colours, broad ones first (Hertzmann 1998)."""
+    """Strokes in the colours of the picture, broad ones first (Hertzmann 1998)."""
     for times, strokes in ((4, 160), (1.5, 500)):
         width = max(2, round(times * pen))
         rows, columns = (generator.integers(0, extent, strokes) for extent in image.shape[:2])
@@ -158,7 +157,7 @@ def _segments(
     length: float,
     generator: np.random.Generator,
 ) -> NDArray[np.int32]:
-    """Both ends [n, 2, 2] (x, y) of segments about the given middles, lengths and angles as a hand varies them."""
+    """Both ends [n, 2, 2] (x, y) of segments around centres, with random variations of length and angle."""
     half = 0.5 * length * generator.uniform(0.6, 1.4, len(columns))
     turned = angles + generator.normal(0, 0.15, len(columns))
     steps = np.stack([half * np.cos(turned), half * np.sin(turned)], 1)

@@ -1,4 +1,9 @@
-"""The text-image encoder: a CLIP model of ``transformers``, trained here or published, read from a local folder."""
+"""The text-image encoder: a CLIP model of `transformers`, trained here or published, read from a local folder.
+
+Models trained here have a few convolutions in place of the linear map of each patch. A transformer that must first
+learn which patches are neighbours learns little from a few thousand pictures. Xiao et al. 2021 ("Early convolutions
+help transformers see better") put 3 x 3 convolutions of stride 2 before it, which give as many tokens as patches.
+"""
 
 from __future__ import annotations
 
@@ -21,26 +26,27 @@ from pentimento.contracts.ranges import at_least
 
 
 class ConvolutionalCLIP(CLIPModel):
-    """``CLIPModel`` with a convolutional stem; all else is the published layout.
+    """`CLIPModel` with a convolutional stem and otherwise the published layout.
 
-    Its config says ``convolutional_stem`` under ``vision_config``; see ``has_stem``.
+    Its config has `convolutional_stem` under `vision_config`; see `has_stem`.
     """
 
     def __init__(self, config: CLIPConfig) -> None:
-        """Untrained, for a config whose patch_size is a power of 2."""
+        """Untrained, for a config whose `patch_size` is a power of 2."""
         super().__init__(config)
         self.vision_model.embeddings = StemEmbeddings(config.vision_config)
 
 
 def has_stem(config: dict[str, Any]) -> bool:
-    """Whether what a config.json holds is of a ``ConvolutionalCLIP``."""
+    """Whether the content of a config.json describes a `ConvolutionalCLIP`."""
     return bool((config.get("vision_config") or {}).get("convolutional_stem", False))
 
 
 class StemEmbeddings(nn.Module):
     """Tokens of normalised pictures, [B, 3, H, W] to [B, 1 + L, C]: the class token first, then places by rows.
 
-    The class token starts with the strongest response of each channel over all places: what is in a picture, wherever.
+    The class token starts as the maximum of each channel over all places, so it states what a picture shows,
+    independent of where.
     """
 
     def __init__(self, config: Any) -> None:
@@ -57,7 +63,7 @@ class StemEmbeddings(nn.Module):
         self.position_embedding = nn.Parameter(0.02 * torch.randn(1 + side * side, width))
 
     def forward(self, pixel_values: Tensor, interpolate_pos_encoding: bool = False) -> Tensor:
-        """The tokens; pictures must have the model's size.
+        """The tokens; pictures must have the size of the model.
 
         Raises:
             ValueError: another size was asked for.
@@ -76,19 +82,19 @@ def _convolution(wide_in: int, wide_out: int, stride: int) -> nn.Sequential:
 
 _MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
 _SPREAD: Final = (0.26862954, 0.26130258, 0.27577711)
-"""Of sRGB, by which the published models were trained (Radford et al. 2021)."""
+"""Standard deviation of sRGB in the training data of the published models, with `_MEAN` (Radford et al. 2021)."""
 
 
 @dataclass(frozen=True)
 class EncoderShape:
-    """The sizes of an encoder that is trained here."""
+    """Sizes of an encoder that is trained here."""
 
     image_px: int
     patch_px: int
-    """A power of 2: what a place of the convolutional stem stands for."""
+    """A power of 2: the stride of the convolutional stem."""
     image_width: int
     image_layers: int
-    """Of attention, after the stem; 0 is a tower of convolutions only."""
+    """Attention layers after the stem; 0 gives a convolutional tower."""
     text_width: int
     text_layers: int
     heads: int
@@ -109,10 +115,10 @@ class EncoderShape:
 
 
 class Encoder:
-    """Pictures and captions as unit vectors whose cosine says how well they fit."""
+    """Embeddings of pictures and captions as unit vectors, whose cosine measures how well they match."""
 
     def __init__(self, model: CLIPModel, tokenizer: CLIPTokenizer) -> None:
-        """Hold a model and its tokenizer; the model is set to evaluation and needs no gradients of its weights."""
+        """Set the model to evaluation mode, without gradients of its weights."""
         self.model = model.eval().requires_grad_(False)
         # Eager attention shows its weights, which saliency reads, and exports with its gradient.
         self.model.set_attn_implementation("eager")
@@ -122,12 +128,11 @@ class Encoder:
 
     @classmethod
     def load(cls, folder: Path) -> Encoder:
-        """Read a folder in the published layout (config.json, model.safetensors, vocab.json, merges.txt); no look-up.
-
-        What was trained here says in its config that its vision tower has a convolutional stem; see ``stem``.
+        """Read a folder in the published layout (config.json, model.safetensors, vocab.json, merges.txt); nothing is
+        downloaded.
 
         Raises:
-            ConfigError: the folder is not there or holds something else.
+            ConfigError: the folder does not exist or holds something else.
         """
         folder = Path(folder)
         try:
@@ -156,7 +161,7 @@ class Encoder:
 
     @property
     def digest(self) -> str:
-        """Sha256 of the weights, by name."""
+        """SHA-256 of the weights, by name."""
         found = hashlib.sha256()
         for name, tensor in sorted(self.model.state_dict().items()):
             found.update(f"{name} {tuple(tensor.shape)} {tensor.dtype}".encode())
@@ -168,13 +173,13 @@ class Encoder:
         return normalize(self.model.get_image_features(pixel_values=self.prepare(images)).pooler_output, dim=-1)
 
     def embed_texts(self, captions: Sequence[str]) -> Tensor:
-        """Unit vectors [B, D] of captions; what is longer than the model reads is cut."""
+        """Unit vectors [B, D] of captions; longer ones than the model reads are truncated."""
         return normalize(self.model.get_text_features(**self.tokens(captions)).pooler_output, dim=-1)
 
     def patch_features(self, images: Tensor) -> Tensor:
-        """What a middle layer holds of each patch, [B, L, C], of sRGB images [B, 3, H, W]; differentiable.
+        """Features [B, L, C] of the patches of sRGB images [B, 3, H, W] after half of the layers; differentiable.
 
-        Patches go by rows from the top left; L = (image_px / patch_px)². The layer is the one after half of all.
+        Patches are in rows from the top left; L = (image_px / patch_px)².
         """
         vision = self.model.vision_model
         layers = vision.encoder.layers
@@ -184,14 +189,14 @@ class Encoder:
         return states[:, 1:]
 
     def prepare(self, images: Tensor) -> Tensor:
-        """SRGB images [B, 3, H, W] as the model wants them: resized to its square, normalised."""
+        """sRGB images [B, 3, H, W] as the model's input: resized to its square and normalised."""
         if images.shape[-2:] != (self.image_px, self.image_px):
             size = (self.image_px, self.image_px)
             images = interpolate(images, size, mode="bicubic", antialias=True, align_corners=False)
         return normalise(images)
 
     def tokens(self, captions: Sequence[str]) -> dict[str, Tensor]:
-        """Token ids and mask [B, T] of captions."""
+        """Token ids and mask, [B, T] each, of captions."""
         length = self.model.config.text_config.max_position_embeddings
         return dict(
             self.tokenizer(list(captions), padding=True, truncation=True, max_length=length, return_tensors="pt")
@@ -204,13 +209,13 @@ def as_images(pictures: Sequence[NDArray[np.uint8]] | NDArray[np.uint8]) -> Tens
 
 
 def normalise(images: Tensor) -> Tensor:
-    """SRGB [B, 3, H, W] in [0, 1] in the units that CLIP models were trained in."""
+    """sRGB [B, 3, H, W] in [0, 1], normalised as in the training of CLIP models."""
     mean, spread = (images.new_tensor(values)[:, None, None] for values in (_MEAN, _SPREAD))
     return (images - mean) / spread
 
 
 def new_model(shape: EncoderShape, tokenizer: CLIPTokenizer, seed: int) -> CLIPModel:
-    """An untrained model for a tokenizer, with a convolutional stem."""
+    """An untrained model with a convolutional stem, for a tokenizer."""
     config = CLIPConfig(
         projection_dim=shape.embedding,
         text_config={

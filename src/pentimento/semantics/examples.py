@@ -1,8 +1,7 @@
-"""What an encoder learns from: pictures, each also as drawings of several styles, and captions as tokens."""
+"""Training data of an encoder: pictures, drawings of them in several styles, and tokenised captions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,16 +13,17 @@ from transformers import CLIPTokenizer
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
+from pentimento.contracts.scenes import phrase, without_colors
 from pentimento.semantics.drawings import STYLES, draw
 
 VIEWS = ("picture", *STYLES)
-"""How each picture is seen; number in ``Examples.views``."""
+"""The picture itself and each drawing style; the index of the second axis of `Examples.views`."""
 _BLACK = {"lines", "hatching", "grey", "strokes"}
 
 
 @dataclass(frozen=True, eq=False)
 class Captioned:
-    """Pictures and what is said of them. Where a table does not tell objects or colours, they are empty."""
+    """Pictures with captions and regions. Objects and colours are empty if the table has none."""
 
     images: NDArray[np.uint8]
     """sRGB [N, H, W, 3]."""
@@ -31,42 +31,42 @@ class Captioned:
     objects: list[list[str]]
     colors: list[list[str]]
     regions: NDArray[np.uint8]
-    """[N, H, W]: 0 the ground, i + 1 object i."""
+    """[N, H, W]: 0 for the background, i + 1 for object i."""
 
 
 @dataclass(frozen=True, eq=False)
 class Examples:
-    """Pictures as tensors, with all that a step of training draws from."""
+    """Pictures as tensors, with everything that a training step samples from."""
 
     views: Tensor
-    """uint8 [N, V, 3, H, W] by ``VIEWS``."""
+    """uint8 [N, V, 3, H, W], by `VIEWS`."""
     tokens: Tensor
     """[C, T]: token ids of all distinct captions."""
     mask: Tensor
-    """[C, T]: 1 where a token counts."""
+    """[C, T]: 1 for tokens, 0 for padding."""
     captions: list[list[int]]
-    """For each picture its captions among C."""
+    """For each picture, indices of its captions in C."""
     plain: list[list[int]]
-    """For each picture the captions that name none of its colours; all of them where each does."""
+    """For each picture, its captions without its colours; all captions if each names one."""
     altered: list[list[list[int]]]
-    """For each picture and each of its captions, captions that are wrong by one word; in the order of ``captions``."""
+    """For each picture and each of its `captions`, captions with one wrong word."""
     altered_plain: list[list[list[int]]]
-    """The same in the order of ``plain``."""
+    """The same for each of `plain`."""
     prompts: list[int]
-    """For each kind of object a caption that names it alone."""
+    """For each kind of object, a caption that names it alone."""
     present: Tensor
     """[N, K]: whether a picture shows a kind."""
     regions: Tensor
-    """uint8 [N, H, W]: 0 the ground, i + 1 object i."""
+    """uint8 [N, H, W]: 0 for the background, i + 1 for object i."""
     region_kinds: Tensor
-    """[N, R]: the kind of each region's number; -1 where there is no object."""
+    """[N, R]: the kind of each region label; -1 without an object."""
 
 
 def captioned(table: pa.Table, side_px: int) -> Captioned:
-    """The rows of a ``scenes`` table as arrays; ``captions`` falls back to ``caption``.
+    """The rows of a `scenes` table as arrays; without `captions`, `caption` is the only one.
 
     Raises:
-        ContractError: pictures of several sizes or of another side than ``side_px``, or no row.
+        ContractError: pictures of several sizes or of another side than `side_px`, or no row.
     """
     images = [decode_png(row["bytes"]) for row in table.column("image").to_pylist()]
     shapes = {image.shape for image in images}
@@ -81,7 +81,7 @@ def captioned(table: pa.Table, side_px: int) -> Captioned:
 
 
 def kinds_of(rows: Captioned) -> list[str]:
-    """All kinds of objects, by name."""
+    """All kinds of objects, sorted by name."""
     return sorted({kind for kinds in rows.objects for kind in kinds})
 
 
@@ -96,7 +96,7 @@ def drawn_views(images: NDArray[np.uint8], seed: int) -> NDArray[np.uint8]:
 
 
 def examples(rows: Captioned, tokenizer: CLIPTokenizer, seed: int) -> Examples:
-    """All that training draws from."""
+    """The training data of captioned pictures."""
     numbers: dict[str, int] = {}
 
     def number(caption: str) -> int:
@@ -104,7 +104,7 @@ def examples(rows: Captioned, tokenizer: CLIPTokenizer, seed: int) -> Examples:
 
     kinds = kinds_of(rows)
     colors = sorted({color for each in rows.colors for color in each})
-    plain = [_plain(texts, named) for texts, named in zip(rows.captions, rows.colors, strict=True)]
+    plain = [without_colors(texts, named) for texts, named in zip(rows.captions, rows.colors, strict=True)]
 
     def wrong(index: int, texts: list[str]) -> list[list[int]]:
         groups = [(rows.objects[index], kinds), (rows.colors[index], colors)]
@@ -115,7 +115,7 @@ def examples(rows: Captioned, tokenizer: CLIPTokenizer, seed: int) -> Examples:
     plain_numbers = [[number(text) for text in texts] for texts in plain]
     altered = [wrong(index, texts) for index, texts in enumerate(rows.captions)]
     altered_plain = [wrong(index, texts) for index, texts in enumerate(plain)]
-    prompts = [number(prompt(kind)) for kind in kinds]
+    prompts = [number(phrase(kind)) for kind in kinds]
     found = tokenizer(list(numbers), padding=True, truncation=True, return_tensors="pt")
     present = torch.tensor([[kind in named for kind in kinds] for named in rows.objects], dtype=torch.float32)
     region_kinds = torch.full((len(rows.images), 1 + max(map(len, rows.objects))), -1)
@@ -133,17 +133,8 @@ def is_black(view: int) -> bool:
     return VIEWS[view] in _BLACK
 
 
-def prompt(kind: str) -> str:
-    """A caption that names one kind of object and nothing else."""
-    return f"{'an' if kind[:1] in 'aeiou' else 'a'} {kind}"
-
-
-def _plain(captions: Sequence[str], colors: Sequence[str]) -> list[str]:
-    return [text for text in captions if not set(colors) & set(text.split())] or list(captions)
-
-
 def _altered(caption: str, groups: list[tuple[list[str], list[str]]], generator: np.random.Generator) -> list[str]:
-    """Up to four captions in which one word of a group is replaced by another of the group that is not there."""
+    """Up to four captions in which one word of a group is replaced by another word of the group that does not apply."""
     words = caption.replace(",", " ,").split()
     places = [(place, own, all_) for own, all_ in groups for place, word in enumerate(words) if word in own]
     texts = []

@@ -1,8 +1,14 @@
-"""x"""
+"""Semantic objectives of a plan's picture: the text objective (thesis 4.1) and the semantic objective (thesis 4.4).
+
+Both map an image [H, W, 3] in linear light to a scalar that planners minimise through `TorchObjective`. The picture is
+seen in several random views, slightly moved and rotated, as in CLIPDraw (Frans et al. 2021) and CLIPasso (Vinker et al.
+2022). Otherwise a planner finds pictures that only the encoder recognises, in one exact position.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 import torch
@@ -13,76 +19,16 @@ from torch.nn.functional import affine_grid, grid_sample, mse_loss
 from pentimento.dynamics.strokes.photometry import linear_to_srgb
 from pentimento.semantics.encoder import Encoder
 
-
-class TextObjective:
-    """1 - cos of the picture and a caption, averaged over views; (4.1) with its sign corrected."""
-
-    def __init__(self, encoder: Encoder, caption: str, views: int, seed: int) -> None:
-        """Hold the caption's vector; ``views`` beside the plain one, anew at each call, seeded."""
-        self._encoder = encoder
-        self._text = encoder.embed_texts([caption])[0].detach()
-        self._views = _Views(views, seed)
-
-    def __call__(self, image: Tensor) -> Tensor:
-        """The objective for an image [H, W, 3] in linear light; a scalar in [0, 2], differentiable."""
-        seen = self._encoder.embed_images(self._views(_as_batch(image)))
-        return 1 - (seen @ self._text).mean()
-
-
-class SemanticObjective:
-    """Mean squared difference of a middle layer's patch features of the picture and of a target; (4.4).
-
-    Both are moved alike, so that a view compares the same places.
-    """
-
-    def __init__(self, encoder: Encoder, target: Tensor, views: int, seed: int) -> None:
-        """Hold the target, [H, W, 3] in linear light; ``views`` beside the plain one, anew at each call, seeded."""
-        self._encoder = encoder
-        self._target = _as_batch(target.detach())
-        self._views = _Views(views, seed)
-
-    def __call__(self, image: Tensor) -> Tensor:
-        """The objective for an image [H, W, 3] in linear light; a scalar from 0 on, differentiable."""
-        pair = self._views(torch.cat([_as_batch(image), self._target]))
-        features = self._encoder.patch_features(pair)
-        half = len(features) // 2
-        return mse_loss(features[:half], features[half:].detach())
-
-
-class _Views:
-    """A batch of pictures, and so many times again: the same small turn, scale and shift for all in the batch."""
-
-    def __init__(self, views: int, seed: int) -> None:
-        self._count = views
-        self._generator = torch.Generator().manual_seed(seed)
-
-    def __call__(self, images: Tensor) -> Tensor:
-        """[B, 3, H, W] in [0, 1] to [B · (1 + views), 3, H, W], picture by picture."""
-        batch, count = len(images), self._count
-        if count == 0:
-            return images
-        turn, scale, x, y = torch.rand(4, count, generator=self._generator) * 2 - 1
-        turn, scale = 0.12 * turn, 1 + 0.1 * scale
-        cos, sin = scale * turn.cos(), scale * turn.sin()
-        rows = [torch.stack([cos, -sin, 0.1 * x], 1), torch.stack([sin, cos, 0.1 * y], 1)]
-        matrices = torch.stack(rows, 1).repeat(batch, 1, 1)
-        repeated = images.repeat_interleave(count, 0)
-        grid = affine_grid(matrices, list(repeated.shape), align_corners=False).to(images.dtype)
-        moved = grid_sample(repeated, grid, mode="bilinear", padding_mode="border", align_corners=False)
-        together = torch.cat([images[:, None], moved.reshape(batch, count, *images.shape[1:])], 1)
-        return together.flatten(0, 1)
-
-
-def _as_batch(image: Tensor) -> Tensor:
-    """Linear light [H, W, 3] to sRGB [1, 3, H, W]."""
-    return linear_to_srgb(image.clamp(0, 1)).movedim(-1, 0)[None]
-
-
 Array = NDArray[np.float32]
+
+# Ranges of the random views: small enough that the content stays in the picture.
+_MAX_TURN_RAD: Final = 0.12
+_MAX_SCALE: Final = 0.1
+_MAX_SHIFT: Final = 0.1  # of half the picture's side
 
 
 class TorchObjective:
-    """A ``planning.model.Objective`` from a function of an image [H, W, 3] in linear light to a scalar."""
+    """A `planning.objectives.Objective` from a PyTorch function of an image [H, W, 3] in linear light to a scalar."""
 
     def __init__(self, function: Callable[[Tensor], Tensor]) -> None:
         self._function = function
@@ -94,3 +40,79 @@ class TorchObjective:
             value = self._function(leaf)
             (gradient,) = torch.autograd.grad(value, leaf)
         return float(value.detach()), gradient.numpy()
+
+
+class TextObjective:
+    """The text objective for a caption, with new random views at each call."""
+
+    def __init__(self, encoder: Encoder, caption: str, views: int, seed: int) -> None:
+        self._encoder = encoder
+        self._text = encoder.embed_texts([caption])[0].detach()
+        self._views = _RandomViews(views, seed)
+
+    def __call__(self, image: Tensor) -> Tensor:
+        """The objective for an image [H, W, 3] in linear light; a scalar in [0, 2], differentiable."""
+        return text_loss(self._encoder, image, self._text, self._views())
+
+
+class SemanticObjective:
+    """The semantic objective for a target [H, W, 3] in linear light, with new random views at each call."""
+
+    def __init__(self, encoder: Encoder, target: Tensor, views: int, seed: int) -> None:
+        self._encoder = encoder
+        self._target = target.detach()
+        self._views = _RandomViews(views, seed)
+
+    def __call__(self, image: Tensor) -> Tensor:
+        """The objective for an image [H, W, 3] in linear light; a scalar of at least 0, differentiable."""
+        return semantic_loss(self._encoder, image, self._target, self._views())
+
+
+def text_loss(encoder: Encoder, image: Tensor, text: Tensor, views: Tensor) -> Tensor:
+    """1 - cos of an image [H, W, 3] in linear light and a text vector [D], averaged over the plain view and `views`.
+
+    Equation (4.1) with its sign corrected; `views` are affine matrices [V, 2, 3] in normalised coordinates.
+    """
+    return 1 - (encoder.embed_images(with_views(_as_srgb_batch(image), views)) @ text).mean()
+
+
+def semantic_loss(encoder: Encoder, image: Tensor, target: Tensor, views: Tensor) -> Tensor:
+    """Mean squared difference of patch features of an image and a target, [H, W, 3] in linear light; equation (4.4).
+
+    The features are those of a middle layer. Image and target are seen in the same `views`, affine matrices [V, 2, 3].
+    """
+    pair = with_views(torch.cat([_as_srgb_batch(image), _as_srgb_batch(target)]), views)
+    features = encoder.patch_features(pair)
+    half = 1 + len(views)
+    return mse_loss(features[:half], features[half:].detach())
+
+
+def with_views(images: Tensor, views: Tensor) -> Tensor:
+    """[B, 3, H, W] to [B · (1 + V), 3, H, W]: each picture plain and in each of V views, picture by picture."""
+    batch, count = len(images), len(views)
+    if count == 0:
+        return images
+    repeated = images.repeat_interleave(count, 0)
+    grid = affine_grid(views.repeat(batch, 1, 1), list(repeated.shape), align_corners=False).to(images.dtype)
+    moved = grid_sample(repeated, grid, mode="bilinear", padding_mode="border", align_corners=False)
+    return torch.cat([images[:, None], moved.reshape(batch, count, *images.shape[1:])], 1).flatten(0, 1)
+
+
+class _RandomViews:
+    """Random affine matrices [V, 2, 3], new at each call: a small rotation, scale and shift."""
+
+    def __init__(self, count: int, seed: int) -> None:
+        self._count = count
+        self._generator = torch.Generator().manual_seed(seed)
+
+    def __call__(self) -> Tensor:
+        turn, scale, x, y = torch.rand(4, self._count, generator=self._generator) * 2 - 1
+        turn, scale = _MAX_TURN_RAD * turn, 1 + _MAX_SCALE * scale
+        cos, sin = scale * turn.cos(), scale * turn.sin()
+        rows = [torch.stack([cos, -sin, _MAX_SHIFT * x], 1), torch.stack([sin, cos, _MAX_SHIFT * y], 1)]
+        return torch.stack(rows, 1)
+
+
+def _as_srgb_batch(image: Tensor) -> Tensor:
+    """Linear light [H, W, 3] to sRGB [1, 3, H, W]."""
+    return linear_to_srgb(image.clamp(0.0, 1.0)).movedim(-1, 0)[None]

@@ -1,42 +1,45 @@
-"""x"""
+"""Scores of pictures by an encoder: CLIPScore (Hessel et al. 2021, raw), retrieval, recognised objects, and
+saliency."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import interpolate
 
+from pentimento.contracts.scenes import phrase
 from pentimento.semantics.encoder import Encoder
-from pentimento.semantics.examples import prompt
 
-_AT_ONCE = 256
+_CHUNK: Final = 256  # images in one call of the encoder
+_OTHERS: Final = 64  # captions that an image is mismatched with, at most
 
 
 def clip_score(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tensor:
-    """The cosine [B] of each sRGB image [B, 3, H, W] in [0, 1] with its caption; neither scaled nor cut at 0."""
+    """The cosine [B] of each sRGB image [B, 3, H, W] in [0, 1] and its caption, neither scaled nor clipped."""
     return (embed_all(encoder, images) * encoder.embed_texts(captions)).sum(-1)
 
 
 def mismatched_quantile(encoder: Encoder, images: Tensor, captions: Sequence[str], q: float, seed: int) -> float:
-    """The quantile ``q`` of the scores of images with captions that are not theirs.
+    """The quantile `q` of the scores of images with captions of other images.
 
-    A threshold that means something for any encoder: with q = .95, one wrong pair in 20 passes. Each image meets the
-    captions of all others of other wording, or of 64 drawn by ``seed`` where there are more.
+    As a threshold it has the same meaning for any encoder: with q = .95, one wrong pair in 20 passes. Each image is
+    paired with all captions of other wording, or with 64 of them drawn by `seed`.
 
     Raises:
         ValueError: all captions are the same.
     """
-    seen, read = embed_all(encoder, images), encoder.embed_texts(captions)
+    images_, texts = embed_all(encoder, images), encoder.embed_texts(captions)
     generator = np.random.default_rng([seed, 4])
     scores = []
     for index, caption in enumerate(captions):
         others = np.array([i for i, other in enumerate(captions) if other != caption], dtype=int)
-        if len(others) > 64:
-            others = generator.choice(others, 64, replace=False)
-        scores.append(read[torch.from_numpy(others)] @ seen[index])
+        if len(others) > _OTHERS:
+            others = generator.choice(others, _OTHERS, replace=False)
+        scores.append(texts[torch.from_numpy(others)] @ images_[index])
     together = torch.cat(scores)
     if len(together) == 0:
         raise ValueError("All captions are the same: there is no mismatched pair to take a quantile of.")
@@ -44,10 +47,10 @@ def mismatched_quantile(encoder: Encoder, images: Tensor, captions: Sequence[str
 
 
 def retrieval(encoder: Encoder, images: Tensor, captions: Sequence[str], among: int, seed: int) -> dict[str, float]:
-    """The share of images whose own caption scores best among ``among`` different ones, and of captions likewise.
+    """The fraction of images whose caption scores best among `among` different ones, and of captions likewise.
 
-    Images are dealt into groups by ``seed``; those whose caption is in the group already are left out, and so is the
-    last group, which is smaller. ``chance`` is 1 / among. NaN where there is no full group.
+    Images are assigned to groups by `seed`. An image whose caption is already in its group is left out, and so is the
+    last, incomplete group. `chance` is 1 / among. NaN if there is no complete group.
     """
     order = np.random.default_rng([seed, 5]).permutation(len(captions)).tolist()
     groups: list[dict[str, int]] = [{}]
@@ -67,15 +70,15 @@ def retrieval(encoder: Encoder, images: Tensor, captions: Sequence[str], among: 
 
 
 def object_scores(encoder: Encoder, images: Tensor, kinds: Sequence[str]) -> Tensor:
-    """How much each image looks like each kind of object, [B, K]: cosines with captions that name it alone."""
-    return embed_all(encoder, images) @ encoder.embed_texts([prompt(kind) for kind in kinds]).T
+    """Similarity [B, K] of images and kinds of objects: cosines with captions that name one kind."""
+    return embed_all(encoder, images) @ encoder.embed_texts([phrase(kind) for kind in kinds]).T
 
 
 def recognised(scores: Tensor, kinds: Sequence[str], asked: Sequence[Sequence[str]]) -> list[list[bool]]:
-    """For each image and each object asked for: whether its kind is among the best as many as were asked for.
+    """For each image and each of the k kinds asked for, whether it is among the k kinds with the highest scores.
 
     Args:
-        scores: [B, K] of ``object_scores``.
+        scores: [B, K] of `object_scores`.
     """
     place = {kind: number for number, kind in enumerate(kinds)}
     answers = []
@@ -86,15 +89,17 @@ def recognised(scores: Tensor, kinds: Sequence[str], asked: Sequence[Sequence[st
 
 
 def embed_all(encoder: Encoder, images: Tensor) -> Tensor:
-    """Unit vectors [B, D] of images [B, 3, H, W], some at a time; without gradient."""
+    """Unit vectors [B, D] of images [B, 3, H, W], in chunks; without gradient."""
     with torch.no_grad():
-        return torch.cat([encoder.embed_images(part) for part in torch.split(images, _AT_ONCE)])
+        return torch.cat([encoder.embed_images(part) for part in torch.split(images, _CHUNK)])
 
 
 def saliency(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tensor:
-    """For sRGB images [B, 3, H, W] in [0, 1] and their captions: saliency [B, H, W] from 0 to 1.
+    """Saliency [B, H, W] in [0, 1] of sRGB images [B, 3, H, W] in [0, 1] with respect to their captions.
 
-    The most salient place of each image is 1, the least 0; a map without any difference is 0 everywhere.
+    It follows the gradient of their cosine. With attention layers, the method of Chefer, Gur and Wolf 2021 ("Generic
+    attention-model explainability", eq. 5 and 6), as in CLIPasso (Vinker et al. 2022); with convolutions only, Grad-CAM
+    (Selvaraju et al. 2017). The maximum of each map is 1 and its minimum 0; a constant map is 0.
     """
     layers = encoder.model.config.vision_config.num_hidden_layers
     patches = (_by_attention if layers else _by_channels)(encoder, images, captions)
@@ -106,7 +111,7 @@ def saliency(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tenso
 
 
 def _by_attention(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tensor:
-    """Relevance of patches [B, L] to the class token."""
+    """Relevance [B, L] of patches to the class token."""
     with torch.enable_grad():
         # A gradient must reach the first layer's attention, though no weight asks for one.
         pixels = encoder.prepare(images.detach()).requires_grad_()
@@ -123,7 +128,7 @@ def _by_attention(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> 
 
 
 def _by_channels(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tensor:
-    """What places [B, L] hold of the channels that the score rises with; for a stem without layers after it."""
+    """Grad-CAM [B, L] of the stem, for an encoder without attention layers."""
     held: list[Tensor] = []
     stem = encoder.model.vision_model.embeddings.stem
     hook = stem.register_forward_hook(lambda _module, _inputs, places: held.append(places))

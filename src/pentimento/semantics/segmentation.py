@@ -1,4 +1,4 @@
-"""Regions of a picture: by Segment Anything where its weights are at hand, otherwise by a classical method."""
+"""Regions of a picture: by Segment Anything if its weights are given, otherwise by a graph-based method."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from pentimento.contracts.ranges import above_zero, at_least
 
 @dataclass(frozen=True)
 class SegmentationConfig:
-    """How a picture without a mask of its own is cut into regions."""
+    """How a picture without a mask is segmented."""
 
     method: Literal["classical", "sam"]
     sam_folder: str | None
-    """Local folder of a SAM model in the published layout (facebook/sam-vit-base), for ``sam``."""
+    """Local folder of a SAM model in the published layout (facebook/sam-vit-base), for `sam`."""
     scale: float
-    """Of the classical method: larger means larger regions (Felzenszwalb and Huttenlocher 2004)."""
+    """Of the classical method (Felzenszwalb and Huttenlocher 2004); larger values give larger regions."""
     min_share: float
     """Of the picture; smaller regions count as background."""
     points: int
-    """Of SAM: so many points along each side are asked for the thing under them."""
+    """Of SAM: prompt points along each side."""
 
     def __post_init__(self) -> None:
         above_zero(self, "scale")
@@ -41,12 +41,12 @@ class SegmentationConfig:
 
 
 def segment(image: NDArray[np.uint8], config: SegmentationConfig) -> NDArray[np.uint8]:
-    """Labels [H, W] of an sRGB picture [H, W, 3]: 0 the background, then regions from the largest on.
+    """Labels [H, W] of an sRGB picture [H, W, 3]: 0 for the background, then regions from the largest on.
 
-    The background is what touches the border most, and all that is too small.
+    The background is the region with the longest border of the picture, together with all regions that are too small.
 
     Raises:
-        ConfigError: the folder of SAM holds no SAM model.
+        ConfigError: the folder holds no SAM model.
     """
     match config.method:
         case "classical":
@@ -65,7 +65,7 @@ def segment(image: NDArray[np.uint8], config: SegmentationConfig) -> NDArray[np.
 
 
 def _ordered(labels: NDArray[np.integer], min_share: float) -> NDArray[np.uint8]:
-    """Labels by size, at most 255; the one with most of the border and all that is too small become 0."""
+    """Labels sorted by size, at most 255; the background and regions that are too small become 0."""
     border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
     names, counts = np.unique(border, return_counts=True)
     ground = names[counts.argmax()]
@@ -91,7 +91,7 @@ def _load_sam(folder: Path) -> Any:
 
 
 def _by_sam(image: NDArray[np.uint8], folder: Path, points: int) -> NDArray[np.int32]:
-    """Labels of the things under a grid of points, the best-rated on top (Kirillov et al. 2023)."""
+    """Labels of the masks at a grid of points, the one with the highest predicted IoU on top (Kirillov et al. 2023)."""
     model = _load_sam(folder)
     side = int(model.config.vision_config.image_size)
     mean, spread = torch.tensor([123.675, 116.28, 103.53]), torch.tensor([58.395, 57.12, 57.375])  # as published

@@ -1,4 +1,4 @@
-"""A CLIP tokenizer learned from captions: byte pairs in the published layout, small and offline."""
+"""A CLIP tokenizer learned from captions: byte-pair encoding in the published layout."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _WORD_END = "</w>"
 
 
 def learn_tokenizer(captions: Sequence[str], merges: int, length: int) -> CLIPTokenizer:
-    """A tokenizer whose byte-pair merges are the most frequent ones of ``captions`` (Sennrich et al. 2016).
+    """A tokenizer with the most frequent byte-pair merges of `captions` (Sennrich et al. 2016).
 
-    Every text in any language can be written: all 256 bytes are tokens. The order is the published one: bytes, bytes
-    that end a word, merges, start, end.
+    Any text in any language can be encoded, because all 256 bytes are tokens. The vocabulary is in the published order:
+    bytes, bytes at the end of a word, merges, start, end.
 
     Args:
-        merges: at most so many.
-        length: of a caption in tokens, start and end counted; what is longer is cut.
+        merges: at most this many.
+        length: of a caption in tokens, with start and end; longer ones are truncated.
     """
     os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
     alphabet = sorted(pre_tokenizers.ByteLevel.alphabet())
@@ -34,9 +34,10 @@ def learn_tokenizer(captions: Sequence[str], merges: int, length: int) -> CLIPTo
 
 
 def _frequent_merges(captions: Sequence[str], merges: int) -> list[tuple[str, str]]:
-    """The pair that stands together most often is joined, again and again; of equals, the first by alphabet.
+    """Repeatedly merge the most frequent pair of adjacent symbols; of equally frequent pairs, the first in the
+    alphabet.
 
-    Done here and not by ``tokenizers``' trainer, whose choice among equals changes from run to run.
+    The trainer of `tokenizers` is not used, because its choice among equally frequent pairs changes from run to run.
     """
     blank = CLIPTokenizer().backend_tokenizer  # its way of cutting a caption into words
     counts = Counter(

@@ -1,16 +1,13 @@
-"""Training a text-image encoder by contrast (Radford et al. 2021), small enough for one core and two minutes.
+"""Contrastive training of a text-image encoder (Radford et al. 2021) within two minutes on one core.
 
-What makes little data and few steps go further: the vision tower begins with convolutions (``stem``); a caption that is
-wrong by one word stands among the captions a picture is told from; captions that are the same count as right for each
-other's pictures; and where the table knows the objects, each picture is told their kinds, by their names alone as
-captions and by a linear map that is thrown away, and each patch the kind of the object that it shows.
+Four measures make up for little data and few steps. The vision tower starts with convolutions. Captions with one wrong
+word are negatives. Equal captions are positives for each other's pictures. Where the table has objects, auxiliary
+losses predict the kinds in each picture, by captions of one kind and by a linear head, and the kind under each patch.
 """
 
 from __future__ import annotations
 
-import logging
 import math
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -29,30 +26,31 @@ from torch.utils.data import DataLoader, IterableDataset
 from transformers import CLIPModel, CLIPTokenizer
 
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.dynamics.quiet_lightning import quiet_lightning
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model, normalise
 from pentimento.semantics.examples import VIEWS, Examples, is_black
 
 Batch = tuple[Tensor, Tensor, Tensor, Tensor]
-"""Pictures, views, captions, altered captions: indices [B]."""
+"""Indices [B] of pictures, views, captions and altered captions."""
 
 
 @dataclass(frozen=True)
 class EncoderTraining:
-    """How an encoder is trained."""
+    """Hyper-parameters of training."""
 
     steps: int
     batch: int
     rate: float
-    """The highest learning rate of AdamW."""
+    """Maximum learning rate of AdamW."""
     warmup: float
-    """Share of the steps in which the rate grows; then it falls to nothing along a cosine."""
+    """Fraction of the steps in which the rate rises; then it decays to 0 along a cosine."""
     weight_decay: float
     object_weight: float
-    """Of naming the objects, beside the contrast of captions."""
+    """Of the losses on objects."""
     patch_weight: float
-    """Of naming the object under each patch."""
+    """Of the loss on the objects under patches."""
     view_shares: dict[str, float]
-    """How often a picture is seen as it is, and how often in each style of ``drawings``."""
+    """Relative frequency of each of `examples.VIEWS`."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -71,13 +69,11 @@ def train_encoder(
     config: EncoderTraining,
     log: Callable[[str, float, int], None],
 ) -> Encoder:
-    """A new encoder of a shape, trained on examples; the same for the same seed and thread count."""
+    """A new encoder, trained on examples; reproducible for the same seed and number of threads."""
     model = new_model(shape, tokenizer, config.seed)
-    with warnings.catch_warnings(), torch.random.fork_rng():
+    with quiet_lightning(), torch.random.fork_rng():
         torch.manual_seed(config.seed)
         module = _Contrast(model, examples, config, log)
-        logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-        warnings.filterwarnings("ignore", module="lightning")  # hints on workers and loggers that we do without
         trainer = lightning.Trainer(
             accelerator="cpu", max_epochs=1, logger=False, enable_checkpointing=False,
             enable_progress_bar=False, enable_model_summary=False, gradient_clip_val=1.0,
@@ -87,7 +83,7 @@ def train_encoder(
 
 
 class _Draws(IterableDataset[Batch]):
-    """Which pictures, views and captions each step sees; step n depends on (seed, n) only."""
+    """The indices of each step's batch; step n depends on (seed, n) only."""
 
     def __init__(self, examples: Examples, config: EncoderTraining) -> None:
         self._examples, self._config = examples, config
@@ -104,7 +100,7 @@ class _Draws(IterableDataset[Batch]):
             yield torch.from_numpy(pictures), torch.from_numpy(views), right, wrong
 
     def _texts(self, picture: int, view: int, generator: np.random.Generator) -> tuple[int, int]:
-        """A caption of the picture and one that is wrong by a word (the same again where there is none)."""
+        """A caption of the picture and one with a wrong word (the same caption again if there is none)."""
         black = is_black(view)
         captions = (self._examples.plain if black else self._examples.captions)[picture]
         altered = (self._examples.altered_plain if black else self._examples.altered)[picture]
@@ -114,7 +110,7 @@ class _Draws(IterableDataset[Batch]):
 
 
 class _Contrast(lightning.LightningModule):
-    """The losses and their optimiser."""
+    """Losses and optimiser for Lightning."""
 
     def __init__(
         self, model: CLIPModel, examples: Examples, config: EncoderTraining, log: Callable[[str, float, int], None]
@@ -148,7 +144,7 @@ class _Contrast(lightning.LightningModule):
         return loss
 
     def _look(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """What the vision model holds of pictures [B, C] and of their patches [B, L, C]."""
+        """Features of the vision model for pictures [B, C] and their patches [B, L, C]."""
         size = self.model.config.vision_config.image_size
         if images.shape[-1] != size:
             images = interpolate(images, (size, size), mode="bicubic", antialias=True, align_corners=False)
@@ -174,16 +170,16 @@ class _Contrast(lightning.LightningModule):
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
     def _rise_and_fall(self, step: int) -> float:
-        begun = self._config.warmup * self._config.steps
-        if step < begun:
-            return (step + 1) / (begun + 1)
-        return 0.5 * (1 + math.cos(math.pi * (step - begun) / max(1.0, self._config.steps - begun)))
+        warm_up = self._config.warmup * self._config.steps
+        if step < warm_up:
+            return (step + 1) / (warm_up + 1)
+        return 0.5 * (1 + math.cos(math.pi * (step - warm_up) / max(1.0, self._config.steps - warm_up)))
 
 
 def contrast(logits: Tensor, right: Tensor) -> Tensor:
-    """The mean of both directions of contrast for logits [B, T] of B pictures and T distinct captions.
+    """Mean of both directions of the contrastive loss, for logits [B, T] of B pictures and T distinct captions.
 
-    ``right`` [B] says which caption is a picture's. Captions that are no picture's are wrong for all.
+    `right` [B] is the caption of each picture. Other captions are negatives for all pictures.
     """
     of_picture = cross_entropy(logits, right)
     own = torch.nn.functional.one_hot(right, logits.shape[1]).float().T  # [T, B]
@@ -193,7 +189,7 @@ def contrast(logits: Tensor, right: Tensor) -> Tensor:
 
 
 def _several(logits: Tensor, present: Tensor) -> Tensor:
-    """Cross entropy of kinds [B, K] where several may be right, over the pictures whose objects are known."""
+    """Cross entropy of kinds [B, K] of which several may be right, over pictures with known objects."""
     known = present.sum(1) > 0
     if not known.any():
         return logits.sum() * 0
@@ -201,13 +197,13 @@ def _several(logits: Tensor, present: Tensor) -> Tensor:
 
 
 def _one_each(logits: Tensor, wanted: Tensor) -> Tensor:
-    """Cross entropy of kinds [B, L, K] for patches that show an object, ``wanted`` [B, L] (-1: none)."""
+    """Cross entropy of kinds [B, L, K] over patches that show an object, with targets `wanted` [B, L] (-1: none)."""
     known = wanted >= 0
     return cross_entropy(logits[known], wanted[known]) if known.any() else logits.sum() * 0
 
 
 def patch_kinds(regions: Tensor, region_kinds: Tensor, patches: int) -> Tensor:
-    """The kind [B, L] of the object that covers most of each patch; -1 where objects cover less than a fifth.
+    """The kind [B, L] of the object that covers most of each patch; -1 if objects cover less than a fifth.
 
     Args:
         regions: [B, H, W], labels.

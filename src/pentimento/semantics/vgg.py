@@ -1,4 +1,8 @@
-"""x"""
+"""Local features by the published VGG-16 (Simonyan and Zisserman 2014), with weights from a local file.
+
+The file is a state dict in torchvision's layout (`features.0.weight` ...), such as torchvision's `vgg16-397923af.pth`.
+Nothing is downloaded, and no code in the file is executed.
+"""
 
 from __future__ import annotations
 
@@ -20,26 +24,26 @@ BLOCKS: tuple[dict[int, tuple[int, int]], ...] = (
     {10: (128, 256), 12: (256, 256), 14: (256, 256)},
     {17: (256, 512), 19: (512, 512), 21: (512, 512)},
 )
-"""Convolutions by torchvision's index, with channels in and out; a ReLU follows each, a 2 x 2 maximum each block.
+"""Convolutions by torchvision's index, with input and output channels. A ReLU follows each, a 2 x 2 maximum each block.
 
-The fifth block is left out: the last ReLU of each of these four is read, as by Johnson et al. 2016.
+The last ReLU of each block is read, as in Johnson et al. 2016; the fifth block is not used.
 """
 _MEAN, _SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of sRGB: how the network was trained
-_CALM = 1e-6
+_EPSILON = 1e-6  # under the root of the squared norm: a gradient at zero activation
 
 
 class Vgg16Features(nn.Module):
     """Pictures [H, W, 3] in linear light to sets [cells, 963] of local features; differentiable.
 
-    Of each cell of ``features.CELL_PX``: its mean sRGB, and the mean activation of each block, scaled to length 1 so
-    that the distance of two cells compares directions (Kolkin et al. 2019) and no block drowns the others.
+    The features of a cell of `style_features.CELL_PX` are its mean sRGB, and the mean activation of each block,
+    normalised to length 1, so that distances compare directions (Kolkin et al. 2019) and blocks have equal weights.
     """
 
     mean: Tensor
     spread: Tensor
 
     def __init__(self, weights: dict[str, Tensor]) -> None:
-        """Hold a checked state dict, see ``load_vgg16``."""
+        """For a checked state dict, see `load_vgg16`."""
         super().__init__()
         for name, tensor in weights.items():
             self.register_buffer(name.replace(".", "_"), tensor)
@@ -47,7 +51,7 @@ class Vgg16Features(nn.Module):
         self.register_buffer("spread", torch.tensor(_SPREAD)[:, None, None])
 
     def forward(self, image: Tensor) -> Tensor:
-        """The set of an image [H, W, 3].
+        """The features of an image [H, W, 3].
 
         Raises:
             ConfigError: the image is smaller than a cell.
@@ -63,15 +67,15 @@ class Vgg16Features(nn.Module):
                 weight, bias = (self.get_buffer(f"features_{index}_{part}") for part in ("weight", "bias"))
                 activation = conv2d(activation, weight, bias, padding=1).relu()
             means = cell_means(activation[0], grid)
-            maps.append(means / (means.square().sum(0) + _CALM).sqrt())
+            maps.append(means / (means.square().sum(0) + _EPSILON).sqrt())
         return torch.cat(maps).flatten(1).T
 
 
 def load_vgg16(path: Path) -> Vgg16Features:
-    """The features of a file of weights in torchvision's layout; other entries, as the classifier's, are left.
+    """The features of a file of weights in torchvision's layout; other entries, such as the classifier's, are ignored.
 
     Raises:
-        ConfigError: the file is not there.
+        ConfigError: the file does not exist.
         ContractError: the file is no state dict, or lacks a tensor, or one has another shape or is not finite.
     """
     if not path.is_file():

@@ -18,7 +18,7 @@ def drawn(number: int) -> tuple[pa.Table, pa.Table]:
     return scenes_of(table, "test"), scenes_of(table, "train")
 
 
-def test_what_is_asked_for_was_never_seen_with_what_is_there() -> None:
+def test_cases_combine_kinds_that_no_training_scene_combines() -> None:
     held_out, training = drawn(300)
     cases = choose_cases(held_out, training, 20, 0)
     assert len(cases) == 20
@@ -29,7 +29,7 @@ def test_what_is_asked_for_was_never_seen_with_what_is_there() -> None:
     assert not any(colors & set(case.caption.split()) for case in cases)
 
 
-def test_the_canvas_leaves_room_for_what_is_asked_for() -> None:
+def test_cases_place_the_requested_thing_in_the_free_half() -> None:
     """Of pictures on plain grounds: where one differs from its ground, the other does not."""
     held_out, training = drawn(300)
     overlaps = []
@@ -47,7 +47,7 @@ def test_the_canvas_leaves_room_for_what_is_asked_for() -> None:
     assert max(overlaps) < 0.2
 
 
-def test_a_case_does_not_depend_on_how_many_are_chosen() -> None:
+def test_case_does_not_depend_on_the_number_of_cases() -> None:
     table = scenes.example_table(20)
     few, many = choose_cases(table, table, 3, 1), choose_cases(table, table, 20, 1)
     for one, same in zip(few, many, strict=False):
@@ -56,19 +56,19 @@ def test_a_case_does_not_depend_on_how_many_are_chosen() -> None:
     assert any((a.other_image != b.other_image).any() for a, b in zip(few, others, strict=True))
 
 
-def test_on_paper_the_prompts_are_the_tables_first() -> None:
+def test_paper_cases_are_the_first_of_the_table() -> None:
     table = scenes.example_table(6)
     cases = paper_cases(table, 4)
     assert [case.scene_id for case in cases] == table["scene_id"].to_pylist()[:4]
     assert all(not case.other_objects and case.room is None and (case.other_image == 255).all() for case in cases)
 
 
-def test_a_caption_without_colours_is_preferred() -> None:
+def test_plain_caption_prefers_captions_without_colours() -> None:
     row = {"caption": "a red cup", "captions": ["a red cup", "a cup"], "colors": ["red"]}
     assert plain_caption(row) == "a cup"
     assert plain_caption(row | {"captions": None, "colors": None}) == "a red cup"
 
 
-def test_one_scene_is_not_enough() -> None:
+def test_rejects_a_single_held_out_scene() -> None:
     with pytest.raises(ContractError, match="two or more"):
         choose_cases(scenes.example_table(1), scenes.example_table(1), 5, 0)

@@ -39,7 +39,7 @@ def robot() -> Robot:
     return GuardedRobot(hand, envelope_for(marker_paint_context().tool, hand.canvas_size_m))
 
 
-def test_words_name_one_thing_more_in_each_turn_and_pictures_one_thing_each() -> None:
+def test_each_prompt_of_a_story_names_one_more_thing() -> None:
     table = build_scenes(ScenesConfig(60, 32, 0.0, 0.5, 4, 0), lambda *_: None)
     story = stories(table, 1)[0]
     row = next(r for r in table.to_pylist() if r["scene_id"] == story.scene_id)
@@ -52,7 +52,7 @@ def test_words_name_one_thing_more_in_each_turn_and_pictures_one_thing_each() ->
         stories(scenes.example_table(5), 1)  # one thing each
 
 
-def test_each_turn_begins_where_the_last_one_ended() -> None:
+def test_each_turn_starts_from_the_last_photograph() -> None:
     table = build_scenes(ScenesConfig(60, 32, 0.0, 0.5, 4, 0), lambda *_: None)
     asked: list[str] = []
 
@@ -66,12 +66,12 @@ def test_each_turn_begins_where_the_last_one_ended() -> None:
     assert tuple(asked) == story.prompts == tuple(turn.prompt for turn in turns)
     for turn, following in pairwise(turns):
         assert np.array_equal(following.before, turn.after)
-    dark = [int((photo.mean(-1) < 128).sum()) for turn in turns for photo in (turn.before, turn.begun, turn.after)]
+    dark = [int((photo.mean(-1) < 128).sum()) for turn in turns for photo in (turn.before, turn.started, turn.after)]
     assert dark[0] == 0 and dark[1] > 0 and dark[2] > dark[1]  # ink is there after the person, and more after the robot
     assert turns[0].strokes[0] <= CONFIG.person and 1 <= turns[0].strokes[1] <= CONFIG.robot
 
 
-def test_words_alone_lower_the_text_objective_and_nothing_else_is_looked_at() -> None:
+def test_plan_by_text_lowers_the_text_objective() -> None:
     tokenizer = learn_tokenizer(["a cup", "a tree"], 30, 12)
     encoder = Encoder(new_model(EncoderShape(16, 8, 32, 1, 16, 1, 2, 16), tokenizer, 0), tokenizer)
     sheet = as_sheet(paper(), MEDIUM.side_px)
@@ -104,7 +104,7 @@ def turn(before: np.ndarray, after: np.ndarray, strokes: int) -> Turn:
     return Turn("a red disc", paper(), before, before, after, after, (1, strokes))
 
 
-def test_ink_that_stays_and_ink_that_goes() -> None:
+def test_turn_scores_measure_kept_and_changed_ink() -> None:
     torch.set_num_threads(1)
     kept, lost = turn(cross(), cross(), 0), turn(cross(), paper(), 4)
     scores = turn_scores([[kept, kept], [kept, lost]], small_encoder())
@@ -115,11 +115,11 @@ def test_ink_that_stays_and_ink_that_goes() -> None:
     assert scores[1]["changed"] == pytest.approx(share)
 
 
-def test_no_ink_no_share() -> None:
+def test_turn_scores_without_ink_are_none() -> None:
     assert turn_scores([[turn(paper(), cross(), 3)]], small_encoder())[0]["drawing_keeps"] is None
 
 
-def test_a_strip_has_a_picture_for_each_turn() -> None:
+def test_film_strip_has_a_picture_for_each_turn() -> None:
     strip = film_strip([turn(paper(), cross(), 1), turn(cross(), cross(), 0)])
     assert all(len(pictures) == 2 for pictures in strip.values())
     assert (strip["robot adds"][0] == cross()).all() and (strip["person draws"][0] == paper()).all()

@@ -13,7 +13,7 @@ from tests.copainting.goal_planners import small_pairs, small_planner
 ASKING = SeededSampling(steps=1, image_guidance=1.0, text_guidance=1.0, seed=0)
 
 
-def test_what_the_planner_leaves_is_the_canvas_and_what_it_draws_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_completed_canvas_changes_only_where_the_planner_does(monkeypatch: pytest.MonkeyPatch) -> None:
     torch.set_num_threads(1)
     planner, canvases = small_planner(), np.stack([pair.target for pair in small_pairs(2)])
     again = round_trip(planner.vae, canvases)

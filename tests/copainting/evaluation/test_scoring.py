@@ -44,7 +44,7 @@ def encoder() -> Encoder:
     return Encoder(new_model(EncoderShape(16, 8, 32, 2, 16, 1, 2, 16), tokenizer, 0), tokenizer)
 
 
-def test_delta_pix_is_the_mean_squared_difference_whatever_the_size() -> None:
+def test_delta_pix_is_the_mean_squared_difference_at_any_size() -> None:
     grey = np.full_like(WHITE, 204)  # 255 - 51 = a fifth
     assert delta_pix(WHITE, grey) == pytest.approx([0.04, 0.04])
     large = np.full((1, 64, 64, 3), 255, np.uint8)
@@ -52,7 +52,7 @@ def test_delta_pix_is_the_mean_squared_difference_whatever_the_size() -> None:
     assert (delta_pix(grey, grey) == 0).all()
 
 
-def test_delta_sem_is_a_distance_of_meanings(encoder: Encoder) -> None:
+def test_delta_sem_is_one_minus_the_cosine_of_embeddings(encoder: Encoder) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (2, 16, 16, 3)).astype(np.uint8)
     assert delta_sem(encoder, noise, noise) == pytest.approx([0, 0], abs=1e-6)
     apart = delta_sem(encoder, WHITE, noise)
@@ -62,7 +62,7 @@ def test_delta_sem_is_a_distance_of_meanings(encoder: Encoder) -> None:
     assert apart == pytest.approx(1 - (one * other).sum(-1), abs=1e-5)
 
 
-def test_ink_survives_a_shift_of_one_pixel_and_not_of_two() -> None:
+def test_surviving_ink_tolerates_a_shift_of_one_pixel() -> None:
     drawn = WHITE.copy()
     drawn[0, :, 8] = 0
     shifts = [surviving_ink(drawn, np.roll(drawn, by, axis=2))[0] for by in (0, 1, 2)]
@@ -70,7 +70,7 @@ def test_ink_survives_a_shift_of_one_pixel_and_not_of_two() -> None:
     assert np.isnan(surviving_ink(drawn, drawn)[1])  # no ink that could survive
 
 
-def test_changed_pixels_are_counted_from_the_least_change_on() -> None:
+def test_changed_share_counts_pixels_from_the_threshold_on() -> None:
     other = WHITE.copy()
     other[0, :4, :, 1] -= 64
     other[1, :4, :, 1] -= 63
@@ -121,14 +121,14 @@ def test_fine_tuning_that_reaches_the_oracle_closes_the_gap(judges: Judges) -> N
     assert "delta_pix_ratio" not in made  # over nothing
 
 
-def test_one_kind_is_the_best_and_all_are_among_as_many(judges: Judges) -> None:
+def test_objects_found_among_as_many_best_kinds_as_asked_for(judges: Judges) -> None:
     both = objects_found(judges, NOISE, [case("all", KINDS, None), case("none", (), None)])
     assert both[0] == 1 and np.isnan(both[1])
     alone = [objects_found(judges, NOISE[:1], [case(kind, (kind,), None)])[0] for kind in KINDS]
     assert sorted(alone) == [0, 0, 1]
 
 
-def test_what_stands_in_the_other_half_changes_nothing(judges: Judges) -> None:
+def test_objects_found_ignores_the_other_half_of_the_sheet(judges: Judges) -> None:
     left = HALVES[0][0]
     crowded = np.random.default_rng(1).integers(0, 256, (8, 16, 16, 3)).astype(np.uint8)
     alone = crowded.copy()
@@ -155,7 +155,7 @@ def tables() -> tuple[pa.Table, pa.Table]:
     return known, pa.Table.from_pylist(made, schema=arrow_schema(copaintings.CONTRACT))
 
 
-def test_each_painting_counts_once_and_requests_for_one_thing_do_not() -> None:
+def test_painted_gap_counts_each_full_painting_once() -> None:
     torch.set_num_threads(1)
     known, pairs = tables()
     found = painted_gap(pairs, known, small_encoder())
@@ -167,7 +167,7 @@ def test_each_painting_counts_once_and_requests_for_one_thing_do_not() -> None:
     assert painted_gap(pa.concat_tables([pairs, pairs, parts]), known, small_encoder()) == found
 
 
-def test_paintings_of_other_scenes_have_no_gap() -> None:
+def test_painted_gap_is_empty_without_matching_scenes() -> None:
     known, pairs = tables()
     assert painted_gap(pairs, known.slice(0, 0), small_encoder()) == {}
 
@@ -175,7 +175,7 @@ def test_paintings_of_other_scenes_have_no_gap() -> None:
 SAMPLING = SeededSampling(steps=1, image_guidance=1.0, text_guidance=1.0, seed=0)
 
 
-def test_inputs_and_targets_get_their_own_scores_and_gains_are_over_the_inputs(tmp_path: Path) -> None:
+def test_edit_scores_compare_completions_with_inputs_and_targets(tmp_path: Path) -> None:
     torch.set_num_threads(1)
     save_goal_planner(small_planner(), tmp_path / "planner")
     (tmp_path / "judge").mkdir()
@@ -193,7 +193,7 @@ def test_inputs_and_targets_get_their_own_scores_and_gains_are_over_the_inputs(t
     assert "goal_keeps" not in scores  # no input has ink
 
 
-def test_a_planner_that_gives_back_its_input_gains_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_planner_that_returns_its_input_gains_zero(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scoring, "load_goal_planner", lambda folder: None)
     monkeypatch.setattr(scoring, "ask", lambda planner, inputs, captions, asking: inputs)
     (tmp_path / "judge").mkdir()

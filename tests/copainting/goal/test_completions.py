@@ -30,14 +30,14 @@ def test_scores_of_perfect_copied_and_blank_completions() -> None:
     assert score_completions(drawn([]), full, full).kept is None
 
 
-def test_as_many_pairs_are_scored_as_asked_for() -> None:
+def test_scores_at_most_the_configured_number_of_pairs() -> None:
     torch.set_num_threads(1)
     planner, pairs = small_planner(), small_pairs(5)
     assert score_planner(planner, pairs, SAMPLING).pairs == 3
     assert score_planner(planner, pairs[:2], SAMPLING).pairs == 2
 
 
-def test_the_grid_shows_inputs_targets_and_each_combination() -> None:
+def test_guidance_grid_shows_inputs_targets_and_each_combination() -> None:
     torch.set_num_threads(1)
     pairs = small_pairs(2)
     grid = guidance_grid(small_planner(), pairs, SAMPLING)
@@ -50,6 +50,6 @@ def test_the_grid_shows_inputs_targets_and_each_combination() -> None:
             assert (grid[top : top + large : 2, left : left + large : 2] == picture).all()
 
 
-def test_a_guidance_that_would_be_switched_off_is_refused() -> None:
+def test_rejects_guidance_below_one() -> None:
     with pytest.raises(ValueError, match=r"image_guidance is \[0.5\]; give values of 1 or more"):
         replace(SAMPLING, image_guidance=(0.5,))

@@ -73,7 +73,7 @@ def assert_alike(one: Trained, other: Trained) -> None:
     assert (second - first).norm() < WEIGHT_TOLERANCE * (first - before).norm()
 
 
-def test_two_devices_train_as_one_and_each_goes_on_where_the_other_stopped(
+def test_two_devices_train_as_one_and_resume_each_others_checkpoints(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(training, "_train_rank", two_trainings)
@@ -92,7 +92,7 @@ def test_two_devices_train_as_one_and_each_goes_on_where_the_other_stopped(
     assert resumed.told == [4, 5]  # from the checkpoint of two
 
 
-def test_what_cannot_be_shared_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rejects_device_counts_that_do_not_fit_batch_or_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="batch is 3, which 2 devices cannot share equally"):
         replace(TRAINING, devices=2)
     with pytest.raises(ValueError, match="devices is 0"):

@@ -48,7 +48,7 @@ def change(planner: GoalPlanner) -> torch.Tensor:
 
 @pytest.mark.parametrize("lora", [None, Lora(2, 4)])
 @pytest.mark.parametrize(("precision", "tolerance"), [("32-true", 0.05), ("bf16-mixed", 0.5), ("16-mixed", 0.5)])
-def test_it_trains_as_the_cpu_does(lora: Lora | None, precision: str, tolerance: float) -> None:
+def test_training_on_a_gpu_equals_training_on_the_cpu(lora: Lora | None, precision: str, tolerance: float) -> None:
     config = replace(ON_GPU, lora=lora, precision=precision)
     (ours, losses), (wanted, expected) = trained(config), trained(replace(TRAINING, lora=lora))
     assert all(weight.device.type == "cpu" for weight in ours.unet.parameters())
@@ -58,7 +58,7 @@ def test_it_trains_as_the_cpu_does(lora: Lora | None, precision: str, tolerance:
 
 
 @pytest.mark.parametrize("first", [TRAINING, ON_GPU])
-def test_what_was_killed_goes_on_there(first: GoalTraining, tmp_path: Path) -> None:
+def test_killed_training_resumes_on_a_gpu(first: GoalTraining, tmp_path: Path) -> None:
     trained(first, tmp_path, until=3)
     planner, losses = trained(ON_GPU, tmp_path)
     whole, expected = trained(ON_GPU)
@@ -66,7 +66,7 @@ def test_what_was_killed_goes_on_there(first: GoalTraining, tmp_path: Path) -> N
     assert (change(planner) - change(whole)).norm() <= 0.05 * change(whole).norm()
 
 
-def test_a_process_of_its_own_does_the_same(tmp_path: Path) -> None:
+def test_training_in_a_child_process_on_a_gpu_gives_the_same_weights(tmp_path: Path) -> None:
     planner, losses = trained(replace(ON_GPU, strategy="ddp"), tmp_path)
     whole, expected = trained(ON_GPU)
     assert losses == pytest.approx(expected, rel=1e-3)

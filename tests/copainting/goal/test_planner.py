@@ -30,7 +30,7 @@ def inputs() -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (4, SIDE_PX, SIDE_PX, 3)).astype(np.uint8)
 
 
-def test_saved_and_loaded_it_completes_alike(planner: GoalPlanner, inputs: np.ndarray, tmp_path: Path) -> None:
+def test_saved_planner_completes_as_before(planner: GoalPlanner, inputs: np.ndarray, tmp_path: Path) -> None:
     save_goal_planner(planner, tmp_path / "planner")
     index = json.loads((tmp_path / "planner/model_index.json").read_text())
     assert index["_class_name"] == "StableDiffusionInstructPix2PixPipeline"
@@ -40,7 +40,7 @@ def test_saved_and_loaded_it_completes_alike(planner: GoalPlanner, inputs: np.nd
     assert (before == after).all() and before.shape == inputs.shape and before.dtype == np.uint8
 
 
-def test_its_text_encoder_is_the_encoders_text_tower(planner: GoalPlanner) -> None:
+def test_text_encoder_of_planner_equals_the_encoders_text_tower(planner: GoalPlanner) -> None:
     """The pooled caption, projected and normalised, is the encoder's own embedding; and the copy is a copy."""
     encoder = small_encoder()
     tokens = tokens_of(planner, list(CAPTIONS))
@@ -49,7 +49,7 @@ def test_its_text_encoder_is_the_encoders_text_tower(planner: GoalPlanner) -> No
     assert torch.allclose(own, encoder.embed_texts(CAPTIONS), atol=1e-5)
 
 
-def test_each_item_has_its_own_noise(planner: GoalPlanner, inputs: np.ndarray) -> None:
+def test_each_completion_starts_from_noise_of_its_index(planner: GoalPlanner, inputs: np.ndarray) -> None:
     same = np.repeat(inputs[:1], 2, axis=0)
     first, second = complete(planner, same, [CAPTIONS[0]] * 2, SeededSampling(3, 1.0, 1.0, 0))
     assert (first != second).any()
@@ -58,25 +58,25 @@ def test_each_item_has_its_own_noise(planner: GoalPlanner, inputs: np.ndarray) -
     assert (complete(planner, same[:1], CAPTIONS[:1], SeededSampling(3, 1.0, 1.0, 1))[0] != alone[0]).any()
 
 
-def test_words_and_canvas_both_matter(planner: GoalPlanner, inputs: np.ndarray) -> None:
+def test_completion_depends_on_caption_and_canvas(planner: GoalPlanner, inputs: np.ndarray) -> None:
     plain = complete(planner, inputs[:1], ["a red disc"], SeededSampling(3, 1.0, 3.0, 0))
     assert (complete(planner, inputs[:1], ["a blue square"], SeededSampling(3, 1.0, 3.0, 0)) != plain).any()
     assert (complete(planner, inputs[1:2], ["a red disc"], SeededSampling(3, 1.0, 3.0, 0)) != plain).any()
 
 
 @pytest.mark.parametrize("caption", ["", "чашка и дом", "a red disc " * 60, "🎨 ¿qué?"])
-def test_any_words_can_be_asked(planner: GoalPlanner, inputs: np.ndarray, caption: str) -> None:
+def test_completes_for_any_caption_text(planner: GoalPlanner, inputs: np.ndarray, caption: str) -> None:
     assert complete(planner, inputs[:1], [caption], SeededSampling(2, 1.5, 2.0, 0)).shape == (1, SIDE_PX, SIDE_PX, 3)
 
 
-def test_pictures_that_cannot_be_halved_are_a_sentence(planner: GoalPlanner) -> None:
+def test_rejects_picture_sizes_and_caption_counts_that_do_not_fit(planner: GoalPlanner) -> None:
     with pytest.raises(ContractError, match="multiples of 4"):
         complete(planner, np.zeros((1, 18, 16, 3), np.uint8), ["x"], SeededSampling(1, 1.0, 1.0, 0))
     with pytest.raises(ContractError, match="captions"):
         complete(planner, np.zeros((2, 16, 16, 3), np.uint8), ["x"], SeededSampling(1, 1.0, 1.0, 0))
 
 
-def test_a_base_of_another_architecture_is_a_sentence(planner: GoalPlanner, tmp_path: Path) -> None:
+def test_rejects_unet_of_another_architecture(planner: GoalPlanner, tmp_path: Path) -> None:
     """A text-to-image UNet takes 4 channels: its first convolution is not rebuilt, the base is refused."""
     from diffusers import UNet2DConditionModel
 
@@ -87,7 +87,7 @@ def test_a_base_of_another_architecture_is_a_sentence(planner: GoalPlanner, tmp_
         load_goal_planner(tmp_path / "planner")
 
 
-def test_a_text_encoder_of_another_width_is_a_sentence(planner: GoalPlanner, tmp_path: Path) -> None:
+def test_rejects_text_encoder_of_another_width(planner: GoalPlanner, tmp_path: Path) -> None:
     save_goal_planner(planner, tmp_path / "planner")
     small_planner(0, text_width=32).text_encoder.save_pretrained(tmp_path / "planner/text_encoder")
     with pytest.raises(ConfigError, match="16 text channels, but its text encoder has 32"):
@@ -95,7 +95,7 @@ def test_a_text_encoder_of_another_width_is_a_sentence(planner: GoalPlanner, tmp
 
 
 @pytest.mark.parametrize("what", ["missing", "empty", "without unet", "cut"])
-def test_an_incomplete_folder_is_a_sentence(planner: GoalPlanner, tmp_path: Path, what: str) -> None:
+def test_rejects_incomplete_planner_folder(planner: GoalPlanner, tmp_path: Path, what: str) -> None:
     folder = tmp_path / "planner"
     if what == "empty":
         folder.mkdir()

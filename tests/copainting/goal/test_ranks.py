@@ -11,7 +11,7 @@ from pentimento.copainting.goal.ranks import run_ranks
 from tests.copainting.rank_jobs import fail_beside_others, tell_and_stay
 
 
-def test_what_ranks_log_is_told_here_and_an_interruption_ends_them() -> None:
+def test_ranks_log_to_the_parent_and_end_on_its_interruption() -> None:
     torch.set_num_threads(5)
     told = {}
 
@@ -36,7 +36,7 @@ def test_what_ranks_log_is_told_here_and_an_interruption_ends_them() -> None:
         (True, PentimentoError, "process 1 .* SIGKILL, perhaps"),
     ],
 )
-def test_one_rank_that_fails_ends_all_and_is_heard(killed: bool, error: type[Exception], said: str) -> None:
+def test_failing_rank_ends_all_ranks_and_raises(killed: bool, error: type[Exception], said: str) -> None:
     with pytest.raises(error, match=said):
         run_ranks(fail_beside_others, (killed,), 2, lambda *_: None)
     assert not multiprocessing.active_children()

@@ -50,7 +50,7 @@ def equal(one: GoalPlanner, other: GoalPlanner) -> bool:
 
 @pytest.mark.parametrize("killed_at", [1, 2, 3, 5])
 @pytest.mark.parametrize("lora", [None, Lora(2, 4)])
-def test_killed_and_resumed_is_as_never_killed(tmp_path: Path, killed_at: int, lora: Lora | None) -> None:
+def test_resumed_training_equals_uninterrupted_training(tmp_path: Path, killed_at: int, lora: Lora | None) -> None:
     config = replace(TRAINING, lora=lora)
     whole = trained(config)
     trained(config, tmp_path, until=killed_at)
@@ -61,13 +61,13 @@ def test_killed_and_resumed_is_as_never_killed(tmp_path: Path, killed_at: int, l
     assert len(list(tmp_path.iterdir())) == 1  # one checkpoint at a time, and nothing half-written
 
 
-def test_a_checkpoint_that_was_being_written_is_passed_over(tmp_path: Path) -> None:
+def test_incomplete_checkpoint_is_ignored(tmp_path: Path) -> None:
     trained(TRAINING, tmp_path, until=3)
     (tmp_path / "step-00000004.part").write_bytes(b"half of a checkpoint")
     assert equal(trained(TRAINING), trained(TRAINING, tmp_path))
 
 
-def test_the_losses_of_a_resumed_training_are_those_of_all_steps(tmp_path: Path) -> None:
+def test_resumed_training_returns_the_losses_of_all_steps(tmp_path: Path) -> None:
     trained(TRAINING, tmp_path, until=5)
     planners = small_planner(), small_planner()
     pairs = encode_pairs(planners[0], small_pairs(7))
@@ -76,7 +76,7 @@ def test_the_losses_of_a_resumed_training_are_those_of_all_steps(tmp_path: Path)
     assert resumed == whole and len(whole) == TRAINING.steps
 
 
-def test_what_is_not_to_be_trained_stays() -> None:
+def test_frozen_parts_do_not_change() -> None:
     before, after = small_planner(), trained(replace(TRAINING, train_text=False))
 
     def same(part: str) -> list[bool]:
@@ -87,7 +87,7 @@ def test_what_is_not_to_be_trained_stays() -> None:
     assert not any(same("unet"))
 
 
-def test_lora_leaves_a_plain_unet_with_low_rank_updates() -> None:
+def test_lora_gives_a_plain_unet_with_low_rank_updates() -> None:
     before, after = small_planner(), trained(replace(TRAINING, lora=Lora(1, 4), train_text=False))
     assert before.unet.state_dict().keys() == after.unet.state_dict().keys()
     ranks = []
@@ -100,7 +100,7 @@ def test_lora_leaves_a_plain_unet_with_low_rank_updates() -> None:
     assert ranks and set(ranks) == {1}
 
 
-def test_training_learns_its_pairs() -> None:
+def test_training_lowers_the_loss() -> None:
     planner = small_planner()
     pairs = encode_pairs(planner, small_pairs(4))
     config = replace(TRAINING, steps=80, batch=4, learning_rate=5e-3, drop_text=0, drop_image=0, drop_both=0)
@@ -108,7 +108,7 @@ def test_training_learns_its_pairs() -> None:
     assert np.mean(losses[-20:]) < 0.4 * np.mean(losses[:5])
 
 
-def test_dropped_text_teaches_nothing_of_the_captions() -> None:
+def test_dropped_text_does_not_affect_training() -> None:
     """With all text dropped, other captions give the same weights; with it, they do not."""
 
     def after(drop_text: float, captions: Callable[[int], str]) -> GoalPlanner:
@@ -124,7 +124,7 @@ def test_dropped_text_teaches_nothing_of_the_captions() -> None:
 
 
 @pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
-def test_the_clean_latents_follow_from_what_is_wanted(prediction: str) -> None:
+def test_ddim_recovers_clean_latents_from_the_training_target(prediction: str) -> None:
     """x0 = (x - σ ε)/α, or α x - σ v, or the output itself: DDIM's own formula gives the clean latents back."""
     scheduler = DDIMScheduler(prediction_type=prediction, clip_sample=False)
     clean, noise = torch.randn(2, 4, 4, 4), torch.randn(2, 4, 4, 4)
@@ -137,7 +137,7 @@ def test_the_clean_latents_follow_from_what_is_wanted(prediction: str) -> None:
         assert torch.allclose(found, clean, atol=5e-3)
 
 
-def test_min_snr_weighs_the_clean_latents_error_alike_for_all_predictions() -> None:
+def test_min_snr_weights_clean_latent_errors_equally_for_all_predictions() -> None:
     """An error e of x0 is one of α/σ e in the noise and e/σ in the velocity: weighted, they are min(SNR, γ) e²."""
     times = torch.tensor([1, 50, 300, 700, 950])
     signal = DDIMScheduler().alphas_cumprod[times]
@@ -149,7 +149,7 @@ def test_min_snr_weighs_the_clean_latents_error_alike_for_all_predictions() -> N
     assert (loss_weight(DDIMScheduler(), times, None) == 1).all()
 
 
-def test_pairs_share_their_pictures_and_odd_sizes_are_a_sentence() -> None:
+def test_encoded_pairs_share_pictures_and_reject_mixed_sizes() -> None:
     planner, pairs = small_planner(), small_pairs(6)
     latents = encode_pairs(planner, pairs)
     assert len(latents.latents) == 1 + len({pair.target.tobytes() for pair in pairs})  # one blank paper for all

@@ -29,7 +29,7 @@ def drawn() -> list[np.ndarray]:
     return [decode_png(row["image"]["bytes"]) for row in scenes.example_table(16).to_pylist()]
 
 
-def test_training_lowers_the_error_and_sets_the_scale(drawn: list[np.ndarray]) -> None:
+def test_autoencoder_training_lowers_the_error_and_sets_the_scaling_factor(drawn: list[np.ndarray]) -> None:
     torch.set_num_threads(1)
     pictures = vae_pictures(drawn, 0)
     assert pictures.shape == (48, 64, 64, 3)
@@ -46,7 +46,7 @@ def test_training_lowers_the_error_and_sets_the_scale(drawn: list[np.ndarray]) -
     assert all(torch.equal(a, b) for a, b in zip(vae.state_dict().values(), again.state_dict().values(), strict=True))
 
 
-def test_a_decoder_that_learns_on_makes_its_pictures_better_of_the_same_latents(drawn: list[np.ndarray]) -> None:
+def test_decoder_training_improves_reconstructions_and_keeps_latents(drawn: list[np.ndarray]) -> None:
     vae = train_vae(vae_pictures(drawn, 0), CONFIG, 0, lambda *_: None)
     pictures = vae_pictures(drawn, 1)[16:32]  # pen drawings
     latents, before = encode(vae, pictures), round_trip(vae, pictures)
@@ -58,7 +58,7 @@ def test_a_decoder_that_learns_on_makes_its_pictures_better_of_the_same_latents(
     assert not any(parameter.requires_grad for parameter in vae.parameters())
 
 
-def test_an_untrained_autoencoder_loses_lines_and_says_so(drawn: list[np.ndarray]) -> None:
+def test_ink_scores_of_an_untrained_autoencoder_are_low(drawn: list[np.ndarray]) -> None:
     vae = train_vae(vae_pictures(drawn[:2], 0), replace(CONFIG, steps=1, learning_rate=1e-9), 0, lambda *_: None)
     scores = ink_after_round_trip(vae, drawn[:4], 0)
     # What it makes is all alike: either all of the ink is lost, or everything is ink.
@@ -66,7 +66,7 @@ def test_an_untrained_autoencoder_loses_lines_and_says_so(drawn: list[np.ndarray
     assert round_trip(vae, np.stack(drawn[:4])).shape == (4, 64, 64, 3)
 
 
-def test_pictures_go_into_the_models_range_and_back() -> None:
+def test_pictures_convert_to_model_input_and_back() -> None:
     pictures = np.random.default_rng(0).integers(0, 256, (2, 4, 6, 3)).astype(np.uint8)
     shown = as_model_input(pictures)
     assert shown.shape == (2, 3, 4, 6) and float(shown.abs().max()) <= 1

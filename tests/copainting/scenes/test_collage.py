@@ -30,7 +30,7 @@ def square(side: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("half", [half for both in HALVES for half in both])
 @pytest.mark.parametrize("side", [8, 17, 30])
-def test_a_thing_of_any_size_fills_its_half_and_stays_within(half: Half, side: int) -> None:
+def test_put_scales_a_thing_of_any_size_into_its_half(half: Half, side: int) -> None:
     sheet, there = put(WHITE, *square(side), half, np.random.default_rng(0))
     rows, columns = np.nonzero(there)
     assert abs(columns.mean() + 0.5 - 40 * half.x) < 2.5 and abs(rows.mean() + 0.5 - 40 * half.y) < 2.5
@@ -40,7 +40,7 @@ def test_a_thing_of_any_size_fills_its_half_and_stays_within(half: Half, side: i
     assert apart.min() > 4  # the other half's middle is free
 
 
-def test_what_is_outside_is_untouched_and_no_thing_changes_nothing() -> None:
+def test_put_changes_only_its_half() -> None:
     sheet, there = put(WHITE, *square(12), HALVES[0][0], np.random.default_rng(1))
     assert (sheet[:, 26:] == 255).all() and there[:, :26].any()
     image, regions = square(12)
@@ -49,7 +49,7 @@ def test_what_is_outside_is_untouched_and_no_thing_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("half", [half for both in HALVES for half in both])
-def test_a_close_up_shows_all_that_was_put_there_and_larger(half: Half) -> None:
+def test_close_up_contains_everything_put_into_the_half(half: Half) -> None:
     for seed in range(5):
         sheet, there = put(WHITE, *square(17), half, np.random.default_rng(seed))
         near = close_up(sheet, half)
@@ -58,14 +58,14 @@ def test_a_close_up_shows_all_that_was_put_there_and_larger(half: Half) -> None:
         assert there.any() and dark == pytest.approx((40 / 23) ** 2, rel=0.12)
 
 
-def test_halves_face_each_other() -> None:
+def test_random_halves_face_each_other() -> None:
     for seed in range(20):
         one, other = random_halves(np.random.default_rng(seed))
         assert one.x + other.x == pytest.approx(1) and one.y + other.y == pytest.approx(1)
         assert max(abs(one.x - other.x), abs(one.y - other.y)) > 0.4
 
 
-def test_pairs_are_those_of_each_scene() -> None:
+def test_pairs_shown_are_the_pairs_of_kinds_of_each_scene() -> None:
     shown = pairs_shown([["cat"], ["cat", "dog"], ["sun", "sun"], ["a", "b", "c"]])
     assert shown == {frozenset(pair) for pair in (("cat", "dog"), ("sun",), ("a", "b"), ("a", "c"), ("b", "c"))}
 
@@ -77,7 +77,7 @@ def drawn(number: int = 40) -> pa.Table:
     return build_scenes(ScenesConfig(number, SIDE, 0.0, 0.0, 4, 0), lambda *_: None)
 
 
-def test_each_thing_lies_in_the_half_that_its_row_says() -> None:
+def test_half_scene_places_its_thing_in_the_named_half() -> None:
     rows = half_scenes(drawn(), 8, 0).to_pylist()
     assert [row["arrangement"] for row in rows] == 2 * ["left", "right", "upper", "lower"]
     for row in rows:
@@ -89,7 +89,7 @@ def test_each_thing_lies_in_the_half_that_its_row_says() -> None:
         assert len(row["objects"]) == 1 and row["scene_id"].endswith("/" + row["arrangement"])
 
 
-def test_facing_halves_do_not_overlap() -> None:
+def test_half_scenes_of_facing_halves_do_not_overlap() -> None:
     rows = half_scenes(drawn(), 8, 0).to_pylist()
     for row in rows:
         there = decode_png(row["regions"]["bytes"]) > 0
@@ -99,7 +99,7 @@ def test_facing_halves_do_not_overlap() -> None:
     assert all(opposite(opposite(name)) == name != opposite(name) for name in ("left", "right", "upper", "lower"))
 
 
-def test_a_row_does_not_depend_on_how_many_there_are_and_no_two_are_the_same() -> None:
+def test_half_scene_does_not_depend_on_their_number_and_is_unique() -> None:
     table = drawn(6)
     few, many = half_scenes(table, 2, 0).to_pylist(), half_scenes(table, 12, 0).to_pylist()
     assert many[:2] == few
@@ -109,7 +109,7 @@ def test_a_row_does_not_depend_on_how_many_there_are_and_no_two_are_the_same() -
     assert half_scenes(table, 12, 1).to_pylist() != many
 
 
-def test_none_are_asked_for_or_none_can_be_made() -> None:
+def test_half_scenes_may_be_none_and_need_a_single_thing() -> None:
     assert half_scenes(drawn(4), 0, 0).num_rows == 0
     crowded = drawn()
     crowded = crowded.filter(pa.array([len(kinds) > 1 for kinds in crowded["objects"].to_pylist()]))

@@ -20,7 +20,7 @@ def two_things() -> tuple[np.ndarray, np.ndarray]:
     return image, regions
 
 
-def test_the_ground_replaces_what_is_removed_and_nothing_else() -> None:
+def test_without_replaces_only_removed_regions() -> None:
     image, regions = two_things()
     less = without(image, regions, np.array([1]))
     assert np.abs(less[regions == 1].astype(int) - (200, 220, 240)).max() <= 5  # Telea rounds
@@ -28,14 +28,14 @@ def test_the_ground_replaces_what_is_removed_and_nothing_else() -> None:
     assert (less[:, 30:] == image[:, 30:]).all()
 
 
-def test_touching_things_are_kept_to_the_last_pixel() -> None:
+def test_without_keeps_touching_things() -> None:
     image, regions = two_things()
     regions[10:25, 22:38], image[10:25, 22:38] = 2, (30, 90, 30)
     less = without(image, regions, np.array([1]))
     assert (less[regions == 2] == image[regions == 2]).all()
 
 
-def test_every_edit_lacks_something_that_its_target_has() -> None:
+def test_input_of_each_edit_lacks_part_of_its_target() -> None:
     table = scenes.example_table(40)
     pairs = scene_edits(table, 2, seed=1)
     assert len(pairs) == 80
@@ -53,7 +53,7 @@ def drawn_scenes(number: int) -> pa.Table:
     return build_scenes(ScenesConfig(number, 32, 0.0, 0.0, 4, 0), lambda *_: None)
 
 
-def test_a_request_names_the_whole_or_what_is_missing_and_a_pen_no_colour() -> None:
+def test_edit_captions_name_the_whole_or_the_missing_things() -> None:
     table = drawn_scenes(60)
     known = {caption for captions in table["captions"].to_pylist() for caption in captions}
     pairs = scene_edits(table, 2, 0)
@@ -66,7 +66,7 @@ def test_a_request_names_the_whole_or_what_is_missing_and_a_pen_no_colour() -> N
     assert drawn and not any(colors & set(pair.caption.split()) for pair in drawn)
 
 
-def test_what_the_scenes_never_show_together_is_not_put_together() -> None:
+def test_edits_combine_only_kinds_that_a_scene_shows_together() -> None:
     table = drawn_scenes(80)
     seen = pairs_shown(table["objects"].to_pylist())
     kinds = sorted({kind for row in table["objects"].to_pylist() for kind in row})
@@ -75,7 +75,7 @@ def test_what_the_scenes_never_show_together_is_not_put_together() -> None:
     assert len(together) > 10 and set(together) <= seen
 
 
-def test_an_edit_depends_on_its_own_number_only() -> None:
+def test_edit_depends_on_its_own_index_only() -> None:
     table = scenes.example_table(6)
     one, many = scene_edits(table, 1, 5), scene_edits(table, 2, 5)
     assert all((a.input == b.input).all() and a.caption == b.caption for a, b in zip(one, many[::2], strict=True))
@@ -83,7 +83,7 @@ def test_an_edit_depends_on_its_own_number_only() -> None:
     assert any((a.input != b.input).any() or a.caption != b.caption for a, b in zip(many, other, strict=True))
 
 
-def test_pairs_of_a_split_are_partial_and_full() -> None:
+def test_co_paintings_of_a_split_become_pairs() -> None:
     table = copaintings.example_table(10)
     pairs = pairs_of(table, "val")
     rows = [row for row in table.to_pylist() if row["split"] == "val"]
@@ -92,7 +92,7 @@ def test_pairs_of_a_split_are_partial_and_full() -> None:
     assert (pairs[0].target == decode_png(rows[0]["full"]["bytes"])).all()
 
 
-def test_scenes_without_a_split_are_split_by_their_number() -> None:
+def test_scenes_without_splits_are_split_by_index() -> None:
     table = scenes.example_table(40).drop_columns(["split"])
     training, held_out = scenes_of(table, "train"), scenes_of(table, "val")
     assert (training.num_rows, held_out.num_rows) == (36, 4)
@@ -101,8 +101,8 @@ def test_scenes_without_a_split_are_split_by_their_number() -> None:
     assert scenes_of(named, "test").num_rows == named["split"].to_pylist().count("test")
 
 
-def test_a_mask_of_another_size_is_a_sentence() -> None:
+def test_rejects_mask_of_another_size() -> None:
     rows = scenes.example_table(2).to_pylist()
     rows[1]["regions"] = {"bytes": encode_png(np.zeros((5, 5), np.uint8)), "path": None}
-    with pytest.raises(ContractError, match="Scene 1's regions"):
+    with pytest.raises(ContractError, match="Scene 1: its regions"):
         scene_edits(pa.Table.from_pylist(rows), 1, 0)

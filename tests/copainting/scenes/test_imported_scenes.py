@@ -40,7 +40,7 @@ def parquet(path: Path, rows: list[tuple[bytes | None, object]], text: str = "ca
     return path
 
 
-def test_bad_pictures_and_captions_are_counted_by_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_import_counts_unusable_items_by_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(imported_scenes, "MAX_PIXELS", 10_000)
     half_clear = picture("RGBA", color=(10, 20, 30, 90))
     rows = [
@@ -75,7 +75,7 @@ def test_bad_pictures_and_captions_are_counted_by_reason(tmp_path: Path, monkeyp
     assert found.table.column("licence").to_pylist() == ["CC0-1.0"] * 5
 
 
-def test_coco_and_image_folder_and_several_captions(tmp_path: Path) -> None:
+def test_imports_coco_and_image_folder_layouts(tmp_path: Path) -> None:
     coco = tmp_path / "coco"
     (coco / "annotations").mkdir(parents=True)
     (coco / "val2017").mkdir()
@@ -99,7 +99,7 @@ def test_coco_and_image_folder_and_several_captions(tmp_path: Path) -> None:
     assert found.table.column("caption").to_pylist() == ["a red one"]
 
 
-def test_what_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:
+def test_rejects_unsupported_import_layouts(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="holds no captioned pictures"):
         import_scenes(config(tmp_path), blank)
     with pytest.raises(ContractError, match="needed are image and one of"):
@@ -110,7 +110,7 @@ def test_what_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:
         config(tmp_path, licence=" ")
 
 
-def test_the_split_of_an_item_does_not_depend_on_the_others(tmp_path: Path) -> None:
+def test_split_of_an_imported_item_does_not_depend_on_others(tmp_path: Path) -> None:
     rows = [(picture(), f"number {n}") for n in range(12)]
     whole = import_scenes(config(parquet(tmp_path / "d.parquet", rows)), blank).table.column("split").to_pylist()
     some = import_scenes(config(parquet(tmp_path / "e.parquet", rows[:6])), blank).table.column("split").to_pylist()

@@ -27,22 +27,22 @@ def drawing(*rows: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("moved", "survives"), [(0, 1.0), (1, 1.0), (2, 0.0), (-1, 1.0)])
-def test_ink_survives_a_shift_of_one_pixel(moved: int, survives: float) -> None:
+def test_ink_recall_tolerates_a_shift_of_one_pixel(moved: int, survives: float) -> None:
     assert ink_recall(drawing(8), drawing(8 + moved)) == survives
 
 
-def test_half_of_the_ink_gone_is_half_the_recall() -> None:
+def test_ink_recall_is_the_fraction_of_kept_ink() -> None:
     assert ink_recall(drawing(4, 14), drawing(4)) == 0.5
     assert ink_recall(np.stack([drawing(4), drawing(14)]), np.stack([drawing(4), drawing()])) == 0.5
 
 
-def test_added_ink_costs_nothing_and_faded_ink_is_lost() -> None:
+def test_ink_recall_ignores_added_ink_and_loses_faded_ink() -> None:
     assert ink_recall(drawing(4), drawing(4, 9, 14)) == 1.0
     faded = np.where(drawing(4) < 128, np.uint8(160), drawing(4)).astype(np.uint8)
     assert ink_recall(drawing(4), faded) == 0.0
 
 
-def test_blank_paper_has_no_ink_to_lose() -> None:
+def test_ink_recall_of_blank_paper_is_nan() -> None:
     assert not ink_mask(drawing()).any()
     assert math.isnan(ink_recall(drawing(), drawing(4)))
 
@@ -59,27 +59,27 @@ def disc(inside: float, outside: float) -> tuple[NDArray[np.float64], NDArray[np
     return np.repeat(grey[..., None], 3, axis=-1), inwards
 
 
-def test_a_dark_disc_is_a_black_ring_around_a_light_surface_on_white() -> None:
+def test_ink_tones_of_a_dark_disc_are_a_black_ring_on_white() -> None:
     picture, inwards = disc(0.05, 0.8)
     tones = ink_tones(picture, K, CONFIG)[..., 0]
     assert tones[(inwards > 0.5) & (inwards < 2)].max() < 0.2
     assert 0.5 < tones[inwards > 12].min() < tones[inwards < -12].min() > 0.95
 
 
-def test_more_tone_makes_surfaces_darker_and_none_leaves_them_white() -> None:
+def test_ink_tone_parameter_darkens_surfaces() -> None:
     picture, inwards = disc(0.05, 0.8)
     middle = [ink_tones(picture, K, InkTones(1e-3, 0.15, tone))[inwards > 15].mean() for tone in (0.0, 0.3, 0.6)]
     assert middle[0] == pytest.approx(1, abs=0.01) and middle[0] > middle[1] > middle[2]
 
 
-def test_lines_are_as_wide_in_metres_at_any_resolution() -> None:
+def test_ink_lines_have_the_same_width_in_metres_at_any_resolution() -> None:
     picture, _ = disc(0.05, 0.8)
     fine = np.kron(picture, np.ones((2, 2, 1)))
     coarse, finer = (ink_tones(p, k, CONFIG)[..., 0] for p, k in ((picture, K), (fine, 2 * K)))
     assert (finer < 0.3).mean() == pytest.approx((coarse < 0.3).mean(), rel=0.1)
 
 
-def test_colours_and_a_tinted_ground_do_not_matter_but_lightness_does() -> None:
+def test_ink_tones_depend_on_relative_lightness_only() -> None:
     picture, _ = disc(0.05, 0.8)
     faint = 0.6 + 0.05 * picture  # stretched over its own lightness
     assert np.abs(ink_tones(faint, K, CONFIG) - ink_tones(picture, K, CONFIG)).mean() < 0.05
@@ -103,21 +103,21 @@ def ring() -> np.ndarray:
     return image
 
 
-def test_outlines_are_inked_and_surfaces_stay_paper() -> None:
+def test_pen_drawing_inks_outlines_only() -> None:
     ink = ink_mask(pen_drawing(ring(), np.ones((64, 64), bool), PEN))
     rows, columns = np.nonzero(ink)
     away = np.minimum(np.hypot(rows - 32, columns - 16), np.hypot(rows - 32, columns - 48))
     assert len(rows) > 100 and np.abs(away - 11).max() < 2.5
 
 
-def test_only_what_is_drawn_gets_ink() -> None:
+def test_pen_drawing_stays_within_its_mask() -> None:
     left = np.zeros((64, 64), bool)
     left[:, :32] = True
     half, whole = pen_drawing(ring(), left, PEN), pen_drawing(ring(), np.ones((64, 64), bool), PEN)
     assert (half[:, :32] == whole[:, :32]).all() and (half[:, 36:] == 255).all()
 
 
-def test_tone_and_width_add_ink_and_ink_and_paper_are_the_greys_that_were_asked_for() -> None:
+def test_pen_parameters_set_tone_width_and_greys() -> None:
     everywhere = np.ones((64, 64), bool)
     plain = pen_drawing(ring(), everywhere, PEN)
     assert pen_drawing(ring(), everywhere, replace(PEN, tone=0.5)).mean() < plain.mean() - 1
@@ -126,7 +126,7 @@ def test_tone_and_width_add_ink_and_ink_and_paper_are_the_greys_that_were_asked_
     assert grey.min() == 51 and abs(grey.max() - 0.9 * 255) <= 1
 
 
-def test_hands_differ() -> None:
+def test_random_pens_differ_by_seed() -> None:
     assert len({random_pen(np.random.default_rng(seed)) for seed in range(10)}) == 10
 
 
@@ -138,13 +138,13 @@ def inked(picture: np.ndarray) -> float:
     return float((picture.max() - picture.astype(float)).mean() / (picture.max() - picture.min() + 1e-9))
 
 
-def test_more_and_wider_strokes_leave_more_ink() -> None:
+def test_random_strokes_leave_more_ink_with_number_and_width() -> None:
     for seed in range(5):
         assert inked(drawn(20, 2, seed)) > 2 * inked(drawn(3, 2, seed)) > 0
         assert inked(drawn(8, 4, seed)) > 1.5 * inked(drawn(8, 1.5, seed))
 
 
-def test_strokes_are_darker_than_their_paper_and_repeatable() -> None:
+def test_random_strokes_are_dark_on_light_and_repeatable() -> None:
     for seed in range(12):
         picture = drawn(10, 2.5, seed)
         assert (picture == drawn(10, 2.5, seed)).all()

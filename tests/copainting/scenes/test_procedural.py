@@ -24,14 +24,14 @@ def rows() -> list[dict]:
     return table.to_pylist()
 
 
-def test_a_scene_depends_on_seed_and_number_only() -> None:
+def test_procedural_scene_depends_on_seed_and_number_only() -> None:
     few = build_scenes(ScenesConfig(3, 64, 0.1, 0.2, 4, 3), lambda *_: None).to_pylist()
     more = build_scenes(ScenesConfig(6, 64, 0.1, 0.2, 4, 3), lambda *_: None).to_pylist()
     assert few == more[:3]
     assert few != build_scenes(ScenesConfig(3, 64, 0.1, 0.2, 4, 4), lambda *_: None).to_pylist()
 
 
-def test_there_are_at_least_20_kinds_inside_their_square() -> None:
+def test_at_least_20_kinds_lie_inside_the_unit_square() -> None:
     assert len(KINDS) >= 20
     for parts in DRAWINGS.values():
         points = np.concatenate([part.points for part in parts])
@@ -39,7 +39,7 @@ def test_there_are_at_least_20_kinds_inside_their_square() -> None:
         assert np.ptp(points, axis=0).max() > 0.7  # it fills the square one way
 
 
-def test_compositions_of_one_split_are_in_no_other(rows: list[dict]) -> None:
+def test_splits_share_no_composition(rows: list[dict]) -> None:
     splits = Splits(CONFIG.seed)
     seen: dict[str, set] = {split: set() for split in ("train", "val", "test")}
     for row in rows:
@@ -54,7 +54,7 @@ def test_compositions_of_one_split_are_in_no_other(rows: list[dict]) -> None:
         assert "test" in {splits.of_thing(t) for t in things} | {splits.of_pair(*p) for p in pairs}
 
 
-def test_every_kind_has_as_many_held_out_pairs_and_colours_as_any_other() -> None:
+def test_each_kind_has_equally_many_held_out_pairs_and_colours() -> None:
     splits = Splits(11)
     for split, pairs in (("test", 4), ("val", 2)):
         for kind in KINDS:
@@ -62,7 +62,7 @@ def test_every_kind_has_as_many_held_out_pairs_and_colours_as_any_other() -> Non
             assert sum(splits.of_thing(Thing(kind, color)) == split for color in COLORS) == 1
 
 
-def test_shares_of_splits_are_as_asked() -> None:
+def test_split_fractions_follow_the_config() -> None:
     table = build_scenes(ScenesConfig(600, 16, 0.1, 0.2, 1, 0), lambda *_: None)
     counts = Counter(table.column("split").to_pylist())
     assert counts["test"] == pytest.approx(120, abs=30) and counts["val"] == pytest.approx(60, abs=22)
@@ -70,7 +70,7 @@ def test_shares_of_splits_are_as_asked() -> None:
     assert {kind for kinds in trained.column("objects").to_pylist() for kind in kinds} == set(KINDS)
 
 
-def test_regions_are_numbered_as_objects_and_lie_as_the_arrangement_says(rows: list[dict]) -> None:
+def test_regions_follow_objects_and_arrangement(rows: list[dict]) -> None:
     for row in rows:
         regions = decode_png(row["regions"]["bytes"])
         assert set(np.unique(regions)) == set(range(len(row["objects"]) + 1))
@@ -81,7 +81,7 @@ def test_regions_are_numbered_as_objects_and_lie_as_the_arrangement_says(rows: l
             assert all(middles[0][0] < other[0] for other in middles[1:])
 
 
-def test_away_from_things_there_is_the_ground_in_its_two_parts() -> None:
+def test_background_has_two_colours_away_from_things() -> None:
     drawing = draw_scene(5, CONFIG, Splits(3)).drawing
     image, regions = paint(drawing, 64)
     near = cv2.dilate(regions, np.ones((5, 5), np.uint8)) > 0
@@ -91,7 +91,7 @@ def test_away_from_things_there_is_the_ground_in_its_two_parts() -> None:
         assert np.abs(image[part][~near[part]].astype(float) - color).max() <= 1
 
 
-def test_captions_name_what_is_there_in_several_wordings(rows: list[dict]) -> None:
+def test_captions_name_all_kinds_and_every_second_one_no_colour(rows: list[dict]) -> None:
     for row in rows:
         assert row["caption"] == row["captions"][0] and len(row["captions"]) == CONFIG.wordings
         for number, caption in enumerate(row["captions"]):
@@ -101,7 +101,7 @@ def test_captions_name_what_is_there_in_several_wordings(rows: list[dict]) -> No
     assert len({text for row in rows for text in row["captions"]}) > 2 * len(rows)
 
 
-def test_relations_in_captions_are_true(rows: list[dict]) -> None:
+def test_spatial_relations_in_captions_are_true(rows: list[dict]) -> None:
     """Who is named first in "left of" and "above" is the one on the left and above."""
     checked = 0
     for row in (row for row in rows if len(row["objects"]) == 2):
@@ -119,7 +119,7 @@ def test_every_arrangement_is_drawn(rows: list[dict]) -> None:
     assert {row["arrangement"] for row in rows} == set(THINGS)
 
 
-def test_no_share_for_training_is_a_sentence() -> None:
+def test_rejects_empty_training_split_and_unknown_split() -> None:
     with pytest.raises(ValueError, match="leave a share for training"):
         ScenesConfig(10, 64, 0.5, 0.5, 2, 0)
     with pytest.raises(ValueError, match="no split 'tset'"):

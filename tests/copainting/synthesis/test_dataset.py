@@ -14,7 +14,7 @@ from tests.copainting.painters import write_encoder
 CAPTIONS = ["a red disc on a white ground", "a blue square on a grey ground", "a green disc on a white ground"]
 
 
-def test_a_number_stays_and_a_quantile_lies_among_the_scores_of_wrong_captions(tmp_path: Path) -> None:
+def test_threshold_is_a_number_or_a_quantile_of_mismatched_scores(tmp_path: Path) -> None:
     encoder = Encoder.load(write_encoder(tmp_path / "encoder"))
     pictures = torch.rand(3, 3, 16, 16, generator=torch.Generator().manual_seed(0))
     assert min_score(Threshold(0.5, None, 0), encoder, pictures, CAPTIONS) == 0.5
@@ -28,6 +28,6 @@ def test_a_number_stays_and_a_quantile_lies_among_the_scores_of_wrong_captions(t
 
 
 @pytest.mark.parametrize("values", [(None, None), (0.5, 0.5), (None, 1.5)])
-def test_a_threshold_is_one_thing(values: tuple[float | None, float | None]) -> None:
+def test_rejects_threshold_with_both_or_neither_value(values: tuple[float | None, float | None]) -> None:
     with pytest.raises(ValueError, match=r"score is|mismatched_quantile is"):
         Threshold(*values, 0)

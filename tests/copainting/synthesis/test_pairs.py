@@ -45,7 +45,7 @@ def painter(folders: tuple[Path, Path], setting: Setting = MARKER) -> Painter:
     return load_painter("marker", setting, *folders)
 
 
-def test_a_scene_gives_pairs_whose_partials_lack_ink_and_add_none(folders: tuple[Path, Path]) -> None:
+def test_partial_paintings_only_lack_ink_of_the_full_one(folders: tuple[Path, Path]) -> None:
     rows = paint_scene(ROWS[0], painter(folders), PARTIALS)
     assert {row["strategy"] for row in rows} >= {"all", "random"}
     full = decode_png(rows[0]["full"]["bytes"])
@@ -59,7 +59,7 @@ def test_a_scene_gives_pairs_whose_partials_lack_ink_and_add_none(folders: tuple
     assert (blank == round(0.98 * 255)).all()
 
 
-def test_a_painting_depends_on_its_scene_and_the_seed_only(folders: tuple[Path, Path]) -> None:
+def test_painting_depends_on_its_scene_and_the_seed_only(folders: tuple[Path, Path]) -> None:
     one = painter(folders)
     alone = paint_scene(ROWS[1], one, PARTIALS)
     paint_scene(ROWS[2], one, PARTIALS)
@@ -68,7 +68,7 @@ def test_a_painting_depends_on_its_scene_and_the_seed_only(folders: tuple[Path, 
     assert paint_scene(ROWS[1], other, PARTIALS)[0]["full"] != alone[0]["full"]
 
 
-def test_a_plan_comes_nearer_to_its_aim_and_guidance_to_its_meaning(folders: tuple[Path, Path]) -> None:
+def test_plan_lowers_its_objective_and_guidance_the_semantic_one(folders: tuple[Path, Path]) -> None:
     from pentimento.semantics.objective import SemanticObjective
 
     picture = decode_png(ROWS[0]["image"]["bytes"])
@@ -86,7 +86,7 @@ def test_a_plan_comes_nearer_to_its_aim_and_guidance_to_its_meaning(folders: tup
     assert means["strongly"] < means["without"]
 
 
-def test_a_plan_can_go_on_from_a_canvas(folders: tuple[Path, Path]) -> None:
+def test_plan_continues_from_a_canvas(folders: tuple[Path, Path]) -> None:
     canvas = np.full((24, 24, 3), 250, np.uint8)
     canvas[:6] = 20
     made = plan_painting(painter(folders), decode_png(ROWS[0]["image"]["bytes"]), 0, canvas)
@@ -94,21 +94,21 @@ def test_a_plan_can_go_on_from_a_canvas(folders: tuple[Path, Path]) -> None:
     assert picture[:5].max() < 40 and (made.picture(np.zeros(len(made.strokes), bool), (24, 24))[8:] > 240).all()
 
 
-def test_a_brush_paints_in_few_paints_and_its_plan_looks_like_the_scene(folders: tuple[Path, Path]) -> None:
+def test_brush_plan_uses_a_limited_palette(folders: tuple[Path, Path]) -> None:
     brush = painter(folders, BRUSH)
     made = plan_painting(brush, decode_png(ROWS[0]["image"]["bytes"]), 0)
     assert len(np.unique(made.strokes.color, axis=0)) <= 3
     assert made.scene.target.std(0).max() > 0
 
 
-def test_a_tool_with_ink_needs_ink_tones_and_one_without_takes_none(folders: tuple[Path, Path]) -> None:
-    with pytest.raises(ConfigError, match="the marker brings its own ink"):
+def test_rejects_ink_tones_that_do_not_fit_the_tool(folders: tuple[Path, Path]) -> None:
+    with pytest.raises(ConfigError, match="the marker has its own ink"):
         painter(folders, replace(MARKER, ink=None))
-    with pytest.raises(ConfigError, match="the round_brush brings none"):
+    with pytest.raises(ConfigError, match="the round_brush has none"):
         painter(folders, replace(BRUSH, ink=MARKER.ink))
 
 
-def test_black_ink_is_not_told_in_colours() -> None:
+def test_captions_for_black_ink_have_no_colours() -> None:
     row = {"caption": "a red cup", "captions": ["a red cup", "a cup, just a cup", "a cup"], "colors": ["red"]}
     assert usable_captions(row, load_tool("marker")) == ["a cup, just a cup", "a cup"]
     assert usable_captions(row, load_tool("round_brush")) == ["a red cup", "a cup, just a cup", "a cup"]
@@ -116,7 +116,7 @@ def test_black_ink_is_not_told_in_colours() -> None:
 
 
 @pytest.mark.parametrize("shape", [(24, 24), (20, 40), (96, 96)])
-def test_labels_are_fitted_as_pictures_are(shape: tuple[int, int]) -> None:
+def test_labels_are_fitted_like_pictures(shape: tuple[int, int]) -> None:
     labels = np.zeros((64, 64), np.uint8)
     labels[20:44, 24:50] = 1
     picture = np.repeat(255 * labels[..., None], 3, axis=-1)
@@ -128,7 +128,7 @@ def test_labels_are_fitted_as_pictures_are(shape: tuple[int, int]) -> None:
     assert plan_target(picture, setting).shape == (*setting.planned_px, 3)
 
 
-def test_a_removed_thing_of_several_is_asked_for_by_name_and_in_colour_where_there_are_colours() -> None:
+def test_missing_thing_is_named_with_colour_for_coloured_tools() -> None:
     row = {"objects": ["cat", "orange"], "colors": ["red", "blue"]}
     kept = np.zeros(3, bool)
     second = Partial("semantic", 2, kept)
@@ -172,7 +172,7 @@ def pairs(number: int = 9, seed: int = 0) -> list[Row]:
     )
 
 
-def test_the_first_painting_is_there_and_the_second_is_asked_for() -> None:
+def test_beside_pair_shows_one_thing_and_asks_for_the_other() -> None:
     for row in pairs():
         there, asked = (int(name.removeprefix("plan_")) for name in row["plan_id"].split(" + "))
         before, after = decode_png(row["partial"]["bytes"]), decode_png(row["full"]["bytes"])
@@ -184,18 +184,18 @@ def test_the_first_painting_is_there_and_the_second_is_asked_for() -> None:
         assert row["strategy"] == "beside" and set(row) == set(arrow_schema(CONTRACT).names)
 
 
-def test_only_facing_halves_of_one_split_meet_and_nothing_that_is_held_out() -> None:
+def test_beside_pairs_combine_facing_halves_of_one_split_without_held_out_pairs() -> None:
     met = {tuple(sorted(map(int, row["plan_id"].replace("plan_", "").split(" + ")))) for row in pairs()}
     assert met == {(0, 3), (1, 2), (2, 3), (4, 5)}  # cup and sun (0, 1) are held out; 4 and 5 are another split
 
 
-def test_so_many_for_each_and_the_same_for_the_same_seed() -> None:
+def test_beside_pairs_are_limited_and_repeatable() -> None:
     assert len(pairs(1)) == 6
     assert pairs(2, 1) == pairs(2, 1)
     assert any(pairs(1, seed) != pairs(1, 0) for seed in range(1, 5))
 
 
-def test_overlay_each_other_both_show_in_either_order() -> None:
+def test_overlay_shows_both_paintings_in_either_order() -> None:
     rows, _ = paintings()
     one, other = (decode_png(row["full"]["bytes"]) for row in rows[:2])
     assert (overlay(one, other, PAPER) == np.minimum(one, other)).all()

@@ -37,7 +37,7 @@ def two_things() -> NDArray[np.uint8]:
 STROKES = dashes([(0.03, 0.083), (0.04, 0.08), (0.15, 0.02), (0.16, 0.03), (0.1, 0.05)])
 
 
-def test_a_region_has_the_strokes_that_lie_on_it_with_the_top_row_at_the_canvas_top() -> None:
+def test_strokes_on_a_region_use_row_zero_as_the_canvas_top() -> None:
     regions = two_things()
     assert on_region(STROKES, regions == 1, SIZE_M, inside=0.5, margin_m=0.0).tolist() == [
         True,
@@ -58,7 +58,7 @@ def test_a_region_has_the_strokes_that_lie_on_it_with_the_top_row_at_the_canvas_
     ).any()  # there is no such region: no margin either
 
 
-def test_a_stroke_that_lies_half_on_a_region_belongs_to_it_by_the_share_that_is_asked() -> None:
+def test_stroke_belongs_to_a_region_by_the_fraction_inside() -> None:
     half = dashes([(0.05, 0.083)], 0.02)  # thing 1 ends at x = 50 mm
     belongs = [
         bool(on_region(half, two_things() == 1, SIZE_M, inside=share, margin_m=0.0)[0])
@@ -67,27 +67,27 @@ def test_a_stroke_that_lies_half_on_a_region_belongs_to_it_by_the_share_that_is_
     assert belongs == [True, True, False, False]
 
 
-def test_a_margin_is_in_metres() -> None:
+def test_region_margin_is_in_metres() -> None:
     beside = dashes([(0.06, 0.083)], 0.001)  # 10 mm beside thing 1, two pixels
     assert not on_region(beside, two_things() == 1, SIZE_M, inside=1.0, margin_m=0.008)[0]
     assert on_region(beside, two_things() == 1, SIZE_M, inside=1.0, margin_m=0.016)[0]
 
 
-def test_the_most_salient_part_is_as_large_as_asked_and_a_flat_map_has_none() -> None:
+def test_most_salient_part_has_the_requested_size() -> None:
     ramp = np.linspace(0, 1, 800).reshape(20, 40)
     chosen = most_salient(ramp, 0.25)
     assert abs(chosen.mean() - 0.25) < 0.01 and ramp[chosen].min() > ramp[~chosen].max()
     assert not most_salient(np.zeros((20, 40)), 0.25).any()
 
 
-def test_regions_go_by_size_without_the_ground() -> None:
+def test_largest_labels_are_sorted_by_size_without_background() -> None:
     assert largest_labels(two_things(), 5) == [2, 1]
     assert largest_labels(two_things(), 1) == [2]
     assert largest_labels(np.zeros((4, 4), np.uint8), 3) == []
 
 
 @given(strokes=st.integers(2, 60), seed=st.integers(0, 1000))
-def test_a_random_subset_keeps_a_share_within_its_bounds(strokes: int, seed: int) -> None:
+def test_random_subset_keeps_a_fraction_within_bounds(strokes: int, seed: int) -> None:
     kept = random_subset(strokes, (0.25, 0.75), np.random.default_rng(seed))
     assert 1 <= kept.sum() < strokes
     assert 0.25 * strokes - 0.5 <= kept.sum() <= 0.75 * strokes + 0.5
@@ -100,7 +100,7 @@ def made(regions: NDArray[np.uint8], seed: int = 0) -> list[tuple[str, int | Non
     return [(partial.strategy, partial.region, partial.kept.tolist()) for partial in found]
 
 
-def test_strokes_are_removed_in_four_ways_each_partial_another_one_by_seed() -> None:
+def test_partials_use_four_strategies_without_duplicates() -> None:
     found = made(two_things())
     assert found[0] == ("all", None, [False] * 5)
     assert ("semantic", 2, [True, True, False, False, True]) in found
@@ -111,13 +111,13 @@ def test_strokes_are_removed_in_four_ways_each_partial_another_one_by_seed() -> 
     assert [f for f in found if f[0] == "random"] != [f for f in made(two_things(), 1) if f[0] == "random"]
 
 
-def test_the_one_thing_of_a_picture_leaves_nothing_and_is_told_once() -> None:
+def test_semantic_partial_equal_to_all_is_left_out() -> None:
     found = made(np.ones((20, 40), np.uint8))
     assert [strategy for strategy, _, kept in found if not any(kept)] == ["all"]
     assert "semantic" not in {strategy for strategy, _, _ in found}
 
 
-def test_no_stroke_gives_no_partial() -> None:
+def test_plan_without_strokes_has_no_partials() -> None:
     none = partials(
         np.zeros((0, 9, 2)), np.ones((20, 40)), two_things(), SIZE_M, config=CONFIG, rng=np.random.default_rng(0)
     )  # fmt: skip
@@ -128,6 +128,6 @@ def test_no_stroke_gives_no_partial() -> None:
     ("field", "value"),
     [("random_kept", (0.0, 0.5)), ("random_kept", (0.6, 0.5)), ("salient_shares", (1.5,)), ("inside", 0.0)],
 )
-def test_a_share_out_of_its_range_is_a_sentence(field: str, value: object) -> None:
+def test_rejects_partials_config_out_of_range(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         PartialsConfig(**(vars(CONFIG) | {field: value}))

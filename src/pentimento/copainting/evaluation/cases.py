@@ -1,4 +1,4 @@
-"""What a goal planner is asked in its evaluation: held-out prompts on canvases that hold drawings of other prompts."""
+"""Test cases of goal planners: held-out prompts on canvases that show drawings of other prompts."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ _TRIES: Final = 50  # scenes drawn to find one that no training scene combines w
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One prompt on one begun canvas."""
+    """One prompt on one started canvas."""
 
     scene_id: str
     caption: str
     objects: tuple[str, ...]
-    """Kinds that the prompt asks for; empty where the table does not tell."""
+    """Kinds that the prompt asks for; empty if the table does not name them."""
     image: Picture
-    """What the prompt asks for, uint8 [H, W, 3], where the canvas leaves room for it."""
+    """The requested scene, uint8 [H, W, 3], placed where the canvas is free."""
     other_image: Picture
-    """What the canvas holds a drawing of."""
+    """The scene whose drawing starts the canvas."""
     other_objects: tuple[str, ...]
     room: Half | None
-    """The half of the sheet that was left free for what the prompt asks for; None: nothing began the sheet."""
+    """The free half of the sheet; None if nothing was drawn on it."""
 
 
 def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) -> list[Case]:
-    """Up to `count` prompts of `held_out` scenes, on canvases that a drawing of another prompt begins (thesis 6.6.1).
+    """Up to `count` prompts of `held_out` scenes, on canvases that a drawing of another prompt starts (thesis 6.6.1).
 
-    Both are checked `scenes` tables. Scenes with the fewest things come first, mostly one, in the table's order; the
-    others are drawn of those with as few. A person who draws together with somebody leaves room: what the person began
-    with is in one half of the sheet, and in the other half the oracle draws what is asked for. Of 50 scenes drawn at
-    random, the other is the first whose kinds no scene of `training` shows together with one asked for. Case i depends
-    on the tables and (seed, i) only.
+    Both are checked `scenes` tables. Scenes with the fewest things, mostly one, come first, in the table's order; the
+    other prompts are drawn from those with as few. A person who draws together with a robot leaves room for it: the
+    other drawing is in one half of the sheet, the requested scene in the other half. Of 50 random candidates, the first
+    is taken whose kinds no scene of `training` combines with those asked for. Case i depends on the tables and (seed,
+    i) only.
 
     Raises:
         ContractError: fewer than two scenes, or pictures that are not squares of one size.
@@ -72,7 +72,7 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
 
 
 def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
-    """Prompts of up to `count` scenes in the table's order, for a blank sheet: nothing began it.
+    """Prompts of up to `count` scenes in the table's order, for a blank sheet.
 
     Raises:
         ContractError: fewer than two scenes, or pictures that are not squares of one size.
@@ -115,7 +115,7 @@ def _check(rows: Sequence[_Row]) -> None:
 
 
 def _in_half(row: _Row, half: Half, generator: np.random.Generator) -> Picture:
-    """The scene's things in one half of the sheet, on the scene's ground."""
+    """The things of the scene in one half of the sheet, on the background of the scene."""
     ground = without(row.image, row.regions, labels_of(row.regions))
     return put(ground, row.image, row.regions, half, generator)[0]
 
@@ -126,7 +126,9 @@ def plain_caption(row: Mapping[str, Any]) -> str:
 
 
 def _other(row: _Row, others: Sequence[_Row], seen: Collection[frozenset[str]], generator: np.random.Generator) -> _Row:
-    """The first of those drawn whose kinds were not seen with this one's; else the first that shares none; else any."""
+    """The first candidate whose kinds no training scene combines with those of the row; else the first of other kinds;
+    else any.
+    """
     drawn = [others[int(pick)] for pick in generator.integers(len(others), size=_TRIES)]
     drawn = [other for other in drawn if other.scene_id != row.scene_id] or [
         other for other in others if other is not row

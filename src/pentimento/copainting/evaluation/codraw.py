@@ -1,4 +1,4 @@
-"""Drawing in turns: a person begins, the robot photographs the sheet, plans a goal and adds strokes (Figure 6.1)."""
+"""Drawing in turns: a person starts, the robot photographs the sheet, plans a goal and adds strokes (Figure 6.1)."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class Codrawing:
 
     stories: int
     person: int
-    """Strokes that the person draws in a turn, at most."""
+    """Strokes of the person in a turn, at most."""
     robot: int
-    """Strokes that the robot adds in a turn, at most."""
+    """Strokes of the robot in a turn, at most."""
     tremor_m: float
-    """Standard deviation of the person's strokes from where they were intended, along each axis."""
+    """Standard deviation of the offset of the person's strokes, along each axis."""
     batch: int
-    """The robot's strokes between two looks."""
+    """Strokes of the robot between two photographs."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "stories", "person", "robot", "batch")
@@ -50,7 +50,7 @@ class Codrawing:
 
 @dataclass(frozen=True, eq=False)
 class Story:
-    """What a person has in mind: in each turn another thing of a scene, and other words."""
+    """What a person wants to draw: one more thing of a scene in each turn, with a prompt."""
 
     scene_id: str
     prompts: tuple[str, ...]
@@ -60,18 +60,18 @@ class Story:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """One turn of both; pictures are uint8 sRGB, photographs [S, S, 3], goals [H, W, 3]."""
+    """One turn of person and robot; pictures are uint8 sRGB, photographs [S, S, 3], goals [H, W, 3]."""
 
     prompt: str
     before: Picture
-    begun: Picture
+    started: Picture
     """After the person's strokes."""
     goal: Picture
     predicted: Picture
     after: Picture
     """After the robot's strokes."""
     strokes: tuple[int, int]
-    """The person's and the robot's."""
+    """Numbers of the person's and of the robot's strokes."""
 
 
 def stories(scenes: pa.Table, count: int, turns: int = 3) -> list[Story]:
@@ -114,8 +114,8 @@ def codraw(
 ) -> list[Turn]:
     """Play a story on the robot's sheet.
 
-    The person's hand is the robot's arm with a tremor, so that person and robot share pen and paper. `goal_for` gives
-    the goal for a photograph, uint8 [H, W, 3] of the story's pictures' size, and a prompt.
+    The person is simulated by the robot's arm with a tremor, so both share pen and paper. `goal_for` returns the goal
+    for a photograph, uint8 [H, W, 3] in the size of the story's pictures, and a prompt.
     """
     generator = np.random.default_rng([seed, 0])
     medium, turns = paint_context.medium, []
@@ -124,18 +124,18 @@ def codraw(
     for prompt, image in zip(story.prompts, story.images, strict=True):
         intended = draw_scene(paint_context, as_linear(photo), image, config.person)
         drawn = _trembling(intended.strokes, paint_context, config.tremor_m, generator)
-        begun = (
+        started = (
             _execute(robot, paint_context, replace(intended, strokes=drawn), image, batch=config.batch, replan=False)
             if len(drawn)
             else photo
         )
-        goal = goal_for(as_picture(as_linear(begun), side), prompt)
-        planned = plan_goal(paint_context, as_linear(begun), goal, config.robot)
-        predicted = as_picture(planned.sheet, begun.shape[0])
-        after = begun
+        goal = goal_for(as_picture(as_linear(started), side), prompt)
+        planned = plan_goal(paint_context, as_linear(started), goal, config.robot)
+        predicted = as_picture(planned.sheet, started.shape[0])
+        after = started
         if len(planned.strokes):
             after = _execute(robot, paint_context, planned, goal, batch=config.batch, replan=True)
-        turns.append(Turn(prompt, photo, begun, goal, predicted, after, (len(drawn), len(planned.strokes))))
+        turns.append(Turn(prompt, photo, started, goal, predicted, after, (len(drawn), len(planned.strokes))))
         photo = after
     return turns
 
@@ -170,14 +170,14 @@ def _trembling(
 
 
 def turn_scores(played: Sequence[Sequence[Turn]], judge: Encoder) -> list[dict[str, float | None]]:
-    """For each turn, over stories: the judge's score before and after the robot, and what it changed and kept."""
+    """For each turn, means over stories: the judge's score before and after the robot, and what it changed and kept."""
     return [_of_turn([story[number] for story in played], judge) for number in range(len(played[0]))]
 
 
 def film_strip(story: Sequence[Turn]) -> dict[str, list[Picture]]:
-    """A story's pictures in columns: what the person draws, the goal, the plan, what the robot adds."""
+    """Columns for `sheets.side_by_side`: the person's drawing, the goal, the plan and the result of each turn."""
     return {
-        "person draws": [turn.begun for turn in story],
+        "person draws": [turn.started for turn in story],
         "goal": [turn.goal for turn in story],
         "plan": [turn.predicted for turn in story],
         "robot adds": [turn.after for turn in story],
@@ -186,7 +186,7 @@ def film_strip(story: Sequence[Turn]) -> dict[str, list[Picture]]:
 
 def _of_turn(turns: Sequence[Turn], judge: Encoder) -> dict[str, float | None]:
     side = turns[0].goal.shape[0]
-    before, after = (_shrunk([getattr(turn, name) for turn in turns], side) for name in ("begun", "after"))
+    before, after = (_shrunk([getattr(turn, name) for turn in turns], side) for name in ("started", "after"))
     goals, prompts = np.stack([turn.goal for turn in turns]), [turn.prompt for turn in turns]
     return {
         "judge_score_no_change": _mean(clip_score(judge, as_images(before), prompts)),
@@ -199,7 +199,7 @@ def _of_turn(turns: Sequence[Turn], judge: Encoder) -> dict[str, float | None]:
 
 
 def _mean(values: Any) -> float | None:
-    """Of the finite ones; None where there is none."""
+    """Of the finite values; None if there is none."""
     known = np.asarray(values, dtype=np.float64)
     known = known[np.isfinite(known)]
     return float(known.mean()) if len(known) else None

@@ -1,4 +1,4 @@
-"""From a goal picture, a scene or a text to a plan of strokes by the Low-Level Action Planner (thesis 6.4)."""
+"""Plans of strokes for a goal picture, a scene or a text by the Low-Level Action Planner (thesis 6.4)."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Medium:
-    """What is drawn with, on how large a sheet, and how it is planned."""
+    """A tool on a square sheet, and its planner."""
 
     tool: str
     side_m: float
-    """Of the square sheet."""
+    """Of the sheet."""
     ink: InkTones | None
-    """How scenes are turned into ink, for a tool that brings its own; null for a tool that takes paints."""
+    """How scenes are converted to ink, for a tool with its own ink; null for a tool that takes paints."""
     planner: PlannerConfig
 
     def __post_init__(self) -> None:
@@ -47,13 +47,13 @@ class Medium:
 
     @property
     def side_px(self) -> int:
-        """Of the picture that is planned with."""
+        """Of the raster that plans are made on."""
         return round(self.side_m * self.planner.pixels_per_m)
 
 
 @dataclass(frozen=True)
 class PaintContext:
-    """A medium with its tool and the stroke model that was learned of it."""
+    """A medium with its tool and its diagnosed stroke model."""
 
     medium: Medium
     tool: Tool
@@ -63,7 +63,7 @@ class PaintContext:
         check_ink(self.medium.ink, self.tool.color_srgb is not None, "The medium", self.tool.name)
 
     def scene(self, target: Light) -> Scene:
-        """A target [S, S, 3], linear light, on a sheet at a session's start."""
+        """A planning problem for a target [S, S, 3], linear light, at the start of a session."""
         side, planner = self.medium.side_m, self.medium.planner
         brush = TorchBrush(self.model, self.tool, planner.path_points)
         return scene_with(brush, self.tool, (side, side), target, style_of(planner))
@@ -71,17 +71,17 @@ class PaintContext:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A plan and what it will look like."""
+    """A plan and its prediction."""
 
     strokes: Strokes
     sheet: Light
-    """What the sheet will look like when the strokes are made; linear light [S, S, 3]."""
+    """The predicted sheet after the strokes; linear light [S, S, 3]."""
     palette_srgb: NDArray[np.float64]
-    """[K, 3] paints to lay out, or the tool's own ink."""
+    """[K, 3] paints to prepare, or the tool's own ink."""
 
 
 def load_paint_context(medium: Medium, stroke_model: Path) -> PaintContext:
-    """The medium with its tool's file and the folder of its diagnosed stroke model.
+    """The medium with its tool and the diagnosed stroke model of a folder.
 
     Raises:
         ConfigError: the medium's `ink` does not fit the tool.
@@ -91,10 +91,9 @@ def load_paint_context(medium: Medium, stroke_model: Path) -> PaintContext:
 
 
 def plan_goal(paint_context: PaintContext, sheet: Light, goal: Picture, strokes: int) -> Drawn:
-    """Draw a goal picture, uint8 [H, W, 3], on a sheet [S, S, 3] (linear light) with `strokes` strokes at most.
+    """Plan a goal picture, uint8 [H, W, 3], on a sheet [S, S, 3] (linear light) with at most `strokes` strokes.
 
-    Strokes without which the plan would come nearer to the goal are left out of it; a goal that the sheet shows already
-    needs none.
+    Strokes that increase the error are removed. A goal that equals the sheet needs no stroke.
     """
     if np.array_equal(goal, as_picture(sheet, goal.shape[0])):
         return Drawn(no_strokes(), sheet, np.zeros((0, 3)))
@@ -102,10 +101,10 @@ def plan_goal(paint_context: PaintContext, sheet: Light, goal: Picture, strokes:
 
 
 def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, strokes: int) -> Drawn:
-    """Draw a scene's picture, uint8 [H, W, 3], over what the sheet shows already.
+    """Plan a scene's picture, uint8 [H, W, 3], on top of what the sheet shows.
 
-    A tool with its own ink draws its tones, as in synthesis, a tool that dips its colours. Ink that is on the sheet is
-    part of the target, or the planner would try to undo it.
+    A tool with its own ink draws ink tones, as in synthesis; a tool with paints draws colours. Ink on the sheet is part
+    of the target; otherwise the planner would try to remove it.
     """
     light, medium = as_sheet(image, paint_context.medium.side_px), paint_context.medium
     if medium.ink is not None:
@@ -122,7 +121,7 @@ def _drawn(paint_context: PaintContext, sheet: Light, target: Light, strokes: in
 
 
 def predicted(strokes: Strokes, sheet: Light, scene: Scene) -> Light:
-    """What a sheet [S, S, 3] will look like after strokes; linear light."""
+    """The predicted sheet [S, S, 3] after strokes; linear light."""
     return np.clip(render_plan(strokes, sheet, scene), 0.0, 1.0)
 
 
@@ -145,7 +144,7 @@ def as_picture(sheet: Light, side_px: int) -> Picture:
 
 
 def seeded(paint_context: PaintContext, seed: int) -> PaintContext:
-    """The same easel, its plans from another seed."""
+    """The same context with another seed of its plans."""
     return replace(
         paint_context, medium=replace(paint_context.medium, planner=replace(paint_context.medium.planner, seed=seed))
     )
@@ -162,10 +161,11 @@ def plan_text(
     views: int,
     seed: int,
 ) -> Drawn:
-    """Strokes from random places down the text objective, on a sheet [S, S, 3] in linear light.
+    """Strokes from random places that minimise the text objective, on a sheet [S, S, 3] in linear light (thesis 4.1,
+    6.5.1).
 
-    The thesis's baseline without a goal planner: nothing but the words says what to draw. The plan of the lowest
-    objective on the way is kept.
+    This is the thesis's baseline without a goal planner. The plan with the lowest objective of all iterations is
+    returned.
     """
     config, tool = paint_context.medium.planner, paint_context.tool
     scene = paint_context.scene(sheet)

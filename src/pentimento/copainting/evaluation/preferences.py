@@ -1,4 +1,7 @@
-"""A blind page for pairwise preferences, the answers that people saved, and an exact binomial test (thesis 6.5.3)."""
+"""A blind page for pairwise preferences, the answers that people saved, and an exact binomial test (thesis 6.5.3).
+
+The page is one HTML file that needs no network. Which method drew which picture is in a separate key (Figure 6.6).
+"""
 
 from __future__ import annotations
 
@@ -35,16 +38,16 @@ class Comparison:
 
     caption: str
     ours: Picture
-    """Uint8 [H, W, 3]."""
+    """uint8 [H, W, 3]."""
     other: Picture
     rival: str
-    """Whose the other is."""
+    """The method of `other`."""
 
 
 def preference_page(comparisons: Sequence[Comparison], seed: int) -> tuple[str, dict[str, dict[str, str]]]:
     """The page, and its key {id: {left, right}} with `ours` on one side and the rival's name on the other.
 
-    Order and sides are drawn by the seed; ids say nothing of either.
+    Order, sides and ids are drawn by the seed, so ids reveal neither.
     """
     generator = np.random.default_rng([seed, 7])
     shown: list[dict[str, object]] = []
@@ -67,20 +70,21 @@ def _png(picture: Picture) -> bytes:
 
 @dataclass(frozen=True)
 class Preference:
-    """Our drawings against one rival's."""
+    """Our drawings compared with one rival's."""
 
     answers: dict[str, int]
-    """How often `ours`, `rival`, `both` and `neither` were chosen, over all people."""
+    """Number of choices of `ours`, `rival`, `both` and `neither`, over all people."""
     people: int
     pairs_ours: int
-    """Pairs of which more people preferred ours than the rival's."""
+    """Pairs of which more people preferred ours."""
     pairs_rival: int
+    """Pairs of which more people preferred the rival's."""
     share: float | None
-    """Of the decided pairs, those that are ours; None where none is decided."""
+    """Fraction of `pairs_ours` in the decided pairs; None if no pair is decided."""
     interval: tuple[float, float] | None
-    """95 % of that share (Clopper and Pearson 1934)."""
+    """Its 95 % interval (Clopper and Pearson 1934)."""
     p: float | None
-    """Of the share being one half: exact, two-sided."""
+    """Two-sided exact p of a fraction of one half."""
 
 
 def read_answers(paths: Sequence[Path], key: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, str]]:
@@ -95,14 +99,14 @@ def read_answers(paths: Sequence[Path], key: Mapping[str, Mapping[str, str]]) ->
             saved = json.loads(path.read_text(encoding="utf-8"))
             person, answers = str(saved["participant"]), dict(saved["answers"])
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ContractError(f"{path} holds no saved answers ({error}); save them from the page again.") from error
-        strange = [name for name, choice in answers.items() if name not in key or choice not in _CHOICES]
-        if strange:
+            raise ContractError(f"{path} is not a file of answers ({error}); save it from the page again.") from error
+        unknown = [name for name, choice in answers.items() if name not in key or choice not in _CHOICES]
+        if unknown:
             raise ContractError(
-                f"{path} answers {strange[0]!r} in a way that the key does not know; is it of this page?"
+                f"{path} answers {unknown[0]!r}, which is not in the key or not a choice; is the file of this page?"
             )
         if person in found:
-            raise ContractError(f"{path} is of {person!r}, whose answers are here already; each person answers once.")
+            raise ContractError(f"{path} is a second file of {person!r}; give one file for each person.")
         found[person] = answers
     return found
 
@@ -110,7 +114,9 @@ def read_answers(paths: Sequence[Path], key: Mapping[str, Mapping[str, str]]) ->
 def preferences(
     answers: Mapping[str, Mapping[str, str]], key: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Preference]:
-    """By rival. A pair counts once in the test, by the majority of its people, who are not independent."""
+    """Results by rival. Each pair counts once, by the majority of its people, because answers to one pair are not
+    independent.
+    """
     rivals = sorted({side for sides in key.values() for side in sides.values()} - {"ours"})
     return {rival: _against(rival, answers, key) for rival in rivals}
 
@@ -125,13 +131,13 @@ def _against(rival: str, answers: Mapping[str, Mapping[str, str]], key: Mapping[
             if name not in pairs:
                 continue
             people.add(person)
-            meant = pairs[name].get(choice, choice)
-            counts["rival" if meant == rival else meant] += 1
-            ahead[name] += (meant == "ours") - (meant == rival)
+            method = pairs[name].get(choice, choice)
+            counts["rival" if method == rival else method] += 1
+            ahead[name] += (method == "ours") - (method == rival)
     ours, theirs = sum(lead > 0 for lead in ahead.values()), sum(lead < 0 for lead in ahead.values())
     if ours + theirs == 0:
         return Preference(counts, len(people), 0, 0, None, None, None)
     test = binomtest(ours, ours + theirs)
-    sure = test.proportion_ci(0.95, method="exact")
-    interval = float(sure.low), float(sure.high)
+    bounds = test.proportion_ci(0.95, method="exact")
+    interval = float(bounds.low), float(bounds.high)
     return Preference(counts, len(people), ours, theirs, ours / (ours + theirs), interval, float(test.pvalue))

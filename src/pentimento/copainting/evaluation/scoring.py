@@ -1,4 +1,4 @@
-"""Scores of what goal planners completed: a row for each method, a value for each case in a column (Table 6.1)."""
+"""Scores of the compared methods: a row for each method, a value for each case in a column (Table 6.1)."""
 
 from __future__ import annotations
 
@@ -40,52 +40,54 @@ _CHANGED_LEVELS: Final = 64  # of 255, in any channel: a pixel that differs by l
 
 
 def delta_pix(goals: Pictures, plans: Pictures) -> FloatArray:
-    """Mean squared difference [B] of goals and foretold plans, uint8 [B, H, W, 3]; sRGB in [0, 1].
+    """Mean squared difference [B] of goals and predicted drawings, uint8 [B, H, W, 3]; sRGB in [0, 1].
 
-    The thesis's (6.1), divided by the number of values, so that it does not grow with the picture.
+    Equation (6.1) of the thesis, divided by the number of values, so that it does not depend on the size of the
+    picture.
     """
     difference = (goals.astype(np.float64) - plans) / 255
     return np.square(difference).mean(axis=(1, 2, 3))
 
 
 def delta_sem(encoder: Encoder, goals: Pictures, plans: Pictures) -> FloatArray:
-    """1 - cos [B] of the embeddings of goals and foretold plans, uint8 [B, H, W, 3]: the Semantic Sim2Real Gap.
+    """Semantic Sim2Real Gap [B]: 1 - cos of the embeddings of goals and predicted drawings, uint8 [B, H, W, 3].
 
-    The thesis prints (6.2) without `1 -`, but calls it a distance and lowers it.
+    The thesis prints (6.2) without `1 -`, but calls it a distance and minimises it.
     """
     products = embed_all(encoder, as_images(goals)) * embed_all(encoder, as_images(plans))
     return np.asarray(1 - products.sum(-1).double().numpy())
 
 
 def surviving_ink(canvases: Pictures, pictures: Pictures) -> FloatArray:
-    """Share [B] of each canvas's ink that a picture still shows within 1 px; NaN where a canvas has none."""
+    """Fraction [B] of each canvas's ink that a picture shows within 1 px; NaN if a canvas has none."""
     return np.array([ink_recall(before, after) for before, after in zip(canvases, pictures, strict=True)])
 
 
 def changed_share(canvases: Pictures, pictures: Pictures) -> FloatArray:
-    """Share [B] of the pixels of which any channel moved by `minimum` levels of 255 or more."""
+    """Fraction [B] of the pixels that changed, see `_CHANGED_LEVELS`."""
     moved = np.abs(canvases.astype(np.int16) - pictures).max(-1) >= _CHANGED_LEVELS
     return np.asarray(moved.mean(axis=(1, 2)), dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Judges:
-    """Who scores: the encoder that may have guided a plan, and one that never did."""
+    """The encoders that score."""
 
     main: Encoder
+    """It may have guided plans."""
     judge: Encoder
+    """It never guided a plan."""
     kinds: tuple[str, ...]
-    """Kinds of objects that the judge is asked to tell apart; empty where scenes name none."""
+    """Kinds of objects that the judge ranks; empty if the scenes name none."""
 
 
 def score(outcomes: Outcomes, cases: Sequence[Case], judges: Judges) -> dict[str, Columns]:
-    """Columns [B] by name for each method; NaN where a number does not exist.
+    """Columns [B] by name for each method; NaN where a value does not exist.
 
-    `clip_score` and `judge_score` are cosines of the foretold drawing with the prompt. `objects` is the share of the
-    kinds asked for that the judge finds in the drawing, in the half of the sheet that was left free for them (`rooms`;
-    None: on all of it).
-    `delta_pix` and `delta_sem` are between goal and drawing. `goal_keeps` is the share of the canvas's ink that the
-    goal shows, `drawing_keeps` that the drawing shows. `changed` is the share of pixels that the drawing changed.
+    `clip_score` and `judge_score` are cosines of the predicted drawing and the prompt. `objects` is the fraction of the
+    requested kinds that the judge recognises, see `objects_found`. `delta_pix` and `delta_sem` compare goal and
+    drawing. `goal_keeps` and `drawing_keeps` are the fractions of the canvas's ink that the goal and the drawing show.
+    `changed` is the fraction of pixels that the drawing changed.
     """
     captions = [case.caption for case in cases]
     table = {}
@@ -123,7 +125,7 @@ def objects_found(judges: Judges, drawings: Pictures, cases: Sequence[Case]) -> 
 
 
 def summary(table: Mapping[str, Columns], seed: int) -> dict[str, dict[str, Any]]:
-    """Mean and 95 % bootstrap interval over cases of each column of each method, where the column exists."""
+    """Mean and 95 % bootstrap interval over cases of each column of each method, where the column has values."""
     drawn = item_resamples(_cases(table), seed)
     rows = {}
     for method, columns in table.items():
@@ -133,7 +135,7 @@ def summary(table: Mapping[str, Columns], seed: int) -> dict[str, dict[str, Any]
 
 
 def comparisons(table: Mapping[str, Columns], seed: int) -> dict[str, Any]:
-    """What fine-tuning gains, each case compared with itself: shares of the gap closed, plain ratios, differences."""
+    """Gains by fine-tuning, paired by case: fractions of the gap closed, ratios and differences."""
     drawn = item_resamples(_cases(table), seed)
     base, fine, oracle = table[BASE], table[FINE_TUNED], table[ORACLE]
     estimates: dict[str, Any] = {}
@@ -150,7 +152,7 @@ def comparisons(table: Mapping[str, Columns], seed: int) -> dict[str, Any]:
 def correlations(deltas: Mapping[str, FloatArray], scores: FloatArray) -> dict[str, dict[str, float]]:
     """Pearson's r of each gap with a score over paintings, and its two-sided p (thesis 6.8.2).
 
-    Nothing for a gap or scores that do not vary, or fewer than three paintings.
+    A gap is left out if it or the scores are constant, or for fewer than three paintings.
     """
     results = {}
     for name, values in deltas.items():
@@ -165,11 +167,11 @@ def _cases(table: Mapping[str, Columns]) -> int:
 
 
 def painted_gap(pairs: pa.Table, scenes: pa.Table, main: Encoder) -> dict[str, dict[str, float]]:
-    """How the gap between a scene and its full painting goes with the painting's score; empty where ids do not match.
+    """Correlation of the gap between a scene and its full painting with the painting's score; empty if no id matches.
 
     Args:
         pairs: a checked `copaintings` table.
-        scenes: the checked `scenes` table that it was made of.
+        scenes: the checked `scenes` table that it was synthesised from.
     """
     pictures = {row["scene_id"]: row["image"]["bytes"] for row in scenes.select(["scene_id", "image"]).to_pylist()}
     whole = pairs.filter(pc.is_null(pairs["region"]))  # the captions of the others name one thing of the scene

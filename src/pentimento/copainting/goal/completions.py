@@ -21,20 +21,21 @@ _LAYOUT: Final = Layout(line_px=26, column_gap_px=4, row_gap_px=0, title_baselin
 
 @dataclass(frozen=True)
 class Sampling:
-    """How goal pictures are sampled."""
+    """How completions are sampled, scored and shown."""
 
     steps: int
-    """DDIM's."""
+    """Of DDIM."""
     image_guidance: tuple[float, ...]
-    """Values shown in the grid, each with each of `text_guidance`; 1 or more (less would switch guidance off). The
-    first of each is the one in use."""
+    """The grid shows each value with each of `text_guidance`, all 1 or more (less would switch guidance off). The first
+    of each is the default.
+    """
     text_guidance: tuple[float, ...]
     shown: int
     """Pairs in the grid."""
     scored: int
     """Pairs in the metrics."""
     enlarged: int
-    """Pixels of the grid for one of a picture."""
+    """Pixels of the grid for one pixel of a picture."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -55,16 +56,16 @@ class CompletionScores:
     """Means over pairs; sRGB in [0, 1]."""
 
     mse: float
-    """Of the completions against the targets."""
+    """Of the completions to the targets."""
     mse_of_copying: float
-    """Of the inputs against the targets: what doing nothing scores."""
+    """Of the inputs to the targets: the score of changing nothing."""
     kept: float | None
-    """Share of the inputs' ink that the completions show within 1 px; None where no input has ink."""
+    """Fraction of the inputs' ink that the completions show within 1 px; None if no input has ink."""
     pairs: int
 
 
 def score_planner(planner: GoalPlanner, pairs: Sequence[Pair], sampling: Sampling) -> CompletionScores:
-    """Scores over the first `sampling.scored` pairs, at its first guidances."""
+    """Scores over the first `sampling.scored` pairs, at the default guidances."""
     chosen = pairs[: sampling.scored]
     inputs, targets = np.stack([pair.input for pair in chosen]), np.stack([pair.target for pair in chosen])
     first = sampling.at(sampling.image_guidance[0], sampling.text_guidance[0])
@@ -75,7 +76,7 @@ def score_planner(planner: GoalPlanner, pairs: Sequence[Pair], sampling: Samplin
 def score_completions(
     inputs: NDArray[np.uint8], completions: NDArray[np.uint8], targets: NDArray[np.uint8]
 ) -> CompletionScores:
-    """Scores of uint8 [B, H, W, 3]."""
+    """Scores of completions, uint8 [B, H, W, 3], with inputs and targets of the same shape."""
     kept = ink_recall(inputs, completions)
     return CompletionScores(
         _mse(completions, targets), _mse(inputs, targets), None if math.isnan(kept) else kept, len(inputs)
@@ -87,7 +88,7 @@ def _mse(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 
 
 def guidance_grid(planner: GoalPlanner, pairs: Sequence[Pair], sampling: Sampling) -> NDArray[np.uint8]:
-    """Rows: pairs. Columns: input, target, then a completion for each image × text guidance. uint8 [H, W, 3]."""
+    """A row for each pair: input, target, and a completion for each image × text guidance; uint8 [H, W, 3]."""
     inputs = np.stack([pair.input for pair in pairs])
     captions = [pair.caption for pair in pairs]
     columns = {"input": inputs, "target": np.stack([pair.target for pair in pairs])}

@@ -1,4 +1,5 @@
-"""The denoising loss of a goal planner on pairs of latents, its optimiser and the moving average of the weights."""
+"""The denoising loss of a goal planner on pairs of latents, with its optimiser and the moving average of the
+weights."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ from pentimento.copainting.scenes.edits import Pair
 
 @dataclass(frozen=True)
 class Lora:
-    """Low-rank updates of the UNet (Hu et al. 2022) in place of all its weights."""
+    """Low-rank updates of the UNet (Hu et al. 2022) instead of all its weights."""
 
     rank: int
     alpha: int
@@ -36,38 +37,39 @@ class Lora:
 
 @dataclass(frozen=True)
 class GoalTraining:
-    """How a goal planner is trained."""
+    """Hyper-parameters of training."""
 
     steps: int
     batch: int
     learning_rate: float
-    """AdamW's, after the warm-up; it falls along a cosine to a tenth."""
+    """Of AdamW, after the warm-up; it decays along a cosine to a tenth."""
     warm_up: int
     """Steps in which the learning rate rises."""
     weight_decay: float
     drop_text: float
-    """Share of the pairs shown without their text; as often without their picture, and again without both."""
+    """Fraction of the pairs shown without text; the next two without the input picture, and without both."""
     drop_image: float
     drop_both: float
     min_snr_gamma: float | None
-    """Clamp of the signal-to-noise ratio in the loss's weight (Hang et al. 2023: 5), or null: all times weigh alike."""
+    """Clamp of the signal-to-noise ratio in the loss weight (Hang et al. 2023: 5), or null for equal weights."""
     time_bias: float
-    """Noise times are T (1 − (1 − u)^b) for uniform u and this b: 1 is uniform, above it more of them are noisy. What a
-    picture will show is decided there, and that is what text tells: in short training it is learned last."""
+    """Noise times are T (1 − (1 − u)^b) for uniform u. b = 1 is uniform; larger values sample noisy times more often,
+    where the content is decided and the text matters. A short training would learn them last.
+    """
     ema_decay: float
-    """Of the weights' moving average, which is what training gives; it starts as a plain mean."""
+    """Of the moving average of the weights, which is the result of training; it starts as a plain mean."""
     lora: Lora | None
     """Null trains the whole UNet."""
     train_text: bool
-    """Whether the text encoder learns, too (a new one must; a published one is kept)."""
+    """Whether the text encoder is trained, too: yes for a new one, no for a published one."""
     checkpoint_every: int
     """Steps."""
     precision: Literal["32-true", "bf16-mixed", "16-mixed"]
     accelerator: Literal["cpu", "auto"]
     devices: int
-    """GPUs, or processes where there is none. Each takes an equal share of the batch."""
+    """GPUs, or processes on a machine without GPUs. The batch is divided equally among them."""
     strategy: Literal["auto", "ddp"]
-    """Lightning's: auto trains on one device in this process, and on several by ddp, a process for each."""
+    """Of Lightning: auto trains on one device in this process, and on several by ddp with a process for each."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -88,20 +90,22 @@ class GoalTraining:
 
 @dataclass(frozen=True, eq=False)
 class LatentPairs:
-    """Pairs in latents: pictures that several pairs share stand once."""
+    """Pairs in latent space; a picture that several pairs share is stored once."""
 
     latents: Tensor
-    """Of each different picture, [P, C, h, w]: their modes. Published training draws a target's latents at random about
-    its mode; what nothing can foretell only makes the little training here noisier."""
+    """Modes of the latents of each different picture, [P, C, h, w]. Published training samples a target's latents
+    around the mode; in a short training that only adds noise to the loss.
+    """
     input: Tensor
-    """For each pair, which picture is its input, int64 [N]."""
+    """Index of the input picture of each pair, int64 [N]."""
     target: Tensor
+    """Index of the target picture of each pair, int64 [N]."""
     tokens: Tensor
-    """Of the captions, int64 [N, T], padded."""
+    """Tokens of the captions, int64 [N, T], padded."""
 
 
 def encode_pairs(planner: GoalPlanner, pairs: Sequence[Pair]) -> LatentPairs:
-    """Encode pairs with a planner's autoencoder and tokenizer.
+    """Encode pairs by a planner's autoencoder and tokenizer.
 
     Raises:
         ContractError: no pair, or pictures of a size that the planner does not take.
@@ -133,7 +137,7 @@ def encode_pairs(planner: GoalPlanner, pairs: Sequence[Pair]) -> LatentPairs:
 
 
 def tokens_of(planner: GoalPlanner, captions: Sequence[str]) -> Tensor:
-    """Captions as the pipeline itself would tokenise them, int64 [N, T]: padded, and cut where too long."""
+    """Tokens of captions as the pipeline itself computes them, int64 [N, T]: padded and truncated."""
     return planner.tokenizer(
         list(captions),
         padding="max_length",
@@ -147,7 +151,7 @@ _LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
 
 
 class Denoising(lightning.LightningModule):
-    """The loss of a step, the optimiser, and the moving average of what is trained."""
+    """Loss and optimiser for Lightning, with the moving average of the trained weights."""
 
     def __init__(self, planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, log: Log) -> None:
         super().__init__()
@@ -176,12 +180,12 @@ class Denoising(lightning.LightningModule):
             torch.randn((config.batch, *latents.shape[1:]), generator=generator),
             torch.rand(config.batch, generator=generator),
         )
-        chosen, luck, noise, moment = (values[self.global_rank :: self.trainer.world_size] for values in drawn)
+        chosen, chance, noise, moment = (values[self.global_rank :: self.trainer.world_size] for values in drawn)
         clean = latents[self.pairs.target[chosen]] * self.scaling
         shown = latents[self.pairs.input[chosen]]  # not scaled, as published
         tokens = self.pairs.tokens[chosen]
-        no_text = luck < config.drop_text + config.drop_both
-        no_image = (luck >= config.drop_text) & (luck < config.drop_text + config.drop_both + config.drop_image)
+        no_text = chance < config.drop_text + config.drop_both
+        no_image = (chance >= config.drop_text) & (chance < config.drop_text + config.drop_both + config.drop_image)
         tokens = torch.where(no_text[:, None], self.no_text, tokens)
         shown = torch.where(no_image[:, None, None, None], torch.zeros(()), shown)
         share = 1 - (1 - moment) ** config.time_bias
@@ -192,8 +196,8 @@ class Denoising(lightning.LightningModule):
         weight = loss_weight(self.scheduler, times, config.min_snr_gamma)
         device = self.device
         text = self.text_encoder(tokens.to(device))[0]
-        made = self.unet(torch.cat([noisy, shown], 1).to(device), times.to(device), text).sample
-        loss = ((made.float() - wanted.to(device)).square().mean((1, 2, 3)) * weight.to(device)).mean()
+        prediction = self.unet(torch.cat([noisy, shown], 1).to(device), times.to(device), text).sample
+        loss = ((prediction.float() - wanted.to(device)).square().mean((1, 2, 3)) * weight.to(device)).mean()
         of_devices: Any = self.all_gather(loss.detach())
         mean = of_devices.mean()
         self.losses[step] = mean
@@ -202,7 +206,7 @@ class Denoising(lightning.LightningModule):
         return loss
 
     def optimizer_step(self, *arguments: Any, **keywords: Any) -> None:
-        """A step of the weights and, before any checkpoint is written, of their average."""
+        """Update the weights and, before any checkpoint is written, their moving average."""
         super().optimizer_step(*arguments, **keywords)
         decay = min(self.config.ema_decay, self.global_step / (self.global_step + 1))
         with torch.no_grad():
@@ -222,7 +226,7 @@ class Denoising(lightning.LightningModule):
 
     @torch.no_grad()
     def take_averages(self) -> None:
-        """Put the moving average in the weights' place."""
+        """Replace the weights by their moving averages."""
         for parameter, average in zip(self._trained(), self.average, strict=True):
             parameter.copy_(average)
 
@@ -237,7 +241,7 @@ class Denoising(lightning.LightningModule):
         return _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + float(torch.cos(torch.tensor(torch.pi * done))))
 
     def _chosen(self, step: int) -> Tensor:
-        """The pairs of a step: each pass shows all of them once, in an order of its own."""
+        """Indices of the pairs of a step: each epoch shows all pairs once in a new random order."""
         number, first = len(self.pairs.input), step * self.config.batch
         positions = range(first, first + self.config.batch)
         orders = {
@@ -248,7 +252,7 @@ class Denoising(lightning.LightningModule):
 
 
 def wanted_output(scheduler: DDIMScheduler, clean: Tensor, noise: Tensor, times: Tensor) -> Tensor:
-    """What the UNet should give for noised latents [B, C, h, w]: the noise, the velocity or the clean latents."""
+    """The target of the UNet for noised latents [B, C, h, w]: the noise, the velocity or the clean latents."""
     match scheduler.config.prediction_type:
         case "epsilon":
             return noise
@@ -263,9 +267,9 @@ def wanted_output(scheduler: DDIMScheduler, clean: Tensor, noise: Tensor, times:
 def loss_weight(scheduler: DDIMScheduler, times: Tensor, gamma: float | None) -> Tensor:
     """Weight [B] of the squared error of `wanted_output`: 1, or min-SNR-γ (Hang et al. 2023, section 3.4).
 
-    With SNR = ᾱ / (1 − ᾱ), the error of the clean latents weighs min(SNR, γ); that of the noise is SNR times it and
-    that of the velocity SNR + 1 times it, so their weights are as many times less. At zero SNR (pure noise) a network
-    would learn nothing of the clean latents: the velocity's weight is 0 there, as published.
+    With SNR = ᾱ / (1 − ᾱ), the error of the clean latents has the weight min(SNR, γ). An error of the noise is SNR
+    times, one of the velocity SNR + 1 times that of the clean latents, so their weights are divided by these factors.
+    At zero SNR the velocity's weight is 0, as published.
     """
     if gamma is None:
         return torch.ones(len(times))

@@ -1,7 +1,7 @@
-"""The Supportive Goal Planner (thesis 6.4.2): Instruct-Pix2Pix, small or as published, built, loaded, saved and asked.
+"""The Supportive Goal Planner (thesis 6.4.2): an Instruct-Pix2Pix pipeline, small or as published.
 
-It is diffusers' `StableDiffusionInstructPix2PixPipeline` throughout. The small one has the published architecture's
-parts in the published folder layout, so that one code loads, fine-tunes and runs both.
+It is diffusers' `StableDiffusionInstructPix2PixPipeline` throughout. The small one has the published architecture and
+folder layout, so the same code loads, trains and samples both.
 """
 
 from __future__ import annotations
@@ -33,17 +33,18 @@ _CHUNK: Final = 16  # pictures in one call of the pipeline
 
 @dataclass(frozen=True)
 class GoalPlannerShape:
-    """A small goal planner's UNet."""
+    """The UNet of a small goal planner."""
 
     unet_channels: tuple[int, ...]
     """Of each resolution, the finest first; the two coarsest attend to the text."""
     unet_layers: int
     """Residual blocks at each resolution."""
     heads: int
-    """Of attention, to the text and within the picture."""
+    """Of the attention to the text and within the picture."""
     prediction: Prediction
-    """What the UNet foretells: the noise, the velocity or the picture itself. The noise schedule ends in pure noise
-    (zero terminal SNR, Lin et al. 2023) unless it is the noise, which then could not be told apart."""
+    """What the UNet predicts: the noise, the velocity or the clean latents. For the last two, the noise schedule ends
+    in pure noise (zero terminal SNR, Lin et al. 2023); a prediction of the noise would then carry no information.
+    """
 
     def __post_init__(self) -> None:
         at_least(self, 1, "unet_layers", "heads")
@@ -78,7 +79,7 @@ class SeededSampling(GoalSampling):
 
 
 def text_encoder_of(model: CLIPModel) -> CLIPTextModel:
-    """A copy of the text tower of a text-image encoder: what Stable Diffusion, too, reads captions with."""
+    """A copy of the text tower of a text-image encoder, as the text encoder of a Stable Diffusion pipeline."""
     text_encoder = CLIPTextModel(model.config.text_config)
     names = text_encoder.state_dict()
     tower = {name.removeprefix("text_model."): weight for name, weight in model.text_model.state_dict().items()}
@@ -134,10 +135,10 @@ def build_goal_planner(
 
 
 def load_goal_planner(source: str | Path) -> GoalPlanner:
-    """A goal planner from a folder in diffusers' layout, or a published name that was downloaded before.
+    """A goal planner from a folder in diffusers' layout, or a published one by name, if it was downloaded before.
 
-    Nothing is looked up on the network, and only safetensors are opened. Whatever the sampler it was published with,
-    it gets DDIM of the same noise schedule, which draws no noise on its way.
+    Nothing is downloaded, and only safetensors are read. The scheduler is replaced by DDIM with the same noise
+    schedule, whose sampling is deterministic after the initial noise.
 
     Raises:
         ConfigError: nothing there, an incomplete folder, another pipeline, or parts that do not fit together.
@@ -163,13 +164,13 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
 
 
 def save_goal_planner(planner: GoalPlanner, folder: Path) -> None:
-    """Write the pipeline in diffusers' layout; loading needs nothing else."""
+    """Write the pipeline in diffusers' layout, complete for `load_goal_planner`."""
     planner.save_pretrained(folder, safe_serialization=True)
     planner.tokenizer.backend_tokenizer.model.save(str(Path(folder) / "tokenizer"))  # vocab.json and merges.txt, too
 
 
 def picture_step_px(planner: GoalPlanner) -> int:
-    """Sides of pictures must be a multiple of this: all halvings of the autoencoder and the UNet."""
+    """The sides of pictures must be a multiple of this: the autoencoder and the UNet halve them so often."""
     return int(planner.vae_scale_factor * 2 ** (len(planner.unet.config.block_out_channels) - 1))
 
 
@@ -191,14 +192,11 @@ def complete(
     captions: Sequence[str],
     sampling: SeededSampling,
 ) -> NDArray[np.uint8]:
-    """Goal pictures uint8 [B, H, W, 3] for canvases uint8 [B, H, W, 3] and what a person asks for.
-
-    Item i starts from noise of (seed, i). The guidances are those of Instruct-Pix2Pix (Brooks et al. 2023, eq. 3);
-    anything above 1 for the text asks the network three times in each step; at 1 it is asked once, and there the
-    image guidance has no effect, as published.
+    """Goal pictures, uint8 [B, H, W, 3], for canvases, uint8 [B, H, W, 3], and prompts; item i starts from noise of
+    (seed, i).
 
     Raises:
-        ContractError: pictures of another type or size than the planner takes, or not a caption for each.
+        ContractError: pictures of another type or size than the planner takes, or another number of captions.
     """
     check_pictures(planner, inputs)
     if len(captions) != len(inputs):
@@ -222,7 +220,8 @@ def complete(
 
 
 def _check_shapes(planner: GoalPlanner, source: str | Path) -> None:
-    """Parts that fit: a first convolution of another width is never rebuilt, for its weights would be lost."""
+    """Check that the parts fit. A first convolution of another width is not rebuilt, because its weights would be
+    lost."""
     unet, latents = planner.unet.config, planner.vae.config.latent_channels
     width = planner.text_encoder.config.hidden_size
     if unet.in_channels != 2 * latents:

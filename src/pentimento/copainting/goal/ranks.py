@@ -1,7 +1,7 @@
-"""One training in several processes of this machine: the ranks that a Lightning trainer in each of them joins.
+"""Several processes on this machine for one training: ranks that a Lightning trainer in each of them joins.
 
-Lightning starts processes itself, too, but not as a stage needs it: `ddp` runs the whole stage once more in each of
-them, and `ddp_spawn` says nothing while it trains and leaves its processes at work when the stage is told to end.
+Lightning can start processes, but not as a stage needs it: `ddp` runs the whole stage again in each of them, and
+`ddp_spawn` logs nothing during training and leaves its processes running when the stage is terminated.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _LOOPBACK: Final = "lo0" if sys.platform == "darwin" else "lo"
 
 
 def run_ranks(job: Callable[..., None], arguments: tuple[Any, ...], number: int, log: Log) -> None:
-    """Call `job(rank, *arguments, log)` in each of `number` new processes, and `log` here with what they log.
+    """Call `job(rank, *arguments, log)` in each of `number` new processes, and `log` in this one with what they log.
 
-    A trainer with `devices=number` in the job finds the others. Together they use as many threads of PyTorch as this
-    process would. None of them is left when one failed or was killed, or when this process is interrupted or ends.
+    A trainer with `devices=number` in the job finds the others. Together they use as many PyTorch threads as this
+    process would. All of them end if one fails or is killed, or if this process is interrupted or ends.
 
     Raises:
         PentimentoError: a rank was killed.
-        torch.multiprocessing.ProcessRaisedException: a rank raised; this has its traceback.
+        torch.multiprocessing.ProcessRaisedException: a rank raised; it has the traceback.
     """
     reader, writer = multiprocessing.get_context("spawn").Pipe(duplex=False)
     threads = max(1, torch.get_num_threads() // number)
@@ -87,4 +87,4 @@ def _rank(
     )
     torch.set_num_threads(threads)
     torch.set_deterministic_debug_mode(determinism)
-    job(rank, *arguments, lambda *told: writer.send(told))
+    job(rank, *arguments, lambda *logged: writer.send(logged))

@@ -9,11 +9,7 @@ pairs have on one device. The mean of the devices' gradients equals the gradient
 
 from __future__ import annotations
 
-import logging
 import tempfile
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,6 +22,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.goal.denoising import Denoising, GoalTraining, LatentPairs, Lora
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
 from pentimento.copainting.goal.ranks import Log, run_ranks
+from pentimento.dynamics.quiet_lightning import quiet_lightning
 
 _LORA_LAYERS: Final = ("to_q", "to_k", "to_v", "to_out.0", "conv1", "conv2", "conv_in", "conv_out")
 _PARTS: Final = ("unet", "text_encoder")  # of a planner: what training may change
@@ -35,11 +32,11 @@ _LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
 def train_goal_planner(
     planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, scratch: Path | None, log: Log
 ) -> list[float]:
-    """Train the planner's UNet (and text encoder, where the config says so) in place; it ends with averaged weights.
+    """Train the UNet of a planner (and its text encoder, if configured) in place; it ends with the averaged weights.
 
-    Gives the loss of each step, and calls `log("loss", value, step)` as it goes, in this process. With a `scratch`
-    folder, checkpoints are kept there, and what an earlier call left in it is continued, on whatever number of devices
-    that was: the caller gives each training its own folder.
+    Return the loss of each step, and call `log("loss", value, step)` in this process. Checkpoints are written to the
+    `scratch` folder, if given, and training continues from the checkpoint of an earlier call there, on any number of
+    devices. The caller gives each training its own folder.
 
     Raises:
         ConfigError: more devices than GPUs.
@@ -67,7 +64,8 @@ def train_goal_planner(
 
 
 def _train_rank(rank: int, folder: Path, config: GoalTraining, scratch: Path | None, log: Log) -> None:
-    """Train the planner in a folder, as one process of several; all end with the same, and the first one writes it."""
+    """Train the planner of a folder as one process of several; all end with the same weights, and rank 0 writes
+    them."""
     planner = load_goal_planner(folder / "untrained")
     pairs = LatentPairs(**torch.load(folder / "pairs.pt", weights_only=True, mmap=True))
     losses = _train(planner, pairs, config, scratch, log)
@@ -79,7 +77,7 @@ def _train_rank(rank: int, folder: Path, config: GoalTraining, scratch: Path | N
 def _train(
     planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, scratch: Path | None, log: Log
 ) -> list[float]:
-    """`train_goal_planner` in this process: the only one, or a rank of several."""
+    """`train_goal_planner` in this process: the only one, or one rank of several."""
     torch.manual_seed(config.seed)  # of LoRA's first values
     if config.lora is not None:
         _add_lora(planner, config.lora)
@@ -133,13 +131,13 @@ _PATTERN: Final = "step-*.ckpt"
 
 
 class KeepCheckpoint(lightning.Callback):
-    """Write everything that training needs to go on every so many steps; the old one goes when the new is complete."""
+    """Write the complete training state every so many steps, and delete the previous checkpoint afterwards."""
 
     def __init__(self, folder: Path, every: int) -> None:
         self.folder, self.every = folder, every
 
     def on_train_batch_end(self, trainer: lightning.Trainer, *_: Any) -> None:
-        """Called by Lightning after each step, in every process; the first alone touches the folder."""
+        """Called by Lightning after each step, in every process; only rank 0 changes the folder."""
         if trainer.global_step % self.every:
             return
         if trainer.is_global_zero:
@@ -156,21 +154,5 @@ class KeepCheckpoint(lightning.Callback):
 
 
 def latest_checkpoint(folder: Path) -> Path | None:
-    """The newest complete checkpoint in a folder, if there is one."""
+    """The newest complete checkpoint in a folder, or None."""
     return max(folder.glob(_PATTERN), default=None)
-
-
-@contextmanager
-def quiet_lightning() -> Iterator[None]:
-    """Errors and the warnings of others are still heard."""
-    loggers = [logging.getLogger(name) for name in ("lightning.pytorch", "lightning.fabric")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)

@@ -1,7 +1,7 @@
-"""A small autoencoder for a goal planner's pictures: trained on scenes, pen drawings of them and random strokes.
+"""A small autoencoder for a goal planner, trained on scenes, pen drawings of them and random strokes.
 
-What the goal planner cannot encode it cannot keep: an existing drawing must survive the autoencoder before it can
-survive the goal planner. So the autoencoder learns lines beside smooth pictures, and halves the resolution twice only.
+A goal planner can keep only what its autoencoder reconstructs, such as the lines of an existing drawing. So lines are
+part of the training data, and the resolution is halved only twice.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class VaeConfig:
     """The autoencoder and its training."""
 
     channels: tuple[int, ...]
-    """Of each resolution, the finest first; each after the first halves it."""
+    """Of each resolution, the finest first; each further one halves the resolution."""
     latent_channels: int
-    """Instruct-Pix2Pix: 4, so that its UNet's first convolution takes 8."""
+    """Instruct-Pix2Pix: 4, so that its UNet has 8 input channels."""
     pictures: int
-    """Scenes it is trained on; as many of their drawings and of random strokes beside them."""
+    """Scenes in the training data, with as many pen drawings and as many pictures of random strokes."""
     steps: int
     batch: int
     learning_rate: float
@@ -51,7 +51,7 @@ class VaeConfig:
 
 @dataclass(frozen=True)
 class DecoderConfig:
-    """How a decoder is trained further, for pictures of one kind."""
+    """Further training of a decoder on pictures of one kind."""
 
     steps: int
     batch: int
@@ -78,15 +78,16 @@ def build_vae(config: VaeConfig, side_px: int) -> AutoencoderKL:
 
 
 def vae_pictures(scenes: Sequence[NDArray[np.uint8]], seed: int) -> NDArray[np.uint8]:
-    """What the autoencoder learns from, uint8 [3 n, H, W, 3]: n scenes, n pen drawings of them, n of random strokes."""
+    """Training data, uint8 [3 n, H, W, 3]: n scenes, pen drawings of them, and n pictures of random strokes."""
     lines, strokes = _drawings(scenes, seed, 1)
     return np.concatenate([np.stack([*scenes]), lines, strokes])
 
 
 def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Log) -> AutoencoderKL:
-    """Fit the autoencoder to pictures uint8 [N, H, W, 3] on L1 + L2; `log("vae_loss", value, step)` as it goes.
+    """Train an autoencoder on pictures, uint8 [N, H, W, 3], with the loss L1 + L2; `log("vae_loss", value, step)` at
+    each step.
 
-    Its `scaling_factor` becomes one over the latents' standard deviation, as in latent diffusion.
+    Its `scaling_factor` is set to the inverse standard deviation of the latents, as in latent diffusion.
     """
     torch.manual_seed(seed)
     vae = build_vae(config, pictures.shape[1]).train()
@@ -97,7 +98,7 @@ def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Lo
         shown = as_model_input(pictures[chosen.numpy()])
         latents = vae.encode(shown).latent_dist
         again = vae.decode(latents.mean + latents.std * torch.randn(latents.mean.shape, generator=generator)).sample
-        loss = _unlikeness(again, shown) + _KL_WEIGHT * latents.kl().mean()
+        loss = _reconstruction_loss(again, shown) + _KL_WEIGHT * latents.kl().mean()
         _descend(optimizer, loss, config, step)
         log("vae_loss", float(loss.detach()), step)
     vae.eval().requires_grad_(False)
@@ -107,10 +108,10 @@ def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Lo
 
 
 def train_decoder(vae: AutoencoderKL, pictures: NDArray[np.uint8], config: DecoderConfig, seed: int, log: Log) -> None:
-    """Train an autoencoder's decoder further, in place, on pictures uint8 [N, H, W, 3]; the latents stay what they are.
+    """Train the decoder further, in place, on pictures, uint8 [N, H, W, 3]; the latents do not change.
 
-    As Stable Diffusion's own decoder was trained further for faces: what the UNet has learned of the latents holds,
-    and lines come back as the tool draws them. `log("decoder_loss", value, step)` as it goes.
+    Stable Diffusion's decoder was fine-tuned the same way. The UNet stays valid, and lines are reconstructed in the
+    style of the tool. `log("decoder_loss", value, step)` at each step.
     """
     learning = [*vae.post_quant_conv.parameters(), *vae.decoder.parameters()]
     for parameter in learning:
@@ -119,7 +120,7 @@ def train_decoder(vae: AutoencoderKL, pictures: NDArray[np.uint8], config: Decod
     for step in range(config.steps):
         chosen = torch.randint(0, len(pictures), (config.batch,), generator=generator_for(seed, step))
         shown = pictures[chosen.numpy()]
-        loss = _unlikeness(vae.decode(encode(vae, shown)).sample, as_model_input(shown))
+        loss = _reconstruction_loss(vae.decode(encode(vae, shown)).sample, as_model_input(shown))
         _descend(optimizer, loss, config, step)
         log("decoder_loss", float(loss.detach()), step)
     vae.requires_grad_(False)
@@ -127,7 +128,7 @@ def train_decoder(vae: AutoencoderKL, pictures: NDArray[np.uint8], config: Decod
 
 @torch.no_grad()
 def encode(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> Tensor:
-    """The modes of the pictures' latents, [B, C, h, w]."""
+    """Modes of the latents of pictures, [B, C, h, w]."""
     parts = [
         vae.encode(as_model_input(pictures[start : start + _CHUNK]).to(vae.device)).latent_dist.mode().cpu()
         for start in range(0, len(pictures), _CHUNK)
@@ -137,7 +138,7 @@ def encode(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> Tensor:
 
 @torch.no_grad()
 def round_trip(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Pictures uint8 [B, H, W, 3] as they come back from the autoencoder."""
+    """Reconstructions of pictures, uint8 [B, H, W, 3]."""
     latents = encode(vae, pictures)
     parts = [
         as_pictures(vae.decode(latents[start : start + _CHUNK].to(vae.device)).sample)
@@ -149,10 +150,10 @@ def round_trip(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> NDArray[np.ui
 def ink_after_round_trip(
     vae: AutoencoderKL, scenes: Sequence[NDArray[np.uint8]], seed: int
 ) -> dict[str, dict[str, float | None]]:
-    """What the autoencoder keeps of ink, for pen drawings of the scenes and for random strokes.
+    """How well reconstructions keep ink, for pen drawings of the scenes and for random strokes.
 
-    `recall` is the share of the ink that is still there within 1 px; `precision` the share of what is ink afterwards
-    that was before (a picture that came back black would have all of the first and little of the second).
+    `recall` is the fraction of the ink that is still there within 1 px. `precision` is the fraction of the
+    reconstructed ink that was ink before; an all-black reconstruction has a recall of 1 and a low precision.
     """
     lines, strokes = _drawings(scenes, seed, 2)
     scores: dict[str, dict[str, float | None]] = {}
@@ -163,13 +164,13 @@ def ink_after_round_trip(
     return scores
 
 
-def _unlikeness(made: Tensor, shown: Tensor) -> Tensor:
-    error = made - shown
+def _reconstruction_loss(reconstructed: Tensor, pictures: Tensor) -> Tensor:
+    error = reconstructed - pictures
     return error.abs().mean() + 0.5 * error.square().mean()
 
 
 def _descend(optimizer: torch.optim.Optimizer, loss: Tensor, config: VaeConfig | DecoderConfig, step: int) -> None:
-    """One step; after a warm-up the learning rate falls to 0."""
+    """One optimiser step; after a warm-up the learning rate decays to 0."""
     for group in optimizer.param_groups:
         group["lr"] = config.learning_rate * min(1.0, (step + 1) / _WARM_UP) * (1 - step / config.steps)
     optimizer.zero_grad()
@@ -179,7 +180,7 @@ def _descend(optimizer: torch.optim.Optimizer, loss: Tensor, config: VaeConfig |
 
 
 def _drawings(scenes: Sequence[NDArray[np.uint8]], seed: int, use: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """A pen drawing of each scene, and as many pictures of random strokes, uint8 [n, H, W, 3]."""
+    """A pen drawing of each scene, and as many pictures of random strokes, uint8 [n, H, W, 3] each."""
     lines, strokes = [], []
     for index, scene in enumerate(scenes):
         generator = np.random.default_rng([seed, use, index])
@@ -189,7 +190,7 @@ def _drawings(scenes: Sequence[NDArray[np.uint8]], seed: int, use: int) -> tuple
 
 
 def as_model_input(pictures: NDArray[np.uint8]) -> Tensor:
-    """uint8 [B, H, W, 3] as float [B, 3, H, W] in [-1, 1]."""
+    """uint8 [B, H, W, 3] as float32 [B, 3, H, W] in [-1, 1]."""
     return torch.from_numpy(np.ascontiguousarray(pictures)).permute(0, 3, 1, 2).float() / 127.5 - 1
 
 

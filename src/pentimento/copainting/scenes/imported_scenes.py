@@ -56,7 +56,7 @@ class ImportedConfig:
         at_least(self, 0, "val_share", "test_share", "seed")
         above_zero(self, "max_scenes")
         if not (self.source.strip() and self.licence.strip()):
-            raise ValueError("source and licence are to be named: each scene records them.")
+            raise ValueError("source and licence must be given: each scene records them.")
 
 
 @dataclass(frozen=True, eq=False)

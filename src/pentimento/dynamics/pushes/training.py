@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -21,6 +18,7 @@ from pentimento.dynamics.pushes.measured import PushSamples
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop, PoseSamples, height_errors, slope_errors
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
+from pentimento.dynamics.quiet_lightning import quiet_lightning
 
 Log = Callable[[str, float, int], None]
 
@@ -118,7 +116,7 @@ def train(
     for number, member in enumerate(model.members):
         assert isinstance(member, Param2Deform)
         fit_tool(member, samples, crop, config)
-        with _quiet_lightning():
+        with quiet_lightning():
             loader = DataLoader(
                 TensorDataset(torch.arange(len(samples.state))),
                 batch_size=config.batch,
@@ -183,17 +181,3 @@ class _Fit(lightning.LightningModule):
     def configure_optimizers(self) -> Any:
         optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate)
         return [optimizer], [torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, self.config.epochs)]
-
-
-@contextmanager
-def _quiet_lightning() -> Iterator[None]:
-    """Suppress Lightning's start-up messages, which do not apply to a network of this size."""
-    logger = logging.getLogger("lightning.pytorch")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            yield
-    finally:
-        logger.setLevel(level)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +14,7 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.dynamics.quiet_lightning import quiet_lightning
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import INK_THRESHOLD, StrokeSamples, inked_share
 from pentimento.dynamics.strokes.simulation import StrokeContext, simulate
@@ -151,7 +149,7 @@ def descend(
         shuffle=True,
         generator=torch.Generator().manual_seed(config.seed),
     )
-    with _quiet_lightning():
+    with quiet_lightning():
         trainer = lightning.Trainer(
             max_epochs=config.epochs,
             accelerator="cpu",
@@ -191,17 +189,3 @@ class _Fit(lightning.LightningModule):
     def configure_optimizers(self) -> Any:
         optimizer = torch.optim.Adam(self.model.parameters(), lr=self.config.learning_rate)
         return [optimizer], [torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, self.config.epochs)]
-
-
-@contextmanager
-def _quiet_lightning() -> Iterator[None]:
-    """Lightning advertises and advises on start-up; none of it concerns a model of eight numbers."""
-    logger = logging.getLogger("lightning.pytorch")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            yield
-    finally:
-        logger.setLevel(level)
