@@ -1,53 +1,65 @@
-"""Whether the tests notice a wrong line: `python -m studies.mutants`.
+"""Mutation score of the tests: `python -m studies.mutants [--count 60] [--seed 0]`.
 
-One place in the code is made wrong at a time, drawn at random over the lines of src/: a comparison, a sign, a number, a
-condition. The tests of that module (tests/ mirrors src/) are run in a copy of the project. A mutant that they let pass
-is shown, so that a reader can say whether it is wrong in any way that matters. Some are not: an equivalent bound, a
-tolerance, a figure's margin.
+Mutants come from Cosmic Ray (https://cosmic-ray.readthedocs.io). The seed draws a fixed sample of single mutations of
+src/. Each is applied in a copy of the project, and the tests of its module (tests/ mirrors src/) are run. A mutant
+whose tests fail or time out is killed. Some survivors are equivalent to the original: a bound, a tolerance, a figure's
+margin.
 
-A line for each mutant goes to the screen and to ``--out``.
+A line for each mutant and the score go to the screen and to ``--out``.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
+import contextlib
 import os
+import re
 import shutil
-import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import cosmic_ray.plugins
 import numpy as np
-
-from pipelines._io import end_with_parent
+from cosmic_ray.ast import ast_nodes, get_ast_from_path
+from cosmic_ray.mutating import mutate_and_test
+from cosmic_ray.testing import run_tests
+from cosmic_ray.work_item import MutationSpec, TestOutcome
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = Path("src/pentimento")
-_SWAPPED: dict[type[ast.AST], tuple[str, str]] = {
-    ast.Lt: ("<", ">="), ast.LtE: ("<=", ">"), ast.Gt: (">", "<="), ast.GtE: (">=", "<"),
-    ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="), ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
-    ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"), ast.And: ("and", "or"), ast.Or: ("or", "and"),
-    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.MatMult: ("@", "+"),
-}  # fmt: skip
-"""As an operator is written, and as a mutant has it."""
-_LIMIT_S = 300.0
+_OPERATORS = (
+    "ReplaceComparisonOperator", "ReplaceBinaryOperator", "ReplaceUnaryOperator", "ReplaceAndWithOr",
+    "ReplaceOrWithAnd", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceBreakWithContinue",
+    "ReplaceContinueWithBreak", "AddNot", "NumberReplacer", "ZeroIterationForLoop",
+)  # fmt: skip
+"""Prefixes of the names of Cosmic Ray's operators. Decorators stay: without `njit` a kernel is only slower."""
+_EXCLUDED = re.compile(r"Bit|Shift|_(Eq|NotEq|Lt|LtE|Gt|GtE)_Is")
+"""`|` is mostly a union of types, which is not evaluated; the other replacements raise TypeError for floats."""
+_FIRST_LIMIT_S = 600.0  # of a module's tests without a mutant
+_SLOWER, _START_S = 5.0, 60.0  # a mutant's limit: so many times that duration, and the start of a process
 
 
 @dataclass(frozen=True)
-class Mutant:
-    """A module with one piece of its text replaced."""
+class Score:
+    """Counts of a sample of mutants."""
 
-    module: Path
-    """Below the project's folder."""
-    line: int
-    before: str
-    after: str
-    text: str
-    """The whole module."""
+    mutants: int
+    killed: int
+    timed_out: int
+    """Of the killed ones."""
+    untested: int
+    """Not in `mutants`: the module's tests fail without a mutant."""
+
+    def __str__(self) -> str:
+        share = self.killed / self.mutants if self.mutants else 0.0
+        return (
+            f"{self.killed} of {self.mutants} mutants killed ({share:.0%}), {self.timed_out} of them by time-out; "
+            f"{self.untested} more in modules whose tests fail without a mutant."
+        )
 
 
 def main() -> int:
@@ -56,134 +68,98 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("data/studies/mutants.txt"))
-    given = parser.parse_args()
-    drawn = draw(ROOT, given.count, np.random.default_rng(given.seed))
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    sound = dict[Path, bool]()
-    killed = counted = 0
-    with tempfile.TemporaryDirectory() as temporary, given.out.open("w", encoding="utf-8") as file:
-
-        def say(line: str) -> None:
-            print(line, flush=True)
-            print(line, file=file, flush=True)
-
+    args = parser.parse_args()
+    out = args.out.resolve()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    ignored = shutil.ignore_patterns(
+        ".git", ".venv", ".dvc", ".profiles", ".pentimento", "data", "__pycache__", "mlflow*"
+    )
+    with tempfile.TemporaryDirectory() as temporary, out.open("w", encoding="utf-8") as file:
         folder = Path(temporary) / "project"
-        unneeded = shutil.ignore_patterns(
-            ".git", ".venv", ".dvc", ".profiles", ".pentimento", "data", "__pycache__", "mlflow*"
-        )
-        shutil.copytree(ROOT, folder, ignore=unneeded)
-        for mutant in drawn:
-            if mutant.module not in sound:
-                sound[mutant.module] = passes(mutant.module, folder)
-            if not sound[mutant.module]:
-                say(f"not counted, {mirror_of(mutant.module)} fails without a mutant")
-                continue
-            noticed = is_noticed(mutant, folder)
-            counted += 1
-            killed += noticed
-            said = "killed" if noticed else "LIVES "
-            say(f"{said} {mutant.module}:{mutant.line}: {mutant.before} -> {mutant.after}")
-        say(f"{killed} of {counted} killed.")
+        shutil.copytree(ROOT, folder, ignore=ignored)
+        os.environ["PYTHONPATH"] = f"{folder}{os.pathsep}{folder / 'src'}"
+        with contextlib.chdir(folder):
+            for line in results(sample(args.count, np.random.default_rng(args.seed))):
+                print(line, flush=True)
+                print(line, file=file, flush=True)
     return 0
 
 
-def draw(root: Path, count: int, rng: np.random.Generator) -> list[Mutant]:
-    """So many mutants, each place of all modules that have tests as likely as any other."""
-    modules = [path.relative_to(root) for path in sorted((root / SOURCE).rglob("*.py"))]
-    places = [
-        mutant
-        for module in modules
-        if (root / mirror_of(module)).exists()
-        for mutant in mutants(module, (root / module).read_text(encoding="utf-8"))
-    ]
-    return [places[at] for at in rng.choice(len(places), min(count, len(places)), replace=False)]
+def sample(count: int, rng: np.random.Generator) -> list[MutationSpec]:
+    """Draw different mutations of the project in the working directory.
+
+    Modules with tests are drawn in proportion to their lines, then a place in the module, then a mutation of it.
+    """
+    modules = [module for module in sorted(SOURCE.rglob("*.py")) if mirrored_tests(module).exists()]
+    lines = np.array([len(module.read_text(encoding="utf-8").splitlines()) for module in modules], dtype=np.float64)
+    places: dict[Path, list[list[MutationSpec]]] = {}
+    drawn: list[MutationSpec] = []
+    while len(drawn) < count and modules:
+        at = int(rng.choice(len(modules), p=lines / lines.sum()))
+        module = modules[at]
+        left = places.setdefault(module, _places(module))
+        if not left:
+            del modules[at]
+            lines = np.delete(lines, at)
+            continue
+        same_place = left.pop(int(rng.integers(len(left))))
+        drawn.append(same_place[int(rng.integers(len(same_place)))])
+    return drawn
 
 
-def mirror_of(module: Path) -> Path:
-    """Where the tests of a module lie."""
+def results(mutations: list[MutationSpec]) -> Iterator[str]:
+    """Run the tests for each mutation; yields a line for each, and the score at the end."""
+    durations: dict[Path, float | None] = {}
+    killed = timed_out = untested = 0
+    for mutation in mutations:
+        tests = mirrored_tests(mutation.module_path)
+        if tests not in durations:
+            durations[tests] = _duration(tests)
+        duration = durations[tests]
+        if duration is None:
+            untested += 1
+            yield f"untested {mutation.module_path}: {tests} fails without a mutant"
+            continue
+        result = mutate_and_test([mutation], _command(tests), _SLOWER * duration + _START_S)
+        if result.test_outcome not in (TestOutcome.KILLED, TestOutcome.SURVIVED):
+            raise RuntimeError(f"Cosmic Ray could not test {mutation}: {result.output}")
+        killed += result.is_killed
+        timed_out += result.output == "timeout"
+        changed = [line[1:].strip() for line in (result.diff or "").splitlines()[3:] if line[:1] in ("+", "-")]
+        yield f"{result.test_outcome.value} {mutation.module_path}:{mutation.start_pos[0]}: {' -> '.join(changed)}"
+    yield str(Score(len(mutations) - untested, killed, timed_out, untested))
+
+
+def mirrored_tests(module: Path) -> Path:
+    """The test file of a module."""
     within = module.relative_to(SOURCE)
     return Path("tests") / within.parent / f"test_{within.name}"
 
 
-def mutants(module: Path, text: str) -> Iterator[Mutant]:
-    """Every mutant of a module."""
-    lines = text.splitlines(keepends=True)
-    begins = np.concatenate([[0], np.cumsum([len(line.encode()) for line in lines])])
-    data = text.encode()
-
-    def at(line: int, column: int) -> int:
-        return int(begins[line - 1]) + column
-
-    def mutant(line: int, start: int, end: int, after: str) -> Mutant:
-        changed = data[:start] + after.encode() + data[end:]
-        return Mutant(module, line, data[start:end].decode(), after, changed.decode())
-
-    def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> Iterator[Mutant]:
-        start = at(left.end_lineno or 0, left.end_col_offset or 0)
-        written = data[start : at(right.lineno, right.col_offset)].decode()
-        symbol, after = _SWAPPED.get(type(operator), ("", ""))
-        if symbol and written.count(symbol) == 1 and "#" not in written:
-            begin = start + len(written[: written.index(symbol)].encode())
-            yield mutant(left.end_lineno or 0, begin, begin + len(symbol), after)
-
-    for node in _computing(ast.parse(text)):
-        if isinstance(node, ast.Compare):
-            for left, operator, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
-                yield from between(left, right, operator)
-        elif isinstance(node, ast.BinOp):
-            yield from between(node.left, node.right, node.op)
-        elif isinstance(node, ast.BoolOp):
-            yield from between(node.values[0], node.values[1], node.op)
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            start, end = at(node.lineno, node.col_offset), at(node.end_lineno or 0, node.end_col_offset or 0)
-            after = repr(node.value + 1) if isinstance(node.value, int) else repr(node.value * 2 or 1.0)
-            yield mutant(node.lineno, start, end, after)
-        elif isinstance(node, ast.If | ast.IfExp):
-            test = node.test
-            start, end = at(test.lineno, test.col_offset), at(test.end_lineno or 0, test.end_col_offset or 0)
-            yield mutant(test.lineno, start, end, f"not ({data[start:end].decode()})")
-
-
-def _computing(node: ast.AST) -> Iterator[ast.AST]:
-    """The nodes below that compute: annotations, what is for type checkers alone, and sentences are left out."""
-    for name, value in ast.iter_fields(node):
-        if name in ("annotation", "returns", "decorator_list"):
+def _places(module: Path) -> list[list[MutationSpec]]:
+    """All mutations of a module, those of one place together, in the order of the text."""
+    nodes = list(ast_nodes(get_ast_from_path(module)))
+    places: dict[tuple[int, int], list[MutationSpec]] = {}
+    for name in sorted(cosmic_ray.plugins.operator_names()):
+        short = name.partition("/")[2]
+        if not short.startswith(_OPERATORS) or _EXCLUDED.search(short):
             continue
-        for child in value if isinstance(value, list) else [value]:
-            if isinstance(child, ast.If) and ast.unparse(child.test) in ("TYPE_CHECKING", "__name__ == '__main__'"):
-                continue
-            if isinstance(child, ast.AST) and not isinstance(child, ast.JoinedStr):
-                yield child
-                yield from _computing(child)
+        operator = cosmic_ray.plugins.get_operator(name)()
+        positions = [position for node in nodes for position in operator.mutation_positions(node)]
+        for occurrence, (start, end) in enumerate(positions):
+            places.setdefault(start, []).append(MutationSpec(module, name, occurrence, start, end))
+    return [places[start] for start in sorted(places)]
 
 
-def is_noticed(mutant: Mutant, folder: Path) -> bool:
-    """Whether the module's tests fail, or do not end, with the mutant in the copy of the project in ``folder``."""
-    place = folder / mutant.module
-    sound = place.read_text(encoding="utf-8")
-    place.write_text(mutant.text, encoding="utf-8")
-    try:
-        return not passes(mutant.module, folder)
-    finally:
-        place.write_text(sound, encoding="utf-8")
+def _duration(tests: Path) -> float | None:
+    """Seconds that the tests take without a mutant; None where they fail."""
+    began = time.perf_counter()
+    outcome, _ = run_tests(_command(tests), _FIRST_LIMIT_S)
+    return time.perf_counter() - began if outcome == TestOutcome.SURVIVED else None
 
 
-def passes(module: Path, folder: Path) -> bool:
-    """Whether the tests of the module end well in the copy of the project in ``folder``."""
-    try:
-        ran = subprocess.run(
-            [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", str(mirror_of(module))],
-            cwd=folder,
-            env=os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{folder / 'src'}", "PYTHONDONTWRITEBYTECODE": "1"},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=_LIMIT_S,
-            check=False,
-            preexec_fn=end_with_parent,
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    return ran.returncode == 0
+def _command(tests: Path) -> str:
+    return f"{sys.executable} -m pytest -x -q -p no:cacheprovider {tests}"
 
 
 if __name__ == "__main__":

@@ -1,74 +1,54 @@
-"""Mutants differ from the module in one place; tests that look are told from tests that do not."""
+"""The mutation study on a small project that tests half of its module."""
 
-import ast
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from studies.mutants import draw, is_noticed, mirror_of, mutants, passes
+from studies.mutants import mirrored_tests, results, sample
 
 MODULE = Path("src/pentimento/clay/depth.py")
-TEXT = '''"""Depths, in % of 100."""
-from typing import Literal
-
-def clipped(ä: float, at: Literal[3] = 3) -> float:  # at < 3
-    """At most 2."""
-    if ä is not None and ä > (1):
-        return ä - 0.5
-    return f"{ä + 1}"
-'''
-
-
-def test_each_mutant_is_one_piece_of_the_module_written_otherwise() -> None:
-    found = list(mutants(MODULE, TEXT))
-    assert [(mutant.before, mutant.after, mutant.line) for mutant in found] == [
-        ("3", "4", 4),
-        ("ä is not None and ä > (1)", "not (ä is not None and ä > (1))", 6),
-        ("and", "or", 6),
-        ("is not", "is", 6),
-        (">", "<=", 6),
-        ("1", "2", 6),
-        ("-", "+", 7),
-        ("0.5", "1.0", 7),
-    ]
-    for mutant in found:
-        assert ast.dump(ast.parse(mutant.text)) != ast.dump(ast.parse(TEXT))
-        assert len(mutant.text) - len(TEXT) == len(mutant.after) - len(mutant.before)
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
-    """One that looks at half of what it should."""
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, text in {
-        MODULE: "def depth(a, b):\n    return a - b if a > b else b * 3\n",
-        mirror_of(MODULE): "from pentimento.clay.depth import depth\ndef test():\n    assert depth(3, 1) == 2\n",
+        MODULE: "def depth(a: int | None, b):\n    return a - b if a > b else 3 * b\n",
+        mirrored_tests(MODULE): "from pentimento.clay.depth import depth\ndef test():\n    assert depth(3, 1) == 2\n",
         Path("src/pentimento/clay/untested.py"): "X = 1 + 1\n",
         Path("src/pentimento/clay/__init__.py"): "",
         Path("src/pentimento/__init__.py"): "",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "src"))
     return tmp_path
 
 
-def test_what_nobody_looks_at_lives(project: Path) -> None:
+def test_tests_of_a_module_mirror_its_path() -> None:
+    assert mirrored_tests(MODULE) == Path("tests/clay/test_depth.py")
+
+
+@pytest.mark.usefixtures("project")
+def test_sample_is_fixed_by_its_seed_and_has_one_mutation_a_place_of_tested_modules() -> None:
+    one, again = (sample(100, np.random.default_rng(0)) for _ in range(2))
+    assert one == again and {mutation.module_path for mutation in one} == {MODULE}
+    places = [mutation.start_pos for mutation in one]
+    assert len(set(places)) == len(places) == 5  # a - b, if, >, 3, 3 * b
+
+
+def test_mutants_of_untested_code_survive_and_the_module_is_restored(project: Path) -> None:
     text = (project / MODULE).read_text()
-    assert passes(MODULE, project)
-    noticed = {
-        (mutant.before, mutant.after): is_noticed(mutant, project)
-        for mutant in mutants(MODULE, text)
-        if len(mutant.before) == 1
-    }
-    assert noticed == {("-", "+"): True, (">", "<="): True, ("*", "/"): False, ("3", "4"): False}
+    chosen = [m for m in sample(100, np.random.default_rng(0)) if "Binary" in m.operator_name]
+    *lines, score = results(chosen)
+    assert len(lines) == 2
+    assert any(line.startswith("killed") and "a - b" in line for line in lines)
+    assert any(line.startswith("survived") and "3 * b" in line for line in lines)
+    assert score.startswith("1 of 2 mutants killed (50%)")
     assert (project / MODULE).read_text() == text
 
 
-def test_a_draw_is_of_tested_modules_without_repeats(project: Path) -> None:
-    drawn = draw(project, 100, np.random.default_rng(0))
-    assert {mutant.module for mutant in drawn} == {MODULE}
-    assert len({(mutant.line, mutant.before, mutant.after) for mutant in drawn}) == len(drawn) == 5
-
-
-def test_a_module_s_tests_mirror_it() -> None:
-    assert mirror_of(MODULE) == Path("tests/clay/test_depth.py")
+def test_module_whose_tests_fail_is_not_scored(project: Path) -> None:
+    (project / mirrored_tests(MODULE)).write_text("def test():\n    assert False\n")
+    assert list(results(sample(1, np.random.default_rng(0))))[-1].startswith("0 of 0 mutants killed")
