@@ -31,6 +31,7 @@ from pentimento.control.painter import as_linear, paint
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+from pentimento.planning.adam import half_cosine
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import (
     ExecutionNoise,
@@ -38,7 +39,6 @@ from pentimento.planning.strokes.config import (
     ObjectivesConfig,
     PlannerConfig,
 )
-from pentimento.planning.strokes.descent import half_cosine
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.paints import choose_paints, in_order
 from pentimento.planning.strokes.palette import PaletteChoice
@@ -158,7 +158,7 @@ def plain_adam(
         loss, of_image = objective(image)
         clock("objective", loss, iteration)
         if iteration < ITERATIONS:
-            for (tensor, _), gradient in zip(groups, back(of_image).arrays(), strict=False):
+            for (tensor, _), gradient in zip(groups, back(of_image), strict=False):
                 tensor.grad = torch.from_numpy(gradient)
             adam.step()
             schedule.step()
@@ -201,7 +201,7 @@ def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
         config = replace(OURS, iterations_free=iterations, relocate_every=every, seed=seed)
         clock = _Clock(config.rounds * config.iterations_per_round + iterations // 2)
         rng = np.random.default_rng([seed, 0])
-        free_plan(canvas, scene, STROKES, config, rng, clock)
+        free_plan(canvas, scene, STROKES, config, rng=rng, log=clock)
         row[name] = {
             "reaches_seconds": clock.curve.reaches(adam.loss[-1]),
             "reaches_constant_seconds": clock.curve.reaches(constant.loss[-1]),
@@ -322,7 +322,8 @@ def measure_all(pictures: tuple[str, ...] = PICTURES, seeds: tuple[int, ...] = S
     """A row for each picture and seed; paintings are executed for the first seed. About a minute a row."""
     torch.set_num_threads(1)
     numba.set_num_threads(1)
-    free_plan(*scene_of(PICTURES[0])[::-1], 20, replace(OURS, iterations_free=20), np.random.default_rng(0), _unheard)
+    warm, rng = replace(OURS, iterations_free=20), np.random.default_rng(0)
+    free_plan(*scene_of(PICTURES[0])[::-1], 20, warm, rng=rng, log=_unheard)
     rows = []
     for seed in seeds:
         for picture in pictures:

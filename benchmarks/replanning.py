@@ -117,9 +117,11 @@ def time_steps(scene: Scene, planner: PlannerConfig, objective: Objective, count
         strokes = with_color(strokes, np.tile(np.array(tool.color_srgb, np.float32), (count, 1)))
     strokes.keep_within(tool, scene.canvas_size_m, planner.edge_m)
     paper, rate, free_color = np.ones_like(scene.target), planner.replan_rate, tool.color_srgb is None
-    task, every = (strokes, paper, scene, planner, objective), _WARM + steps
-    way = descend(*task, every, free_color, rate, rate, None, lambda _: faults(count, planner.execution_noise, rng))
-    marks = [(value, time.perf_counter(), time.process_time()) for value in way]
+    values = descend(
+        strokes, paper, scene, planner, objective=objective, iterations=_WARM + steps, free_color=free_color, rate=rate,
+        last_rate=rate, fault=lambda _: faults(count, planner.execution_noise, rng),
+    )  # fmt: skip
+    marks = [(value, time.perf_counter(), time.process_time()) for value in values]
     return (1e3 * np.diff(marks[_WARM - 1 :], axis=0)[:, 1:]).tolist(), marks[0][0]
 
 

@@ -94,7 +94,10 @@ def measure_iterations() -> dict[str, float]:
     meaning = TorchObjective(SemanticObjective(_encoder(), torch.from_numpy(target), VIEWS, _SEED))
 
     def unguided() -> None:
-        optimise(start.pick(slice(None)), paper, scene, config, _TIMED_ITERATIONS, True, 1.0, no_log, 0)
+        strokes = start.pick(slice(None))
+        optimise(
+            strokes, paper, scene, config, iterations=_TIMED_ITERATIONS, free_color=True, rate=1.0, log=no_log
+        )  # fmt: skip
 
     def guided() -> None:
         descend_guided(start.pick(slice(None)), paper, scene, config=config, meaning=meaning, guidance=guidance)

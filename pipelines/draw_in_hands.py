@@ -22,12 +22,12 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.painter import as_linear, observe
 from pentimento.control.safety import envelope_for
 from pentimento.dynamics.strokes.extended import read_stroke_model
-from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
-from pentimento.handwriting.drawing import Drawing, TorchPathBrush, draw_in_hand
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, split_last_session
+from pentimento.handwriting.drawing import Drawing, TorchPathBrush, draw_shapes
 from pentimento.handwriting.evaluation import StrokeClassifier
 from pentimento.planning.objectives import PrintObjective
-from pentimento.planning.strokes.config import HandPlanConfig
-from pentimento.planning.strokes.latent import read_hand
+from pentimento.planning.strokes.config import ShapedPlanConfig
+from pentimento.planning.strokes.latent import read_decoder
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.planning.strokes.shapes import BezierShapes, Shapes
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
@@ -63,7 +63,7 @@ class DrawInHands:
     """Length of line in each drawing, about: by it, not by strokes, hands are comparable."""
     seed: int
     """Of the studio and of the classifier."""
-    planner: HandPlanConfig
+    planner: ShapedPlanConfig
 
     def __post_init__(self) -> None:
         at_least(self, 0, "darkest", "seed")
@@ -86,11 +86,12 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         tool = load_tool(config.tool)
         table = read_table(arguments.demonstrations, CONTRACT).table
-        learned, held_out = last_session_held_out(demonstrated(table, config.planner.path_points))
+        learned, held_out = split_last_session(demonstrated(table, config.planner.path_points))
         who = StrokeClassifier(_paths(learned), learned.hand, config.seed)
-        ways: dict[str, Shapes] = {hand: read_hand(arguments.hands / "hands" / f"{hand}.npz") for hand in learned.hands}
+        files = arguments.hands / "hands"
+        ways: dict[str, Shapes] = {hand: read_decoder(files / f"{hand}.npz") for hand in learned.hands}
         ways |= {
-            NOBODY: read_hand(arguments.hands / "nobody.npz"),
+            NOBODY: read_decoder(arguments.hands / "nobody.npz"),
             BEZIER: BezierShapes(tool, config.planner.path_points),
         }
         brush = TorchPathBrush(read_stroke_model(arguments.model), tool, config.planner.path_points)
@@ -133,8 +134,9 @@ def _drawn(name: str, shapes: Shapes, brush: TorchPathBrush, config: DrawInHands
     robot = _robot(config)
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     scene, _ = _scene(brush, config)
-    return draw_in_hand(
-        robot, calibration, scene, brush, shapes, config.ink_m, config.planner, partial(_log_as, run, name)
+    return draw_shapes(
+        robot, calibration, scene, shapes=shapes, ink_m=config.ink_m, config=config.planner,
+        log=partial(_log_as, run, name),
     )  # fmt: skip
 
 

@@ -10,10 +10,10 @@ from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import write_shards
-from pentimento.handwriting.figures import sheet, sheet_of_mended
+from pentimento.handwriting.figures import sheet, sheet_of_repaired
 from pentimento.handwriting.gather import Source, gather, read_source
 from pentimento.handwriting.repair import Limits
-from pentimento.handwriting.synthetic_writers import MadeUpConfig, made_up_sessions
+from pentimento.handwriting.synthetic_writers import SyntheticConfig, synthetic_sessions
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
@@ -27,7 +27,7 @@ class GatherDemonstrations:
     """Of each stroke in the table, at equal steps of arc length (thesis 5.3.2: 32)."""
     sources: list[Source]
     """Recordings; without any, the made-up hands draw."""
-    made_up: MadeUpConfig
+    made_up: SyntheticConfig
     limits: Limits
 
     def __post_init__(self) -> None:
@@ -45,14 +45,14 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         recordings = [stroke for source in config.sources for stroke in read_source(source)]
         if not config.sources:
-            recordings = made_up_sessions(config.made_up)
+            recordings = synthetic_sessions(config.made_up)
         found = gather(recordings, config.limits, config.points)
         write_shards(out, found.table, CONTRACT)
         points = np.array(found.table.column("points").to_pylist())
         hands = found.table.column("hand").to_pylist()
         shown = [n for hand in dict.fromkeys(hands) for n in [k for k, name in enumerate(hands) if name == hand][:24]]
         write_png(out / "strokes.png", sheet([points[n, :, 1:3] for n in shown]))
-        write_png(out / "dropped.png", sheet_of_mended(found.mended))
+        write_png(out / "dropped.png", sheet_of_repaired(found.mended))
         origin = "Recorded by people." if config.sources else "Made up by sigma-lognormal movements; nobody drew them."
         (out / "README.md").write_text(f"# Demonstrations\n\n{origin} {found.table.num_rows} strokes.\n")
         write_json(out / "metrics.json", found.counts)

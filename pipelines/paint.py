@@ -29,7 +29,7 @@ from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pentimento.planning.objectives import PrintObjective
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.config import PlannerConfig, no_log
-from pentimento.planning.strokes.memory import beyond_fit, foreseen
+from pentimento.planning.strokes.memory import beyond_fit, planned_covariates
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
@@ -185,7 +185,7 @@ def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
 def _warnings(strokes: Strokes, scene: Scene) -> list[str]:
     """Where a plan leaves what the model was fitted to."""
     fitted = scene.brush.fitted
-    return beyond_fit(foreseen(strokes, scene.tool, scene.brush, scene.start, fitted), fitted)
+    return beyond_fit(planned_covariates(strokes, scene.tool, scene.brush, scene.start, names=fitted), fitted)
 
 
 def _plot(

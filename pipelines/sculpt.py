@@ -30,7 +30,7 @@ from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.planning.pushes.goal import GoalFit, GoalSettings, fit_goal
 from pentimento.planning.pushes.plan import PushPlan, plan
-from pentimento.planning.pushes.rollout import Foresight, PushModel
+from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.report.pictures import time_lapse
 from pentimento.robots.end_effectors import EndEffector, load_end_effector
 from pentimento.robots.sculpting import SculptingRobot
@@ -172,7 +172,7 @@ def _predicted(
 ) -> PushPlan:
     """A plan of all actions at once, chosen one by one from the first tries: what would be done without looking."""
     objective = ClayObjective(fit.height_m, members[0].window_m, config.planner.weights)
-    foresight = Foresight(members, objective, config.planner.caution)
+    foresight = EnsembleRollout(members, objective, config.planner.caution)
     reach = reach_for(end_effector, robot.area_m, config.planner.edge_m)
     whole = replace(config.planner, horizon=config.actions, rounds=0, refine="none")
     return plan(height, foresight, reach, whole, config.actions, (number, 0))

@@ -14,12 +14,12 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, split_last_session
 from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, nearest_of_same_hand, reconstruction_mm
 from pentimento.handwriting.figures import drawn_map, flat_map, sheet
 from pentimento.handwriting.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.handwriting.trajvae import Strokes, TrajVAE, generic_hand, hand_of
-from pentimento.planning.strokes.latent import HandDecoder, write_hand
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, decoder_of, generic_decoder
+from pentimento.planning.strokes.latent import StyleDecoder, write_decoder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
@@ -50,16 +50,16 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         checked = read_table(arguments.demonstrations, CONTRACT)
-        learned, held_out = last_session_held_out(demonstrated(checked.table, config.model.points))
+        learned, held_out = split_last_session(demonstrated(checked.table, config.model.points))
         model = pretrain(learned.strokes, config.model, partial(_log_as, run, "pretraining"))
         (out / "hands").mkdir()
-        write_hand(out / "nobody.npz", generic_hand(model))
+        write_decoder(out / "nobody.npz", generic_decoder(model))
         metrics: dict[str, Any] = {"strokes": {"learned": len(learned.hand), "quarantined": len(checked.quarantined)}}
         pictures = []
         for hand in learned.hands:
             decoder, metrics[hand] = _adapted(model, learned.strokes, held_out.of(hand), hand, config, run)
-            write_hand(out / "hands" / f"{hand}.npz", decoder)
-            samples = decoder.some(_SAMPLES, np.random.default_rng([config.model.seed, 31]))
+            write_decoder(out / "hands" / f"{hand}.npz", decoder)
+            samples = decoder.sample(_SAMPLES, np.random.default_rng([config.model.seed, 31]))
             pictures += list(decoder.decode(samples)[0].astype(np.float64))
         write_png(out / "samples.png", sheet(pictures))
         metrics["map"] = _map(model, learned, config, out)
@@ -71,7 +71,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 def _adapted(
     model: TrajVAE, known: Strokes, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
-) -> tuple[HandDecoder, dict[str, float]]:
+) -> tuple[StyleDecoder, dict[str, float]]:
     """The hand from the first strokes of a session that the model has not seen, and errors on the rest of it, mm."""
     count = len(session.hand)
     if count <= config.few:
@@ -87,7 +87,7 @@ def _adapted(
         "nearest_demonstration": nearest_mm(few, rest),
         "mean_stroke": mean_stroke_mm(few, rest),
     }
-    return hand_of(own, few, hand), errors
+    return decoder_of(own, few, hand), errors
 
 
 def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path) -> dict[str, float]:

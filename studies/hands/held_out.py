@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pentimento.handwriting.demonstrated import Demonstrated
 from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.handwriting.training import TrajVAEConfig, fine_tune, pretrain
-from pentimento.handwriting.trajvae import Strokes, TrajVAE, hand_of
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, decoder_of
 from studies.hands.samplers import copies, gaussian
 from studies.hands.sampling import difference_auc, in_standard_frame, sampled_strokes
 
@@ -75,7 +75,7 @@ def _session(model: TrajVAE, strokes: Demonstrated, name: str, few: int, config:
     samples = {}
     for sampler, of in zip(SAMPLERS[:2], (adapted, model), strict=True):
         samples[sampler] = sampled_strokes(of, learned, count, rng)
-    hand = hand_of(adapted, learned, name)
+    hand = decoder_of(adapted, learned, name)
     samples[SAMPLERS[2]] = in_standard_frame(hand.decode(hand.some(count, rng))[0].astype(np.float64))
     samples[SAMPLERS[3]] = in_standard_frame(gaussian(few_m, count, rng))
     samples[SAMPLERS[4]] = in_standard_frame(copies(few_m, count, rng))

@@ -16,7 +16,7 @@ from sklearn.model_selection import StratifiedKFold, cross_val_predict
 
 from pentimento.handwriting.evaluation import TREES, even_path, features
 from pentimento.handwriting.recording import standardise
-from pentimento.handwriting.trajvae import Strokes, TrajVAE, hand_of
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, decoder_of
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def sampled_strokes(model: TrajVAE, few: Strokes, count: int, rng: np.random.Gen
     their density with a covariance for each stroke (Terrell & Scott 1992, Variable kernel density estimation), so that
     lines vary as lines do and scribbles as scribbles.
     """
-    hand = hand_of(model, few, "")
+    hand = decoder_of(model, few, "")
     known, latent = few.xy_m.double().numpy(), hand.latent_mean.astype(np.float64)
     apart = np.linalg.norm(latent[:, None] - latent, axis=-1)
     near = np.argsort(apart, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 1]

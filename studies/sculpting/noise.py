@@ -23,7 +23,7 @@ from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.plan import plan
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 from studies.sculpting.clay import model_of, robot_with, settings
 
 Array = NDArray[np.float32]
@@ -50,7 +50,7 @@ def main(arguments: argparse.Namespace) -> None:
     relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px)
     fit = fit_goal(relief, height, setting.fit)
     objective = ClayObjective(fit.height_m, scan.window_m, replace(given.planner.weights, visual=VISUAL))
-    foresight = Foresight(members, objective, given.planner.caution)
+    foresight = EnsembleRollout(members, objective, given.planner.caution)
     reach = reach_for(end_effector, robot.area_m, given.planner.edge_m)
     actions = _planned(height, foresight, reach, given.planner)
     nothing = {
@@ -83,7 +83,7 @@ def main(arguments: argparse.Namespace) -> None:
     atomic_write(arguments.out, (json.dumps(said, indent=1) + "\n").encode())
 
 
-def _planned(height: Array, foresight: Foresight, reach: Reach, config: SculptorConfig) -> FloatArray:
+def _planned(height: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig) -> FloatArray:
     """Actions [N, 5] planned as a robot would, looking after every few; what it sees is what the model says."""
     made: list[FloatArray] = []
     left = np.zeros((0, 5))

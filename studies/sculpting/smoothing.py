@@ -24,7 +24,7 @@ from pentimento.goals3d.shading import photograph
 from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.plan import plan
-from pentimento.planning.pushes.rollout import Foresight, PushModel
+from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
 from studies.sculpting.chamfer import ChamferObjective
@@ -133,7 +133,7 @@ def _next(
         given.planner, horizon=1, candidates=64, rounds=2, guided=0.5, refine=refine, iterations=10, samples=8
     )  # fmt: skip
     reach = reach_for(load_end_effector(tool), area_m, config.edge_m)
-    actions = plan(height, Foresight(members, objective, 0.0), reach, config, 1, (number,)).actions
+    actions = plan(height, EnsembleRollout(members, objective, 0.0), reach, config, 1, (number,)).actions
     return actions[0] if len(actions) else None
 
 

@@ -29,7 +29,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import LoopTiming, Span
-from pentimento.planning.strokes.memory import Start, foreseen
+from pentimento.planning.strokes.memory import Start, planned_covariates
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
 from pentimento.robots.dipping import needs_dip
@@ -118,8 +118,10 @@ def test_covariates_of_remaining_strokes_follow_the_start() -> None:
     blank = np.full((40, 40, 3), 0.9, np.float32)
     strokes, _ = plan(blank, scene(), 6, INK, unheard)
     here = scene()
-    whole = foreseen(strokes, MARKER, here.brush, here.start, ("order",))
-    rest = foreseen(strokes.pick(slice(4, None)), MARKER, here.brush, replace(here.start, made=4), ("order",))
+    whole = planned_covariates(strokes, MARKER, here.brush, here.start, names=("order",))
+    rest = planned_covariates(
+        strokes.pick(slice(4, None)), MARKER, here.brush, replace(here.start, made=4), names=("order",)
+    )
     np.testing.assert_array_equal(rest["order"], whole["order"][4:])
 
 

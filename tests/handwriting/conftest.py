@@ -4,10 +4,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, split_last_session
 from pentimento.handwriting.gather import gather
 from pentimento.handwriting.repair import Limits
-from pentimento.handwriting.synthetic_writers import MadeUpConfig, made_up_sessions
+from pentimento.handwriting.synthetic_writers import SyntheticConfig, synthetic_sessions
 from pentimento.handwriting.training import Course, TrajVAEConfig, pretrain
 from pentimento.handwriting.trajvae import TrajVAE
 
@@ -19,13 +19,13 @@ CONFIG = TrajVAEConfig(
 
 @pytest.fixture(scope="session")
 def table() -> pa.Table:
-    recorded = made_up_sessions(MadeUpConfig(sessions=3, strokes=16, seed=2))
+    recorded = synthetic_sessions(SyntheticConfig(sessions=3, strokes=16, seed=2))
     return gather(recorded, Limits(5, 3e-3, 8.0, 1e-3, 0.6), 16).table
 
 
 @pytest.fixture(scope="session")
 def parts(table: pa.Table) -> tuple[Demonstrated, Demonstrated]:
-    return last_session_held_out(demonstrated(table, 16))
+    return split_last_session(demonstrated(table, 16))
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.handwriting.recording import XY, Recording, recording
-from pentimento.handwriting.repair import Limits, mend, mend_all
+from pentimento.handwriting.repair import Limits, mend, repair_all
 
 LIMITS = Limits(longest_hole=5, jump_m=3e-3, jump_times=8.0, shortest_m=1e-3, longest_m=0.6)
 
@@ -86,7 +86,7 @@ def test_what_is_no_stroke_is_refused(xy: np.ndarray, fault: str) -> None:
 def test_counts_are_summed_over_recordings() -> None:
     spiked = line()
     spiked.points[20, 2] += 0.05
-    strokes, counts, mended = mend_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)
+    strokes, counts, mended = repair_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)
     assert (len(strokes), len(mended)) == (2, 2)
     assert {fault: count for fault, count in counts.items() if count} == {
         "spikes_removed": 1,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.handwriting.recording import PRESSURE, XY, Z
-from pentimento.handwriting.synthetic_writers import HANDS, MadeUpConfig, Movement, made_up_sessions, trajectory
+from pentimento.handwriting.synthetic_writers import HANDS, Movement, SyntheticConfig, synthetic_sessions, trajectory
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, -3.0])
@@ -23,8 +23,8 @@ def test_its_speed_is_a_lognormal_bell() -> None:
 
 
 def test_sessions_are_their_seeds_and_hands_have_their_sizes() -> None:
-    config = MadeUpConfig(sessions=2, strokes=4, seed=5)
-    one, other = made_up_sessions(config), made_up_sessions(MadeUpConfig(sessions=3, strokes=6, seed=5))
+    config = SyntheticConfig(sessions=2, strokes=4, seed=5)
+    one, other = synthetic_sessions(config), synthetic_sessions(SyntheticConfig(sessions=3, strokes=6, seed=5))
     assert len(one) == 2 * 4 * len(HANDS)
     counterfactual = next(s for s in other if s.session == one[5].session and np.array_equal(s.points, one[5].points))
     assert counterfactual.hand == one[5].hand  # more sessions and strokes leave the others as they are

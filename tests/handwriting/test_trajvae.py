@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from pentimento.contracts.errors import ContractError
-from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, last_session_held_out
+from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, split_last_session
 from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, reconstruction_mm
 from pentimento.handwriting.training import fine_tune, pretrain
-from pentimento.handwriting.trajvae import Strokes, TrajVAE, generic_hand, hand_of, sizes_m
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, decoder_of, generic_decoder, sizes_m
 from studies.hands.sampling import sampled_strokes
 from tests.handwriting.conftest import CONFIG, lengths_mm
 
@@ -48,8 +48,8 @@ def test_fine_tuning_on_a_few_strokes_comes_nearer_to_a_hand_that_was_not_learne
 
 def test_the_file_decodes_as_the_model(model: TrajVAE, parts: Parts) -> None:
     strokes = parts[1].of("loops").strokes
-    hand = hand_of(model, strokes, "loops")
-    latent = hand.some(5, np.random.default_rng(0))
+    hand = decoder_of(model, strokes, "loops")
+    latent = hand.sample(5, np.random.default_rng(0))
     with torch.no_grad():
         xy, _ = model.decode(torch.from_numpy(latent))
     np.testing.assert_allclose(hand.decode(latent)[0], xy.numpy(), atol=1e-6)
@@ -59,11 +59,11 @@ def test_the_file_decodes_as_the_model(model: TrajVAE, parts: Parts) -> None:
 def test_samples_of_a_hand_are_of_its_size_and_nobody_s_are_not(model: TrajVAE, parts: Parts) -> None:
     for hand in ("dots", "arcs"):
         own = parts[0].of(hand).strokes
-        decoder = hand_of(model, own, hand)
-        drawn = decoder.decode(decoder.some(100, np.random.default_rng(1)))[0]
+        decoder = decoder_of(model, own, hand)
+        drawn = decoder.decode(decoder.sample(100, np.random.default_rng(1)))[0]
         assert np.median(lengths_mm(drawn)) == pytest.approx(np.median(lengths_mm(own.xy_m.numpy())), rel=0.25)
-    nobody = generic_hand(model)
-    assert nobody.some(3000, np.random.default_rng(2)).std() == pytest.approx(1, abs=0.02)
+    nobody = generic_decoder(model)
+    assert nobody.sample(3000, np.random.default_rng(2)).std() == pytest.approx(1, abs=0.02)
 
 
 def test_unknown_heights_ask_nothing_of_the_decoder(model: TrajVAE, parts: Parts) -> None:
@@ -84,7 +84,7 @@ def test_one_session_cannot_be_held_out(table: pa.Table) -> None:
     once = demonstrated(table, 16)
     alone = replace(once, session=tuple(once.hand))
     with pytest.raises(ContractError, match="one session"):
-        last_session_held_out(alone)
+        split_last_session(alone)
     with pytest.raises(ContractError, match="no rows"):
         demonstrated(table.slice(0, 0), 16)
 

@@ -9,7 +9,7 @@ import pytest
 from pentimento.handwriting.demonstrated import demonstrated
 from pentimento.handwriting.gather import gather
 from pentimento.handwriting.repair import Limits
-from pentimento.handwriting.synthetic_writers import MadeUpConfig, made_up_sessions
+from pentimento.handwriting.synthetic_writers import SyntheticConfig, synthetic_sessions
 from pentimento.handwriting.training import Course, TrajVAEConfig
 from studies.hands.by_number import told_by_number
 from studies.hands.held_out import SAMPLERS, held_out_sessions, pretrained_without, told_apart
@@ -44,7 +44,7 @@ def test_copies_keep_their_ends_and_lie_near_a_demonstration() -> None:
 
 
 def test_sessions_are_held_out_once_and_told_apart() -> None:
-    recorded = made_up_sessions(MadeUpConfig(sessions=2, strokes=20, seed=4))
+    recorded = synthetic_sessions(SyntheticConfig(sessions=2, strokes=20, seed=4))
     strokes = demonstrated(gather(recorded, LIMITS, 16).table, 16)
     strokes = strokes.pick(np.array([hand == "arcs" for hand in strokes.hand]))
     results = held_out_sessions(pretrained_without(strokes, 20, CONFIG), strokes, few=10, config=CONFIG)
@@ -67,7 +67,7 @@ def test_sessions_are_held_out_once_and_told_apart() -> None:
 def test_samples_of_a_long_session_are_told_apart_by_how_many_strokes_are_known(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    recorded = made_up_sessions(MadeUpConfig(sessions=2, strokes=60, seed=4))
+    recorded = synthetic_sessions(SyntheticConfig(sessions=2, strokes=60, seed=4))
     strokes = demonstrated(gather(recorded, LIMITS, 16).table, 16)
     long = [n for n, name in enumerate(strokes.session) if name == "arcs_0"]
     short = [n for n, name in enumerate(strokes.session) if name == "hatching_1"][:26]  # 20 can be known, 40 cannot

@@ -161,7 +161,8 @@ def predict(strokes: Strokes, photo: Image, scene: Scene) -> Array:
 def replan_rest(remaining: Strokes, photo: Image, scene: Scene, config: PlannerConfig) -> None:
     """Optimise the remaining strokes, in place, on the canvas as photographed, sRGB [H, W, 3]."""
     optimise(
-        remaining, as_linear(photo), scene, config, config.iterations_replan, False, config.replan_rate, _ignore, 0
+        remaining, as_linear(photo), scene, config, iterations=config.iterations_replan, free_color=False,
+        rate=config.replan_rate, log=_ignore,
     )  # fmt: skip
     remaining.inherited = None
 

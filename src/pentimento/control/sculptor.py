@@ -19,7 +19,7 @@ from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
 from pentimento.planning.pushes.plan import PushPlan, plan
-from pentimento.planning.pushes.rollout import Foresight, PushModel
+from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.robots.end_effectors import EndEffector
 from pentimento.robots.sculpting import SculptingRobot
 
@@ -174,10 +174,10 @@ class Sculptor:
         return run_loop(self, progress, hooks)
 
     @cached_property
-    def foresight(self) -> Foresight:
+    def foresight(self) -> EnsembleRollout:
         """The models' predictions with the objective of the goal."""
         objective = ClayObjective(self.goal_m, self.members[0].window_m, self.config.weights)
-        return Foresight(self.members, objective, self.config.caution)
+        return EnsembleRollout(self.members, objective, self.config.caution)
 
     def outcome(self, state: SculptureProgress) -> Outcome | None:
         """See ``control.loop.Task``."""

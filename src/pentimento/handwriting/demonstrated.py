@@ -63,7 +63,7 @@ def demonstrated(table: pa.Table, points: int) -> Demonstrated:
     return Demonstrated(strokes, tuple(table.column("hand").to_pylist()), tuple(table.column("session").to_pylist()))
 
 
-def last_session_held_out(all_strokes: Demonstrated) -> tuple[Demonstrated, Demonstrated]:
+def split_last_session(all_strokes: Demonstrated) -> tuple[Demonstrated, Demonstrated]:
     """Strokes to learn from, and each hand's last session, by name.
 
     Raises:

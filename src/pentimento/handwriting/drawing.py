@@ -1,8 +1,8 @@
-"""A drawing in a hand: planned, executed by a robot, photographed, and looked at stroke by stroke."""
+"""A drawing of shaped strokes: planned, executed by a robot and photographed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,9 @@ from pentimento.control.painter import as_linear, observe
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.simulation import StrokeContext, extended_mark, full_at_most
 from pentimento.planning.strokes.brush import Array, Marks
-from pentimento.planning.strokes.config import HandPlanConfig, Log
-from pentimento.planning.strokes.latent_planner import PathBrush, plan_in_hand, predict_drawing
+from pentimento.planning.strokes.config import Log, ShapedPlanConfig
+from pentimento.planning.strokes.planner import plan_shapes
+from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene
 from pentimento.planning.strokes.shapes import Shapes, planned_strokes
 from pentimento.robots.driver import Robot
@@ -30,30 +31,25 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """What came of a plan."""
+    """A plan and its execution."""
 
     planned: list[PlannedStroke]
     measured_m: list[FloatArray]
-    """[N, 2] of each stroke: where the robot says that its tip went."""
+    """[N, 2] of each stroke: the path of the tip, canvas frame, as the robot measured it."""
     photo: Image
     """sRGB [H, W, 3]."""
     predicted: Image
+    """sRGB [H, W, 3]."""
 
 
-def draw_in_hand(
-    robot: Robot,
-    calibration: CameraCalibration,
-    scene: Scene,
-    brush: PathBrush,
-    shapes: Shapes,
-    ink_m: float,
-    config: HandPlanConfig,
-    log: Log,
-) -> Drawing:
-    """Draw the scene's target with about ``ink_m`` of line, on the sheet before the robot."""
+def draw_shapes(
+    robot: Robot, calibration: CameraCalibration, scene: Scene, *, shapes: Shapes, ink_m: float,
+    config: ShapedPlanConfig, log: Log,
+) -> Drawing:  # fmt: skip
+    """Draw the scene's target with about ``ink_m`` metres of line, on the sheet in front of the robot."""
     canvas = as_linear(observe(robot, calibration, config.pixels_per_m))
-    strokes = plan_in_hand(canvas, scene, brush, shapes, ink_m, config, log)
-    predicted = linear_to_srgb(np.clip(predict_drawing(strokes, canvas, scene, brush), 0.0, 1.0))
+    strokes = plan_shapes(canvas, scene, shapes, ink_m, config=config, log=log)
+    predicted = linear_to_srgb(np.clip(render_plan(strokes, canvas, scene), 0.0, 1.0))
     planned = planned_strokes(strokes, scene.tool)
     memory = fresh_memory(robot.canvas_size_m, scene.tool.nominal_width_m)
     ink = np.array([scene.tool.color_srgb], dtype=np.float64)
@@ -73,7 +69,7 @@ class TorchPathBrush(TorchBrush):
     """A stroke model as a ``planning.strokes.brush.Brush`` that also takes paths of any shape (``PathBrush``)."""
 
     def path_marks(
-        self, paths: Array, color: Array, inherited: dict[str, Array]
+        self, paths: Array, color: Array, inherited: Mapping[str, Array]
     ) -> tuple[Marks, Callable[[Marks], Array]]:
         """See ``PathBrush``. Gradients treat times as constants. The pull-back may be called once."""
         path = torch.tensor(paths, requires_grad=True)

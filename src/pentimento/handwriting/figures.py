@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.manifold import TSNE
 
 from pentimento.handwriting.recording import XY
-from pentimento.handwriting.repair import Mended
+from pentimento.handwriting.repair import Repaired
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -29,7 +29,7 @@ def sheet(paths: Sequence[FloatArray], size_m: float | None = None) -> Image:
     return _grid([_drawn(path, np.ones(len(path), dtype=bool), scale) for path in paths])
 
 
-def sheet_of_mended(mended: Sequence[Mended], most: int = 48) -> Image:
+def sheet_of_repaired(mended: Sequence[Repaired], most: int = 48) -> Image:
     """The first recordings that were not whole, each at its own scale: what was kept, and in red what was dropped."""
     cells = []
     for each in mended[:most]:

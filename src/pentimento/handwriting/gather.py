@@ -17,7 +17,7 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.handwriting.json_recordings import read_quickdraw, read_tablet
 from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read_optitrack
 from pentimento.handwriting.recording import PRESSURE, Recording, standardise
-from pentimento.handwriting.repair import Limits, Mended, mend_all
+from pentimento.handwriting.repair import Limits, Repaired, repair_all
 from pentimento.handwriting.svg_paths import read_svg
 
 
@@ -43,7 +43,7 @@ class Gathered:
 
     table: pa.Table
     counts: dict[str, Any]
-    mended: list[Mended]
+    mended: list[Repaired]
     """The recordings that were not whole."""
 
 
@@ -80,7 +80,7 @@ def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gath
     Raises:
         ContractError: nothing is left.
     """
-    strokes, faults, mended = mend_all(recordings, limits)
+    strokes, faults, mended = repair_all(recordings, limits)
     if not strokes:
         raise ContractError(f"None of the {len(recordings)} recorded strokes can be used: {faults}.")
     number: Counter[str] = Counter()

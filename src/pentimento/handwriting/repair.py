@@ -50,7 +50,7 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Mended:
+class Repaired:
     """What came of one recording."""
 
     source: Recording
@@ -69,7 +69,7 @@ FAULTS = (
 """All kinds. Those that begin with `strokes_` are refusals, all others were mended."""
 
 
-def mend(source: Recording, limits: Limits) -> Mended:
+def mend(source: Recording, limits: Limits) -> Repaired:
     """Repair one recording, or refuse it."""
     counts: Counter[str] = Counter()
     points = source.points.copy()
@@ -87,10 +87,10 @@ def mend(source: Recording, limits: Limits) -> Mended:
             used[piece] = True
         else:
             counts[reason] += 1
-    return Mended(source, tuple(strokes), ~used, counts)
+    return Repaired(source, tuple(strokes), ~used, counts)
 
 
-def mend_all(sources: Sequence[Recording], limits: Limits) -> tuple[list[Recording], dict[str, int], list[Mended]]:
+def repair_all(sources: Sequence[Recording], limits: Limits) -> tuple[list[Recording], dict[str, int], list[Repaired]]:
     """All strokes in their order, how often each of ``FAULTS`` was met, and the recordings that had any."""
     mended = [mend(source, limits) for source in sources]
     total = sum((each.counts for each in mended), Counter[str]())

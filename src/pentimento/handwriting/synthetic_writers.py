@@ -32,7 +32,7 @@ _SHEET_M: Final = (0.24, 0.18)
 
 
 @dataclass(frozen=True)
-class MadeUpConfig:
+class SyntheticConfig:
     """How much the made-up hands draw."""
 
     sessions: int
@@ -47,7 +47,7 @@ class MadeUpConfig:
         at_least(self, 0, "seed")
 
 
-def made_up_sessions(config: MadeUpConfig) -> list[Recording]:
+def synthetic_sessions(config: SyntheticConfig) -> list[Recording]:
     """All sessions of all hands; each stroke depends on the seed, its hand, session and number only."""
     return [
         _stroke(hand, number, session, index, config.seed)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from pentimento.planning.strokes.latent import Array, HandDecoder, Layer
+from pentimento.planning.strokes.latent import Array, Layer, StyleDecoder
 
 
 class Strokes(NamedTuple):
@@ -94,7 +94,7 @@ def _perceptron(inputs: int, width: int, outputs: int) -> nn.Sequential:
     )
 
 
-def hand_of(model: TrajVAE, strokes: Strokes, hand: str) -> HandDecoder:
+def decoder_of(model: TrajVAE, strokes: Strokes, hand: str) -> StyleDecoder:
     """The model's decoder with the latents of the strokes that the hand was learned from. Heights are left out:
     planning chooses its own (thesis 5.3.3).
     """
@@ -106,13 +106,13 @@ def hand_of(model: TrajVAE, strokes: Strokes, hand: str) -> HandDecoder:
     modes = last.reshape(-1, model.points, 2)
     of_points = torch.einsum("wkd,kn->wnd", modes, model.waves).flatten(1)
     layers.append(Layer(_array(of_points[:-1]), _array(of_points[-1])))
-    return HandDecoder(hand, tuple(layers), model.scale_m, _array(mean), _array(deviation))
+    return StyleDecoder(hand, tuple(layers), model.scale_m, _array(mean), _array(deviation))
 
 
-def generic_hand(model: TrajVAE) -> HandDecoder:
+def generic_decoder(model: TrajVAE) -> StyleDecoder:
     """Nobody's: latents from the standard normal distribution, where no hand is known."""
     nobody = Strokes(torch.zeros(1, model.points, 2), torch.zeros(1, model.points), torch.zeros(1))
-    decoder = hand_of(model, nobody, "nobody")
+    decoder = decoder_of(model, nobody, "nobody")
     mean = torch.zeros(1, model.latent)
     return replace(decoder, latent_mean=_array(mean), latent_deviation=_array(mean + 1))
 

@@ -1,1 +1,1 @@
-"""From a picture to strokes, and from strokes to a painting: plan, execute some, look, replan the rest."""
+"""Plans of strokes and of pushes: from a goal to actions, optimised through a model of what each action does."""

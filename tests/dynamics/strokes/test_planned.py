@@ -59,7 +59,7 @@ def test_pictures_and_gradients_are_those_of_the_simulation(kinds: tuple[type[Me
     expected = simulated(model, leaves, strokes, tool_name, torch.from_numpy(canvas))
     np.testing.assert_allclose(image, expected.detach().numpy(), atol=2e-4)  # curvature is near rounding
     torch.autograd.backward(expected, torch.from_numpy(weight))
-    for found, leaf in zip(back(weight).arrays(), leaves, strict=True):
+    for found, leaf in zip(back(weight), leaves, strict=True):
         assert leaf.grad is not None
         np.testing.assert_allclose(found, leaf.grad.numpy(), atol=2e-3 * float(leaf.grad.abs().max()))
 

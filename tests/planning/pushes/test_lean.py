@@ -14,14 +14,14 @@ import pentimento.control.sculptor
 from pentimento.planning.pushes.goal import GoalSettings, fit_goal
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.plan import plan
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 from tests.planning.pushes.settings import CONFIG, REACH
 
 bar = np.zeros(flat().shape)
 bar[20:28, 10:38] = -1.0
 goal = fit_goal(bar, flat(), GoalSettings(1.0, 10.0, 0.01, 0.5, 0.003, 0.1)).height_m
-foresight = Foresight([PressedClay()], ClayObjective(goal, WINDOW_M, CONFIG.weights), 0.0)
+foresight = EnsembleRollout([PressedClay()], ClayObjective(goal, WINDOW_M, CONFIG.weights), 0.0)
 values = plan(flat(), foresight, REACH, CONFIG, 4, (0,)).values
 assert values[-1] < 0.7 * values[0], values
 """

@@ -10,15 +10,17 @@ from pentimento.planning.pushes.config import ends
 from pentimento.planning.pushes.initialise import best_action, candidates
 from pentimento.planning.pushes.plan import PushPlan, foreseen, plan
 from pentimento.planning.pushes.refine import cross_entropy, descend
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 from tests.planning.pushes.settings import CONFIG, REACH
 
 MADE = np.array([[0.03, 0.03, 0.5, 0.025, 0.006], [0.07, 0.06, 2.5, 0.02, 0.005]])
 
 
-def towards(goal: np.ndarray, strength: float = 1.0) -> Foresight:
-    return Foresight([PressedClay(strength=strength)], ClayObjective(goal, WINDOW_M, Weights(1.0, 1.0)), caution=0.0)
+def towards(goal: np.ndarray, strength: float = 1.0) -> EnsembleRollout:
+    return EnsembleRollout(
+        [PressedClay(strength=strength)], ClayObjective(goal, WINDOW_M, Weights(1.0, 1.0)), caution=0.0
+    )
 
 
 REACHABLE = towards(towards(flat()).roll_out(flat(), MADE)[0])
@@ -127,7 +129,7 @@ def test_caution_prefers_what_the_members_agree_on() -> None:
     members[1] = Unsure()
     shares = []
     for caution in (0.0, 8.0):
-        foresight = Foresight(members, objective, caution)
+        foresight = EnsembleRollout(members, objective, caution)
         action, _ = best_action(foresight.start(flat()), foresight, REACH, CONFIG, np.random.default_rng(0))
         after = foresight.act(foresight.start(flat()), action)
         shares.append(float(np.var(after, axis=0).mean()))

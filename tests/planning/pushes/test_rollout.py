@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.planning.objectives import ClayObjective, Weights
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 
 PUSHES = np.array([[0.03, 0.04, 0.4, 0.02, 0.005], [0.06, 0.05, 2.0, 0.015, 0.004]])
@@ -13,7 +13,7 @@ OBJECTIVE = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 2.0))
 
 
 def test_the_gradient_of_a_sequence_is_that_of_finite_differences() -> None:
-    foresight = Foresight([PressedClay(), PressedClay(radius_m=0.012)], OBJECTIVE, caution=2.0)
+    foresight = EnsembleRollout([PressedClay(), PressedClay(radius_m=0.012)], OBJECTIVE, caution=2.0)
     _, gradient = foresight.value_and_gradient(flat(), PUSHES)
     way = np.random.default_rng(1).normal(0, 1, PUSHES.shape) * [1e-4, 1e-4, 1e-2, 1e-4, 1e-4]
     low, high = (foresight.value(foresight.roll_out(flat(), PUSHES + sign * way)) for sign in (-1, 1))
@@ -21,7 +21,7 @@ def test_the_gradient_of_a_sequence_is_that_of_finite_differences() -> None:
 
 
 def test_alternatives_have_the_values_of_each_alone() -> None:
-    foresight = Foresight([PressedClay(), PressedClay(strength=0.8)], OBJECTIVE, caution=1.0)
+    foresight = EnsembleRollout([PressedClay(), PressedClay(strength=0.8)], OBJECTIVE, caution=1.0)
     states = foresight.start(flat())
     alone = [foresight.value(foresight.act(states, push)) for push in PUSHES]
     np.testing.assert_allclose(foresight.values_after(states, PUSHES), alone, rtol=1e-5)
@@ -30,25 +30,25 @@ def test_alternatives_have_the_values_of_each_alone() -> None:
 def test_a_caution_of_1_is_the_expected_3d_error() -> None:
     members = [PressedClay(), PressedClay(strength=0.6)]
     objective = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 0.0))
-    states = Foresight(members, objective, caution=1.0).roll_out(flat(), PUSHES)
+    states = EnsembleRollout(members, objective, caution=1.0).roll_out(flat(), PUSHES)
     expected = float(objective.error_3d_mm2(states).mean())
-    assert Foresight(members, objective, caution=1.0).value(states) == pytest.approx(expected, rel=1e-3)
-    assert Foresight(members, objective, caution=0.0).value(states) < expected
+    assert EnsembleRollout(members, objective, caution=1.0).value(states) == pytest.approx(expected, rel=1e-3)
+    assert EnsembleRollout(members, objective, caution=0.0).value(states) < expected
 
 
 def test_one_member_has_nothing_to_disagree_with() -> None:
-    states = Foresight([PressedClay()], OBJECTIVE, caution=9.0).roll_out(flat(), PUSHES)
-    assert Foresight([PressedClay()], OBJECTIVE, caution=9.0).value(states) == float(OBJECTIVE.values(states[0]))
+    states = EnsembleRollout([PressedClay()], OBJECTIVE, caution=9.0).roll_out(flat(), PUSHES)
+    assert EnsembleRollout([PressedClay()], OBJECTIVE, caution=9.0).value(states) == float(OBJECTIVE.values(states[0]))
 
 
 def test_no_action_leaves_the_clay() -> None:
-    foresight = Foresight([PressedClay()], OBJECTIVE, caution=0.0)
+    foresight = EnsembleRollout([PressedClay()], OBJECTIVE, caution=0.0)
     np.testing.assert_array_equal(foresight.roll_out(flat(), np.zeros((0, 5)))[0], flat())
     assert foresight.value_and_gradient(flat(), np.zeros((0, 5)))[1].shape == (0, 5)
 
 
 def test_members_of_different_end_effectors_are_refused() -> None:
     with pytest.raises(ValueError, match="end-effector"):
-        Foresight([PressedClay(), PressedClay(end_effector="edge")], OBJECTIVE, 0.0)
+        EnsembleRollout([PressedClay(), PressedClay(end_effector="edge")], OBJECTIVE, 0.0)
     with pytest.raises(ValueError, match="no push model"):
-        Foresight([], OBJECTIVE, 0.0)
+        EnsembleRollout([], OBJECTIVE, 0.0)

@@ -9,8 +9,9 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.handwriting.drawing import TorchPathBrush
 from pentimento.planning.objectives import PrintObjective
-from pentimento.planning.strokes.config import HandPlanConfig, HandRates
-from pentimento.planning.strokes.latent_planner import plan_in_hand, predict_drawing
+from pentimento.planning.strokes.config import ShapedPlanConfig, ShapeRates
+from pentimento.planning.strokes.planner import plan_shapes
+from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.planning.strokes.shapes import BezierShapes, Shapes
 from pentimento.robots.tools import load_tool
@@ -18,10 +19,10 @@ from tests.planning.strokes.scenes import PARAMETERS, unheard
 from tests.planning.strokes.test_shapes import MARKER, hand
 
 POINTS, SIZE_M = 12, (0.12, 0.08)
-CONFIG = HandPlanConfig(
+CONFIG = ShapedPlanConfig(
     candidates=4, rounds=2, iterations_per_round=6, iterations=12, relocate_every=6, relocate_share=0.3, reach=1.0,
     path_points=POINTS, pixels_per_m=500.0, edge_m=4e-3, distances_px=(1, 4),
-    learning_rates=HandRates(8e-4, 0.05, 2e-5, 0.05), seed=1,
+    learning_rates=ShapeRates(8e-4, 0.05, 2e-5, 0.05), seed=1,
 )  # fmt: skip
 WHITE = np.ones((40, 60, 3), np.float32)
 BRUSH = TorchPathBrush(base_model(replace(PARAMETERS, thickness_at_contact_m=1e-3)), MARKER, POINTS)
@@ -37,32 +38,32 @@ def scene() -> Scene:
 @pytest.mark.parametrize("shapes", [hand(), BezierShapes(MARKER, POINTS)], ids=["hand", "bezier"])
 def test_a_plan_lowers_the_objective_and_is_the_same_again(shapes: Shapes) -> None:
     heard: list[float] = []
-    strokes = plan_in_hand(WHITE, scene(), BRUSH, shapes, 0.35, CONFIG, lambda *value: heard.append(value[1]))
+    strokes = plan_shapes(WHITE, scene(), shapes, 0.35, config=CONFIG, log=lambda *value: heard.append(value[1]))
     drawn_m = np.linalg.norm(np.diff(strokes.placed()[0][..., 1:3], axis=1), axis=-1).sum()
     assert drawn_m == pytest.approx(0.35, rel=0.25)
     objective = PrintObjective(scene().target, CONFIG.distances_px)
-    blank, after = objective(WHITE)[0], objective(predict_drawing(strokes, WHITE, scene(), BRUSH))[0]
+    blank, after = objective(WHITE)[0], objective(render_plan(strokes, WHITE, scene()))[0]
     assert after < 0.8 * blank
     assert min(heard[-4:]) < heard[0]
     assert len(heard) == 2 * 6 + 12
     if isinstance(shapes, type(hand())):
-        assert (np.abs(strokes.numbers - strokes.home) <= shapes.spread * (1 + 1e-6)).all()
-        assert (strokes.numbers != strokes.home).any()  # latents take part
-    again = plan_in_hand(WHITE, scene(), BRUSH, shapes, 0.35, CONFIG, unheard)
+        assert (np.abs(strokes.parameters - strokes.start) <= shapes.spread * (1 + 1e-6)).all()
+        assert (strokes.parameters != strokes.start).any()  # latents take part
+    again = plan_shapes(WHITE, scene(), shapes, 0.35, config=CONFIG, log=unheard)
     for one, other in zip(strokes.arrays(), again.arrays(), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 def test_nothing_is_drawn_with_no_strokes() -> None:
-    assert len(plan_in_hand(WHITE, scene(), BRUSH, hand(), 0.0, CONFIG, unheard)) == 0
+    assert len(plan_shapes(WHITE, scene(), hand(), 0.0, config=CONFIG, log=unheard)) == 0
 
 
 def test_paints_and_other_numbers_of_points_are_refused() -> None:
     brush = load_tool("round_brush")
     with pytest.raises(ConfigError, match="takes paints"):
-        plan_in_hand(WHITE, replace(scene(), tool=brush), BRUSH, hand(), 0.1, CONFIG, unheard)
+        plan_shapes(WHITE, replace(scene(), tool=brush), hand(), 0.1, config=CONFIG, log=unheard)
     with pytest.raises(ConfigError, match="do not fit"):
-        plan_in_hand(WHITE, scene(), BRUSH, hand(points=9), 0.1, CONFIG, unheard)
+        plan_shapes(WHITE, scene(), hand(points=9), 0.1, config=CONFIG, log=unheard)
 
 
 @pytest.mark.parametrize(

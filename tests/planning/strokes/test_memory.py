@@ -22,8 +22,8 @@ from pentimento.planning.strokes.memory import (
     Start,
     beyond_fit,
     commanded,
-    foreseen,
     inherited,
+    planned_covariates,
 )
 from pentimento.planning.strokes.render_plan import Fault, render_and_back, render_plan
 from pentimento.planning.strokes.scene import Scene, inherit, scene_with
@@ -99,7 +99,7 @@ def test_foreseen_is_what_execution_records() -> None:
     for stroke in to_planned(strokes, BRUSH, POINTS):
         memory, done = execute_stroke(robot, BRUSH, stroke, palette, memory, session)
         rows.append(done.covariates | {"t_start_s": done.event.t_start_s, "order": len(rows)})
-    seen = foreseen(strokes, BRUSH, brush(), START, ALL)
+    seen = planned_covariates(strokes, BRUSH, brush(), START, names=ALL)
     assert [row["since_reload"] for row in rows] == [0, 1, 2, 3, 0, 1, 0, 1, 2]
     for name in ALL:
         recorded = np.array([row[name] for row in rows], dtype=float)
@@ -109,7 +109,7 @@ def test_foreseen_is_what_execution_records() -> None:
 
 
 def test_ink_is_used_up_until_the_next_dip() -> None:
-    seen = foreseen(row_of_strokes(6), BRUSH, brush(), START, ALL)
+    seen = planned_covariates(row_of_strokes(6), BRUSH, brush(), START, names=ALL)
     length = 0.04
     np.testing.assert_allclose(seen["ink_since_reload_m"], length * np.array([0.0, 1, 2, 3, 0, 1]), rtol=1e-5)
     np.testing.assert_allclose(seen["tool_age_m"], length * np.arange(6.0), rtol=1e-5)
@@ -125,7 +125,9 @@ def test_order_and_paint_decide_where_dips_fall() -> None:
     colors = np.stack([RED, RED, RED, BLUE, BLUE, BLUE])
     in_order = with_color(strokes, colors)
     alternating = in_order.pick(np.array([0, 3, 1, 4, 2, 5]))
-    dips = [foreseen(plan, BRUSH, brush(), START, ALL)["reload_id"][-1] for plan in (in_order, alternating)]
+    dips = [
+        planned_covariates(plan, BRUSH, brush(), START, names=ALL)["reload_id"][-1] for plan in (in_order, alternating)
+    ]
     assert dips == [2, 6]
     sorted_, mixed = (render_plan(plan, WHITE, scene(fading())) for plan in (in_order, alternating))
     assert float((1 - mixed).sum()) > 1.1 * float((1 - sorted_).sum())
@@ -142,8 +144,8 @@ def test_a_plan_goes_on_from_what_tool_and_canvas_have_been_through() -> None:
     for stroke in to_planned(strokes.pick(slice(0, 2)), BRUSH, POINTS):
         memory, _ = execute_stroke(robot, BRUSH, stroke, RED[None].astype(np.float64), memory, session)
     rest = Start(memory, robot.clock_s, made=2)
-    at_once = foreseen(strokes, BRUSH, brush(), START, ALL)
-    then = foreseen(strokes.pick(slice(2, None)), BRUSH, brush(), rest, ALL)
+    at_once = planned_covariates(strokes, BRUSH, brush(), START, names=ALL)
+    then = planned_covariates(strokes.pick(slice(2, None)), BRUSH, brush(), rest, ALL)
     for name in ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "order"):
         np.testing.assert_allclose(then[name], at_once[name][2:], rtol=1e-4, atol=1e-6)
 
@@ -183,7 +185,7 @@ def test_paint_that_was_crossed_is_laid_on_blank_paper_until_the_next_dip() -> N
     strokes = row_of_strokes(7)
     strokes.middle_m[1] = strokes.middle_m[0]
     strokes = with_color(strokes, np.stack([RED] + 6 * [BLUE]))
-    seen = foreseen(strokes, BRUSH, brush(), START, PAINT)
+    seen = planned_covariates(strokes, BRUSH, brush(), START, names=PAINT)
     np.testing.assert_array_equal(seen["since_reload"], [0, 0, 1, 2, 3, 0, 1])
     share = seen["carried_share"]
     assert share[0] == 0 and share[1] > 0.2  # of itself, in its middle: half
@@ -211,9 +213,9 @@ def test_gradients_reach_the_strokes_through_what_extends_the_model() -> None:
     mechanisms = (fading(), effect(SpeedDensity, {"speed_m_s": 0.05}, density_per_log_speed=0.3))
     image, back = render_and_back(strokes, WHITE, scene(*mechanisms))
     gradients = back(2 * image / image.size)
-    for name, array in zip(("middle", "theta", "length", "bend", "press", "color"), gradients.arrays(), strict=True):
+    for name, array in zip(("middle", "theta", "length", "bend", "press", "color"), gradients, strict=True):
         assert np.isfinite(array).all(), name
-    assert (gradients.length_m != 0).all() and (gradients.color != 0).any()
+    assert (gradients[2] != 0).all() and (gradients[-1] != 0).any()
 
 
 def test_what_strokes_carry_is_what_would_be_worked_out() -> None:
@@ -232,7 +234,7 @@ def test_beyond_the_fit_values_are_held_and_named() -> None:
     values = inherited(row_of_strokes(5), BRUSH, short, START)
     np.testing.assert_allclose(values["ink_since_reload_m"], [0.0, 0.04, 0.06, 0.06, 0.0], rtol=1e-5)
     np.testing.assert_allclose(values["humidity"], np.full(5, 0.45), rtol=1e-6)
-    said = beyond_fit(foreseen(row_of_strokes(5), BRUSH, short, START, fitted), fitted)
+    said = beyond_fit(planned_covariates(row_of_strokes(5), BRUSH, short, START, names=fitted), fitted)
     assert len(said) == 2
     assert said[0].startswith("ink_since_reload_m runs from 0 to 0.12") and "for 2 of 5 strokes" in said[0]
     assert said[1].startswith("humidity is not known of planned strokes: 0.45 is taken")
@@ -242,7 +244,7 @@ def test_all_strokes_are_seen_when_the_last_is_made() -> None:
     names = ("t_start_s", "t_after_s")
     fitted = {"t_start_s": Span(0.0, 6.0, 12.0), "t_after_s": Span(2.0, 8.0, 14.0)}
     strokes, short = row_of_strokes(5), brush(fitted=fitted)
-    seen, held = foreseen(strokes, BRUSH, short, START, names), inherited(strokes, BRUSH, short, START)
+    seen, held = planned_covariates(strokes, BRUSH, short, START, names=names), inherited(strokes, BRUSH, short, START)
     assert (seen["t_after_s"] == seen["t_after_s"][0]).all() and (seen["t_after_s"] > seen["t_start_s"]).all()
     assert held["t_start_s"].max() == 12.0 < seen["t_start_s"].max()
     ages = [values["t_after_s"] - values["t_start_s"] for values in (seen, held)]

@@ -12,7 +12,6 @@ from pentimento.planning.strokes.paints import (
     choose_paints,
     in_order,
     overlaps,
-    paint_changes,
     repaint,
     sweep_order,
     visible,
@@ -31,6 +30,11 @@ from tests.planning.strokes.scenes import (
 )
 
 FOUR = ((0.9, 0.9, 0.85), (0.7, 0.2, 0.2), (0.2, 0.5, 0.3), (0.1, 0.1, 0.1))
+
+
+def paint_changes(paint: np.ndarray) -> int:
+    """How often the brush is washed."""
+    return int(np.count_nonzero(np.diff(paint)))
 
 
 def random_layers(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -124,9 +128,9 @@ def test_repainting_lowers_the_loss_and_never_raises_it() -> None:
     paints = choose_paints(strokes, choice, 0)
     wrong = Paints(paints.linear, 1 - paints.index)
     before = wrong.dipped(strokes)
-    after, chosen = repaint(before, wrong, WHITE, scene(), CONFIG)
+    after, chosen = repaint(before, wrong, WHITE, scene(), config=CONFIG)
     assert loss(after, WHITE) < loss(before, WHITE)
-    again, _ = repaint(after, chosen, WHITE, scene(), CONFIG)
+    again, _ = repaint(after, chosen, WHITE, scene(), config=CONFIG)
     assert loss(again, WHITE) <= loss(after, WHITE)
 
 

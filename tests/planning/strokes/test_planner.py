@@ -9,12 +9,14 @@ import pytest
 from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
 from pentimento.contracts.errors import ImageError
 from pentimento.control.safety import envelope_for
+from pentimento.planning.adam import half_cosine
 from pentimento.planning.objectives import PrintObjective
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.config import ExecutionNoise, PlannerConfig
-from pentimento.planning.strokes.descent import descend, half_cosine, optimise
+from pentimento.planning.strokes.descent import descend, optimise
+from pentimento.planning.strokes.initialise import round_shares
 from pentimento.planning.strokes.palette import cluster_palette
-from pentimento.planning.strokes.planner import plan, round_shares
+from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
@@ -69,13 +71,12 @@ def test_planned_strokes_pass_the_safety_envelope() -> None:
 def test_optimising_never_ends_worse_than_it_began() -> None:
     strokes, _ = plan(WHITE, scene(), 12, CONFIG, unheard)
     before = loss(strokes, WHITE)
-    optimise(strokes, WHITE, scene(), CONFIG, 5, False, 80.0, unheard, 0)  # steps that are far too long
+    optimise(strokes, WHITE, scene(), CONFIG, iterations=5, free_color=False, rate=80.0, log=unheard)  # too long steps
     after = loss(strokes, WHITE)
     assert after <= before + 1e-9
     kept = strokes.pick(slice(None))
-    optimise(
-        strokes, WHITE, scene(), replace(CONFIG, execution_noise=ExecutionNoise(0.3, 1e-3)), 5, False, 80.0, unheard, 0
-    )
+    noisy = replace(CONFIG, execution_noise=ExecutionNoise(0.3, 1e-3))
+    optimise(strokes, WHITE, scene(), noisy, iterations=5, free_color=False, rate=80.0, log=unheard)
     assert same(strokes, kept)
 
 
@@ -168,7 +169,7 @@ def test_replanning_finds_a_stroke_to_mend_a_moved_canvas() -> None:
         return loss(left, canvas)
 
     unplanned = error()
-    optimise(left, canvas, scene(), CONFIG, 20, False, 0.1, unheard, 0)
+    optimise(left, canvas, scene(), CONFIG, iterations=20, free_color=False, rate=0.1, log=unheard)
     assert error() < unplanned
 
 
@@ -259,7 +260,8 @@ def test_a_descent_without_bounds_ends_where_its_steps_left_it() -> None:
     ends_above = []
     for steps in range(3, 13):
         strokes, objective = strokes_at((0.05, 0.04), (0.08, 0.03)), PrintObjective(scene().target, (1, 4))
-        values = list(descend(strokes, WHITE, scene(), CONFIG, objective, steps, True, 80.0))
+        task = {"objective": objective, "iterations": steps, "free_color": True, "rate": 80.0}
+        values = list(descend(strokes, WHITE, scene(), CONFIG, **task))
         assert len(values) == steps
         ends_above.append(loss(strokes, WHITE) > min(values))
     assert any(ends_above)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.initialise import guided_strokes, saliency
+from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.initialise import BezierFamily, guided_strokes, saliency
 from pentimento.planning.strokes.relocate import contributions, relocate, without_harmful
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene
@@ -20,6 +21,15 @@ from tests.planning.strokes.scenes import (
 )
 
 SHARP = replace(CONFIG, distances_px=(1,))
+
+
+def guided(
+    count: int, size: float, task: Scene, config: PlannerConfig, paints: np.ndarray | None, seed: int
+) -> tuple[Strokes, np.ndarray]:
+    return guided_strokes(
+        count, size, WHITE, task, config=config, distances_px=config.distances_px, paints=paints,
+        rng=np.random.default_rng(seed),
+    )  # fmt: skip
 
 
 def summed_error(strokes: Strokes, task: Scene) -> float:
@@ -63,7 +73,9 @@ def test_relocation_lowers_the_loss_and_moves_only_idle_strokes() -> None:
     heap = strokes_at(*[(0.03, 0.03)] * 10)
     heap.theta_rad[:] = 0
     config = replace(CONFIG, relocate_share=0.5)
-    moved_plan, moved = relocate(heap, WHITE, scene(), config, None, np.random.default_rng(0))
+    moved_plan, moved = relocate(
+        heap, WHITE, scene(), config=config, family=BezierFamily(config, 10), paints=None, rng=np.random.default_rng(0)
+    )
     assert moved == 5
     assert len(moved_plan) == 10
     assert np.array_equal(moved_plan.middle_m[:5], heap.middle_m[:5])
@@ -73,9 +85,10 @@ def test_relocation_lowers_the_loss_and_moves_only_idle_strokes() -> None:
 def test_nothing_moves_on_a_perfect_canvas() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.05))
     target = render_plan(strokes, WHITE, scene())
+    config = replace(CONFIG, relocate_share=1.0)
     same, moved = relocate(
-        strokes, WHITE, replace(scene(), target=target), replace(CONFIG, relocate_share=1.0), None,
-        np.random.default_rng(0),
+        strokes, WHITE, replace(scene(), target=target), config=config, family=BezierFamily(config, 2), paints=None,
+        rng=np.random.default_rng(0),
     )  # fmt: skip
     assert moved == 0
     assert np.array_equal(same.middle_m, strokes.middle_m)
@@ -85,7 +98,7 @@ def test_guided_strokes_start_where_the_error_is() -> None:
     target = np.ones((40, 60, 3), np.float32)
     target[25:, 45:] = 0.1  # dark at the lower right: large x, small y
     task = replace(scene("marker"), target=target)
-    new, gains = guided_strokes(20, 0.5, WHITE, task, INK, None, np.random.default_rng(0))
+    new, gains = guided(20, 0.5, task, INK, None, 0)
     near = (new.middle_m[:, 0] > 0.08) & (new.middle_m[:, 1] < 0.035)
     assert near.mean() > 0.9
     assert gains.sum() > 0
@@ -96,7 +109,7 @@ def test_more_candidates_make_better_starts() -> None:
         config = replace(CONFIG, candidates=candidates)
         losses = []
         for seed in range(4):
-            new, _ = guided_strokes(12, 0.4, WHITE, scene(), config, None, np.random.default_rng(seed))
+            new, _ = guided(12, 0.4, scene(), config, None, seed)
             losses.append(loss(new, WHITE))
         return float(np.mean(losses))
 
@@ -105,7 +118,7 @@ def test_more_candidates_make_better_starts() -> None:
 
 def test_with_paints_new_strokes_take_one_of_them() -> None:
     paints = np.array([[0.6, 0.05, 0.05], [0.05, 0.4, 0.1]])
-    new, _ = guided_strokes(15, 0.3, WHITE, scene(), CONFIG, paints, np.random.default_rng(0))
+    new, _ = guided(15, 0.3, scene(), CONFIG, paints, 0)
     distance = np.abs(new.color[:, None] - paints).max(-1)
     assert distance.min(1).max() < 1e-6
     assert set(distance.argmin(1)) == {0, 1}

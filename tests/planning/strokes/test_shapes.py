@@ -9,10 +9,10 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.latent import (
-    HandDecoder,
     Layer,
-    read_hand,
-    write_hand,
+    StyleDecoder,
+    read_decoder,
+    write_decoder,
 )
 from pentimento.planning.strokes.shapes import BezierShapes, ShapedStrokes, Shapes, planned_strokes
 from pentimento.robots.tools import load_tool
@@ -20,7 +20,7 @@ from pentimento.robots.tools import load_tool
 MARKER = load_tool("marker")
 
 
-def hand(points: int = 12, latent: int = 5, seed: int = 0) -> HandDecoder:
+def hand(points: int = 12, latent: int = 5, seed: int = 0) -> StyleDecoder:
     """A decoder of random weights whose strokes are about 3 cm long."""
     rng = np.random.default_rng(seed)
     sizes = [latent, 16, 16, 2 * points]
@@ -30,7 +30,7 @@ def hand(points: int = 12, latent: int = 5, seed: int = 0) -> HandDecoder:
     ]
     straight = np.stack([np.linspace(0, 3, points), np.zeros(points)], axis=-1).ravel().astype(np.float32)
     layers[-1] = Layer(layers[-1].weight, straight)
-    return HandDecoder(
+    return StyleDecoder(
         "ann", tuple(layers), 0.01, rng.normal(0, 1, (6, latent)).astype(np.float32),
         np.full((6, latent), 0.1, np.float32),
     )  # fmt: skip
@@ -38,12 +38,12 @@ def hand(points: int = 12, latent: int = 5, seed: int = 0) -> HandDecoder:
 
 def strokes_of(shapes: Shapes, count: int = 3, seed: int = 1) -> ShapedStrokes:
     rng = np.random.default_rng(seed)
-    numbers = shapes.some(count, rng)
+    parameters = shapes.sample(count, rng)
     fields = (
         rng.uniform(0.06, 0.1, (count, 2)), rng.uniform(-3, 3, count), rng.uniform(0, 1e-3, (count, 3)),
         np.zeros((count, 3)),
     )  # fmt: skip
-    return ShapedStrokes(shapes, numbers, numbers.copy(), *(field.astype(np.float32) for field in fields))
+    return ShapedStrokes(shapes, 0.5, parameters, parameters.copy(), *(field.astype(np.float32) for field in fields))
 
 
 @pytest.mark.parametrize("shapes", [hand(), BezierShapes(MARKER, 12)], ids=["hand", "bezier"])
@@ -70,10 +70,10 @@ def test_bezier_shapes_are_the_planner_s_bezier_strokes() -> None:
     shapes = BezierShapes(MARKER, 12)
     strokes = strokes_of(shapes)
     cos, sin = np.cos(strokes.theta_rad), np.sin(strokes.theta_rad)
-    lift = shapes._across.mean() * strokes.numbers[:, 1]  # a Bézier stroke's pose is that of its chord's middle
+    lift = shapes._across.mean() * strokes.parameters[:, 1]  # a Bézier stroke's pose is that of its chord's middle
     middle = strokes.middle_m - np.stack([-sin * lift, cos * lift], axis=1)
     known = Strokes(
-        middle, strokes.theta_rad, strokes.numbers[:, 0], strokes.numbers[:, 1], strokes.press_m, strokes.color
+        middle, strokes.theta_rad, strokes.parameters[:, 0], strokes.parameters[:, 1], strokes.press_m, strokes.color
     )
     np.testing.assert_allclose(strokes.placed()[0], known.paths(12), atol=1e-7)
 
@@ -81,11 +81,11 @@ def test_bezier_shapes_are_the_planner_s_bezier_strokes() -> None:
 def test_strokes_stay_within_canvas_tool_and_reach() -> None:
     shapes = hand()
     strokes = strokes_of(shapes, 20)
-    strokes.numbers += np.random.default_rng(4).normal(0, 5, strokes.numbers.shape).astype(np.float32)
+    strokes.parameters += np.random.default_rng(4).normal(0, 5, strokes.parameters.shape).astype(np.float32)
     strokes.middle_m[:] = np.random.default_rng(5).uniform(-0.1, 0.3, (20, 2))
     strokes.press_m += 1
-    strokes.keep_within(MARKER, (0.3, 0.2), 5e-3, reach=0.5)
-    assert (np.abs(strokes.numbers - strokes.home) <= 0.5 * shapes.spread * (1 + 1e-6)).all()
+    strokes.keep_within(MARKER, (0.3, 0.2), 5e-3)
+    assert (np.abs(strokes.parameters - strokes.start) <= 0.5 * shapes.spread * (1 + 1e-6)).all()
     path = strokes.placed()[0]
     assert path[..., 1].min() > 5e-3 - 1e-6
     assert path[..., 1].max() < 0.295 + 1e-6
@@ -98,7 +98,7 @@ def test_strokes_stay_within_canvas_tool_and_reach() -> None:
 
 def test_a_hand_s_strokes_are_drawn_about_its_demonstrations() -> None:
     shapes = hand()
-    drawn = shapes.some(4000, np.random.default_rng(0))
+    drawn = shapes.sample(4000, np.random.default_rng(0))
     np.testing.assert_allclose(drawn.std(0), shapes.spread, rtol=0.05)
     apart = np.linalg.norm(drawn[:, None] - shapes.latent_mean, axis=-1).min(1)
     assert np.median(apart) == pytest.approx(0.1 * np.sqrt(5), rel=0.15)
@@ -106,12 +106,12 @@ def test_a_hand_s_strokes_are_drawn_about_its_demonstrations() -> None:
 
 def test_a_file_holds_a_hand(tmp_path: Path) -> None:
     path, known = tmp_path / "ann.npz", hand()
-    write_hand(path, known)
+    write_decoder(path, known)
     first = path.read_bytes()
-    write_hand(path, known)
+    write_decoder(path, known)
     assert path.read_bytes() == first
-    found = read_hand(path)
-    latent = known.some(3, np.random.default_rng(1))
+    found = read_decoder(path)
+    latent = known.sample(3, np.random.default_rng(1))
     np.testing.assert_array_equal(found.decode(latent)[0], known.decode(latent)[0])
     assert (found.hand, found.points) == ("ann", 12)
 
@@ -119,13 +119,13 @@ def test_a_file_holds_a_hand(tmp_path: Path) -> None:
 def test_what_is_no_hand_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "ann.npz"
     with pytest.raises(ContractError, match="holds no hand"):
-        read_hand(path)
+        read_decoder(path)
     path.write_bytes(b"PK nonsense")
     with pytest.raises(ContractError, match="holds no hand"):
-        read_hand(path)
+        read_decoder(path)
     odd = hand()
-    write_hand(path, HandDecoder("ann", odd.layers[1:], 0.01, odd.latent_mean, odd.latent_deviation))
+    write_decoder(path, StyleDecoder("ann", odd.layers[1:], 0.01, odd.latent_mean, odd.latent_deviation))
     with pytest.raises(ContractError, match="do not fit together"):
-        read_hand(path)
+        read_decoder(path)
     with pytest.raises(ContractError, match="not finite"):
-        write_hand(path, HandDecoder("ann", odd.layers, np.nan, odd.latent_mean, odd.latent_deviation))
+        write_decoder(path, StyleDecoder("ann", odd.layers, np.nan, odd.latent_mean, odd.latent_deviation))

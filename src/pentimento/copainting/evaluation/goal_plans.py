@@ -175,7 +175,11 @@ def plan_text(
     current.keep_within(tool, scene.canvas_size_m, config.edge_m)
     objective = TorchObjective(TextObjective(encoder, caption, views, seed))
     minimum, best = np.inf, current.pick(slice(None))
-    for value in descend(current, sheet, scene, config, objective, iterations, tool.color_srgb is None, 1.0):
+    values = descend(
+        current, sheet, scene, config, objective=objective, iterations=iterations, free_color=tool.color_srgb is None,
+        rate=1.0,
+    )  # fmt: skip
+    for value in values:
         if value < minimum:
             minimum, best = value, current.pick(slice(None))
     if objective(render_plan(current, sheet, scene))[0] < minimum:

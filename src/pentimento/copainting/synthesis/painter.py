@@ -191,5 +191,9 @@ def descend_guided(
     """
     planned = Term("planned", 1.0, objective_for(scene, config))
     objective = WeightedObjective((planned, Term("meaning", guidance.weight, meaning)))
-    for _ in descend(strokes, canvas, scene, config, objective, guidance.iterations, False, guidance.rate):
+    values = descend(
+        strokes, canvas, scene, config, objective=objective, iterations=guidance.iterations, free_color=False,
+        rate=guidance.rate,
+    )  # fmt: skip
+    for _ in values:
         pass

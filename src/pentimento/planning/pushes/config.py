@@ -83,7 +83,7 @@ class SculptorConfig:
 
     weights: Weights
     caution: float
-    """For the disagreement of an ensemble; see ``rollout.Foresight``."""
+    """For the disagreement of an ensemble; see ``rollout.EnsembleRollout``."""
     horizon: int
     """Actions planned ahead."""
     candidates: int

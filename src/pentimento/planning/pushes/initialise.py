@@ -14,7 +14,7 @@ from pentimento.planning.pushes.config import (
     Reach,
     SculptorConfig,
 )
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -28,7 +28,7 @@ _PARENTS = 8
 
 
 def best_action(
-    states_m: Array, foresight: Foresight, reach: Reach, config: SculptorConfig, rng: np.random.Generator
+    states_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig, rng: np.random.Generator
 ) -> tuple[FloatArray, float]:
     """The action [5] that lowers the value most upon the members' clay [M, H, W], of all tried, and that value.
 
@@ -46,7 +46,7 @@ def best_action(
 
 
 def candidates(
-    height_m: Array, foresight: Foresight, reach: Reach, config: SculptorConfig, rng: np.random.Generator
+    height_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig, rng: np.random.Generator
 ) -> FloatArray:
     """Actions [K, 5] to try on clay [H, W]: some end where it is too high, as deep as that, the others anywhere.
 

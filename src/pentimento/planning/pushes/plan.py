@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.initialise import best_action
 from pentimento.planning.pushes.refine import cross_entropy, descend
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -30,7 +30,7 @@ class PushPlan:
 
 def plan(
     height_m: Array,
-    foresight: Foresight,
+    foresight: EnsembleRollout,
     reach: Reach,
     config: SculptorConfig,
     count: int,
@@ -56,7 +56,7 @@ def plan(
     return foreseen(actions, height_m, foresight)
 
 
-def foreseen(actions: FloatArray, height_m: Array, foresight: Foresight) -> PushPlan:
+def foreseen(actions: FloatArray, height_m: Array, foresight: EnsembleRollout) -> PushPlan:
     """What the models expect of actions [N, 5] upon clay [H, W]."""
     states = foresight.start(height_m)
     means, values = [states.mean(axis=0)], [foresight.value(states)]
@@ -70,7 +70,7 @@ def foreseen(actions: FloatArray, height_m: Array, foresight: Foresight) -> Push
 def _extended(
     actions: FloatArray,
     height_m: Array,
-    foresight: Foresight,
+    foresight: EnsembleRollout,
     reach: Reach,
     config: SculptorConfig,
     wanted: int,
@@ -88,7 +88,7 @@ def _extended(
     return actions
 
 
-def _helping(actions: FloatArray, height_m: Array, foresight: Foresight, config: SculptorConfig) -> FloatArray:
+def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, config: SculptorConfig) -> FloatArray:
     """Those of the actions that lower the value, each upon what the kept ones before it leave."""
     states = foresight.start(height_m)
     value, kept = foresight.value(states), []

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from pentimento.planning.adam import Adam
 from pentimento.planning.pushes.config import Reach, SculptorConfig
-from pentimento.planning.pushes.rollout import Foresight
+from pentimento.planning.pushes.rollout import EnsembleRollout
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 
 def descend(
-    actions: FloatArray, height_m: Array, foresight: Foresight, reach: Reach, config: SculptorConfig
+    actions: FloatArray, height_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig
 ) -> tuple[FloatArray, float]:
     """Actions [N, 5] moved down the value of what they make of clay [H, W], within reach, and that value.
 
@@ -45,7 +45,7 @@ _MEMORY = 0.5
 def cross_entropy(
     actions: FloatArray,
     height_m: Array,
-    foresight: Foresight,
+    foresight: EnsembleRollout,
     reach: Reach,
     config: SculptorConfig,
     rng: np.random.Generator,

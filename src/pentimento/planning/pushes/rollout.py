@@ -44,7 +44,7 @@ class PushModel(Protocol):
 _MM = 1e3
 
 
-class Foresight:
+class EnsembleRollout:
     """What plans are judged by: the objective of what the members of an ensemble expect, and how far they disagree.
 
     The value is the objective of the members' mean, plus ``caution`` times their variance in mm² weighed like the 3D

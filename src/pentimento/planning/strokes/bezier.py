@@ -1,28 +1,37 @@
-"""A plan's strokes as arrays that an optimiser can move, and as paths that a robot can execute."""
+"""Bézier strokes (thesis 4.3.1): arrays that an optimiser moves, and paths that a robot executes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.contracts.plan import PlannedStroke
+from pentimento.planning.strokes.paths import PlannedPaths, shift_within
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import press_basis, shape_basis, stroke_points
 from pentimento.robots.tools import Tool
 
+if TYPE_CHECKING:
+    from pentimento.planning.strokes.brush import Brush, Marks
+
 Array = NDArray[np.float32]
-Index = NDArray[np.integer[Any]] | NDArray[np.bool_] | slice
+
+_BOX_POINTS = 32
+"""Points of a path from which its box on the canvas is taken."""
 
 
 @dataclass(eq=False)
-class Strokes:
-    """S strokes in SI units, canvas frame, float32; see ``robots.strokes`` for their geometry. Moved in place."""
+class Strokes(PlannedPaths):
+    """S Bézier strokes; ``robots.strokes`` defines their geometry."""
+
+    row_arrays: ClassVar[tuple[str, ...]] = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
+    holds_covariates: ClassVar[bool] = True
 
     middle_m: Array  # [S, 2]
     theta_rad: Array  # [S]
@@ -31,34 +40,35 @@ class Strokes:
     press_m: Array  # [S, 3] at start, middle, end
     color: Array  # [S, 3] linear light
     inherited: Mapping[str, Array] | None = field(default=None, kw_only=True)
-    """[S] each: covariates that depend on the earlier strokes (``planning.strokes.memory``). None: not computed yet."""
-
-    def __len__(self) -> int:
-        return len(self.theta_rad)
 
     def arrays(self) -> tuple[Array, ...]:
         """All six, in the order of the fields."""
         return (self.middle_m, self.theta_rad, self.length_m, self.bend_m, self.press_m, self.color)
 
-    def pick(self, index: Index) -> Strokes:
-        """A copy of some strokes, in the order of ``index``. They keep what they inherit."""
-        kept = None if self.inherited is None else {name: values[index] for name, values in self.inherited.items()}
-        return Strokes(*(array[index].copy() for array in self.arrays()), inherited=kept)
-
-    def joined(self, others: Strokes) -> Strokes:
-        """These strokes, then the others; copies. What they inherit together is to be worked out."""
-        return Strokes(*(np.concatenate([a, b]) for a, b in zip(self.arrays(), others.arrays(), strict=True)))
-
     def colored(self, color: Array) -> Strokes:
-        """The same strokes in other colours, linear light [S, 3]; the other arrays are shared."""
+        """The same strokes in other colours, linear light [S, 3]. The other arrays are shared."""
         return replace(self, color=color)
 
     def paths(self, points: int) -> Array:
-        """Commanded paths [S, N, 5]; times and yaw are 0: see ``planning.strokes.memory.commanded``."""
+        """See ``PlannedPaths``; ``planning.strokes.memory.commanded`` adds times and yaw."""
         path = np.zeros((len(self), points, 5), np.float32)
         path[..., 1], path[..., 2] = self._places(points)
         path[..., 3] = -self.press_m @ _bases(points)[2].T
         return path
+
+    def marks(self, brush: Brush, inherited: Mapping[str, Array]) -> tuple[Marks, Callable[[Marks], tuple[Array, ...]]]:
+        """See ``PlannedPaths``."""
+        marks, pull = brush.marks(self, inherited)
+        return marks, lambda of_marks: pull(of_marks).arrays()
+
+    def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float) -> None:
+        """See ``PlannedPaths``."""
+        np.clip(self.length_m, *tool.stroke_length_m, out=self.length_m)
+        low, high = (np.float32(bound) * self.length_m for bound in tool.bend_range)
+        np.clip(self.bend_m, low, high, out=self.bend_m)
+        np.clip(self.press_m, *tool.press_range_m, out=self.press_m)
+        np.clip(self.color, 0.0, 1.0, out=self.color)
+        shift_within(self._places(_BOX_POINTS), self.middle_m, canvas_size_m, edge_m)
 
     def _places(self, points: int) -> tuple[Array, Array]:
         """Canvas coordinates along the paths, [S, N] each."""
@@ -67,33 +77,19 @@ class Strokes:
         cos, sin = np.cos(self.theta_rad)[:, None], np.sin(self.theta_rad)[:, None]
         return self.middle_m[:, :1] + cos * along - sin * across, self.middle_m[:, 1:] + sin * along + cos * across
 
-    def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float) -> None:
-        """Move each stroke, in place, to the nearest one that the tool can make inside the canvas."""
-        np.clip(self.length_m, *tool.stroke_length_m, out=self.length_m)
-        low, high = (np.float32(bound) * self.length_m for bound in tool.bend_range)
-        np.clip(self.bend_m, low, high, out=self.bend_m)
-        np.clip(self.press_m, *tool.press_range_m, out=self.press_m)
-        np.clip(self.color, 0.0, 1.0, out=self.color)
-        # The path's box must lie on the canvas, with a little to spare for the robot's own tolerance.
-        for axis, (place, size) in enumerate(zip(self._places(32), canvas_size_m, strict=True)):
-            self.middle_m[:, axis] += np.maximum(edge_m - place.min(1), 0.0)
-            self.middle_m[:, axis] -= np.maximum(place.max(1) - (size - edge_m), 0.0)
-
 
 def no_strokes() -> Strokes:
-    """None at all."""
+    """An empty set of Bézier strokes."""
     return Strokes(*(np.zeros((0, *rest), np.float32) for rest in ((2,), (), (), (), (3,), (3,))))
 
 
-@cache
-def _bases(points: int) -> tuple[Array, Array, Array]:
-    """Shape along and across [N], and press [N, 3], of the strokes' geometry."""
-    along, across = (basis.astype(np.float32) for basis in shape_basis(points))
-    return along, across, press_basis(points).astype(np.float32)
+def with_color(strokes: Strokes, color_srgb: Array) -> Strokes:
+    """The same strokes in other colours, sRGB [S, 3]."""
+    return strokes.colored(srgb_to_linear(color_srgb))
 
 
 def to_planned(strokes: Strokes, tool: Tool, points: int) -> list[PlannedStroke]:
-    """The strokes as timed paths that the robot can execute at the tool's speed, dips left to the executor."""
+    """The strokes as timed paths that the robot executes at the tool's speed. The executor adds the dips."""
     planned = []
     for i in range(len(strokes)):
         middle, theta, length, bend, press, color = (array[i].astype(np.float64) for array in strokes.arrays())
@@ -104,11 +100,13 @@ def to_planned(strokes: Strokes, tool: Tool, points: int) -> list[PlannedStroke]
     return planned
 
 
-def with_color(strokes: Strokes, color_srgb: Array) -> Strokes:
-    """The same strokes in other colours, sRGB [S, 3]."""
-    return strokes.colored(srgb_to_linear(color_srgb))
+@cache
+def _bases(points: int) -> tuple[Array, Array, Array]:
+    """Shape along and across [N], and press [N, 3], of the strokes' geometry."""
+    along, across = (basis.astype(np.float32) for basis in shape_basis(points))
+    return along, across, press_basis(points).astype(np.float32)
 
 
 def _half_turn(yaw_rad: float) -> float:
-    """The same attitude of a flat tool within a quarter turn of 0."""
+    """The equivalent yaw of a flat tool within a quarter turn of 0."""
     return float((yaw_rad + np.pi / 2) % np.pi - np.pi / 2)

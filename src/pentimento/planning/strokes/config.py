@@ -1,15 +1,16 @@
-"""How a plan is made: every number that the planner needs, with its unit."""
+"""Settings of the stroke planner, each with its unit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.planning.strokes.palette import PaletteChoice
 
 Log = Callable[[str, float, int], None]
+"""``log(name, value, step)``."""
 
 
 def no_log(_name: str, _value: float, _step: int) -> None:
@@ -18,7 +19,7 @@ def no_log(_name: str, _value: float, _step: int) -> None:
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Adam's step for each kind of number, at its largest: a schedule lowers all alike."""
+    """Adam's largest step for each parameter of a Bézier stroke. A schedule scales all by one factor."""
 
     middle_m: float
     theta_rad: float
@@ -26,28 +27,50 @@ class LearningRates:
     bend_m: float
     press_m: float
     color: float
-    """Of a stroke's colour where it is free, and of a paint's where strokes share it; linear light."""
+    """Linear light: of a stroke's colour where it is free, of a paint's where strokes share it."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 
+    def steps(self) -> tuple[float, ...]:
+        """In the order of ``Strokes.arrays``."""
+        return (self.middle_m, self.theta_rad, self.length_m, self.bend_m, self.press_m, self.color)
+
+
+@dataclass(frozen=True)
+class ShapeRates:
+    """Adam's largest step for each parameter of a shaped stroke. A schedule scales all by one factor."""
+
+    middle_m: float
+    theta_rad: float
+    press_m: float
+    shape: float
+    """In standard deviations of the shapes' parameters; 0 leaves the shapes as they were sampled."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "middle_m", "theta_rad", "press_m", "shape")
+
+    def steps(self) -> tuple[float, ...]:
+        """In the order of ``ShapedStrokes.arrays``. The colour is the tool's ink and stays."""
+        return (self.shape, self.middle_m, self.theta_rad, self.press_m, 0.0)
+
 
 @dataclass(frozen=True)
 class ExecutionNoise:
-    """What execution may take from a stroke and the plan leaves room for: drawn for each stroke at each iteration."""
+    """Errors of execution that a plan should tolerate: drawn for each stroke at each iteration."""
 
     thinning: float
-    """A stroke comes out thinner by up to this share: paint runs low, the brush lags."""
+    """A stroke's width shrinks by up to this share: paint runs low, the brush lags."""
     shift_m: float
-    """Standard deviation of its place, along each axis."""
+    """Standard deviation of a stroke's place, along each axis."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "thinning", "shift_m")
         if self.thinning >= 1:
-            raise ValueError(f"thinning is {self.thinning}; below 1, strokes do not vanish.")
+            raise ValueError(f"thinning is {self.thinning}; it must be below 1, or strokes would vanish.")
 
     def any(self) -> bool:
-        """Whether there is any."""
+        """Whether there is any noise."""
         return self.thinning > 0 or self.shift_m > 0
 
 
@@ -56,7 +79,7 @@ class StyleConfig:
     """The style objective."""
 
     weight: float
-    """Beside a print objective of weight 1, .02 is seen in a painting and .08 recolours it."""
+    """Beside a print objective of weight 1, a weight of 0.02 shows in a painting and 0.08 recolours it."""
     picture: str
     """A file, or the name of a photograph that scikit-image ships."""
     features: Literal["local", "vgg16"]
@@ -74,7 +97,7 @@ class StyleConfig:
 
 @dataclass(frozen=True)
 class ObjectivesConfig:
-    """The weighted sum that a plan is optimised for (thesis eq. 4.5)."""
+    """The weighted sum that a plan minimises (thesis eq. 4.5)."""
 
     print_weight: float
     style: StyleConfig | None
@@ -87,17 +110,17 @@ class ObjectivesConfig:
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """How a plan is made."""
+    """How Bézier strokes are planned."""
 
     initialisation: Literal["random", "error_guided", "saliency"]
-    """Where strokes start: anywhere (thesis 4.3.5), where the picture is wrong, or where it is wrong and stands out."""
+    """Where strokes start: anywhere (thesis 4.3.5), where the error is large, or where error and saliency are."""
     candidates: int
-    """So many are tried for each new stroke, by rendering them; the one that helps most stays."""
+    """Candidates rendered for each new stroke; the one that lowers the error most is kept."""
     rounds: int
-    """Strokes are added in so many rounds, from long and full to short and light."""
+    """Rounds in which strokes are added, from long and full to short and light."""
     sizes: tuple[float, float]
-    """Of the first and the last round's strokes, 0 for the tool's shortest and lightest to 1 for its longest and
-    fullest. Relocated strokes start like the last round's."""
+    """Size of the first and of the last round's strokes: 0 is the tool's shortest and lightest, 1 its longest and
+    fullest. Relocated strokes start with the last round's size."""
     iterations_per_round: int
     """At half the resolution."""
     iterations_free: int
@@ -107,28 +130,33 @@ class PlannerConfig:
     iterations_replan: int
     """After each photograph (thesis 4.3.5)."""
     replan_rate: float
-    """Share of the learning rates that replanning uses: it starts near the optimum."""
+    """Share of the learning rates that replanning uses, since it starts near the optimum."""
     relocate_every: int
     """Iterations between two relocations of useless strokes; 0 for never."""
     relocate_share: float
-    """Of the strokes: at most so many move each time."""
+    """Largest share of the strokes that is relocated each time."""
     min_gain: float
-    """No round follows one in which a stroke lowered the objective by less than this on average; 0 spends them all."""
+    """Rounds stop after one whose strokes lowered the objective by less than this on average; 0 uses all rounds."""
     palette: PaletteChoice
     sweeps: int
-    """So many times the brush goes through the paints from light to dark, at most; 1 is the thesis's order."""
+    """Largest number of times that the brush goes through the paints from light to dark; 1 is the thesis's order."""
     path_points: int
-    """Of the brush that is planned with."""
+    """Points of a path in the stroke model."""
     pixels_per_m: float
     """Resolution of planning."""
     edge_m: float
-    """Strokes keep this far from the canvas's edge."""
+    """Distance that strokes keep from the canvas's edge."""
     distances_px: tuple[int, ...]
     """Viewing distances of the print objective."""
     objectives: ObjectivesConfig
     execution_noise: ExecutionNoise
     learning_rates: LearningRates
     seed: int
+
+    coarse_first: ClassVar[bool] = True
+    """Whether the rounds and the first free iterations run at half the resolution."""
+    keep_best: ClassVar[bool] = True
+    """Whether a descent returns the parameters with the lowest objective rather than the last ones."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "iterations_per_round", "iterations_free", "iterations_palette", "iterations_replan")
@@ -138,52 +166,42 @@ class PlannerConfig:
         if not all(0 <= size <= 1 for size in self.sizes):
             raise ValueError(f"sizes is {list(self.sizes)}; each is a share of the tool's range, from 0 to 1.")
         above_zero(self, "pixels_per_m")
-        if self.relocate_share > 1:
-            raise ValueError(f"relocate_share is {self.relocate_share}; it is a share of the strokes, at most 1.")
-        if not self.distances_px or min(self.distances_px) < 1:
-            raise ValueError(f"distances_px is {list(self.distances_px)}; give at least one distance, each 1 or more.")
+        _check_shares_and_distances(self.relocate_share, self.distances_px)
 
 
 @dataclass(frozen=True)
-class HandRates:
-    """Adam's step for each kind of number, at its largest: half a cosine lowers all alike."""
-
-    middle_m: float
-    theta_rad: float
-    press_m: float
-    shape: float
-    """In standard deviations of what the hand draws; 0 leaves the shapes as they were drawn from it."""
-
-    def __post_init__(self) -> None:
-        at_least(self, 0, "middle_m", "theta_rad", "press_m", "shape")
-
-
-@dataclass(frozen=True)
-class HandPlanConfig:
-    """How a drawing in a hand is planned (thesis 5.3.6)."""
+class ShapedPlanConfig:
+    """How strokes of one kind of shape are planned (thesis 5.3.6)."""
 
     candidates: int
-    """So many strokes of the hand are tried at each place, by rendering them; the one that helps most stays."""
+    """Candidates rendered at each place; the one that lowers the error most is kept."""
     rounds: int
-    """Strokes are added in so many rounds."""
+    """Rounds in which strokes are added."""
     iterations_per_round: int
     iterations: int
     """After the last round."""
     relocate_every: int
     """Iterations between two relocations of useless strokes; 0 for never."""
     relocate_share: float
-    """Of the strokes: at most so many move each time."""
+    """Largest share of the strokes that is relocated each time."""
     reach: float
-    """A stroke's latent stays so near the demonstration that it began from, in standard deviations of the hand."""
+    """Largest distance of a stroke's latent from the demonstration that it started from, in standard deviations of the
+    writer's latents."""
     path_points: int
     """N, of the demonstrations and of each path."""
     pixels_per_m: float
     edge_m: float
-    """Strokes keep this far from the canvas's edge."""
+    """Distance that strokes keep from the canvas's edge."""
     distances_px: tuple[int, ...]
     """Viewing distances of the print objective."""
-    learning_rates: HandRates
+    learning_rates: ShapeRates
     seed: int
+
+    objectives: ClassVar[ObjectivesConfig] = ObjectivesConfig(1.0, None)
+    execution_noise: ClassVar[ExecutionNoise] = ExecutionNoise(0.0, 0.0)
+    min_gain: ClassVar[None] = None
+    coarse_first: ClassVar[bool] = False
+    keep_best: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         at_least(self, 1, "candidates", "rounds")
@@ -191,7 +209,15 @@ class HandPlanConfig:
         at_least(self, 0, "seed")
         at_least(self, 2, "path_points")
         above_zero(self, "pixels_per_m")
-        if self.relocate_share > 1:
-            raise ValueError(f"relocate_share is {self.relocate_share}; it is a share of the strokes, at most 1.")
-        if not self.distances_px or min(self.distances_px) < 1:
-            raise ValueError(f"distances_px is {list(self.distances_px)}; give at least one distance, each 1 or more.")
+        _check_shares_and_distances(self.relocate_share, self.distances_px)
+
+
+PlanConfig = PlannerConfig | ShapedPlanConfig
+"""What the shared planner reads."""
+
+
+def _check_shares_and_distances(relocate_share: float, distances_px: tuple[int, ...]) -> None:
+    if relocate_share > 1:
+        raise ValueError(f"relocate_share is {relocate_share}; it is a share of the strokes, at most 1.")
+    if not distances_px or min(distances_px) < 1:
+        raise ValueError(f"distances_px is {list(distances_px)}; give at least one distance, each 1 or more.")

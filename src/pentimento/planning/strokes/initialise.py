@@ -1,62 +1,216 @@
 """Where strokes start: at random (thesis 4.3.5), or where the picture still differs from the target.
 
-The thesis names what is wrong with the former: where few strokes start, none will come. A guided stroke is the best of
-several candidates at its place, each rendered: gradients move a stroke, they never turn a bad idea into another one.
+Random starts leave parts of the picture without strokes (thesis 4.5): gradients move a stroke, but only over its own
+width. A guided stroke is therefore the best of several candidates at one place of large error, each of them rendered.
+
+``PathFamily`` is what the planner needs of a kind of stroke. ``BezierFamily`` and ``ShapedFamily`` implement it.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_lab, srgb_to_linear
-from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.bezier import Strokes, no_strokes, with_color
+from pentimento.planning.strokes.config import PlannerConfig, ShapedPlanConfig
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.render_plan import marks_px
 from pentimento.planning.strokes.scene import Scene, inherit
+from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 from pentimento.render.strokewise import fall_with
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+S = TypeVar("S", bound=PlannedPaths)
 
-_SPREAD = 0.6
-"""Of a candidate's length and press about the round's, as a standard deviation of their logarithm."""
+_LOG_SPREAD = 0.6
+"""Standard deviation of the logarithm of a candidate's length and press, relative to the round's."""
+_HEADING_SPREAD_RAD = 0.15
+"""Standard deviation of a candidate's heading about the target's edge."""
+_LENGTH_SAMPLES = 256
+"""Random shapes whose mean length says how many strokes the first round needs."""
+
+
+class PathFamily(Protocol[S]):
+    """A kind of stroke that can be planned: how many strokes each round adds, and where new strokes start."""
+
+    def none(self) -> S:
+        """An empty set of strokes."""
+
+    def count_in_round(self, number: int, present: S) -> int | None:
+        """How many strokes round ``number`` adds to the present ones. None skips the round."""
+
+    def initial(
+        self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
+        rng: np.random.Generator,
+    ) -> S:  # fmt: skip
+        """New strokes for a round. ``progress`` is 0 in the first round and 1 in the last."""
+
+    def guided(
+        self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
+        paints: FloatArray | None, rng: np.random.Generator,
+    ) -> tuple[S, FloatArray]:  # fmt: skip
+        """New strokes where the image [H, W, 3] (linear light) differs from the target, and the gain of each [count].
+
+        A gain is the fall of the error, summed over pixels, when the stroke alone is laid on the image. ``paints``
+        [K, 3] (linear light) are the only colours to use; None allows any.
+        """
+
+
+@dataclass(frozen=True)
+class BezierFamily:
+    """Up to ``count`` Bézier strokes in all."""
+
+    config: PlannerConfig
+    count: int
+
+    def none(self) -> Strokes:
+        """See ``PathFamily``."""
+        return no_strokes()
+
+    def count_in_round(self, number: int, _present: Strokes) -> int | None:
+        """The round's share; see ``round_shares``."""
+        return round_shares(self.count, self.config.rounds)[number] or None
+
+    def initial(
+        self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
+        rng: np.random.Generator,
+    ) -> Strokes:  # fmt: skip
+        """Random or guided strokes, as ``config.initialisation`` says."""
+        if self.config.initialisation != "random":
+            return self.guided(
+                count, image, scene, distances_px=distances_px, progress=progress, paints=None, rng=rng
+            )[0]  # fmt: skip
+        new = random_strokes(count, scene.tool, scene.canvas_size_m, rng)
+        if scene.tool.color_srgb is not None:
+            new = with_color(new, np.tile(np.array(scene.tool.color_srgb, np.float32), (count, 1)))
+        new.keep_within(scene.tool, scene.canvas_size_m, self.config.edge_m)
+        return new
+
+    def guided(
+        self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
+        paints: FloatArray | None, rng: np.random.Generator,
+    ) -> tuple[Strokes, FloatArray]:  # fmt: skip
+        """Strokes along the target's edges in its colours, smaller from round to round."""
+        first, last = self.config.sizes
+        size = last + (first - last) * (1 - progress) ** 2
+        return guided_strokes(
+            count, size, image, scene, config=self.config, distances_px=distances_px, paints=paints, rng=rng
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ShapedFamily:
+    """Strokes of one kind of shape: about ``ink_m`` metres of line in all."""
+
+    config: ShapedPlanConfig
+    shapes: Shapes
+    ink_m: float
+    mean_length_m: float
+    """Mean length of a random shape."""
+
+    def none(self) -> ShapedStrokes:
+        """See ``PathFamily``."""
+        parameters = self.shapes.sample(0, np.random.default_rng(0))
+        return self._strokes(
+            parameters, np.zeros((0, 2)), np.zeros(0), press_m=np.zeros((0, 3)), color=np.zeros((0, 3))
+        )
+
+    def count_in_round(self, number: int, present: ShapedStrokes) -> int | None:
+        """As many strokes as the missing length of line needs at the present strokes' mean length."""
+        drawn_m = path_lengths_m(present.placed()[0][..., 1:3])
+        mean_m = float(drawn_m.mean()) if len(present) else self.mean_length_m
+        return max(round((self.ink_m * (number + 1) / self.config.rounds - float(drawn_m.sum())) / mean_m), 0)
+
+    def initial(
+        self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
+        rng: np.random.Generator,
+    ) -> ShapedStrokes:  # fmt: skip
+        """Guided strokes in every round."""
+        return self.guided(
+            count, image, scene, distances_px=distances_px, progress=progress, paints=None, rng=rng
+        )[0]  # fmt: skip
+
+    def guided(
+        self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
+        paints: FloatArray | None, rng: np.random.Generator,
+    ) -> tuple[ShapedStrokes, FloatArray]:  # fmt: skip
+        """Random shapes in the tool's own ink: half of the candidates run along the target's edges, half anywhere."""
+        del progress, paints  # sizes are those of the shapes, and the only paint is the tool's ink
+        if count == 0:
+            return self.none(), np.zeros(0)
+        tries = self.config.candidates
+        parameters = self.shapes.sample(tries * count, rng)
+        extent_px = float(np.ptp(self.shapes.paths(parameters)[0], axis=1).max(-1).mean()) * scene.pixels_per_m
+        middle, along = places_of_error(error_map(image, scene), count, max(extent_px, 2.0) / 3, scene, rng)
+        shape, number = (tries, count), np.arange(tries)
+        anywhere = rng.uniform(-np.pi, np.pi, shape)
+        heading = np.where(number[:, None] % 2 == 1, anywhere, along + rng.normal(0, _HEADING_SPREAD_RAD, shape))
+        aside = rng.normal(0, 0.1 * extent_px / scene.pixels_per_m, (*shape, 2)) * (number > 0)[:, None, None]
+        press = np.repeat(rng.uniform(*scene.tool.press_range_m, tries * count)[:, None], 3, axis=1)
+        ink = np.tile(srgb_to_linear(np.array(scene.tool.color_srgb, np.float32)), (tries * count, 1))
+        tried = self._strokes(parameters, (middle + aside).reshape(-1, 2), heading.ravel(), press_m=press, color=ink)
+        tried.keep_within(scene.tool, scene.canvas_size_m, self.config.edge_m)
+        return best_of(tried, tries, image, scene, distances_px)
+
+    def _strokes(
+        self, parameters: Array, middle_m: FloatArray, theta_rad: FloatArray, *, press_m: FloatArray,
+        color: FloatArray | Array,
+    ) -> ShapedStrokes:  # fmt: skip
+        middle, theta, press, linear = (array.astype(np.float32) for array in (middle_m, theta_rad, press_m, color))
+        return ShapedStrokes(
+            self.shapes, self.config.reach, parameters, parameters.copy(), middle, theta, press, linear
+        )  # fmt: skip
+
+
+def shaped_family(shapes: Shapes, ink_m: float, config: ShapedPlanConfig, rng: np.random.Generator) -> ShapedFamily:
+    """The family, with the mean length of its shapes estimated from random ones."""
+    lengths_m = path_lengths_m(shapes.paths(shapes.sample(_LENGTH_SAMPLES, rng))[0])
+    return ShapedFamily(config, shapes, ink_m, float(lengths_m.mean()))
+
+
+def path_lengths_m(paths: Array) -> Array:
+    """[S] of paths [S, N, 2]."""
+    return np.linalg.norm(np.diff(paths, axis=1), axis=-1).sum(1)
+
+
+def round_shares(count: int, rounds: int) -> list[int]:
+    """``count`` strokes over the rounds. The last gets twice as many as the first, since its strokes are smaller."""
+    weights = np.linspace(1, 2, rounds) if rounds > 1 else np.ones(1)
+    ends = np.rint(count * np.cumsum(weights) / weights.sum()).astype(int)
+    return [int(share) for share in np.diff(ends, prepend=0)]
 
 
 def random_strokes(count: int, tool: Tool, canvas_size_m: tuple[float, float], rng: np.random.Generator) -> Strokes:
-    """Uniform over place, heading, shape, press and colour."""
-    return _strokes(
+    """Bézier strokes that are uniform over place, heading, length, press and colour."""
+    return _straight_strokes(
         rng.uniform((0, 0), canvas_size_m, (count, 2)),
         rng.uniform(-np.pi, np.pi, count),
         rng.uniform(*tool.stroke_length_m, count),
-        rng.uniform(*tool.press_range_m, count),
-        rng.uniform(0, 1, (count, 3)),
+        press_m=rng.uniform(*tool.press_range_m, count),
+        color=rng.uniform(0, 1, (count, 3)),
     )
 
 
 def guided_strokes(
-    count: int,
-    size: float,
-    canvas: Array,
-    scene: Scene,
-    config: PlannerConfig,
-    paints: FloatArray | None,
-    rng: np.random.Generator,
-) -> tuple[Strokes, FloatArray]:
-    """Strokes laid where the canvas differs most from the target, along the target's edges, in its colours.
+    count: int, size: float, canvas: Array, scene: Scene, *, config: PlannerConfig, distances_px: tuple[int, ...],
+    paints: FloatArray | None, rng: np.random.Generator,
+) -> tuple[Strokes, FloatArray]:  # fmt: skip
+    """Bézier strokes where the canvas [H, W, 3] (linear light) differs most from the target, along its edges.
 
     Args:
         size: 0 for the tool's shortest, lightest strokes, 1 for its longest and fullest.
-        canvas: [H, W, 3], linear light: what they are laid upon.
-        paints: [K, 3], linear light: the only colours to take, or None for any.
+        paints: see ``PathFamily.guided``.
 
     Returns:
-        The strokes, and by how much each of them alone lowers the error, summed over pixels.
+        The strokes and their gains; see ``PathFamily.guided``.
     """
     tool, target = scene.tool, scene.target.astype(np.float64)
     k = scene.pixels_per_m
@@ -68,21 +222,41 @@ def guided_strokes(
     if config.initialisation == "saliency":
         wanted = wanted * saliency(target)
     middle, along = places_of_error(wanted, count, np.sqrt(length * k * wide_px) / 2, scene, rng)
-    candidates = _candidates(config.candidates, middle, along, length, press, tool, rng)
-    candidates.keep_within(tool, scene.canvas_size_m, config.edge_m)
-    candidates.color = _tone_along(candidates, tone, scene, paints).astype(np.float32)
-    # All candidates for one place would stand at the same place of the plan.
-    inherits = inherit(candidates.pick(slice(0, count)), scene)
-    candidates.inherited = {name: np.tile(values, config.candidates) for name, values in inherits.items()}
-    gains = fall_with(*stroke_arrays(candidates, canvas, scene, config)).reshape(config.candidates, count)
-    best = np.argmax(gains, axis=0)
-    chosen = candidates.pick(best * count + np.arange(count))
-    chosen.inherited = None  # they stand elsewhere when they are added
-    return chosen, np.max(gains, axis=0)
+    tried = _candidates(config.candidates, middle, along, length=length, press=press, tool=tool, rng=rng)
+    tried.keep_within(tool, scene.canvas_size_m, config.edge_m)
+    tried.color = _tone_along(tried, tone, scene, paints).astype(np.float32)
+    # All candidates for one place have the same position in the plan.
+    inherits = inherit(tried.pick(slice(0, count)), scene)
+    tried.inherited = {name: np.tile(values, config.candidates) for name, values in inherits.items()}
+    return best_of(tried, config.candidates, canvas, scene, distances_px)
+
+
+def best_of(
+    tried: S, tries: int, canvas: Array, scene: Scene, distances_px: tuple[int, ...]
+) -> tuple[S, FloatArray]:  # fmt: skip
+    """At each place the candidate that lowers the error most, and its gain [S].
+
+    Args:
+        tried: ``tries`` · S strokes: first one candidate for each of the S places, then another for each, and so on.
+    """
+    count = len(tried) // tries
+    gains = fall_with(*stroke_arrays(tried, canvas, scene, distances_px)).reshape(tries, count)
+    chosen = tried.pick(gains.argmax(0) * count + np.arange(count))
+    chosen.inherited = None  # they will have other positions in the plan
+    return chosen, gains.max(0)
+
+
+def stroke_arrays(strokes: PlannedPaths, canvas: Array, scene: Scene, distances_px: tuple[int, ...]) -> tuple[Any, ...]:
+    """The arguments of ``render.strokewise``'s functions: marks, colours, canvas, target and viewing distances.
+
+    The camera's gain is left out. It acts on the whole picture, which these functions do not see.
+    """
+    points, radius, marks = marks_px(strokes, scene)
+    return (points, radius, marks.density, marks.softness, strokes.color, canvas, scene.target, distances_px)
 
 
 def error_map(canvas: Array, scene: Scene) -> FloatArray:
-    """[H, W] how far the canvas [H, W, 3] is from the target, seen as blurred as the tool's width makes it."""
+    """[H, W] how far the canvas [H, W, 3] is from the target, both blurred to a quarter of the tool's width."""
     blur = max(scene.tool.nominal_width_m * scene.pixels_per_m, 1.0) / 4
     tone, wrong = (
         np.asarray(cv2.GaussianBlur(image.astype(np.float64), (0, 0), max(blur, 0.6)))
@@ -94,8 +268,10 @@ def error_map(canvas: Array, scene: Scene) -> FloatArray:
 def places_of_error(
     error: FloatArray, count: int, apart_px: float, scene: Scene, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """``count`` places [count, 2] on the canvas, metres, drawn in proportion to the error, apart from one another;
-    and the heading [count] of the target's edges there.
+    """Places drawn in proportion to an error map [H, W], about ``apart_px`` from one another.
+
+    Returns:
+        Places [count, 2] on the canvas, metres, and the heading [count] of the target's edges there.
     """
     rows, columns = _places(error, count, apart_px, rng)
     k = scene.pixels_per_m
@@ -104,47 +280,50 @@ def places_of_error(
     return middle, _edge_heading(np.sqrt(scene.target.astype(np.float64)), wide_px)[rows, columns]
 
 
-def stroke_arrays(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> tuple[Any, ...]:
-    """The arguments of ``render.strokewise``'s functions: marks, colours, canvas, target and viewing distances.
+def saliency(picture: FloatArray) -> FloatArray:
+    """Frequency-tuned saliency (Achanta, Hemami, Estrada & Süsstrunk, CVPR 2009).
 
-    Colours are as planned, without what a camera makes of them: its effect on the whole picture is left out here, too,
-    and one without the other misleads.
+    Args:
+        picture: [H, W, 3], linear light.
+
+    Returns:
+        [H, W], mean 1: the distance of each place's colour in L*a*b* from the picture's mean. 1 everywhere if flat.
     """
-    points, radius, marks = marks_px(strokes, scene)
-    return (
-        points, radius, marks.density, marks.softness, strokes.color, canvas, scene.target, config.distances_px,
-    )  # fmt: skip
+    soft = np.clip(np.asarray(cv2.GaussianBlur(picture, (5, 5), 0), dtype=np.float64), 0.0, 1.0)
+    lab = srgb_to_lab(linear_to_srgb(soft))
+    distance = np.linalg.norm(lab - lab.mean((0, 1)), axis=-1)
+    mean = float(distance.mean())
+    return np.asarray(distance / mean) if mean > 1e-6 else np.ones(picture.shape[:2])
 
 
 def _candidates(
-    tries: int,
-    middle: FloatArray,
-    along: FloatArray,
-    length: float,
-    press: float,
-    tool: Tool,
+    tries: int, middle: FloatArray, along: FloatArray, *, length: float, press: float, tool: Tool,
     rng: np.random.Generator,
-) -> Strokes:
-    """``tries`` times one stroke at each place: of three, two along the edge there; of two, one pressed as hard as
-    chance has it.
+) -> Strokes:  # fmt: skip
+    """``tries`` candidates for each place. Two of three run along the edge there; one of two has any press.
 
-    The latter reaches what is beside a path's own range, such as the canvas's rim.
+    The latter reaches what lies beside the range of a path, such as the canvas's rim.
     """
     shape = (tries, len(along))
     number = np.arange(tries)[:, None]
-    heading = np.where(number % 3 == 2, rng.uniform(-np.pi, np.pi, shape), along + rng.normal(0, 0.15, shape))
-    lengths = np.clip(length * np.exp(rng.normal(-0.1, _SPREAD, shape)), *tool.stroke_length_m)
-    fitting = np.clip(press * np.exp(rng.normal(-0.1, _SPREAD, shape)), *tool.press_range_m)
+    heading = np.where(
+        number % 3 == 2, rng.uniform(-np.pi, np.pi, shape), along + rng.normal(0, _HEADING_SPREAD_RAD, shape)
+    )
+    lengths = np.clip(length * np.exp(rng.normal(-0.1, _LOG_SPREAD, shape)), *tool.stroke_length_m)
+    fitting = np.clip(press * np.exp(rng.normal(-0.1, _LOG_SPREAD, shape)), *tool.press_range_m)
     presses = np.where(number % 2 == 1, rng.uniform(*tool.press_range_m, shape), fitting)
-    beside = 0.15 * length * (number > 0)[..., None] * rng.normal(0, 1, (*shape, 2))
-    flat = (heading.ravel(), lengths.ravel(), presses.ravel())
-    return _strokes((middle + beside).reshape(-1, 2), *flat, np.zeros((heading.size, 3)))
+    aside = 0.15 * length * (number > 0)[..., None] * rng.normal(0, 1, (*shape, 2))
+    places = (middle + aside).reshape(-1, 2)
+    return _straight_strokes(
+        places, heading.ravel(), lengths.ravel(), press_m=presses.ravel(), color=np.zeros((heading.size, 3))
+    )  # fmt: skip
 
 
 def _tone_along(strokes: Strokes, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
     """[S, 3] mean colour of ``tone`` under each stroke, linear light; the nearest paint, where there are paints."""
     if scene.tool.color_srgb is not None:
-        return np.zeros((len(strokes), 3)) + _own_ink(scene.tool)
+        ink = srgb_to_linear(np.array(scene.tool.color_srgb, dtype=np.float64))
+        return np.zeros((len(strokes), 3)) + ink
     path = strokes.paths(7)[:, 1:-1, 1:3]
     height, width = tone.shape[:2]
     k = scene.pixels_per_m
@@ -157,12 +336,8 @@ def _tone_along(strokes: Strokes, tone: FloatArray, scene: Scene, paints: FloatA
     return np.asarray(paints[nearest])
 
 
-def _own_ink(tool: Tool) -> FloatArray:
-    return srgb_to_linear(np.array(tool.color_srgb, dtype=np.float64))
-
-
 def _places(error: FloatArray, count: int, apart_px: float, rng: np.random.Generator) -> tuple[IntArray, IntArray]:
-    """Rows and columns drawn in proportion to the error, each place taken lowering the error around it."""
+    """Rows and columns drawn in proportion to the error. Each place lowers the error around it for the next."""
     left = error + 1e-4 * error.mean() + 1e-12
     reach = int(3 * apart_px) + 1
     offsets = np.arange(-reach, reach + 1)
@@ -195,22 +370,9 @@ def _edge_heading(tone: FloatArray, scale_px: float) -> FloatArray:
     return -(steepest + np.pi / 2)
 
 
-def _strokes(
-    middle_m: FloatArray, theta_rad: FloatArray, length_m: FloatArray, press_m: FloatArray, color: FloatArray
+def _straight_strokes(
+    middle_m: FloatArray, theta_rad: FloatArray, length_m: FloatArray, *, press_m: FloatArray, color: FloatArray
 ) -> Strokes:
     presses = np.repeat(press_m[:, None], 3, axis=1)
     arrays = (middle_m, theta_rad, length_m, np.zeros(len(theta_rad)), presses, color)
     return Strokes(*(array.astype(np.float32) for array in arrays))
-
-
-def saliency(picture: FloatArray) -> FloatArray:
-    """[H, W], mean 1: how far each place's colour in L*a*b* is from the picture's mean; 1 everywhere in a flat one.
-
-    Args:
-        picture: [H, W, 3], linear light.
-    """
-    soft = np.clip(np.asarray(cv2.GaussianBlur(picture, (5, 5), 0), dtype=np.float64), 0.0, 1.0)
-    lab = srgb_to_lab(linear_to_srgb(soft))
-    distance = np.linalg.norm(lab - lab.mean((0, 1)), axis=-1)
-    mean = float(distance.mean())
-    return np.asarray(distance / mean) if mean > 1e-6 else np.ones(picture.shape[:2])

@@ -1,6 +1,6 @@
-"""A hand as a file: the decoder of a TrajVAE and the latents of the strokes it learned from, in numpy alone.
+"""A handwriting style as a file: the decoder of a TrajVAE and the latents of the demonstrations, in numpy alone.
 
-Another file is another hand; nothing is trained again (thesis 5.3.3).
+Another file is another writer's style. Nothing is trained for it again (thesis 5.3.3).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pentimento.planning.strokes.shapes import ShapePull
 Array = NDArray[np.float32]
 
 _MIN_SPREAD = 1e-3
+"""Floor under a latent's standard deviation, so that a latent that never varies can still move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +32,16 @@ class Layer:
 
 
 @dataclass(frozen=True, eq=False)
-class HandDecoder:
-    """One hand. As ``Shapes``, its numbers are the latent, P = L."""
+class StyleDecoder:
+    """One writer's handwriting style. As ``Shapes``, its parameters are the latent, P = L."""
 
     hand: str
+    """Identifier of the writer."""
     layers: tuple[Layer, ...]
-    """With SiLU between them; the last gives x and y of the points in turn, in units of ``scale_m``."""
+    """With SiLU between them. The last gives x and y of the points in turn, in units of ``scale_m``."""
     scale_m: float
     latent_mean: Array
-    """[K, L] of the strokes that the hand was learned from."""
+    """[K, L] of the demonstrations."""
     latent_deviation: Array
     """[K, L]."""
 
@@ -50,24 +52,24 @@ class HandDecoder:
 
     @property
     def spread(self) -> Array:
-        """[L] the standard deviation of latents over the hand's strokes."""
+        """[L] standard deviation of the latents over the demonstrations."""
         variance = self.latent_mean.var(0) + np.square(self.latent_deviation).mean(0)
         return np.maximum(np.sqrt(variance), np.float32(_MIN_SPREAD))
 
-    def some(self, count: int, rng: np.random.Generator) -> Array:
-        """Latents [count, L]: of one of the hand's strokes each, within what that stroke left open."""
+    def sample(self, count: int, rng: np.random.Generator) -> Array:
+        """Latents [count, L], each from the posterior of a random demonstration."""
         k = rng.integers(len(self.latent_mean), size=count)
         noise = rng.standard_normal((count, self.latent_mean.shape[1]), dtype=np.float32)
         return self.latent_mean[k] + self.latent_deviation[k] * noise
 
     def decode(self, latent: Array) -> tuple[Array, ShapePull]:
-        """Paths [S, N, 2], metres, as the TrajVAE gives them, and the way back for gradients."""
+        """Paths [S, N, 2] in metres, as the TrajVAE gives them, and the pull-back."""
         values: Array = latent
-        kept: list[Array] = []
+        slopes: list[Array] = []
         for number, layer in enumerate(self.layers):
             if number > 0:
                 gate = np.asarray(1 / (1 + np.exp(-values)), dtype=np.float32)
-                kept.append(gate * (1 + values * (1 - gate)))  # the slope of SiLU
+                slopes.append(gate * (1 + values * (1 - gate)))  # derivative of SiLU
                 values = values * gate
             values = np.asarray(values @ layer.weight + layer.bias, dtype=np.float32)
         scale = np.float32(self.scale_m)
@@ -77,31 +79,28 @@ class HandDecoder:
             for number in range(len(self.layers) - 1, -1, -1):
                 back = back @ self.layers[number].weight.T
                 if number > 0:
-                    back = back * kept[number - 1]
+                    back = back * slopes[number - 1]
             return back
 
         return (values * scale).reshape(len(latent), self.points, 2), pull
 
-    def paths(self, numbers: Array) -> tuple[Array, ShapePull]:
-        """See ``Shapes``: what is decoded, moved to its middle.
-
-        Decoded strokes head along +x as far as the model has learned it, which is near enough: the pose is free.
-        """
-        path, back = self.decode(numbers)
+    def paths(self, parameters: Array) -> tuple[Array, ShapePull]:
+        """See ``Shapes``. Decoded strokes head along +x as far as the model learned it."""
+        path, back = self.decode(parameters)
 
         def pull(of_path: Array) -> Array:
             return back(of_path - of_path.mean(1, keepdims=True))
 
         return path - path.mean(1, keepdims=True), pull
 
-    def hold(self, numbers: Array, home: Array, reach: float) -> None:
-        """Near the stroke of the hand from which it began: between strokes of a hand lies what it never drew."""
+    def constrain(self, parameters: Array, start: Array, reach: float) -> None:
+        """See ``Shapes``. Far from all demonstrations the decoder extrapolates."""
         bound = np.float32(reach) * self.spread
-        np.clip(numbers, home - bound, home + bound, out=numbers)
+        np.clip(parameters, start - bound, start + bound, out=parameters)
 
 
-def write_hand(path: Path, decoder: HandDecoder) -> None:
-    """Write a hand, atomically; equal hands give equal bytes.
+def write_decoder(path: Path, decoder: StyleDecoder) -> None:
+    """Write a decoder atomically. Equal decoders give equal bytes.
 
     Raises:
         ContractError: a number is not finite.
@@ -116,27 +115,27 @@ def write_hand(path: Path, decoder: HandDecoder) -> None:
         arrays |= {f"weight_{number}": layer.weight, f"bias_{number}": layer.bias}
     broken = [name for name, values in arrays.items() if name != "hand" and not np.isfinite(values).all()]
     if broken:
-        raise ContractError(f"The hand {decoder.hand} has a number that is not finite in {broken}; train it again.")
+        raise ContractError(f"The decoder of {decoder.hand} is not finite in {broken}; train it again.")
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     atomic_write(Path(path), buffer.getvalue())
 
 
-def read_hand(path: Path) -> HandDecoder:
-    """Read what ``write_hand`` wrote.
+def read_decoder(path: Path) -> StyleDecoder:
+    """Read what ``write_decoder`` wrote.
 
     Raises:
-        ContractError: the file is missing, damaged, or its arrays do not fit together.
+        ContractError: the file is missing or damaged, or its arrays do not fit together.
     """
     try:
         with np.load(path, allow_pickle=False) as stored:
             count = sum(name.startswith("weight_") for name in stored)
             layers = tuple(Layer(stored[f"weight_{n}"], stored[f"bias_{n}"]) for n in range(count))
-            decoder = HandDecoder(
+            decoder = StyleDecoder(
                 str(stored["hand"]), layers, float(stored["scale_m"]), stored["latent_mean"], stored["latent_deviation"]
             )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ContractError(f"{path} holds no hand ({error}); make it with the stage train_trajvae.") from error
+        raise ContractError(f"{path} holds no decoder ({error}); make it with the stage train_trajvae.") from error
     sizes = [decoder.latent_mean.shape[1:2], *(layer.weight.shape[1:2] for layer in layers)]
     fits = layers and all(
         layer.weight.ndim == 2 and layer.weight.shape[:1] == size and layer.bias.shape == layer.weight.shape[1:]

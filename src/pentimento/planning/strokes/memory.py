@@ -1,8 +1,8 @@
-"""What each stroke of a plan inherits from those before it: ink left, wear, time, wet paint below.
+"""Covariates that a planned stroke inherits from the strokes before it: ink left, wear, time, wet paint below.
 
-Where a stroke model is extended by a cause with memory, the order of strokes and the dips between them are part of the
-plan. The covariates are advanced by the function that collection and execution use, dips fall where the executor makes
-them, and speeds are the tool's.
+Where a stroke model has a mechanism with memory, the order of strokes and the dips between them are part of the plan.
+The covariates are advanced by the function that collection and execution use (``contracts.covariates``). Dips fall
+where the executor makes them, and speeds are the tool's.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,19 +25,22 @@ from pentimento.contracts.covariates import (
 )
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.strokes.brush import Brush, Span
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.robots.dipping import needs_dip
 from pentimento.robots.motion import ACCELERATION_M_S2
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
 
-_FORESEEN = (
+_PLANNED = (
     "since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "wet_age_s", "order", "t_start_s", "t_after_s",
     *PICKUP_COLUMNS,
 )  # fmt: skip
-_SHORTEST_M = 1e-9
-_NEARLY = 0.02
-"""Share of a fitted range by which a value may pass its end before that is worth a word."""
+"""The columns that a plan determines."""
+_MIN_LENGTH_M = 1e-9
+"""Floor under a path's length, against division by zero."""
+_TOLERANCE = 0.02
+"""Share of a fitted range by which a value may pass its end before a warning names it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,69 +48,62 @@ class Start:
     """The state in which a plan begins."""
 
     memory: Memory
-    """Of tool and canvas."""
+    """State of tool and canvas."""
     clock_s: float
-    """Since the session's start."""
+    """Time since the session's start."""
     made: int
     """Strokes before the plan's first."""
 
 
-class Commanded(Protocol):
-    """S strokes as far as what they inherit depends on them, whatever numbers describe them."""
-
-    @property
-    def theta_rad(self) -> Array:
-        """[S] headings."""
-
-    @property
-    def color(self) -> Array:
-        """[S, 3] linear light."""
-
-    def __len__(self) -> int:
-        """S."""
-
-    def paths(self, points: int) -> Array:
-        """[S, points, 5] commanded paths, times and yaw 0."""
+def commanded(strokes: PlannedPaths, tool: Tool, points: int) -> Array:
+    """Commanded paths [S, N, 5] with times and yaw."""
+    return add_times_and_yaw(strokes.paths(points), strokes.theta_rad, tool)
 
 
-def commanded(strokes: Commanded, tool: Tool, points: int) -> Array:
-    """Paths [S, N, 5] with their yaw, and with times as of a straight stroke at the tool's speed, from rest to rest."""
-    paths = strokes.paths(points)
+def add_times_and_yaw(paths: Array, theta_rad: Array, tool: Tool) -> Array:
+    """Set times and yaw of paths [S, N, 5], in place, and return them.
+
+    Times are those of a straight stroke of the path's length at the tool's speed, from rest to rest. A flat tool's
+    broad edge is square to the heading ``theta_rad`` [S].
+    """
     step = np.linalg.norm(np.diff(paths[..., 1:3], axis=1), axis=-1)
     along = np.concatenate([np.zeros_like(step[:, :1]), np.cumsum(step, axis=1)], axis=1)
-    length = np.maximum(along[:, -1:], _SHORTEST_M)
-    speed, sharp = tool.speed_m_s, ACCELERATION_M_S2 / math.sqrt(2)
-    cruises = length > speed**2 / sharp
-    duration = np.where(cruises, length / speed + speed / sharp, 2 * np.sqrt(length / sharp))
+    length = np.maximum(along[:, -1:], _MIN_LENGTH_M)
+    speed, acceleration = tool.speed_m_s, ACCELERATION_M_S2 / math.sqrt(2)
+    cruises = length > speed**2 / acceleration
+    duration = np.where(cruises, length / speed + speed / acceleration, 2 * np.sqrt(length / acceleration))
     paths[..., 0] = duration * along / length
     if tool.kind == "flat":
-        paths[..., 4] = strokes.theta_rad[:, None] + math.pi / 2
+        paths[..., 4] = theta_rad[:, None] + math.pi / 2
     return paths
 
 
-def inherited(strokes: Commanded, tool: Tool, brush: Brush, start: Start) -> dict[str, Array]:
-    """[S] of each column that the brush's marks depend on, held within the range to which it was fitted.
+def inherited(strokes: PlannedPaths, tool: Tool, brush: Brush, start: Start) -> dict[str, Array]:
+    """[S] of each column that the brush's marks depend on, clipped to the range to which the model was fitted.
 
-    What neither the plan nor its past knows (humidity, the sheet) is what it was on average.
+    A column that neither the plan nor its past determines (humidity, the sheet) is at its mean in the fit.
     """
     fitted = brush.fitted
-    known = foreseen(strokes, tool, brush, start, {*fitted, "t_start_s"} if "t_after_s" in fitted else fitted)
-    held = {}
+    names = {*fitted, "t_start_s"} if "t_after_s" in fitted else fitted
+    known = planned_covariates(strokes, tool, brush, start, names=names)
+    values = {}
     for name, span in fitted.items():
         mean = np.full(len(strokes), span.mean, np.float32)
-        held[name] = np.clip(known[name], *span.ends) if name in known else mean
-    if "t_after_s" in fitted:  # how long paint has dried stays, wherever its start is held
+        values[name] = np.clip(known[name], *span.ends) if name in known else mean
+    if "t_after_s" in fitted:  # the drying time is kept where the start time is clipped
         begins = known["t_start_s"]
-        held["t_after_s"] = known["t_after_s"] - begins + held.get("t_start_s", begins)
-    return held
+        values["t_after_s"] = known["t_after_s"] - begins + values.get("t_start_s", begins)
+    return values
 
 
-def foreseen(strokes: Commanded, tool: Tool, brush: Brush, start: Start, names: Collection[str]) -> dict[str, Array]:
+def planned_covariates(
+    strokes: PlannedPaths, tool: Tool, brush: Brush, start: Start, *, names: Collection[str]
+) -> dict[str, Array]:
     """[S] of those of these columns that the plan determines, in the order of execution.
 
-    All strokes are seen when the last is made: it is the finished painting that a plan foretells.
+    ``t_after_s`` of all strokes is the end of the last: a plan predicts the finished painting.
     """
-    wanted = [name for name in _FORESEEN if name in names]
+    wanted = [name for name in _PLANNED if name in names]
     if not wanted:
         return {}
     paths = commanded(strokes, tool, brush.path_points).astype(np.float64)
@@ -132,22 +127,20 @@ def foreseen(strokes: Commanded, tool: Tool, brush: Brush, start: Start, names: 
 
 
 def beyond_fit(values: Mapping[str, Array], fitted: Mapping[str, Span]) -> list[str]:
-    """A sentence for each column that leaves the range to which a model was fitted, or that no plan foresees."""
-    said = []
+    """A warning for each fitted column that leaves the range of the fit, or that no plan determines."""
+    warnings = []
     for name, (low, mean, high) in fitted.items():
         if name not in values:
-            said.append(
-                f"{name} is not known of planned strokes: {mean:.3g} is taken, its mean when strokes were made."
-            )
+            warnings.append(f"A plan does not determine {name}; its mean over the fitted strokes, {mean:.3g}, is used.")
             continue
         if name == "t_after_s":
             continue
         known = values[name][np.isfinite(values[name])]
-        execution_noise = _NEARLY * (high - low)
-        outside = (known < low - execution_noise) | (known > high + execution_noise)
+        tolerance = _TOLERANCE * (high - low)
+        outside = (known < low - tolerance) | (known > high + tolerance)
         if outside.any():
-            said.append(
-                f"{name} runs from {known.min():.3g} to {known.max():.3g} in the plan; the model was fitted from "
-                f"{low:.3g} to {high:.3g} and is held at the ends for {int(outside.sum())} of {len(known)} strokes."
+            warnings.append(
+                f"{name} runs from {known.min():.3g} to {known.max():.3g} in the plan. The model was fitted from "
+                f"{low:.3g} to {high:.3g}; {int(outside.sum())} of {len(known)} strokes are clipped to that range."
             )
-    return said
+    return warnings

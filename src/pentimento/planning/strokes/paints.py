@@ -1,4 +1,11 @@
-"""From free colours to paints that a person mixes: which they are, and which each stroke takes."""
+"""From free colours to paints that a person mixes: which paints, which paint each stroke takes, and in which order.
+
+The strokes of a plan overlap in the order in which they were optimised, coarse below fine. Sorting them from light to
+dark (thesis 4.3.5) changes the picture wherever a lighter stroke lay over a darker one. Here the brush goes through the
+paints from light to dark several times (sweeps). A stroke waits for those under it: in the same sweep if their paint is
+its own or lighter, until the next sweep if it is darker. Where this needs more sweeps than allowed, the overlaps that
+show least are ignored.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +35,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _COVER_PX = 80
-"""Width at which strokes are laid over each other to see which hides which."""
+"""Width of the picture in which overlaps of strokes are measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +43,7 @@ class Paints:
     """Which paint each stroke takes."""
 
     linear: Array
-    """[K, 3] linear light; ``optimise`` moves it in place where the paints are the plan's own."""
+    """[K, 3] linear light. ``optimise`` moves it in place where the palette comes from the plan."""
     index: IntArray
     """[S]."""
 
@@ -45,15 +52,15 @@ class Paints:
         return np.clip(linear_to_srgb(self.linear.astype(np.float64)), 0.0, 1.0)
 
     def dipped(self, strokes: Strokes) -> Strokes:
-        """The strokes in their paints."""
+        """The strokes in the colours of their paints."""
         return strokes.colored(self.linear[self.index])
 
 
 def check_palette(choice: PaletteChoice, tool: Tool) -> None:
-    """Whether the paints are for this tool.
+    """Check that the palette fits the tool.
 
     Raises:
-        ConfigError: a tool with its own ink is to be dipped, or one without is not.
+        ConfigError: the palette has paints and the tool its own ink, or neither has any.
     """
     if (choice.source == "ink") != (tool.color_srgb is not None):
         brings = "its own ink: set palette.source to ink" if tool.color_srgb else "none: choose another palette.source"
@@ -79,7 +86,7 @@ def choose_paints(strokes: Strokes, choice: PaletteChoice, seed: int) -> Paints:
 
 
 def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConfig) -> tuple[Strokes, Paints]:
-    """The strokes in the order of painting, the paints from light to dark; see ``ordering``."""
+    """The strokes in the order of painting, and the paints from light to dark; see ``sweep_order``."""
     palette = paints.srgb()
     light = light_first(palette)
     rank = np.array([int(np.flatnonzero((light == color).all(1))[0]) for color in palette])
@@ -87,23 +94,24 @@ def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConf
     covers = coverages(strokes, scene, _COVER_PX)
     order = sweep_order(covers, light[index], index, config.sweeps)
     ordered = strokes.pick(order)
-    ordered.inherited = None  # it was another order in which they inherited it
+    ordered.inherited = None  # it was computed for another order
     return ordered, Paints(srgb_to_linear(light.astype(np.float32)), index[order])
 
 
 def repaint(
-    strokes: Strokes, paints: Paints, canvas: Array, scene: Scene, config: PlannerConfig
+    strokes: Strokes, paints: Paints, canvas: Array, scene: Scene, *, config: PlannerConfig
 ) -> tuple[Strokes, Paints]:
-    """Strokes exchange their paint where the painting, not the stroke, gets better by it.
+    """Change the paint of strokes where that lowers the objective.
 
-    What an exchange changes is foretold to second order from the objective's gradient and from how much of the stroke
-    shows. The most promising are tried together, then half as many, and so on; what raises the objective is not done.
+    The effect of a change is predicted to second order from the objective's gradient and from the visible area of the
+    stroke. The most promising changes are tried together, then the better half of them, and so on. The first set that
+    lowers the objective is kept.
     """
     objective = objective_for(scene, config)
     palette, srgb = linear_to_srgb(paints.linear), linear_to_srgb(strokes.color)
     image, back = render_and_back(strokes, canvas, scene)
     before, of_image = objective(image)
-    slope = back(of_image).color * _light_per_srgb(srgb)
+    slope = back(of_image)[-1] * _light_per_srgb(srgb)
     covers = coverages(strokes, scene, _COVER_PX)
     curvature = 2 / (3 * covers.shape[1]) * np.square(visible(covers)).sum(1)
     step = palette - srgb[:, None]
@@ -120,23 +128,18 @@ def repaint(
     return strokes, paints
 
 
-def _light_per_srgb(srgb: Array) -> Array:
-    """Slope of linear light over sRGB, elementwise."""
-    return np.where(srgb <= 0.04045, 1 / 12.92, 2.4 / 1.055 * ((srgb + 0.055) / 1.055) ** 1.4).astype(srgb.dtype)
-
-
 def sweep_order(covers: FloatArray, colors_srgb: FloatArray, paint: IntArray, sweeps: int) -> IntArray:
-    """The order [S] in which to make strokes, as indices into the order in which they lie now.
+    """The order [S] of execution, as indices into the present order.
 
     Args:
-        covers: [S, P] how much each stroke covers each pixel, 0 to 1.
+        covers: [S, P] coverage of each pixel by each stroke, 0 to 1.
         colors_srgb: [S, 3] of the strokes.
         paint: [S] which paint each takes, numbered from light to dark.
-        sweeps: at most so many times through the paints; 1 is from light to dark throughout.
+        sweeps: largest number of passes through the paints; 1 is from light to dark throughout.
     """
     shows = overlaps(covers, colors_srgb)
     weights = np.unique(shows[shows > 0])
-    low, high = 0, len(weights)  # number of weakest overlaps that are given up
+    low, high = 0, len(weights)  # number of weakest overlaps that are ignored
     while low < high:
         middle = (low + high) // 2
         if _sweeps(shows, paint, weights[middle - 1] if middle else 0.0).max(initial=0) < sweeps:
@@ -148,13 +151,15 @@ def sweep_order(covers: FloatArray, colors_srgb: FloatArray, paint: IntArray, sw
 
 
 def overlaps(covers: FloatArray, colors_srgb: FloatArray) -> FloatArray:
-    """[S, S] how much it would show if stroke i lay over the later stroke j: seen overlap times colour difference²."""
+    """[S, S] how much it would show if stroke i lay over the later stroke j: visible overlap times squared colour
+    difference.
+    """
     difference = np.square(colors_srgb[:, None] - colors_srgb).sum(-1)
-    return np.triu(_seen_over(covers, visible(covers)) * difference, k=1)
+    return np.triu(_visible_overlap(covers, visible(covers)) * difference, k=1)
 
 
 def visible(covers: FloatArray) -> FloatArray:
-    """[S, P] the share of each pixel's light that is each stroke's, under those that lie over it."""
+    """[S, P] share of each stroke in each pixel's light, under the strokes that lie over it."""
     shown = covers.copy()
     left = np.ones_like(covers[0])
     for s in range(len(covers) - 1, -1, -1):
@@ -163,25 +168,25 @@ def visible(covers: FloatArray) -> FloatArray:
     return shown
 
 
-def paint_changes(paint: IntArray) -> int:
-    """How often the brush is washed."""
-    return int(np.count_nonzero(np.diff(paint)))
+def _light_per_srgb(srgb: Array) -> Array:
+    """Derivative of linear light with respect to sRGB, elementwise."""
+    return np.where(srgb <= 0.04045, 1 / 12.92, 2.4 / 1.055 * ((srgb + 0.055) / 1.055) ** 1.4).astype(srgb.dtype)
 
 
 @compiled
-def _sweeps(shows: FloatArray, paint: IntArray, given_up: float) -> IntArray:
-    """[S] the sweep of each stroke, where overlaps up to ``given_up`` do not count."""
+def _sweeps(shows: FloatArray, paint: IntArray, ignored: float) -> IntArray:
+    """[S] the sweep of each stroke, where overlaps up to ``ignored`` do not count."""
     sweep = np.zeros(len(paint), np.int64)
     for i in range(len(paint)):
         for j in range(i + 1, len(paint)):
-            if shows[i, j] > given_up:
+            if shows[i, j] > ignored:
                 sweep[j] = max(sweep[j], sweep[i] + (1 if paint[i] > paint[j] else 0))
     return sweep
 
 
 @compiled
-def _seen_over(covers: FloatArray, shown: FloatArray) -> FloatArray:
-    """[S, S] covers @ shown.T, by pixel: few strokes cover one."""
+def _visible_overlap(covers: FloatArray, shown: FloatArray) -> FloatArray:
+    """[S, S] covers @ shown.T, pixel by pixel: few strokes cover one."""
     total = np.zeros((len(covers), len(covers)))
     here = np.empty(len(covers), np.int64)
     for p in range(covers.shape[1]):

@@ -1,4 +1,4 @@
-"""Paints for a plan: gathered from its colours (thesis 4.3.5, Figure 4.6), from a picture, or given by the person."""
+"""Paints for a plan: clustered from its colours (thesis 4.3.5, Figure 4.6) or a picture's, or given by the person."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _PICTURE_PIXELS = 20_000
-"""Of a picture, so many at most are looked at to gather its colours."""
+"""Largest number of a picture's pixels that are clustered, drawn at random."""
+_RESTARTS = 4
+"""Of k-means; the best result is kept."""
+_MAX_ITERATIONS = 300
+"""Of k-means in one start, as in scikit-learn."""
+_TOLERANCE = 1e-4
+"""Squared shift of the centres, as a share of the points' variance, at which k-means stops; as in scikit-learn."""
 
 
 @dataclass(frozen=True)
@@ -23,14 +29,14 @@ class PaletteChoice:
     """Which paints the person lays out."""
 
     source: Literal["plan", "picture", "given", "ink"]
-    """``plan``: the strokes' own colours, clustered, then moved with the strokes. ``picture``: a picture's colours,
-    clustered. ``given``: these. ``ink``: none, the tool carries its own."""
+    """``plan``: the strokes' own colours, clustered, then optimised with the strokes. ``picture``: a picture's colours,
+    clustered. ``given``: ``colors_srgb``. ``ink``: none, the tool has its own."""
     size: int | None
-    """Paints to gather, for ``plan`` and ``picture``."""
+    """Number of paints, for ``plan`` and ``picture``."""
     picture: str | None
     """A file, or the name of a photograph that scikit-image ships."""
     colors_srgb: tuple[tuple[float, float, float], ...] | None
-    """Of the paints ``given``."""
+    """The paints of ``given``."""
 
     def __post_init__(self) -> None:
         wanted = {"plan": {"size"}, "picture": {"size", "picture"}, "given": {"colors_srgb"}, "ink": set[str]()}
@@ -52,8 +58,8 @@ def cluster_palette(colors_srgb: FloatArray, weights: FloatArray, size: int, see
 
     Args:
         colors_srgb: [S, 3].
-        weights: [S], how much each colour counts: the area that its stroke covers.
-        size: paints wanted; fewer come back where there are fewer distinct colours.
+        weights: [S] weight of each colour: the area that its stroke covers.
+        size: number of paints. There are fewer where there are fewer distinct colours.
 
     Returns:
         The palette, sRGB [K, 3], from light to dark; and which paint each colour takes, [S].
@@ -66,10 +72,10 @@ def cluster_palette(colors_srgb: FloatArray, weights: FloatArray, size: int, see
 
 
 def picture_palette(name_or_path: str, size: int, seed: int) -> FloatArray:
-    """The colours of a picture, sRGB [K, 3], from light to dark.
+    """The clustered colours of a picture, sRGB [K, 3], from light to dark.
 
     Raises:
-        ImageError: there is no such picture.
+        ImageError: the picture does not exist.
     """
     pixels = to_float(load_photograph(name_or_path)).astype(np.float64).reshape(-1, 3)
     some = np.random.default_rng([seed, 1]).choice(len(pixels), min(_PICTURE_PIXELS, len(pixels)), replace=False)
@@ -77,7 +83,7 @@ def picture_palette(name_or_path: str, size: int, seed: int) -> FloatArray:
 
 
 def light_first(palette_srgb: FloatArray) -> FloatArray:
-    """The paints by falling lightness."""
+    """The paints by decreasing lightness."""
     return np.asarray(palette_srgb[np.argsort(-srgb_to_lab(palette_srgb)[:, 0], kind="stable")])
 
 
@@ -87,31 +93,25 @@ def nearest_paint(colors_srgb: FloatArray, palette_srgb: FloatArray) -> IntArray
     return np.asarray(np.square(difference).sum(-1).argmin(1))
 
 
-_STARTS = 4
-_MAX = 300
-_SETTLED = 1e-4
-"""Of the points' variance: centres that moved by less than this, squared, stay."""
-
-
 def weighted_kmeans(points: FloatArray, weights: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    """[K, D] centres of ``count`` clusters: the best of several starts.
+    """Weighted k-means (Lloyd 1982) with greedy k-means++ starts (Arthur & Vassilvitskii 2007): centres [K, D].
 
     Args:
-        points: [S, D], of which at least ``count`` differ.
-        weights: [S], above 0: how much each point counts.
+        points: [S, D], at least ``count`` of them distinct.
+        weights: [S], above 0.
     """
-    found = [_lloyd(points, weights, _spread_start(points, weights, count, rng)) for _ in range(_STARTS)]
+    found = [_lloyd(points, weights, _spread_start(points, weights, count, rng)) for _ in range(_RESTARTS)]
     return min(found, key=lambda centres: float(weights @ _squares(points, centres).min(1)))
 
 
 def _lloyd(points: FloatArray, weights: FloatArray, centres: FloatArray) -> FloatArray:
-    settled = _SETTLED * points.var(0).mean()
-    for _ in range(_MAX):
+    settled = _TOLERANCE * points.var(0).mean()
+    for _ in range(_MAX_ITERATIONS):
         squares = _squares(points, centres)
         nearest = squares.argmin(1)
         mass = np.bincount(nearest, weights, len(centres))
         sums = np.stack([np.bincount(nearest, weights * column, len(centres)) for column in points.T], axis=1)
-        # A centre that nothing is nearest to goes where the points are served worst.
+        # An empty cluster moves to the points with the largest weighted error.
         worst = points[np.argsort(-weights * squares.min(1), kind="stable")[: len(centres)]]
         moved = np.where(mass[:, None] > 0, sums / np.maximum(mass, 1e-300)[:, None], worst)
         shift, centres = np.square(moved - centres).sum(), moved
@@ -121,7 +121,7 @@ def _lloyd(points: FloatArray, weights: FloatArray, centres: FloatArray) -> Floa
 
 
 def _spread_start(points: FloatArray, weights: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    """Points far apart: each is the best of a few drawn in proportion to their squared distance to those before."""
+    """Distant points: each is the best of a few drawn in proportion to their squared distance to those before."""
     tries = 2 + int(np.log(count))
     first = rng.choice(len(points), p=weights / weights.sum())
     chosen, left = [points[first]], np.square(points - points[first]).sum(1)

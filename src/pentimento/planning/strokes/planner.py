@@ -1,182 +1,201 @@
-"""Plans: strokes added coarse to fine, moved by gradients, relocated where they are idle, then painted in few paints.
+"""Plans of strokes: added coarse to fine, moved by gradients, relocated where useless, then painted in few paints.
 
-The thesis's planner (4.3.5, Figure 4.5) is the case of random strokes in one round, no relocation and one sweep.
+One planner serves every kind of stroke (``PathFamily``). The thesis's planner for paintings (4.3.5, Figure 4.5) is the
+case of random strokes in one round, no relocation and one sweep; its planner for handwriting (5.3.6) that of random
+latents.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.planning.strokes.bezier import Strokes, no_strokes, with_color
-from pentimento.planning.strokes.config import Log, PlannerConfig
-from pentimento.planning.strokes.descent import half_cosine, optimise
-from pentimento.planning.strokes.initialise import guided_strokes, random_strokes
-from pentimento.planning.strokes.paints import (
-    Paints,
-    check_palette,
-    choose_paints,
-    in_order,
-    repaint,
-)
+from pentimento.contracts.errors import ConfigError
+from pentimento.planning.adam import half_cosine
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import Log, PlanConfig, PlannerConfig, ShapedPlanConfig
+from pentimento.planning.strokes.descent import optimise
+from pentimento.planning.strokes.initialise import BezierFamily, PathFamily, shaped_family
+from pentimento.planning.strokes.paints import Paints, check_palette, choose_paints, in_order, repaint
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.relocate import relocate
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.scene import (
-    Scene,
-    coarser,
-    first_pass,
-    objective_for,
-)
+from pentimento.planning.strokes.scene import Scene, coarser, first_pass, objective_for
+from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
+S = TypeVar("S", bound=PlannedPaths)
 
 _ROUND_END = 0.3
-"""Share of the learning rates that is left at a round's end: the next round goes on from there."""
+"""Share of the learning rates at the end of a round. The next round goes on from there."""
 _COARSE = 0.5
-"""Of the iterations with free colours, the first, at half the resolution: strokes are still far from their places."""
+"""Share of the free iterations, from the first, at half the resolution: strokes are still far from their places."""
 _SETTLE = 0.15
-"""Of the iterations, the last, in which no stroke is relocated and no paint exchanged: they finish what is there."""
+"""Share of the iterations, up to the last, without relocation and change of paint: the strokes converge."""
 _PAINT_RATE = 0.5
 """Share of the learning rates with which strokes adapt to paints."""
 
 
 @dataclass(frozen=True)
-class Draft:
-    """A plan in the making."""
+class Draft(Generic[S]):
+    """A plan in progress."""
 
-    strokes: Strokes
+    strokes: S
     paints: Paints | None
     """None while colours are free, and for a tool with its own ink."""
 
 
+@dataclass(frozen=True)
+class Planner(Generic[S]):
+    """What all steps of one plan share."""
+
+    canvas: Array
+    """[H, W, 3], linear light, under the strokes."""
+    scene: Scene
+    config: PlanConfig
+    family: PathFamily[S]
+    rng: np.random.Generator
+    log: Log
+
+    def coarse(self) -> Planner[S]:
+        """The same plan at half the resolution, where the configuration has a coarse part."""
+        if not self.config.coarse_first:
+            return self
+        scene, canvas, config = coarser(self.scene, self.canvas, self.config)
+        return Planner(canvas, scene, config, self.family, self.rng, self.log)
+
+
 def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[Strokes, FloatArray]:
-    """Up to ``count`` strokes in the order of execution, and their palette, sRGB [K, 3] from light to dark.
+    """Up to ``count`` Bézier strokes in the order of execution, and their palette, sRGB [K, 3] from light to dark.
 
     ``log("objective", value, iteration)`` is called at every iteration.
 
     Raises:
         ConfigError: the palette does not fit the tool, or the picture is smaller than a viewing distance.
-        ImageError: there is no such picture as the palette's.
+        ImageError: the palette's picture does not exist.
     """
     check_palette(config.palette, scene.tool)
     rng = np.random.default_rng([config.seed, 0])
-    strokes = free_plan(canvas, scene, count, config, rng, log)
+    strokes = free_plan(canvas, scene, count, config, rng=rng, log=log)
     if scene.tool.color_srgb is not None:
         return strokes, np.array([scene.tool.color_srgb])
     paints = choose_paints(strokes, config.palette, config.seed)
     draft = Draft(*in_order(paints.dipped(strokes), paints, scene, config))
     done = config.rounds * config.iterations_per_round + config.iterations_free
-    draft = _in_stretches(draft, config.iterations_palette, _PAINT_RATE, canvas, scene, config, rng, log, done)
+    planner = Planner(canvas, scene, config, BezierFamily(config, count), rng, log)
+    draft = _in_stretches(planner, draft, config.iterations_palette, rate=_PAINT_RATE, done=done)
     assert draft.paints is not None
     strokes, paints = in_order(draft.strokes, draft.paints, scene, config)
     return strokes, paints.srgb()
 
 
 def free_plan(
-    canvas: Array, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
+    canvas: Array, scene: Scene, count: int, config: PlannerConfig, *, rng: np.random.Generator, log: Log
 ) -> Strokes:
-    """Up to ``count`` strokes, each in a colour of its own, in the order in which they were laid: coarse below fine."""
+    """Up to ``count`` Bézier strokes, each in a colour of its own, in the order in which they were added."""
+    family = BezierFamily(config, count)
     first_scene, first_config = first_pass(scene, config)
-    strokes = _in_rounds(canvas, first_scene, count, first_config, rng, log)
-    done = config.rounds * config.iterations_per_round
-    draft = Draft(strokes, None)
-    return _in_stretches(draft, config.iterations_free, 1.0, canvas, scene, config, rng, log, done).strokes
+    strokes = _in_rounds(Planner(canvas, first_scene, first_config, family, rng, log))
+    planner, done = Planner(canvas, scene, config, family, rng, log), config.rounds * config.iterations_per_round
+    return _in_stretches(planner, Draft(strokes, None), config.iterations_free, rate=1.0, done=done).strokes
 
 
-def _in_rounds(
-    canvas: Array, scene: Scene, count: int, config: PlannerConfig, rng: np.random.Generator, log: Log
-) -> Strokes:
-    """Strokes added round by round, coarse to fine, at half the resolution."""
-    small, small_canvas, small_config = coarser(scene, canvas, config)
-    strokes = no_strokes()
-    objective = objective_for(small, small_config)
+def plan_shapes(
+    canvas: Array, scene: Scene, shapes: Shapes, ink_m: float, *, config: ShapedPlanConfig, log: Log
+) -> ShapedStrokes:
+    """Strokes of one kind of shape in the order of execution, for a tool with its own ink: about ``ink_m`` of line.
 
-    def loss() -> float:
-        return objective(render_plan(strokes, small_canvas, small))[0]
+    Kinds of shape are compared at equal length of line, since a hundred dots are less than a hundred arcs. The last
+    iterations may change the length a little. ``log("objective", value, iteration)`` is called at every iteration.
 
-    first, last = config.sizes
-    before = loss()
-    for number, share in enumerate(round_shares(count, config.rounds)):
-        if share == 0:
+    Raises:
+        ConfigError: the tool takes paints, the brush takes Bézier strokes only, or brush, shapes and configuration
+            differ in the number of points.
+    """
+    if scene.tool.color_srgb is None:
+        raise ConfigError(f"Shaped strokes need a tool with its own ink; the {scene.tool.name} takes paints.")
+    if not shapes.points == scene.brush.path_points == config.path_points:
+        raise ConfigError(
+            f"Shapes of {shapes.points} points, a brush of {scene.brush.path_points} and path_points = "
+            f"{config.path_points} do not fit: train the shapes at that number of points."
+        )
+    rng = np.random.default_rng([config.seed, 21])
+    planner = Planner(canvas, scene, config, shaped_family(shapes, ink_m, config, rng), rng, log)
+    draft, done = Draft(_in_rounds(planner), None), config.rounds * config.iterations_per_round
+    return _in_stretches(planner, draft, config.iterations, rate=1.0, done=done).strokes
+
+
+def _in_rounds(planner: Planner[S]) -> S:
+    """Strokes added round by round, each round where the picture is still wrong, and optimised together."""
+    planner = planner.coarse()
+    canvas, scene, config, family = planner.canvas, planner.scene, planner.config, planner.family
+    strokes, objective = family.none(), objective_for(scene, config)
+    before = objective(canvas)[0]
+    for number in range(config.rounds):
+        count = family.count_in_round(number, strokes)
+        if count is None:
             continue
-        size = last + (first - last) * (1 - number / max(config.rounds - 1, 1)) ** 2
-        strokes = strokes.joined(_new_strokes(share, size, strokes, small_canvas, small, small_config, rng))
-        optimise(
-            strokes, small_canvas, small, small_config, config.iterations_per_round, scene.tool.color_srgb is None,
-            1.0, log, number * config.iterations_per_round, _ROUND_END,
+        new = family.initial(
+            count, render_plan(strokes, canvas, scene), scene, distances_px=config.distances_px,
+            progress=number / max(config.rounds - 1, 1), rng=planner.rng,
         )  # fmt: skip
-        after = loss()
-        if before - after < config.min_gain * share:
+        strokes = strokes.joined(new)
+        optimise(
+            strokes, canvas, scene, config, iterations=config.iterations_per_round,
+            free_color=scene.tool.color_srgb is None, rate=1.0, log=planner.log,
+            first_iteration=number * config.iterations_per_round, last_rate=_ROUND_END,
+        )  # fmt: skip
+        if config.min_gain is None:
+            continue
+        after = objective(render_plan(strokes, canvas, scene))[0]
+        if before - after < config.min_gain * count:
             break
         before = after
     return strokes
 
 
-def round_shares(count: int, rounds: int) -> list[int]:
-    """``count`` strokes over the rounds, the last of which gets twice as many as the first: the finer, the more."""
-    weights = np.linspace(1, 2, rounds) if rounds > 1 else np.ones(1)
-    ends = np.rint(count * np.cumsum(weights) / weights.sum()).astype(int)
-    return [int(share) for share in np.diff(ends, prepend=0)]
+def _in_stretches(planner: Planner[S], draft: Draft[S], iterations: int, *, rate: float, done: int) -> Draft[S]:
+    """Descend in stretches of ``relocate_every`` iterations with a repair in between. The rate falls to 0.
 
-
-def _new_strokes(
-    count: int,
-    size: float,
-    present: Strokes,
-    canvas: Array,
-    scene: Scene,
-    config: PlannerConfig,
-    rng: np.random.Generator,
-) -> Strokes:
-    if config.initialisation == "random":
-        new = random_strokes(count, scene.tool, scene.canvas_size_m, rng)
-        if scene.tool.color_srgb is not None:
-            new = with_color(new, np.tile(np.array(scene.tool.color_srgb, np.float32), (count, 1)))
-        new.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
-        return new
-    image = render_plan(present, canvas, scene)
-    return guided_strokes(count, size, image, scene, config, None, rng)[0]
-
-
-def _in_stretches(
-    draft: Draft,
-    iterations: int,
-    rate: float,
-    canvas: Array,
-    scene: Scene,
-    config: PlannerConfig,
-    rng: np.random.Generator,
-    log: Log,
-    done: int,
-) -> Draft:
-    """Descend by ``iterations`` in stretches of ``config.relocate_every``, mending in between; the rate falls to 0."""
+    Args:
+        rate: share of the learning rates at the start.
+        done: iterations before the first of these, for ``log``.
+    """
     if iterations == 0:
         return draft
-    free = scene.tool.color_srgb is None and (draft.paints is None or config.palette.source == "plan")
-    small, small_canvas, small_config = coarser(scene, canvas, config)
-    likeness = config.objectives.print_weight > 0  # else nothing says where strokes should go
+    config, tool, coarse = planner.config, planner.scene.tool, planner.coarse()
+    own_paints = isinstance(config, PlannerConfig) and config.palette.source == "plan"
+    free = tool.color_srgb is None and (draft.paints is None or own_paints)
+    places = config.objectives.print_weight > 0  # a style alone does not say where strokes belong
     every = config.relocate_every or max(iterations // 4, 1)
     starts = list(range(0, max(iterations - every // 2, 1), every))
     for start, end in zip(starts, [*starts[1:], iterations], strict=True):
-        if 0 < start <= (1 - _SETTLE) * iterations and config.relocate_every > 0 and likeness:
-            draft = _mended(draft, small_canvas, small, small_config, rng)
+        if 0 < start <= (1 - _SETTLE) * iterations and config.relocate_every > 0 and places:
+            draft = _repaired(coarse, draft)
         first, last = (half_cosine(at, iterations, rate, 0.0) for at in (start, end))
-        coarse = draft.paints is None and end <= _COARSE * iterations
-        task = (small_canvas, small, small_config) if coarse else (canvas, scene, config)
-        optimise(draft.strokes, *task, end - start, free, first, log, done + start, last, draft.paints)
+        task = coarse if draft.paints is None and end <= _COARSE * iterations else planner
+        optimise(
+            draft.strokes, task.canvas, task.scene, task.config, iterations=end - start, free_color=free, rate=first,
+            log=planner.log, first_iteration=done + start, last_rate=last, paints=draft.paints,
+        )  # fmt: skip
     return draft
 
 
-def _mended(draft: Draft, canvas: Array, scene: Scene, config: PlannerConfig, rng: np.random.Generator) -> Draft:
-    """Idle strokes relocated and, with paints, some exchanged and the order restored."""
-    paints = draft.paints
+def _repaired(planner: Planner[S], draft: Draft[S]) -> Draft[S]:
+    """Useless strokes relocated and, with paints, some strokes repainted and the order restored."""
+    canvas, scene, config, paints = planner.canvas, planner.scene, planner.config, draft.paints
     colors = None if paints is None else paints.linear.astype(np.float64)
-    strokes = relocate(draft.strokes, canvas, scene, config, colors, rng)[0]
+    strokes, _ = relocate(
+        draft.strokes, canvas, scene, config=config, family=planner.family, paints=colors, rng=planner.rng
+    )
     if paints is None:
         return Draft(strokes, None)
+    assert isinstance(strokes, Strokes) and isinstance(config, PlannerConfig)  # only Bézier strokes take paints
     index = np.square(strokes.color[:, None] - paints.linear).sum(-1).argmin(1)
-    strokes, paints = repaint(strokes, Paints(paints.linear, index), canvas, scene, config)
-    return Draft(*in_order(strokes, paints, scene, config))
+    repainted, paints = repaint(strokes, Paints(paints.linear, index), canvas, scene, config=config)
+    ordered, paints = in_order(repainted, paints, scene, config)
+    return Draft(cast("S", ordered), paints)

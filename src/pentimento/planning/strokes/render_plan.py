@@ -1,12 +1,12 @@
-"""What the canvas will look like after a plan's strokes, and the way back from there: the chain rule in one place.
+"""The predicted canvas after a plan's strokes, and the pull-back: the chain rule in one place.
 
-strokes ─ brush ─→ marks ─ mishap ─→ pixels ─ render ─→ light ─ camera ─→ image
+strokes ─ brush ─→ marks ─ fault ─→ pixels ─ render ─→ light ─ camera ─→ image
         ←────────────────── gradients ───────────────────
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,49 +14,51 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.planning.strokes.config import ExecutionNoise
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.scene import Scene, inherit
 from pentimento.render.kernel import render, render_backward
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
-Back = Callable[[Array], Strokes]
-"""From ∂loss/∂image [H, W, 3] to ∂loss/∂strokes."""
+Back = Callable[[Array], tuple[Array, ...]]
+"""From ∂loss/∂image [H, W, 3] to the gradient of each of the strokes' ``arrays``."""
 
 
 class Fault(NamedTuple):
-    """What befalls each stroke in execution."""
+    """An execution error of each stroke."""
 
     narrowing: Array
-    """[S, 1], the width that is left, as a share."""
+    """[S, 1], the remaining share of the width."""
     shift_m: Array
     """[S, 1, 2], canvas frame."""
 
 
 def expected_fault(strokes: int, execution_noise: ExecutionNoise) -> Fault:
-    """What befalls a stroke on average."""
+    """The mean execution error, for each stroke."""
     narrowing = np.full((strokes, 1), 1 - execution_noise.thinning / 2, np.float32)
     return Fault(narrowing, np.zeros((strokes, 1, 2), np.float32))
 
 
 def faults(strokes: int, execution_noise: ExecutionNoise, rng: np.random.Generator) -> Fault:
-    """One draw for each stroke."""
+    """A random execution error for each stroke."""
     narrowing = 1 - execution_noise.thinning * rng.random((strokes, 1), dtype=np.float32)
     return Fault(narrowing, execution_noise.shift_m * rng.standard_normal((strokes, 1, 2), dtype=np.float32))
 
 
-def render_plan(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault | None = None) -> Array:
-    """What the canvas [H, W, 3] (linear light) will look like after the strokes."""
+def render_plan(strokes: PlannedPaths, canvas: Array, scene: Scene, fault: Fault | None = None) -> Array:
+    """The predicted canvas [H, W, 3] (linear light) after the strokes."""
     return render_and_back(strokes, canvas, scene, fault)[0]
 
 
-def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault | None = None) -> tuple[Array, Back]:
-    """``render_plan``, and from an image's gradient to the strokes'; what strokes inherit is held as it is."""
+def render_and_back(
+    strokes: PlannedPaths, canvas: Array, scene: Scene, fault: Fault | None = None
+) -> tuple[Array, Back]:
+    """``render_plan`` and its pull-back. Inherited covariates are constants for the gradient."""
     if len(strokes) == 0:
-        return canvas, lambda _: no_strokes()
-    marks, pull = scene.brush.marks(strokes, _inherited(strokes, scene))
+        return canvas, lambda _: tuple(np.zeros_like(array) for array in strokes.arrays())
+    marks, pull = strokes.marks(scene.brush, _inherited(strokes, scene))
     image, back = render_marks(marks, canvas, scene, fault)
     return image, lambda of_image: pull(back(of_image))
 
@@ -64,7 +66,7 @@ def render_and_back(strokes: Strokes, canvas: Array, scene: Scene, fault: Fault 
 def render_marks(
     marks: Marks, canvas: Array, scene: Scene, fault: Fault | None = None
 ) -> tuple[Array, Callable[[Array], Marks]]:
-    """What the canvas will look like with these marks upon it, and from an image's gradient to the marks'."""
+    """The canvas with these marks on it, and the pull-back from an image's gradient to the marks'."""
     if fault is not None:
         marks = marks._replace(
             points_m=marks.points_m + fault.shift_m, radius_m=marks.radius_m * fault.narrowing
@@ -103,14 +105,24 @@ def render_marks(
     return image, back
 
 
-def marks_px(strokes: Strokes, scene: Scene) -> tuple[Array, Array, Marks]:
-    """Points [S, N, 2] (column, row) and radii [S, N] in the target's pixels, and the marks as the model gives them."""
-    marks, _ = scene.brush.marks(strokes, _inherited(strokes, scene))
-    return *in_pixels(marks, scene), marks
+class MarksInPixels(NamedTuple):
+    """Marks as a stroke model gives them, and their geometry in the target's pixels."""
+
+    points: Array
+    """[S, N, 2], column and row."""
+    radius: Array
+    """[S, N]."""
+    marks: Marks
 
 
-def coverages(strokes: Strokes, scene: Scene, width_px: int) -> FloatArray:
-    """[S, P] how much each stroke alone covers each pixel of a picture ``width_px`` wide, 0 to 1."""
+def marks_px(strokes: PlannedPaths, scene: Scene) -> MarksInPixels:
+    """The marks of the strokes in the target's pixels."""
+    marks, _ = strokes.marks(scene.brush, _inherited(strokes, scene))
+    return MarksInPixels(*in_pixels(marks, scene), marks)
+
+
+def coverages(strokes: PlannedPaths, scene: Scene, width_px: int) -> FloatArray:
+    """[S, P] coverage of each pixel by each stroke alone, 0 to 1, in a picture ``width_px`` wide."""
     height, width = scene.target.shape[:2]
     factor = max(width / width_px, 1.0)
     shape = max(round(height / factor), 1), max(round(width / factor), 1)
@@ -122,10 +134,6 @@ def coverages(strokes: Strokes, scene: Scene, width_px: int) -> FloatArray:
     return alone[..., 0].reshape(len(strokes), -1).astype(np.float64)
 
 
-def _inherited(strokes: Strokes, scene: Scene) -> dict[str, Array]:
-    return inherit(strokes, scene) if strokes.inherited is None else dict(strokes.inherited)
-
-
 def in_pixels(marks: Marks, scene: Scene) -> tuple[Array, Array]:
     """Points (column, row) and radii in the target's pixels; see ``contracts.frames``."""
     per_m = np.float32(scene.pixels_per_m)
@@ -134,8 +142,12 @@ def in_pixels(marks: Marks, scene: Scene) -> tuple[Array, Array]:
     return np.stack([column, row], axis=-1), marks.radius_m * per_m
 
 
+def _inherited(strokes: PlannedPaths, scene: Scene) -> Mapping[str, Array]:
+    return inherit(strokes, scene) if strokes.inherited is None else strokes.inherited
+
+
 def _wetness(scene: Scene) -> Array:
-    """[H, W], 0 to 1: where there is paint when the plan begins, from the canvas as it is remembered."""
+    """[H, W] 0 to 1: where the remembered canvas has paint when the plan begins."""
     height, width = scene.target.shape[:2]
     ink = scene.start.memory.ink.astype(np.float32)
     return np.asarray(cv2.resize(ink, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float32)

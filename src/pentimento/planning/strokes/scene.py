@@ -1,4 +1,4 @@
-"""What a plan is made for, and how far a picture is from what is wanted there."""
+"""What a plan is made for: tool, stroke model, canvas, target; and the objective there."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.objectives import Objective, PrintObjective, Term, WeightedObjective
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import ObjectivesConfig, PlannerConfig
-from pentimento.planning.strokes.memory import Commanded, Start, inherited
+from pentimento.planning.strokes.config import ObjectivesConfig, PlanConfig, PlannerConfig
+from pentimento.planning.strokes.memory import Start, inherited
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
 
 
 class Style(Protocol):
-    """What a painting should be made of, wherever it is (thesis 4.3.4); the workshop has one."""
+    """The style of a picture, wherever its parts are (thesis 4.3.4). The workshop and a bundle implement it."""
 
     def picture(self, shape: tuple[int, int]) -> Array:
-        """The picture whose style it is, linear light [H, W, 3] at this height and width."""
+        """The style picture, linear light [H, W, 3] at this height and width."""
 
     def objective(self, shape: tuple[int, int]) -> Objective:
         """How far an image of this height and width is from the style."""
@@ -37,25 +38,25 @@ class Scene:
 
     tool: Tool
     brush: Brush
-    """How strokes come out."""
+    """The stroke model."""
     canvas_size_m: tuple[float, float]
     target: Array
     """[H, W, 3], linear light, of the whole canvas."""
     start: Start
-    """The state of tool and canvas when the plan begins."""
+    """State of tool and canvas when the plan begins."""
     style: Style | None = None
-    """For plans whose ``objectives`` ask for one."""
+    """For plans whose ``objectives`` include a style."""
     threads: int = 1
-    """How many render at once; plans are the same for any number."""
+    """Threads of the renderer; the result does not depend on their number."""
 
     @property
     def pixels_per_m(self) -> float:
-        """Of the target."""
+        """Resolution of the target."""
         return self.target.shape[1] / self.canvas_size_m[0]
 
     @cached_property
     def gain(self) -> Array | None:
-        """[H, W, 3] by what the camera multiplies the light of each pixel; None where it does not."""
+        """[H, W, 3] factor of the camera on the light of each pixel. None: no camera mechanism."""
         height, width = self.target.shape[:2]
         x = (np.arange(width) + 0.5) / self.pixels_per_m
         y = self.canvas_size_m[1] - (np.arange(height) + 0.5) / self.pixels_per_m
@@ -67,13 +68,13 @@ class Scene:
 def scene_with(
     brush: Brush, tool: Tool, canvas_size_m: tuple[float, float], target: Array, style: Style | None = None
 ) -> Scene:
-    """A blank canvas at a session's start."""
+    """A scene with a blank canvas at the start of a session."""
     start = Start(fresh_memory(canvas_size_m, tool.nominal_width_m), clock_s=0.0, made=0)
     return Scene(tool, brush, canvas_size_m, target, start, style)
 
 
-def coarser(scene: Scene, canvas: Array, config: PlannerConfig, factor: int = 2) -> tuple[Scene, Array, PlannerConfig]:
-    """The same task at a ``factor``-th of the resolution: light averaged over pixels, viewing distances shrunk."""
+def coarser(scene: Scene, canvas: Array, config: PlanConfig, factor: int = 2) -> tuple[Scene, Array, PlanConfig]:
+    """The same task at 1/``factor`` of the resolution: light is averaged over pixels, viewing distances shrink."""
     height, width = (max(round(length / factor), 1) for length in scene.target.shape[:2])
 
     def shrunk(image: Array) -> Array:
@@ -87,16 +88,17 @@ def coarser(scene: Scene, canvas: Array, config: PlannerConfig, factor: int = 2)
     )
 
 
-def inherit(strokes: Commanded, scene: Scene) -> dict[str, Array]:
-    """What the strokes, in their order, inherit where the scene begins, to be kept while they move a little."""
+def inherit(strokes: PlannedPaths, scene: Scene) -> dict[str, Array]:
+    """The covariates that strokes inherit in this order from the scene's start; see ``memory.inherited``."""
     return inherited(strokes, scene.tool, scene.brush, scene.start)
 
 
-def objective_for(scene: Scene, config: PlannerConfig) -> WeightedObjective:
-    """What the planner lowers.
+def objective_for(scene: Scene, config: PlanConfig) -> WeightedObjective:
+    """The weighted sum that the planner minimises.
 
     Raises:
-        ConfigError: the picture is smaller than a viewing distance, or a style is asked for that the scene has not.
+        ConfigError: the picture is smaller than a viewing distance, or the objectives include a style and the scene
+            has none.
     """
     wanted, terms = config.objectives, []
     if wanted.print_weight > 0:
@@ -107,11 +109,10 @@ def objective_for(scene: Scene, config: PlannerConfig) -> WeightedObjective:
 
 
 def first_pass(scene: Scene, config: PlannerConfig) -> tuple[Scene, PlannerConfig]:
-    """The task before the whole sum of objectives takes over: a likeness, by print objective alone (thesis 4.5.3).
+    """The task of the first pass, which minimises the print objective alone (thesis 4.5.3).
 
-    Style says what things are made of, not where they are. Where the print objective has no weight, nothing else
-    composes the picture, so the plan starts as a copy of the style picture and is adapted from there; otherwise it
-    starts as a copy of the target.
+    A style does not say where things are. Where the print objective has no weight, the first pass reproduces the style
+    picture; otherwise it reproduces the target.
     """
     target = scene.target
     if config.objectives.print_weight == 0:
@@ -122,8 +123,8 @@ def first_pass(scene: Scene, config: PlannerConfig) -> tuple[Scene, PlannerConfi
 def _style_of(scene: Scene) -> Style:
     if scene.style is None:
         raise ConfigError(
-            "The planner's objectives ask for a style, but the scene that is planned for has none: a style is looked "
-            "at through networks that only the workshop has. Set objectives.style to null, or plan in the workshop."
+            "The planner's objectives include a style, but the scene has none: the networks that see a style are part "
+            "of the workshop only. Set objectives.style to null, or plan in the workshop."
         )
     return scene.style
 

@@ -1,19 +1,23 @@
-"""The seam between what a stroke looks like and where it lies: numbers → a path in the stroke's own frame, and back.
+"""Strokes of any shape (thesis 5.3.5): shape parameters → a path in the stroke's own frame, and a pose on the canvas.
 
-A planner that asks only this moves Bézier curves and a hand's strokes alike.
+``Shapes`` is what the planner needs of a kind of shape. A handwriting style is one (``strokes.latent.StyleDecoder``),
+the Bézier curve another, so that both can be compared with the same planner.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.planning.strokes.bezier import Index
+from pentimento.planning.strokes.brush import Brush, Marks, PathBrush
+from pentimento.planning.strokes.memory import add_times_and_yaw
+from pentimento.planning.strokes.paths import PlannedPaths, shift_within
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import press_basis, shape_basis
 from pentimento.robots.tools import Tool
@@ -21,11 +25,16 @@ from pentimento.robots.tools import Tool
 Array = NDArray[np.float32]
 
 ShapePull = Callable[[Array], Array]
-"""From ∂loss/∂paths [S, N, 2] to ∂loss/∂numbers [S, P]."""
+"""From ∂loss/∂paths [S, N, 2] to ∂loss/∂parameters [S, P]."""
+PathPull = Callable[[Array], tuple[Array, ...]]
+"""From ∂loss/∂paths [S, N, 5] to the gradient of each of ``ShapedStrokes.arrays``."""
+
+_MIN_STEP_M = 1e-6
+"""Points of a path nearer than this are merged: the robot's clock cannot tell them apart."""
 
 
 class Shapes(Protocol):
-    """All the shapes that strokes can have."""
+    """A kind of shape with P parameters."""
 
     @property
     def points(self) -> int:
@@ -33,94 +42,83 @@ class Shapes(Protocol):
 
     @property
     def spread(self) -> Array:
-        """[P] the standard deviation of each number over what ``some`` gives: the scale of steps and of bounds."""
+        """[P] standard deviation of each parameter over ``sample``: the unit of optimiser steps and of bounds."""
 
-    def some(self, count: int, rng: np.random.Generator) -> Array:
-        """[count, P] shapes as they are drawn."""
+    def sample(self, count: int, rng: np.random.Generator) -> Array:
+        """[count, P] parameters of random shapes."""
 
-    def paths(self, numbers: Array) -> tuple[Array, ShapePull]:
-        """Paths [S, N, 2] in metres about their own middle, heading along +x from first to last point; and the way
-        back for gradients.
+    def paths(self, parameters: Array) -> tuple[Array, ShapePull]:
+        """Paths [S, N, 2] in metres about their own middle, heading along +x from first to last point, and the
+        pull-back.
         """
 
-    def hold(self, numbers: Array, home: Array, reach: float) -> None:
-        """Move each shape, in place, to the nearest one that may be drawn, at most ``reach`` spreads from its home."""
+    def constrain(self, parameters: Array, start: Array, reach: float) -> None:
+        """Move each shape, in place, to the nearest allowed one, at most ``reach`` spreads from ``start`` [S, P]."""
 
 
 class BezierShapes:
-    """The strokes of thesis 4.3.1; P = 2: length and bend."""
+    """The Bézier strokes of thesis 4.3.1. P = 2: length and bend, in metres."""
 
     def __init__(self, tool: Tool, points: int) -> None:
-        """The lengths and bends that the tool can make."""
+        """Allow the lengths and bends of the tool."""
         self.points = points
         self._length, self._bend = tool.stroke_length_m, tool.bend_range
         self._along, self._across = (basis.astype(np.float32) for basis in shape_basis(points))
-        even = 1 / np.sqrt(12)
+        uniform = 1 / np.sqrt(12)  # standard deviation of a uniform distribution of width 1
         middle = sum(self._length) / 2
         width = self._length[1] - self._length[0], (self._bend[1] - self._bend[0]) * middle
-        self.spread = np.array(width, np.float32) * np.float32(even)
+        self.spread = np.array(width, np.float32) * np.float32(uniform)
 
-    def some(self, count: int, rng: np.random.Generator) -> Array:
+    def sample(self, count: int, rng: np.random.Generator) -> Array:
         """Uniform over the tool's lengths and bends."""
         length = rng.uniform(*self._length, count)
         return np.column_stack([length, length * rng.uniform(*self._bend, count)]).astype(np.float32)
 
-    def paths(self, numbers: Array) -> tuple[Array, ShapePull]:
+    def paths(self, parameters: Array) -> tuple[Array, ShapePull]:
         """See ``Shapes``."""
         across = self._across - self._across.mean()
-        path = np.stack([numbers[:, :1] * self._along, numbers[:, 1:] * across], axis=-1)
+        path = np.stack([parameters[:, :1] * self._along, parameters[:, 1:] * across], axis=-1)
 
         def pull(of_path: Array) -> Array:
             return np.stack([of_path[..., 0] @ self._along, of_path[..., 1] @ across], axis=-1)
 
         return path, pull
 
-    def hold(self, numbers: Array, home: Array, reach: float) -> None:
-        """Within the tool's range, wherever it began: a curve has no hand to keep to."""
-        np.clip(numbers[:, 0], *self._length, out=numbers[:, 0])
-        low, high = (np.float32(bound) * numbers[:, 0] for bound in self._bend)
-        np.clip(numbers[:, 1], low, high, out=numbers[:, 1])
-
-
-PathPull = Callable[[Array], tuple[Array, ...]]
-"""From ∂loss/∂paths [S, N, 5] to the gradient of each of ``ShapedStrokes.arrays``."""
-
-_APART_M = 1e-6
-"""Points of a path nearer than this are one."""
+    def constrain(self, parameters: Array, start: Array, reach: float) -> None:
+        """Keep to the tool's range. ``start`` and ``reach`` do not matter."""
+        np.clip(parameters[:, 0], *self._length, out=parameters[:, 0])
+        low, high = (np.float32(bound) * parameters[:, 0] for bound in self._bend)
+        np.clip(parameters[:, 1], low, high, out=parameters[:, 1])
 
 
 @dataclass(eq=False)
-class ShapedStrokes:
-    """S strokes in SI units, canvas frame, float32: shape, pose and heights (thesis 5.3.5). Moved in place."""
+class ShapedStrokes(PlannedPaths):
+    """S strokes of one kind of shape: shape parameters, pose and press depths."""
+
+    row_arrays: ClassVar[tuple[str, ...]] = ("parameters", "start", "middle_m", "theta_rad", "press_m", "color")
+    holds_covariates: ClassVar[bool] = False
 
     shapes: Shapes
-    numbers: Array  # [S, P] of the shapes
-    home: Array  # [S, P] where they began
+    reach: float
+    """Each shape stays within so many spreads of its start; see ``Shapes.constrain``."""
+    parameters: Array  # [S, P] of the shapes
+    start: Array  # [S, P] parameters before any optimisation
     middle_m: Array  # [S, 2] mean of the path's points
     theta_rad: Array  # [S]
     press_m: Array  # [S, 3] at start, middle, end
     color: Array  # [S, 3] linear light
-
-    def __len__(self) -> int:
-        return len(self.theta_rad)
+    inherited: Mapping[str, Array] | None = None
 
     def arrays(self) -> tuple[Array, ...]:
-        """What is moved: numbers, middles, headings, presses."""
-        return (self.numbers, self.middle_m, self.theta_rad, self.press_m)
+        """Shape parameters, middles, headings, presses and colours."""
+        return (self.parameters, self.middle_m, self.theta_rad, self.press_m, self.color)
 
-    def pick(self, index: Index) -> ShapedStrokes:
-        """A copy of some strokes, in the order of ``index``."""
-        fields = (self.numbers, self.home, self.middle_m, self.theta_rad, self.press_m, self.color)
-        return ShapedStrokes(self.shapes, *(array[index].copy() for array in fields))
-
-    def joined(self, others: ShapedStrokes) -> ShapedStrokes:
-        """These strokes, then the others, which are of the same shapes; copies."""
-        names = ("numbers", "home", "middle_m", "theta_rad", "press_m", "color")
-        pairs = (np.concatenate([getattr(self, name), getattr(others, name)]) for name in names)
-        return ShapedStrokes(self.shapes, *pairs)
+    def scales(self) -> tuple[Array | None, ...]:
+        """Shape parameters move in units of their spread."""
+        return (self.shapes.spread, None, None, None, None)
 
     def paths(self, points: int) -> Array:
-        """Commanded paths [S, N, 5]; times and yaw are 0.
+        """See ``PlannedPaths``.
 
         Raises:
             ValueError: the shapes have another number of points.
@@ -130,8 +128,8 @@ class ShapedStrokes:
         return self.placed()[0]
 
     def placed(self) -> tuple[Array, PathPull]:
-        """Commanded paths [S, N, 5], times and yaw 0, and the way back for gradients of x, y and z."""
-        own, pull_shape = self.shapes.paths(self.numbers)
+        """Commanded paths [S, N, 5], with times and yaw 0, and the pull-back of gradients of x, y and z."""
+        own, pull_shape = self.shapes.paths(self.parameters)
         basis = press_basis(self.shapes.points).astype(np.float32)
         cos, sin = np.cos(self.theta_rad)[:, None], np.sin(self.theta_rad)[:, None]
         x, y = cos * own[..., 0] - sin * own[..., 1], sin * own[..., 0] + cos * own[..., 1]
@@ -147,26 +145,36 @@ class ShapedStrokes:
                 np.stack([of_x.sum(1), of_y.sum(1)], axis=-1),
                 (of_y * x - of_x * y).sum(1),
                 -np.asarray(of_path[..., 3] @ basis, dtype=np.float32),
+                np.zeros_like(self.color),
             )
 
         return path, pull
 
-    def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float, reach: float) -> None:
-        """Move each stroke, in place, to the nearest one that hand and tool can make inside the canvas."""
-        self.shapes.hold(self.numbers, self.home, reach)
+    def marks(self, brush: Brush, inherited: Mapping[str, Array]) -> tuple[Marks, Callable[[Marks], tuple[Array, ...]]]:
+        """See ``PlannedPaths``.
+
+        Raises:
+            ConfigError: the brush takes Bézier strokes only.
+        """
+        if not isinstance(brush, PathBrush):
+            raise ConfigError("Strokes of any shape need a brush with path_marks; this one takes Bézier strokes only.")
+        path, pull_path = self.placed()
+        marks, pull = brush.path_marks(add_times_and_yaw(path, self.theta_rad, brush.tool), self.color, inherited)
+        return marks, lambda of_marks: pull_path(pull(of_marks))
+
+    def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float) -> None:
+        """See ``PlannedPaths``. The shapes are constrained, too."""
+        self.shapes.constrain(self.parameters, self.start, self.reach)
         np.clip(self.press_m, *tool.press_range_m, out=self.press_m)
         path = self.placed()[0]
-        for axis, size in enumerate(canvas_size_m):
-            place = path[..., 1 + axis]
-            self.middle_m[:, axis] += np.maximum(edge_m - place.min(1), 0.0)
-            self.middle_m[:, axis] -= np.maximum(place.max(1) - (size - edge_m), 0.0)
+        shift_within((path[..., 1], path[..., 2]), self.middle_m, canvas_size_m, edge_m)
 
 
 def planned_strokes(strokes: ShapedStrokes, tool: Tool) -> list[PlannedStroke]:
-    """The strokes as timed paths that the robot can execute at the tool's speed, in the tool's own ink."""
+    """The strokes as timed paths that the robot executes at the tool's speed, in the tool's own ink."""
     planned = []
     for path in strokes.placed()[0].astype(np.float64):
-        apart = np.append(True, np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1) > _APART_M)
+        apart = np.append(True, np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1) > _MIN_STEP_M)
         timed = timed_path(path[apart, 1:], tool.speed_m_s)
         planned.append(PlannedStroke(timed, np.array(tool.color_srgb), dip=False))
     return planned

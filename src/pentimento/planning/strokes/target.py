@@ -1,4 +1,4 @@
-"""The picture to paint: a photograph by file or by name, fitted to the canvas, and for a black pen to its tones."""
+"""The target picture: a photograph from a file or by name, fitted to the canvas and, for a pen, to its tones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def load_photograph(name_or_path: str) -> NDArray[np.uint8]:
     """RGB [H, W, 3] of a file, or of one of ``PHOTOGRAPHS``.
 
     Raises:
-        ImageError: neither a name that is known nor a file that can be read, or scikit-image is not there.
+        ImageError: the name is unknown and no readable file, or scikit-image is not installed.
     """
     if name_or_path in PHOTOGRAPHS:
         return read_image(next(_samples().glob(f"{name_or_path}.*")))
@@ -36,7 +36,7 @@ def load_photograph(name_or_path: str) -> NDArray[np.uint8]:
 
 
 def _samples() -> Path:
-    """The folder of photographs that scikit-image ships; the lean core is installed without it."""
+    """The folder of scikit-image's photographs. The lean core is installed without scikit-image."""
     found = find_spec("skimage")
     if found is None or found.origin is None:
         raise ImageError(
@@ -47,7 +47,7 @@ def _samples() -> Path:
 
 
 def fit_to_canvas(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArray:
-    """The photograph's largest centred part of the canvas's proportions, linear light [H, W, 3] at ``shape``."""
+    """The largest centred part of the photograph with the canvas's proportions, linear light [H, W, 3] at ``shape``."""
     height, width = shape
     scale = max(height / photo.shape[0], width / photo.shape[1])
     crop_h, crop_w = round(height / scale), round(width / scale)
@@ -61,8 +61,9 @@ def fit_to_canvas(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArra
 def fit_to_ink(target: FloatArray, darkest: float) -> FloatArray:
     """Grey tones that a pen can reach, linear light [H, W, 3].
 
-    A pen cannot fill a dark photograph with a few hundred lines. Lightness (of CIE L*) is stretched over the picture's
-    own 2nd to 98th percentile and laid between ``darkest`` (0 to 1) and white. A picture of one tone keeps it.
+    A pen cannot fill a dark photograph with a few hundred lines. The picture's lightness (the sRGB curve of its
+    luminance) from the 2nd to the 98th percentile is mapped to ``darkest`` (0 to 1) up to white. A picture of one tone
+    keeps it.
     """
     luminance = target @ np.array([0.2126, 0.7152, 0.0722])
     lightness = linear_to_srgb(np.clip(luminance, 0.0, 1.0))
