@@ -1,4 +1,4 @@
-"""The command line: what it prints, what it writes, and how it says no."""
+"""Tests of `pentimento diagnose` and `calibrate` from the command line."""
 
 import json
 import shutil
@@ -43,7 +43,7 @@ def run(table: pa.Table, folder: Path, *more: str) -> int:
 
 
 @pytest.mark.timeout(300)  # three models are fitted to two tables: a minute of one core
-def test_diagnose_finds_the_depletion_of_the_example_strokes(
+def test_diagnose_finds_ink_depletion_in_the_example_strokes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They grow paler with the length drawn since the last dip, there as in an outside table; a model that lays no
@@ -66,7 +66,7 @@ def test_diagnose_finds_the_depletion_of_the_example_strokes(
     assert printed.err == ""  # no terminal: nothing but the verdict
 
 
-def test_what_was_not_recorded_is_said_and_the_rest_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_diagnose_reports_missing_columns_and_still_decides(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Times, ink and wear unknown, nothing repeated, one row torn: no floor, and what cannot be decided."""
     unknown = dict.fromkeys(("ink_since_reload_m", "tool_age_m", "t_start_s", "t_before_s", "t_after_s"), np.nan)
     table = rows_with(example_table(36), since_reload=None, reload_id=None, **unknown)
@@ -87,7 +87,7 @@ def test_what_was_not_recorded_is_said_and_the_rest_is_told(tmp_path: Path, caps
 @pytest.mark.parametrize(
     ("rows", "says"), [(0, "no rows"), (1, "12"), (10, "at least 12")], ids=["none", "one", "too few"]
 )
-def test_diagnose_says_what_it_cannot_do_with_few_rows(
+def test_diagnose_rejects_too_few_rows(
     rows: int, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(example_table(max(rows, 1)).slice(0, rows), tmp_path) == 1
@@ -105,7 +105,7 @@ def test_diagnose_says_what_it_cannot_do_with_few_rows(
     ],
     ids=["torn images", "windows elsewhere", "windows inside out", "paths without places"],
 )
-def test_a_recording_that_is_wrong_is_refused(
+def test_diagnose_rejects_malformed_rows(
     values: dict[str, Any], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(rows_with(example_table(20), **values), tmp_path) == 1
@@ -113,19 +113,19 @@ def test_a_recording_that_is_wrong_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_copies_of_one_row_are_one_action(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_diagnose_counts_copies_of_one_row_as_one_action(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(pa.concat_tables([example_table(1)] * 40), tmp_path) == 1
     assert "1 different actions" in capsys.readouterr().err
 
 
-def test_a_base_that_is_no_stroke_model_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_diagnose_rejects_a_base_that_is_no_stroke_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "parameters.json").write_text('{"scale": [1, 1]}')
     assert run(example_table(20), tmp_path, "--base", str(tmp_path / "parameters.json")) == 1
     assert "is not a stroke model" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_without_the_workshop_diagnose_says_what_to_install(tmp_path: Path) -> None:
+def test_diagnose_without_the_workshop_says_what_to_install(tmp_path: Path) -> None:
     lean = "import sys; sys.modules['torch'] = None; from pentimento.cli.main import main; sys.exit(main(sys.argv[1:]))"
     arguments = ["diagnose", str(tmp_path), "--out", str(tmp_path / "out")]
     done = subprocess.run([sys.executable, "-c", lean, *arguments], capture_output=True, text=True, timeout=120)
@@ -133,7 +133,7 @@ def test_without_the_workshop_diagnose_says_what_to_install(tmp_path: Path) -> N
     assert len(done.stderr.splitlines()) == 1 and "torch is missing" in done.stderr and "'.[train]'" in done.stderr
 
 
-def test_a_table_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_diagnose_names_a_missing_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(tmp_path / "nowhere.parquet"), "--out", str(tmp_path / "out")]) == 1
     assert "nowhere.parquet" in capsys.readouterr().err
 
@@ -153,7 +153,7 @@ def raster(*_: object) -> list[Command]:
     return commands
 
 
-def test_rivals_that_a_raster_cannot_tell_apart_are_told_apart_by_strokes_that_the_robot_makes(
+def test_collected_strokes_distinguish_rivals_of_a_raster(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In a world whose only effect is that the ink runs out, a raster of strokes that are all pressed alike takes it
@@ -188,7 +188,7 @@ def test_rivals_that_a_raster_cannot_tell_apart_are_told_apart_by_strokes_that_t
     ],
     ids=["another tool's world", "no world", "no place", "no such tool"],
 )
-def test_a_robot_that_cannot_go_on_says_so_before_anything_is_diagnosed(
+def test_rejects_unusable_robot_before_the_diagnosis(
     rows: dict[str, Any], more: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(rows_with(example_table(20), **rows), tmp_path, *more) == 1
@@ -197,28 +197,28 @@ def test_a_robot_that_cannot_go_on_says_so_before_anything_is_diagnosed(
 
 
 @pytest.mark.parametrize("more", [("--collect", "-1"), ("--world", "marker")], ids=["fewer than none", "idle world"])
-def test_rounds_that_make_no_sense_are_refused(more: tuple[str, ...], tmp_path: Path) -> None:
+def test_rejects_invalid_rounds(more: tuple[str, ...], tmp_path: Path) -> None:
     with pytest.raises(SystemExit):
         run(example_table(20), tmp_path, *more)
 
 
-def test_a_kind_that_there_is_not_is_refused(tmp_path: Path) -> None:
+def test_rejects_unknown_kind(tmp_path: Path) -> None:
     with pytest.raises(SystemExit):
         main(["diagnose", str(tmp_path), "--out", str(tmp_path / "out"), "--kind", "sculptures"])
 
 
-def test_prints_for_a_rig_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_calibrate_writes_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "plotter", "prints", "--calibration", str(tmp_path)]) == 0
     named = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert sorted(named) == sorted(tmp_path.iterdir()) and len(named) == 10
 
 
-def test_a_rig_without_a_camera_has_no_lens_to_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_calibrate_rejects_a_lens_without_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "plotter", "lens", "--calibration", str(tmp_path)]) == 1
     assert "camera" in capsys.readouterr().err
 
 
-def test_a_calibration_without_anybody_to_answer_says_so(
+def test_calibrate_without_a_person_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def nobody(*_: object) -> None:

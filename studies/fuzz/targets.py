@@ -33,7 +33,7 @@ from pentimento.goals3d.sources import height_file_relief, mesh_relief
 from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
 from pentimento.io.photo_pairs import import_photo_pairs
-from pentimento.io.place import Placement
+from pentimento.io.stroke_rows import Placement
 from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool

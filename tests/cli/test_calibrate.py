@@ -1,4 +1,4 @@
-"""The command: a plotter on a simulated port is calibrated by a person's answers, and the prints can be found again."""
+"""Tests of `pentimento calibrate` with a simulated plotter."""
 
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
@@ -51,7 +51,7 @@ def plotter(tmp_path: Path) -> tuple[SimulatedGrbl, Path, list[str]]:
     return grbl, path, []
 
 
-def test_a_plotter_is_calibrated_by_answers_and_may_move_afterwards(tmp_path: Path) -> None:
+def test_touch_calibration_of_a_plotter_recovers_the_paper_plane(tmp_path: Path) -> None:
     """The sheet is 1.2 mm higher than the rig file says, and rises by 2 mm over the canvas's width."""
 
     def paper_mm(x_mm: float, y_mm: float) -> float:
@@ -81,7 +81,7 @@ def test_a_plotter_is_calibrated_by_answers_and_may_move_afterwards(tmp_path: Pa
         fresh_calibrations(tmp_path / "cal", load_rig(path), found.made_unix_s + 60, 3600.0)
 
 
-def test_a_result_that_is_too_poor_is_kept_and_refused(tmp_path: Path) -> None:
+def test_poor_calibration_is_written_and_refused(tmp_path: Path) -> None:
     """A person who answers by another sheet at each place."""
 
     def paper_mm(x_mm: float, y_mm: float) -> float:
@@ -103,12 +103,12 @@ def test_a_result_that_is_too_poor_is_kept_and_refused(tmp_path: Path) -> None:
     assert read_calibration(tmp_path / "cal", "touch").residual > 3e-4
 
 
-def test_a_rig_on_file_has_nothing_to_calibrate(tmp_path: Path) -> None:
+def test_rejects_calibration_of_a_file_rig(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nothing to calibrate"):
         calibrate_rig("plotter_on_file", "touch", "marker", tmp_path, lambda _: None, lambda _: True)
 
 
-def test_only_yes_and_no_are_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_asks_again_until_yes_or_no(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter(["", "perhaps", " Y ", "no"])
     monkeypatch.setattr("builtins.input", lambda _: next(answers))
     assert yes_at_terminal("Is there a mark?") is True
@@ -116,7 +116,7 @@ def test_only_yes_and_no_are_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     assert next(answers, None) is None
 
 
-def test_the_prints_have_their_true_size_and_are_found_again(tmp_path: Path) -> None:
+def test_prints_have_true_size_and_are_detected(tmp_path: Path) -> None:
     paths = write_prints(tmp_path, (0.3, 0.2))
     assert len(paths) == 10
     images = {path.name: cv2.imread(str(path)) for path in paths}

@@ -1,4 +1,4 @@
-"""A new tool or material is set up wherever the one it follows is used, and nothing else changes."""
+"""Tests of `pentimento new`."""
 
 import difflib
 import shutil

@@ -1,4 +1,4 @@
-"""Strokes as a person records them: a CSV of paths, and photographs of the whole sheet before and after each."""
+"""Recorded strokes for tests: a CSV of paths, and photographs of the whole sheet before and after each stroke."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A LeRobot v3.0 dataset as somebody else records it: three strokes of a quill seen by one camera, written plainly."""
+"""A foreign LeRobot v3.0 dataset for tests: three strokes of a quill seen by one camera."""
 
 import json
 from collections.abc import Iterable

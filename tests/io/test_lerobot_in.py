@@ -1,4 +1,4 @@
-"""Datasets that somebody else recorded become strokes; what they say wrongly is refused with a sentence."""
+"""Tests of the import of LeRobot datasets."""
 
 import json
 import re
@@ -18,12 +18,11 @@ from pentimento.contracts.errors import ConfigError, ContractError, PentimentoEr
 from pentimento.contracts.images import decode_png, encode_png
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table, write_table
+from pentimento.io.lerobot_episodes import video_pairs
 from pentimento.io.lerobot_folder import names_of, open_dataset
 from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
-from pentimento.io.lerobot_pictures import video_pairs
-from pentimento.io.place import Placement
-from pentimento.io.stroke_rows import Refused
+from pentimento.io.stroke_rows import Placement, Refused
 from tests.io.photographed import sheet
 from tests.io.published import (
     CAMERA,
@@ -40,21 +39,21 @@ from tests.io.published import (
 )
 from tests.io.test_photo_pairs import ink_centre_m
 
-TOLD = Description(Placement.parsed(None, SCALE, False), "quill", 1.0, None, None)
+DESCRIPTION = Description(Placement.parsed(None, SCALE, False), "quill", 1.0, None, None)
 DATA = "data/chunk-000/file-000.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 VIDEO = f"videos/{CAMERA}/chunk-000/file-000.mp4"
 
 
-def rows_of(folder: Path, out: Path, told: Description = TOLD) -> list[dict[str, Any]]:
-    imported = import_lerobot(folder, told, out)
+def rows_of(folder: Path, out: Path, description: Description = DESCRIPTION) -> list[dict[str, Any]]:
+    imported = import_lerobot(folder, description, out)
     rows: list[dict[str, Any]] = read_table(out, CONTRACT).table.to_pylist()
     assert imported.rows == len(rows)
     return rows
 
 
 @pytest.mark.parametrize("video", [False, True], ids=["images", "video"])
-def test_an_episode_becomes_a_stroke(video: bool, tmp_path: Path) -> None:
+def test_episode_becomes_a_stroke(video: bool, tmp_path: Path) -> None:
     rows = rows_of(publish(tmp_path / "lines", video), tmp_path / "out")
     assert [row["order"] for row in rows] == [row["action_id"] for row in rows] == [0, 1, 2]
     for number, row in enumerate(rows):
@@ -68,7 +67,7 @@ def test_an_episode_becomes_a_stroke(video: bool, tmp_path: Path) -> None:
         assert before.min() > 225 and (after < 60).mean() > 0.01
 
 
-def test_the_first_and_the_last_frame_are_taken_and_none_beside_them(tmp_path: Path) -> None:
+def test_uses_exactly_the_first_and_last_frames_of_a_video(tmp_path: Path) -> None:
     film(tmp_path / "film.mp4", range(3))
     first = np.cumsum([0, *LENGTHS])
     times = [(first[k] / FPS, (first[k + 1] - 1) / FPS) for k in range(3)]
@@ -79,9 +78,9 @@ def test_the_first_and_the_last_frame_are_taken_and_none_beside_them(tmp_path: P
         np.testing.assert_allclose(reds, [corner(number, 0), corner(number, LENGTHS[number] - 1)], atol=4)
 
 
-def test_pictures_in_several_row_groups_are_each_episodes_own(tmp_path: Path) -> None:
+def test_reads_pictures_across_row_groups(tmp_path: Path) -> None:
     """The camera sees all of the sheet: the mark in its corner says which picture a row has."""
-    wide = TOLD._replace(placement=Placement.parsed("-50 mm, -50 mm, 70 mm, 30 mm", None, False))
+    wide = DESCRIPTION._replace(placement=Placement.parsed("-50 mm, -50 mm, 70 mm, 30 mm", None, False))
     folder = publish(tmp_path / "lines")
     data = pq.read_table(folder / DATA)
     beside = [[0.0, -0.045 + 0.0001 * k, 0.025, -0.001, 0.0] for k in range(data.num_rows)]
@@ -91,7 +90,7 @@ def test_pictures_in_several_row_groups_are_each_episodes_own(tmp_path: Path) ->
         assert reds == [corner(number, 0), corner(number, LENGTHS[number] - 1)]
 
 
-def test_millimetres_y_down_and_named_or_numbered_values_say_the_same(tmp_path: Path) -> None:
+def test_units_y_down_and_value_indices_give_equal_strokes(tmp_path: Path) -> None:
     folder = publish(tmp_path / "lines")
     plain = rows_of(folder, tmp_path / "plain")
     values = np.array(pq.read_table(folder / DATA)["action"].to_pylist())
@@ -122,7 +121,7 @@ def test_millimetres_y_down_and_named_or_numbered_values_say_the_same(tmp_path: 
         ("ab", None),
     ],
 )
-def test_names_of_values_come_in_several_forms(names: Any, expected: list[str] | None) -> None:
+def test_parses_every_form_of_value_names(names: Any, expected: list[str] | None) -> None:
     assert names_of({"shape": [2], "names": names}) == expected
 
 
@@ -169,22 +168,22 @@ def later_frame(values: list[Any], value: Any, at: int = 5) -> list[Any]:
         (lambda folder: change_column(folder / EPISODES, "length", pa.array([11, 7, 9])), "another number of frames"),
     ],
 )
-def test_an_episode_that_cannot_be_used_is_counted_and_the_others_are_taken(
+def test_counts_unusable_episode_and_imports_the_others(
     harm: Callable[[Path], None], reason: str, tmp_path: Path
 ) -> None:
     folder = publish(tmp_path / "lines")
     harm(folder)
-    imported = import_lerobot(folder, TOLD, tmp_path / "out")
+    imported = import_lerobot(folder, DESCRIPTION, tmp_path / "out")
     assert imported.rows == 2
     ((said, names),) = imported.refused.items()
     assert reason in said and names == ["0"] and said in (tmp_path / "out/README.md").read_text()
     assert [row["order"] for row in read_table(tmp_path / "out", CONTRACT).table.to_pylist()] == [1, 2]
 
 
-def test_a_video_that_ends_early_costs_the_episodes_that_it_lacks(tmp_path: Path) -> None:
+def test_video_that_ends_early_loses_only_missing_episodes(tmp_path: Path) -> None:
     folder = publish(tmp_path / "lines", video=True)
     film(folder / VIDEO, range(2), without_last=3)
-    imported = import_lerobot(folder, TOLD, tmp_path / "out")
+    imported = import_lerobot(folder, DESCRIPTION, tmp_path / "out")
     assert imported.rows == 1
     assert imported.refused == {"its video has no picture at its first or last frame": ["1", "2"]}
 
@@ -229,8 +228,8 @@ def text(content: str) -> Callable[[Path], None]:
         (info(data_path="{chunk_index.__class__}"), "its fields can be"),
         (info(data_path="{file_index:999999999d}"), "its fields can be"),
         (info(data_path=None), "no path"),
-        (feature(CAMERA, shape=[2**40, 2**40, 3]), "which nobody recorded"),
-        (feature(CAMERA, shape=[400, 600]), "which nobody recorded"),
+        (feature(CAMERA, shape=[2**40, 2**40, 3]), "which is impossible"),
+        (feature(CAMERA, shape=[400, 600]), "which is impossible"),
         (feature(CAMERA, shape="wide"), "which is none"),
         (feature(CAMERA, dtype=3), "does not say its dtype"),
         (feature("../outside", dtype="video", shape=[4, 4, 3]), "leaves its folder"),
@@ -250,13 +249,11 @@ def text(content: str) -> Callable[[Path], None]:
         (lambda folder: change_column(folder / DATA, "action", pa.array(["a"] * sum(LENGTHS))), "not numbers"),
     ],
 )
-def test_a_dataset_that_is_none_is_refused_with_a_sentence(
-    harm: Callable[[Path], None], says: str, tmp_path: Path
-) -> None:
+def test_rejects_malformed_dataset(harm: Callable[[Path], None], says: str, tmp_path: Path) -> None:
     folder = publish(tmp_path / "lines")
     harm(folder)
     with pytest.raises(ContractError, match=re.escape(says)) as caught:
-        import_lerobot(folder, TOLD, tmp_path / "out")
+        import_lerobot(folder, DESCRIPTION, tmp_path / "out")
     assert str(caught.value).endswith(".") and not (tmp_path / "out").exists()
 
 
@@ -273,13 +270,11 @@ def test_a_dataset_that_is_none_is_refused_with_a_sentence(
         (info(video_path=None), "video_path is None"),
     ],
 )
-def test_videos_that_cannot_be_read_are_refused_with_a_sentence(
-    harm: Callable[[Path], None], says: str, tmp_path: Path
-) -> None:
+def test_rejects_unreadable_video(harm: Callable[[Path], None], says: str, tmp_path: Path) -> None:
     folder = publish(tmp_path / "lines", video=True)
     harm(folder)
     with pytest.raises(ContractError, match=re.escape(says)):
-        import_lerobot(folder, TOLD, tmp_path / "out")
+        import_lerobot(folder, DESCRIPTION, tmp_path / "out")
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -288,7 +283,7 @@ def test_videos_that_cannot_be_read_are_refused_with_a_sentence(
         st.sampled_from(["..", "/", "{chunk_index:03d}", "{file_index}", "{video_key}", "{", "}", "a", ".", "\\", "\0"])
     ).map("".join)
 )
-def test_no_path_of_a_dataset_leaves_its_folder(tmp_path: Path, template: str) -> None:
+def test_rejects_path_outside_the_dataset(tmp_path: Path, template: str) -> None:
     if not (tmp_path / "lines").exists():
         publish(tmp_path / "lines", video=True)
         (tmp_path / "0").write_bytes(b"")
@@ -302,33 +297,33 @@ def test_no_path_of_a_dataset_leaves_its_folder(tmp_path: Path, template: str) -
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("description", "says"),
     [
-        (TOLD._replace(action="x,y"), "three or four values"),
-        (TOLD._replace(action="x,y,press"), "its names are 'gripper', 'x', 'y', 'z', 'yaw'"),
-        (TOLD._replace(action="x,y,9"), "its numbers 0 to 4"),
-        (TOLD._replace(action="x,y,y"), "three or four values"),
-        (TOLD._replace(camera="observation.images.wrist"), f"no feature 'observation.images.wrist'.*'{CAMERA}'"),
+        (DESCRIPTION._replace(action="x,y"), "three or four values"),
+        (DESCRIPTION._replace(action="x,y,press"), "its names are 'gripper', 'x', 'y', 'z', 'yaw'"),
+        (DESCRIPTION._replace(action="x,y,9"), "its numbers 0 to 4"),
+        (DESCRIPTION._replace(action="x,y,y"), "three or four values"),
+        (DESCRIPTION._replace(camera="observation.images.wrist"), f"no feature 'observation.images.wrist'.*'{CAMERA}'"),
         (None, "--tool"),
     ],
 )
-def test_what_must_be_told_is_asked_for(told: Description | None, says: str, tmp_path: Path) -> None:
+def test_asks_for_the_missing_description(description: Description | None, says: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=says):
-        import_lerobot(publish(tmp_path / "lines"), told, tmp_path / "out")
+        import_lerobot(publish(tmp_path / "lines"), description, tmp_path / "out")
 
 
-def test_of_several_cameras_one_must_be_chosen_and_without_names_values_are_numbered(tmp_path: Path) -> None:
+def test_asks_for_a_camera_and_accepts_value_indices(tmp_path: Path) -> None:
     folder = publish(tmp_path / "lines")
     feature("observation.images.wrist", dtype="video", shape=[4, 4, 3])(folder)
     feature("action", names=None)(folder)
     with pytest.raises(ConfigError, match=f"--camera which shows the canvas: '{CAMERA}', 'observation.images.wrist'"):
-        import_lerobot(folder, TOLD, tmp_path / "out")
+        import_lerobot(folder, DESCRIPTION, tmp_path / "out")
     with pytest.raises(ConfigError, match="it has no names, its numbers 0 to 4"):
-        import_lerobot(folder, TOLD._replace(camera=CAMERA), tmp_path / "out")
-    assert len(rows_of(folder, tmp_path / "out", TOLD._replace(camera=CAMERA, action="1,2,3,4"))) == 3
+        import_lerobot(folder, DESCRIPTION._replace(camera=CAMERA), tmp_path / "out")
+    assert len(rows_of(folder, tmp_path / "out", DESCRIPTION._replace(camera=CAMERA, action="1,2,3,4"))) == 3
 
 
-def test_rows_of_ours_that_were_changed_are_refused(tmp_path: Path) -> None:
+def test_refuses_modified_rows_of_an_exported_dataset(tmp_path: Path) -> None:
     write_table(tmp_path / "rows", example_table(3), CONTRACT, "Strokes.")
 
     def changed(name: str, values: pa.Array) -> Path:
@@ -337,7 +332,7 @@ def test_rows_of_ours_that_were_changed_are_refused(tmp_path: Path) -> None:
         return tmp_path / "set"
 
     imported = import_lerobot(changed("pentimento_picture/width", pa.array([80, 0, 81])), None, tmp_path / "out")
-    assert imported == (1, {"its pictures are smaller than they were": ["1", "2"]})
+    assert imported == (1, {"its pictures are smaller than the exported ones": ["1", "2"]})
     with pytest.raises(ContractError, match="column 'path' is string"):
         import_lerobot(changed("pentimento/path", pa.array(["a", "b", "c"])), None, tmp_path / "none")
     with pytest.raises(ContractError, match="tool is null"):
@@ -349,7 +344,7 @@ def test_rows_of_ours_that_were_changed_are_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
-def test_the_command_takes_a_folder_for_a_dataset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_imports_a_folder_as_a_dataset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = publish(tmp_path / "lines")
     data_column("action", lambda v: later_frame(v, [0, float("nan"), 0, 0, 0]))(folder)
     given = ["import", str(folder), "--tool", "quill", "--out", str(tmp_path / "out")]

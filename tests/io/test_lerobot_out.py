@@ -1,4 +1,4 @@
-"""A table of strokes becomes a LeRobot dataset that keeps its readers' rules, and comes back as it was."""
+"""Tests of the export as a LeRobot dataset, and of its round trip."""
 
 import json
 import math
@@ -57,13 +57,13 @@ def covariates(table: pa.Table) -> pa.Table:
     return table.append_column("length", pa.array([None] + [0.25] * (count - 1)))
 
 
-def test_what_is_exported_comes_back_exactly(tmp_path: Path) -> None:
+def test_export_and_import_return_equal_rows(tmp_path: Path) -> None:
     before, after = there_and_back(tmp_path, covariates(example_table(7)))
     assert before.schema.equals(after.schema, check_metadata=True)
     assert all(map(same, before.to_pylist(), after.to_pylist()))
 
 
-def test_windows_of_other_sizes_are_padded_with_paper_and_cut_out_again(tmp_path: Path) -> None:
+def test_pads_windows_with_paper_and_crops_them_on_import(tmp_path: Path) -> None:
     rows = example_table(3).to_pylist()
     picture = decode_png(rows[1]["after"]["bytes"])
     for when in ("before", "after"):
@@ -85,7 +85,7 @@ def test_windows_of_other_sizes_are_padded_with_paper_and_cut_out_again(tmp_path
     assert (np.abs(padded[46:] - paper) < 3).all() and len(np.unique(padded[46:].reshape(-1, 3), axis=0)) == 1
 
 
-def test_untimed_paths_single_points_and_missing_measurements_come_back(tmp_path: Path) -> None:
+def test_round_trip_keeps_untimed_paths_points_and_missing_values(tmp_path: Path) -> None:
     rows = example_table(4).to_pylist()
     for point in rows[0]["path"]:
         point[0] = math.nan
@@ -102,7 +102,7 @@ def test_untimed_paths_single_points_and_missing_measurements_come_back(tmp_path
     assert np.abs(state[episode == 3] - action[episode == 3]).max() > 1e-6
 
 
-def test_the_dataset_keeps_what_its_readers_rely_on(tmp_path: Path) -> None:
+def test_exported_dataset_follows_the_format(tmp_path: Path) -> None:
     rows = exported(tmp_path, example_table(9)).parent / "rows"
     folder = tmp_path / "dataset"
     info = json.loads((folder / "meta/info.json").read_text())
@@ -143,9 +143,9 @@ def test_the_dataset_keeps_what_its_readers_rely_on(tmp_path: Path) -> None:
     assert info["total_tasks"] == len(tasks)
 
 
-def test_statistics_are_those_of_all_frames(tmp_path: Path) -> None:
+def test_statistics_cover_all_frames(tmp_path: Path) -> None:
     folder = exported(tmp_path, example_table(4))
-    told = json.loads((folder / "meta/stats.json").read_text())
+    description = json.loads((folder / "meta/stats.json").read_text())
     data = pq.read_table(folder / "data/chunk-000/file-000.parquet")
     for name in data.column_names:
         values = data[name].to_pylist()
@@ -157,15 +157,15 @@ def test_statistics_are_those_of_all_frames(tmp_path: Path) -> None:
         for statistic, expected in (
             ("min", pixels.min(0)), ("max", pixels.max(0)), ("mean", pixels.mean(0)), ("std", pixels.std(0))
         ):  # fmt: skip
-            np.testing.assert_allclose(np.ravel(told[name][statistic]), expected, rtol=1e-6, atol=1e-9)
-        assert told[name]["count"] == [data.num_rows]
-    assert np.shape(told["observation.images.canvas"]["mean"]) == (3, 1, 1)
+            np.testing.assert_allclose(np.ravel(description[name][statistic]), expected, rtol=1e-6, atol=1e-9)
+        assert description[name]["count"] == [data.num_rows]
+    assert np.shape(description["observation.images.canvas"]["mean"]) == (3, 1, 1)
     episode = pq.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()[1]
     own = np.array(data["action"].to_pylist())[np.array(data["episode_index"]) == 1]
     np.testing.assert_allclose(episode["stats/action/std"], own.std(0), rtol=1e-6, atol=1e-9)
 
 
-def test_frames_that_share_a_picture_store_it_once(tmp_path: Path) -> None:
+def test_shared_picture_is_stored_once(tmp_path: Path) -> None:
     """A picture of a megabyte and more, as photographs are."""
     noise = np.random.default_rng(0).integers(0, 256, (640, 640, 3)).astype(np.uint8)
     pictures = {when: {"bytes": encode_png(noise), "path": None} for when in ("before", "after")}
@@ -174,7 +174,7 @@ def test_frames_that_share_a_picture_store_it_once(tmp_path: Path) -> None:
     assert file.stat().st_size < 1.5 * sum(path.stat().st_size for path in (tmp_path / "rows").glob("*.parquet"))
 
 
-def test_large_tables_are_several_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_table_is_split_into_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = example_table(6)
     monkeypatch.setattr(lerobot_out, "_FILE_BYTES", 30_000)
     monkeypatch.setattr(lerobot_out, "_FILES_A_CHUNK", 2)
@@ -187,7 +187,7 @@ def test_large_tables_are_several_files(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.integers(1, 120), st.integers(0, 9))
-def test_frames_begin_and_end_with_the_path_and_lie_on_it_between(steps: list[int], fps: int, start: int) -> None:
+def test_frames_sample_the_whole_path(steps: list[int], fps: int, start: int) -> None:
     times = start + np.cumsum([0, *steps]) / 1000
     points = np.random.default_rng(steps).normal(size=(len(times), 4))
     path = np.float32(np.column_stack([times, points])).astype(np.float64)
@@ -206,12 +206,12 @@ def test_frames_begin_and_end_with_the_path_and_lie_on_it_between(steps: list[in
     )
 
 
-def test_an_end_that_rounding_puts_behind_a_frame_is_that_frames() -> None:
+def test_rounding_adds_no_frame_at_the_end() -> None:
     path = np.array([[0.0, 0, 0, 0, 0], [0.10003, 1, 1, 1, 1]])
     np.testing.assert_array_equal(resampled(path, frame_times(path, 10)), [[0, 0, 0, 0], [1, 1, 1, 1]])
 
 
-def test_yaw_that_passes_half_a_turn_does_not_spin_back() -> None:
+def test_yaw_is_unwrapped_between_points() -> None:
     path = np.array([[0.0, 0, 0, 0, 3.1], [1.0, 0, 0, 0, -3.1]])
     yaw = resampled(path, frame_times(path, 20))[:, 3]
     assert (np.abs(np.diff(yaw)) < 0.01).all() and yaw[-1] == pytest.approx(2 * math.pi - 3.1)
@@ -228,7 +228,7 @@ def test_yaw_that_passes_half_a_turn_does_not_spin_back() -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_exported_is_said_and_nothing_is_written(
+def test_rejects_rows_that_cannot_be_exported(
     change: dict[str, Any], fps: int, error: type[Exception], says: str, tmp_path: Path
 ) -> None:
     table = rows_with(example_table(2), **change)
@@ -237,13 +237,13 @@ def test_what_cannot_be_exported_is_said_and_nothing_is_written(
     assert not (tmp_path / "dataset").exists()
 
 
-def test_the_command_exports_and_imports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_exports_and_imports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_table(tmp_path / "rows", example_table(2), CONTRACT, "Strokes.")
     assert main(["export", str(tmp_path / "rows"), "--lerobot", str(tmp_path / "set"), "--fps", "10"]) == 0
     assert "2 strokes are in" in capsys.readouterr().out
     assert main(["import", str(tmp_path / "set"), "--out", str(tmp_path / "back")]) == 0
     given = ["--tool", "quill", "--scale", "1 px/mm"]
     assert main(["import", str(tmp_path / "set"), *given, "--out", str(tmp_path / "other")]) == 1
-    assert "says all about them itself" in capsys.readouterr().err
+    assert "describes them itself" in capsys.readouterr().err
     assert main(["export", str(tmp_path / "nowhere"), "--lerobot", str(tmp_path / "none")]) == 1
     assert not (tmp_path / "none").exists() and not (tmp_path / "other").exists()

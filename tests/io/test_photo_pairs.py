@@ -1,4 +1,4 @@
-"""Paths and photographs from elsewhere become rows that keep the contract; what cannot be used is counted."""
+"""Tests of the import of paths in a CSV file with pairs of photographs."""
 
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.io.photo_pairs import import_photo_pairs
-from pentimento.io.place import Placement
+from pentimento.io.stroke_rows import Placement
 from tests.io.photographed import SHEET_MM, line_mm, photograph, record, sheet, written
 
 WINDOW = "0 mm, 0 mm, 120 mm, 8 cm"
@@ -28,7 +28,7 @@ def ink_centre_m(row: dict) -> np.ndarray:
     return np.array([x_min + (columns.mean() + 0.5) / k, y_max - (rows.mean() + 0.5) / k])
 
 
-def test_units_become_si_and_the_ink_lies_under_the_path(tmp_path: Path) -> None:
+def test_converts_units_and_aligns_ink_with_the_path(tmp_path: Path) -> None:
     imported = import_photo_pairs(record(tmp_path, 6), tmp_path / "photos", PLACE, "quill", tmp_path / "out")
     assert imported.rows == 6 and not imported.refused
     rows = read_table(tmp_path / "out", CONTRACT).table.to_pylist()
@@ -43,7 +43,7 @@ def test_units_become_si_and_the_ink_lies_under_the_path(tmp_path: Path) -> None
         assert row["window_m"][2] - row["window_m"][0] < 0.05  # what lies around the path, not the whole sheet
 
 
-def test_y_that_grows_downwards_is_turned_and_a_scale_says_the_same_as_a_window(tmp_path: Path) -> None:
+def test_y_down_and_scale_give_equal_rows(tmp_path: Path) -> None:
     upright = record(tmp_path, 4)
     lines = upright.read_text().splitlines()
     turned = [lines[0]]
@@ -66,14 +66,14 @@ def test_y_that_grows_downwards_is_turned_and_a_scale_says_the_same_as_a_window(
             assert row["before"] == same["before"] and row["after"] == same["after"]
 
 
-def test_a_window_that_begins_elsewhere_moves_y_down_to_its_lower_edge(tmp_path: Path) -> None:
+def test_y_down_window_has_its_origin_at_the_lower_edge(tmp_path: Path) -> None:
     place = Placement.parsed("10 mm, 5 mm, 130 mm, 85 mm", None, True)
     assert place.window_m((400, 600)) == pytest.approx((0.01, 0.0, 0.13, 0.08))
     top = place.to_canvas(np.array([[0.0, 0.02, 0.005, 0.0, 0.3]]), (400, 600))
     np.testing.assert_allclose(top, [[0.0, 0.02, 0.08, 0.0, -0.3]])
 
 
-def test_what_is_known_of_a_stroke_goes_along_and_other_numbers_are_covariates(tmp_path: Path) -> None:
+def test_keeps_contract_columns_and_other_numbers_as_covariates(tmp_path: Path) -> None:
     photograph(tmp_path / "photos", "a", line_mm(0, 2))
     (x0, y0), (x1, y1) = line_mm(0, 2)
     header = "stroke,x_mm,y_mm,z_mm,session,action_id,since_reload,t_start_s,humidity"
@@ -101,9 +101,7 @@ def test_what_is_known_of_a_stroke_goes_along_and_other_numbers_are_covariates(t
         (["small,0,30,20,-1,", "small,1,40,20,-1,"], "differ in size"),
     ],
 )
-def test_a_stroke_that_cannot_be_used_is_counted_and_the_others_are_taken(
-    points: list[str], reason: str, tmp_path: Path
-) -> None:
+def test_counts_unusable_stroke_and_imports_the_others(points: list[str], reason: str, tmp_path: Path) -> None:
     for name, line in (("good", line_mm(1, 2)), ("s0", line_mm(0)), ("torn", line_mm(0)), ("small", line_mm(0))):
         photograph(tmp_path / "photos", name, line)
     torn = (tmp_path / "photos/torn_after.png").read_bytes()
@@ -137,7 +135,7 @@ def test_a_stroke_that_cannot_be_used_is_counted_and_the_others_are_taken(
         ("stroke,stroke,x_mm,y_mm,z_mm", "two columns of one name"),
     ],
 )
-def test_a_table_that_is_none_is_refused_with_a_sentence(header: str, says: str, tmp_path: Path) -> None:
+def test_rejects_malformed_table(header: str, says: str, tmp_path: Path) -> None:
     path = tmp_path / "paths.csv"
     path.write_text(f"{header}\n" if header else "")
     with pytest.raises(ContractError, match=says):
@@ -145,20 +143,18 @@ def test_a_table_that_is_none_is_refused_with_a_sentence(header: str, says: str,
 
 
 @pytest.mark.parametrize("window", ["", "0 mm, 0 mm, 1 mm", "0, 0, 1, 1", "0 mm, 0 mm, 0 mm, 1 mm", "a, b, c, d"])
-def test_a_window_that_is_none_is_refused(window: str) -> None:
+def test_rejects_malformed_window(window: str) -> None:
     with pytest.raises(ConfigError, match=r"left, lower, right, upper"):
         Placement.parsed(window, None, False)
 
 
 @pytest.mark.parametrize("scale", ["5", "0 px/mm", "5 mm"])
-def test_a_scale_that_is_none_is_refused(scale: str) -> None:
+def test_rejects_malformed_scale(scale: str) -> None:
     with pytest.raises(ConfigError, match="px"):
         Placement.parsed(None, scale, False)
 
 
-def test_the_command_says_how_many_came_in_and_why_others_did_not(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_prints_counts_and_reasons(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = record(tmp_path, 3)
     (tmp_path / "photos/s1_after.png").unlink()
     given = ["--photos", str(tmp_path / "photos"), "--window", WINDOW, "--tool", "quill", "--out", str(tmp_path / "o")]

@@ -12,7 +12,7 @@ from pentimento.contracts.units import parse_quantity
 
 if TYPE_CHECKING:
     from pentimento.io.lerobot_in import Description
-    from pentimento.io.place import Placement
+    from pentimento.io.stroke_rows import Placement
 
 
 def _import(arguments: argparse.Namespace) -> None:
@@ -39,7 +39,7 @@ def _description_of_dataset(arguments: argparse.Namespace) -> Description | None
     options = ("tool", "window", "scale", "y_down", "action", "camera", "units")
     if arguments.photos is None and not any(getattr(arguments, name) for name in options):
         return None
-    _needs(arguments, ("tool",), unwanted=("photos",), of="A LeRobot dataset of somebody else's")
+    _needs(arguments, ("tool",), unwanted=("photos",), of="A LeRobot dataset that was not exported from strokes")
     try:
         unit_m = parse_quantity(f"1 {arguments.units or 'm'}", "m")
     except UnitError as error:
@@ -58,7 +58,7 @@ def _needs(arguments: argparse.Namespace, needed: tuple[str, ...], unwanted: tup
 
 
 def _placement(arguments: argparse.Namespace) -> Placement:
-    from pentimento.io.place import Placement
+    from pentimento.io.stroke_rows import Placement
 
     return Placement.parsed(arguments.window, arguments.scale, arguments.y_down)
 
@@ -85,7 +85,7 @@ def _card(arguments: argparse.Namespace) -> None:
 
 def _enough(arguments: argparse.Namespace) -> None:
     with workshop("fit models"):
-        from pentimento.io.learning_curve import learning_curve_of
+        from pentimento.dynamics.strokes.learning_curve import learning_curve_of
     curve = learning_curve_of(arguments.rows, arguments.seed)
     for line in curve.lines():
         print(line)

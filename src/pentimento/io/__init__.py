@@ -1,1 +1,1 @@
-"""Tables of strokes that come from elsewhere: bringing them into the contract, and saying what they can tell."""
+"""Import of recorded strokes into the contract, export, and data cards of tables."""

@@ -1,4 +1,4 @@
-"""`pentimento card`: what a table holds, what it cannot tell, and what should worry who learns from it."""
+"""`pentimento card`: the data card of a table, with warnings and the causes that it cannot show."""
 
 from __future__ import annotations
 
@@ -27,15 +27,18 @@ from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY as OF_PUSHES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as OF_STROKES
 from pentimento.dynamics.strokes.simulation import NotObservable
-from pentimento.io.concerns import confounded_with_time, drift, imbalance, too_little
-from pentimento.io.statistics import (
+from pentimento.io.table_checks import (
     commanded_pushes,
     commanded_strokes,
+    confounded_with_time,
+    drift,
     heading_of_pushes,
     heading_of_strokes,
+    imbalance,
     in_order,
     shown_pushes,
     shown_strokes,
+    too_little,
 )
 
 Array = NDArray[np.float64]
@@ -43,20 +46,20 @@ Array = NDArray[np.float64]
 NAME = "CARD.md"
 
 
-class _Told(NamedTuple):
-    """What is known of a table's kind."""
+class _Content(NamedTuple):
+    """What the card of strokes or of pushes reports."""
 
     commanded: dict[str, Array]
     shown: dict[str, Array]
     heading: Array
     unseen: dict[str, str]
     """Causes that the table cannot show, and why."""
-    alike: list[str]
-    """Sentences on causes that its design cannot tell apart."""
+    aliasing: list[str]
+    """Sentences about causes that its design cannot distinguish."""
 
 
 def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
-    """Write the card of a table as Markdown; returns where, and its warnings.
+    """Write the data card of a table as Markdown; return its path and its warnings.
 
     Args:
         rows: a Parquet file in the strokes or the pushes contract, or a folder of shards.
@@ -69,15 +72,15 @@ def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
     checked = read_table(rows, contract)
     if checked.table.num_rows == 0:
         raise ContractError(f"{rows} holds no rows to describe.")
-    told = _of_pushes(checked.table) if contract is pushes.CONTRACT else _of_strokes(checked.table)
-    warnings = _warnings(checked, told)
+    content = _of_pushes(checked.table) if contract is pushes.CONTRACT else _of_strokes(checked.table)
+    warnings = _warnings(checked, content)
     place = out or (rows / NAME if rows.is_dir() else rows.with_suffix(".card.md"))
-    atomic_write(place, _markdown(rows.name, contract, checked, told, warnings).encode())
+    atomic_write(place, _markdown(rows.name, contract, checked, content, warnings).encode())
     return place, warnings
 
 
 def _columns(rows: Path) -> list[str]:
-    """Of the first shard; one that cannot be read is left to its reader, who says why."""
+    """Return the columns of the first shard; none for an unreadable one, whose reader reports the error."""
     files = sorted(rows.glob("*.parquet")) if rows.is_dir() else [rows]
     try:
         return list(pq.read_schema(files[0]).names) if files else []
@@ -85,10 +88,12 @@ def _columns(rows: Path) -> list[str]:
         return []
 
 
-def _of_strokes(table: pa.Table) -> _Told:
+def _of_strokes(table: pa.Table) -> _Content:
     measured = load_measured(table)
-    alike = aliasing_sentences(aliasing_of(first_model(measured), measured, OF_STROKES))
-    return _Told(commanded_strokes(table), shown_strokes(table), heading_of_strokes(table), _not_shown(measured), alike)
+    aliasing = aliasing_sentences(aliasing_of(first_model(measured), measured, OF_STROKES))
+    return _Content(
+        commanded_strokes(table), shown_strokes(table), heading_of_strokes(table), _not_shown(measured), aliasing
+    )
 
 
 def _not_shown(measured: Measured) -> dict[str, str]:
@@ -101,23 +106,23 @@ def _not_shown(measured: Measured) -> dict[str, str]:
     return unseen
 
 
-def _of_pushes(table: pa.Table) -> _Told:
+def _of_pushes(table: pa.Table) -> _Content:
     samples, _ = load_pushes(table)
     _, unseen = observable_causes(measure(samples), OF_PUSHES)
-    return _Told(commanded_pushes(table), shown_pushes(table), heading_of_pushes(table), unseen, [])
+    return _Content(commanded_pushes(table), shown_pushes(table), heading_of_pushes(table), unseen, [])
 
 
-def _warnings(checked: CheckedTable, told: _Told) -> list[str]:
+def _warnings(checked: CheckedTable, content: _Content) -> list[str]:
     table, sessions = checked.table, in_order(checked.table)
-    said = [f"Row {bad.row} breaks the contract and is left out: {bad.reason}." for bad in checked.quarantined]
-    said += too_little(table)
-    said += drift(told.shown, sessions)
-    said += confounded_with_time(told.commanded, sessions)
-    said += imbalance(table, told.heading, told.commanded)
-    return said + [f"Aliasing: {line}" for line in told.alike]
+    warnings = [f"Row {bad.row} breaks the contract and is left out: {bad.reason}." for bad in checked.quarantined]
+    warnings += too_little(table)
+    warnings += drift(content.shown, sessions)
+    warnings += confounded_with_time(content.commanded, sessions)
+    warnings += imbalance(table, content.heading, content.commanded)
+    return warnings + [f"Aliasing: {line}" for line in content.aliasing]
 
 
-def _markdown(name: str, contract: TableContract, checked: CheckedTable, told: _Told, warnings: list[str]) -> str:
+def _markdown(name: str, contract: TableContract, checked: CheckedTable, content: _Content, warnings: list[str]) -> str:
     table = checked.table
     actions, sessions = set(table["action_id"].to_pylist()), set(table["session"].to_pylist())
     tools = sorted(set(table["tool"].to_pylist()))
@@ -131,15 +136,15 @@ def _markdown(name: str, contract: TableContract, checked: CheckedTable, told: _
         "",
         *([f"- {warning}" for warning in warnings] or ["None."]),
         "",
-        "## What is commanded, and what is seen",
+        "## Commands and observations",
         "",
         "| | 5 % | median | 95 % | unknown |",
         "|---|---|---|---|---|",
-        *(_quantiles(quantity, values) for quantity, values in (told.commanded | told.shown).items()),
+        *(_quantiles(quantity, values) for quantity, values in (content.commanded | content.shown).items()),
         "",
         "## What it cannot show",
         "",
-        *([f"- `{cause}`: {reason}." for cause, reason in told.unseen.items()] or ["Every cause can be asked for."]),
+        *([f"- `{cause}`: {reason}." for cause, reason in content.unseen.items()] or ["Every cause can be tested."]),
         "",
         "## Columns",
         "",
@@ -160,7 +165,7 @@ def _quantiles(name: str, values: Array) -> str:
 
 
 def _known(table: pa.Table, name: str) -> bool:
-    """Whether some row knows the column."""
+    """Whether some row has a value in the column."""
     if name not in table.column_names:
         return False
     return any(_is_known(value) for value in table[name].to_pylist())

@@ -1,50 +1,147 @@
-"""The episodes of a LeRobot dataset, file by file: their frames' numbers, and their first and last pictures.
+"""Episodes of a LeRobot dataset, file by file: the numbers of their frames, and their first and last pictures.
 
-What cannot be used is left out of what is yielded, and noted with its reason in ``refused``.
+Episodes that cannot be used are left out and recorded with the reason in ``refused``. A video is read frame by frame
+from its beginning, because seeking is not exact; only two pictures of each episode are converted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
+import cv2
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from pentimento.contracts.errors import ImageError
+from pentimento.contracts.images import decode_image
 from pentimento.io.lerobot_folder import Dataset, read_numbers, rows_by_episode
-from pentimento.io.lerobot_pictures import Pair, embedded_pairs, video_pairs
 from pentimento.io.stroke_rows import Refused
 
-_FEWEST_FRAMES: Final = 2
+Picture = NDArray[np.uint8]
+Pair = tuple[Picture, Picture]
+
+_MP4: Final = b"ftyp"
+"""Bytes 4 to 8 of every MP4 file. They are checked because FFmpeg would also open playlists, which name other files."""
+
+
+def embedded_pairs(file: Path, camera: str, shape: list[int], rows: list[tuple[int, int]]) -> Iterator[Pair | Refused]:
+    """Yield the two pictures of each pair of ``rows`` of a Parquet file (ascending), or the reason why there are none.
+
+    Raises:
+        Refused: the file cannot be read from here on.
+    """
+    try:
+        # With dictionary encoding, a picture that many frames share is in memory once.
+        with pq.ParquetFile(file, read_dictionary=[f"{camera}.bytes"]) as opened:
+            sizes = [opened.metadata.row_group(group).num_rows for group in range(opened.num_row_groups)]
+            ends, held, column = np.cumsum(sizes), -1, []
+            for pair in rows:
+                found = []
+                for row in pair:
+                    group = int(np.searchsorted(ends, row, side="right"))
+                    if group != held:
+                        column, held = opened.read_row_group(group, columns=[camera]).column(camera), group
+                    found.append(column[row - int(ends[group]) + sizes[group]].as_py())
+                yield _decoded(found, shape)
+    except (OSError, pa.ArrowException, KeyError, IndexError) as error:
+        raise Refused(f"the pictures in its file {file.name} cannot be read") from error
+
+
+def _decoded(pair: list[Any], shape: list[int]) -> Pair | Refused:
+    if not all(isinstance(picture, dict) and isinstance(picture.get("bytes"), bytes) for picture in pair):
+        return Refused("a picture is not embedded in its file")
+    try:
+        before, after = (decode_image(picture["bytes"], "A picture") for picture in pair)
+    except ImageError:
+        return Refused("a picture is unreadable")
+    if not (_agrees(before.shape, shape) and _agrees(after.shape, shape)):
+        return Refused("a picture has another shape than its feature")
+    return before, after
+
+
+def video_pairs(
+    file: Path, shape: list[int], fps: float, times_s: list[tuple[float, float]]
+) -> Iterator[Pair | Refused]:
+    """Yield the two nearest pictures for each pair of times in a video (ascending), or the reason why there are none.
+
+    Raises:
+        Refused: this OpenCV cannot decode the file, or its pictures have another shape.
+    """
+    with file.open("rb") as opened:
+        if opened.read(8)[4:] != _MP4:
+            raise Refused(f"its file {file.name} is no MP4 video")
+    capture = cv2.VideoCapture(str(file.absolute()), cv2.CAP_FFMPEG)  # absolute: no name then begins with a protocol
+    try:
+        size = [int(capture.get(which)) for which in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH)]
+        if not (capture.isOpened() and capture.grab()):
+            raise Refused(
+                f"its video {file.name} cannot be decoded by this build of OpenCV; encode it again as H.264, or keep "
+                "the feature as images"
+            )
+        if not _agrees((*size, 3), shape):
+            raise Refused(f"its video {file.name} has another shape than its feature")
+        for first_s, last_s in times_s:
+            pair = [_at(capture, time_s, 0.5 / fps) for time_s in (first_s, last_s)]
+            before, after = pair
+            yield (
+                (before, after)
+                if before is not None and after is not None
+                else Refused("its video has no picture at its first or last frame")
+            )
+    finally:
+        capture.release()
+
+
+def _at(capture: Any, time_s: float, within_s: float) -> Picture | None:
+    """Read the video forwards to the picture at a time; None where it has none within `within_s`."""
+    while (now_s := capture.get(cv2.CAP_PROP_POS_MSEC) / 1000) < time_s - within_s:
+        if not capture.grab():
+            return None
+    if not now_s <= time_s + within_s:
+        return None
+    shown, picture = capture.retrieve()
+    return np.ascontiguousarray(picture[..., ::-1]) if shown else None
+
+
+def _agrees(shape: tuple[int, ...], expected: list[int]) -> bool:
+    """Whether a picture [H, W, 3] has a feature's shape, whose one or three channels may come first or last."""
+    height, width, _ = shape
+    return expected[:2] == [height, width] or expected[1:] == [height, width]
+
+
+_MIN_FRAMES: Final = 2
 
 Reasons = dict[str, list[str]]
-"""Numbers of episodes by the reason for which they were left out."""
+"""Indices of the episodes that were left out, by reason."""
 
 
 class Episode(NamedTuple):
-    """One whose frames are all there."""
+    """An episode with all its frames."""
 
     place: int
-    """Among the dataset's episodes."""
+    """Row of the dataset's table of episodes."""
     number: int
     """Its ``episode_index``."""
     rows: NDArray[np.intp]
-    """Of its data file."""
+    """Rows of its data file."""
 
 
 def leave_out(refused: Reasons, reason: object, numbers: Iterable[int]) -> None:
-    """Note why episodes are left out."""
+    """Record why episodes are left out."""
     refused.setdefault(str(reason), []).extend(str(number) for number in numbers)
 
 
 def sound_episodes(
     dataset: Dataset, names: list[str], refused: Reasons
 ) -> Iterator[tuple[Path, dict[str, NDArray[np.float64]], list[Episode]]]:
-    """For each data file: its columns ``names``, beside those that number frames, and its episodes in their order.
+    """Yield for each data file its path, its columns ``names`` with those of the indices, and its episodes in order.
 
     Raises:
-        ContractError: the dataset does not say where its episodes are.
+        ContractError: the columns that locate the episodes are missing.
     """
     index, length = (dataset.whole_numbers(name) for name in ("episode_index", "length"))
     by_file: dict[tuple[int, int], list[int]] = {}
@@ -71,8 +168,8 @@ def sound_episodes(
 def _fault(episode: Episode, frame_index: NDArray[np.float64], length: int) -> str | None:
     if len(episode.rows) != length:
         return "it has another number of frames than meta/episodes says"
-    if length < _FEWEST_FRAMES:
-        return f"it has fewer than {_FEWEST_FRAMES} frames"
+    if length < _MIN_FRAMES:
+        return f"it has fewer than {_MIN_FRAMES} frames"
     numbered = np.array_equal(frame_index[episode.rows], np.arange(length))
     return None if numbered else "its frames are not numbered one after the other"
 
@@ -80,10 +177,10 @@ def _fault(episode: Episode, frame_index: NDArray[np.float64], length: int) -> s
 def first_and_last_pictures(
     dataset: Dataset, camera: str, file: Path, episodes: list[Episode], refused: Reasons
 ) -> Iterator[tuple[Episode, Pair]]:
-    """Of each episode of a data file that has them: its first and its last picture [H, W, 3], sRGB.
+    """Yield the first and the last picture [H, W, 3], sRGB, of each episode of a data file that has them.
 
     Raises:
-        ContractError: the dataset does not say where its videos are.
+        ContractError: the columns that locate the videos are missing.
     """
     shape = dataset.features[camera]["shape"]
     if dataset.features[camera]["dtype"] == "image":

@@ -1,8 +1,8 @@
-"""A LeRobot v3.0 dataset as it lies in a folder: what `meta/info.json` says, its episodes, the files of its frames.
+"""The folder of a LeRobot v3.0 dataset: `meta/info.json`, its episodes, and the files of their frames.
 
-Many episodes share a file, so `meta/episodes/*/*.parquet` says of each one which file its frames are in, as numbers of
-a chunk and a file for the path templates of `info.json`. Such a folder may come from anybody: what it says is
-checked before it names a file or a size.
+Many episodes share a file. `meta/episodes/*/*.parquet` therefore holds for each episode the indices of a chunk and a
+file, which the path templates of `info.json` turn into a file name. A dataset is untrusted input: its values are
+checked before they name a file or a size.
 """
 
 from __future__ import annotations
@@ -33,39 +33,40 @@ DATA: Final = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
 ACTION: Final = "action"
 CANVAS: Final = "observation.images.canvas"
-"""What we call the pictures of a dataset of ours."""
+"""The feature with the pictures of an exported dataset."""
 OWN: Final = "pentimento/"
-"""Begins the columns of `meta/episodes` that keep a row of the strokes contract."""
+"""Prefix of the columns of `meta/episodes` that keep a row of the strokes contract."""
 OWN_PICTURE: Final = "pentimento_picture/"
-"""Begins those that say how to get a row's pictures back: height, width, grey."""
+"""Prefix of the columns that describe a row's pictures before padding: height, width, grey."""
 
 PICTURES: Final = ("image", "video")
 _FIELD: Final = re.compile(r"\{(chunk_index|file_index)(?::(0?[1-9])d)?\}|\{(video_key)\}")
 _MAX_NUMBER: Final = 2**31
+"""Above any index of a chunk, a file or an episode."""
 _MAX_FPS: Final = 1e5
 
 
 class Dataset(NamedTuple):
-    """What a dataset says of itself."""
+    """The description of a dataset."""
 
     folder: Path
     fps: float
     features: dict[str, dict[str, Any]]
     data_path: str
-    """A template, with fields ``chunk_index`` and ``file_index`` alone; relative, and it stays in the folder."""
+    """A path template with the fields ``chunk_index`` and ``file_index``, relative to the folder and inside it."""
     video_path: str | None
-    """Likewise; it may have the field ``video_key``."""
+    """The same for videos; it may have the field ``video_key``."""
     episodes: pa.Table
-    """In the order of ``episode_index``, which is unique; without statistics."""
+    """Sorted by ``episode_index``, which is unique; without columns of statistics."""
 
     @property
-    def ours(self) -> bool:
-        """Whether it was exported from a table of strokes and still says all of them."""
+    def exported(self) -> bool:
+        """Whether `pentimento export` wrote it and all required columns of the strokes contract are there."""
         kept = {f"{OWN}{column.name}" for column in CONTRACT.columns if column.required and column.type != IMAGE}
         return kept <= set(self.episodes.column_names)
 
     def whole_numbers(self, name: str) -> list[int]:
-        """A column of the episodes.
+        """Return a column of the episodes.
 
         Raises:
             ContractError: it is missing, or not all whole numbers from 0.
@@ -73,7 +74,7 @@ class Dataset(NamedTuple):
         return _whole(self.episodes, name, self.folder)
 
     def times_s(self, name: str) -> list[float]:
-        """A column of the episodes; what is unknown or infinite is NaN.
+        """Return a column of the episodes; unknown and infinite values are NaN.
 
         Raises:
             ContractError: it is missing or not of numbers.
@@ -84,28 +85,28 @@ class Dataset(NamedTuple):
         return [math.nan if value is None or not math.isfinite(value) else float(value) for value in values.to_pylist()]
 
     def data_file(self, chunk: int, number: int) -> Path:
-        """The Parquet file of such a number.
+        """Return the Parquet file of these indices.
 
         Raises:
-            Refused: there is none.
+            Refused: it does not exist.
         """
         return _file(self.folder, self.data_path, chunk, number, "")
 
     def video_file(self, camera: str, chunk: int, number: int) -> Path:
-        """The MP4 file of such a number.
+        """Return the MP4 file of these indices.
 
         Raises:
-            Refused: there is none.
+            Refused: it does not exist.
         """
         assert self.video_path is not None
         return _file(self.folder, self.video_path, chunk, number, camera)
 
 
 def open_dataset(folder: Path) -> Dataset:
-    """Read what the dataset in ``folder`` says of itself; its frames are not looked at.
+    """Read the description of the dataset in ``folder``; its frames are not read.
 
     Raises:
-        ContractError: there is none, it is of another version, or it says what cannot be.
+        ContractError: there is no dataset, it has another version, or a value is impossible.
     """
     where = folder / INFO
     info = _info(where)
@@ -129,7 +130,10 @@ def open_dataset(folder: Path) -> Dataset:
 
 
 def names_of(feature: dict[str, Any]) -> list[str] | None:
-    """A vector's names in their order: a list of them, lists by group, or numbers by name; None where it has none."""
+    """Return the names of a vector's values in their order; None where they are missing or incomplete.
+
+    LeRobot writes a list of names, lists by group, or indices by name.
+    """
     names, (width, *_) = feature.get("names"), feature["shape"]
     if isinstance(names, dict) and set(map(repr, names.values())) == set(map(repr, range(len(names)))):
         names = sorted(names, key=names.__getitem__)
@@ -140,17 +144,17 @@ def names_of(feature: dict[str, Any]) -> list[str] | None:
 
 
 def rows_by_episode(episode: NDArray[np.float64]) -> dict[int, NDArray[np.intp]]:
-    """From the column ``episode_index`` of a data file: which of its rows are each episode's, in their order."""
+    """Return the rows of each episode, in their order, from the column ``episode_index`` of a data file."""
     order = np.argsort(episode, kind="stable")
     found, starts = np.unique(episode[order], return_index=True)
     return {int(e): rows for e, rows in zip(found, np.split(order, starts[1:]), strict=False) if np.isfinite(e)}
 
 
 def read_numbers(file: Path, names: list[str]) -> dict[str, NDArray[np.float64]]:
-    """Columns of a data file: [N] where they have one number a frame, [N, D] where a vector.
+    """Read columns of a data file: [N] for a number in each frame, [N, D] for a vector.
 
     Raises:
-        Refused: the file cannot be read, lacks one of them, or has something else there.
+        Refused: the file cannot be read, or a column is missing or does not hold numbers.
     """
     try:
         with pq.ParquetFile(file) as opened:
@@ -189,36 +193,39 @@ def _info(where: Path) -> dict[str, Any]:
     return info
 
 
-def _features(told: Any, where: Path) -> dict[str, dict[str, Any]]:
-    if not isinstance(told, dict) or not told:
+def _features(features: Any, where: Path) -> dict[str, dict[str, Any]]:
+    if not isinstance(features, dict) or not features:
         raise ContractError(f"{where} names no features, and so there is nothing to read.")
-    for key, feature in told.items():
+    for key, feature in features.items():
         if not isinstance(feature, dict) or not isinstance(feature.get("dtype"), str):
             raise ContractError(f"{where}: feature {_short(key)} does not say its dtype.")
         if "/" in key or key in ("", ".", ".."):
-            raise ContractError(f"{where}: feature {_short(key)} bears a name that leaves its folder.")
+            raise ContractError(f"{where}: feature {_short(key)} has a name that leaves its folder.")
         picture = feature["dtype"] in PICTURES
         if not picture and key != ACTION:
-            continue  # nobody asks for it, and its shape may be of a kind that we do not know
+            continue  # not read; its shape may be of any kind
         shape = feature.get("shape")
         if not isinstance(shape, list) or not shape or not all(type(size) is int for size in shape):
             raise ContractError(f"{where}: feature {_short(key)} has the shape {_short(shape)}, which is none.")
         if min(shape) < 0 or math.prod(shape) > 4 * MAX_PIXELS or (picture and (len(shape) != 3 or min(shape) < 1)):
-            raise ContractError(f"{where}: feature {_short(key)} has the shape {_short(shape)}, which nobody recorded.")
-    return told
+            raise ContractError(f"{where}: feature {_short(key)} has the shape {_short(shape)}, which is impossible.")
+    return features
 
 
-def _template(told: Any, name: str, where: Path) -> str:
-    if not isinstance(told, str) or not told:
-        raise ContractError(f"{where}: {name} is {_short(told)} and no path of files, such as {DATA}.")
-    plain = PurePosixPath(_FIELD.sub("0", told))
+def _template(template: Any, name: str, where: Path) -> str:
+    if not isinstance(template, str) or not template:
+        raise ContractError(f"{where}: {name} is {_short(template)} and no path of files, such as {DATA}.")
+    plain = PurePosixPath(_FIELD.sub("0", template))
     if any(mark in str(plain) for mark in "{}\\\0"):
         raise ContractError(
-            f"{where}: {name} is {_short(told)}; its fields can be chunk_index, file_index and video_key, as in {DATA}."
+            f"{where}: {name} is {_short(template)}; its fields can be chunk_index, file_index and video_key, "
+            f"as in {DATA}."
         )
     if plain.is_absolute() or ".." in plain.parts:
-        raise ContractError(f"{where}: {name} is {_short(told)}, which leaves the dataset's folder; do not trust it.")
-    return told
+        raise ContractError(
+            f"{where}: {name} is {_short(template)}, which leaves the dataset's folder; do not trust it."
+        )
+    return template
 
 
 def _file(folder: Path, template: str, chunk: int, number: int, camera: str) -> Path:
@@ -228,7 +235,7 @@ def _file(folder: Path, template: str, chunk: int, number: int, camera: str) -> 
         return camera if field[3] else format(numbers[field[1]], f"{field[2] or ''}d")
 
     relative = _FIELD.sub(filled, template)
-    if not os.path.isfile(folder / relative):  # unlike Path's, it says no to names that no file can have
+    if not os.path.isfile(folder / relative):  # unlike Path.is_file, it returns False for names that no file can have
         raise Refused(f"its file {relative!r} is missing")
     return folder / relative
 

@@ -1,7 +1,7 @@
 """`pentimento import` of a LeRobot dataset: episodes become strokes.
 
-A dataset of ours says in `meta/episodes` what its rows were. Of another's, an episode is taken for one stroke: its
-actions are the path, its first picture shows the canvas before it and its last one after it.
+A dataset that `pentimento export` wrote keeps its rows in `meta/episodes`. In any other dataset, an episode is one
+stroke: its actions are the path, its first picture shows the canvas before it and its last picture the canvas after it.
 """
 
 from __future__ import annotations
@@ -35,9 +35,17 @@ from pentimento.io.lerobot_folder import (
     names_of,
     open_dataset,
 )
-from pentimento.io.path_table import RecordedPath, path_fault
-from pentimento.io.place import Placement
-from pentimento.io.stroke_rows import Imported, Refused, card, counted, stroke_row, table_of
+from pentimento.io.stroke_rows import (
+    Imported,
+    Placement,
+    RecordedPath,
+    Refused,
+    card,
+    counted,
+    path_fault,
+    stroke_row,
+    table_of,
+)
 
 _PLACE: Final = ("x", "y", "z")
 _YAW: Final = "yaw"
@@ -47,18 +55,18 @@ class Description(NamedTuple):
     """What a foreign dataset does not describe itself."""
 
     placement: Placement
-    """Of its pictures, which are rectified."""
+    """Where its pictures, which are rectified, lie on the canvas."""
     tool: str
     unit_m: float
-    """Of its positions, in metres."""
+    """Its unit of length, in metres."""
     action: str | None
-    """Which of an action's values are x, y, z and, where there is one, yaw: names or numbers from 0, with commas."""
+    """Which values of an action are x, y, z and optionally yaw: names or indices from 0, separated by commas."""
     camera: str | None
-    """The feature with pictures of the canvas; None where there is but one."""
+    """The feature with pictures of the canvas; None where the dataset has only one."""
 
 
 def import_lerobot(folder: Path, description: Description | None, out: Path) -> Imported:
-    """Write the folder ``out`` as shards of the strokes contract with a card that counts what was refused.
+    """Write the folder ``out`` as shards of the strokes contract, with a README that counts refused episodes.
 
     Args:
         description: None for a dataset that was exported from strokes.
@@ -68,15 +76,15 @@ def import_lerobot(folder: Path, description: Description | None, out: Path) -> 
         ContractError: the dataset cannot be read, or no episode can be used; nothing is written.
     """
     dataset = open_dataset(folder)
-    if dataset.ours and description is not None:
-        raise ConfigError(f"{folder} was exported from strokes and says all about them itself; give --out alone.")
-    if not dataset.ours and description is None:
+    if dataset.exported and description is not None:
+        raise ConfigError(f"{folder} was exported from strokes and describes them itself; give --out alone.")
+    if not dataset.exported and description is None:
         raise ConfigError(
             f"{folder} does not say what made its strokes and where its pictures lie; give --tool, and --window or "
             "--scale."
         )
     refused: Reasons = {}
-    table = _kept_rows(dataset, refused) if description is None else _made_rows(dataset, description, refused)
+    table = _kept_rows(dataset, refused) if description is None else _episode_rows(dataset, description, refused)
     if table.num_rows == 0:
         raise ContractError(
             f"None of the {dataset.episodes.num_rows} episodes of {folder} can be used: {counted(refused)}."
@@ -87,14 +95,14 @@ def import_lerobot(folder: Path, description: Description | None, out: Path) -> 
 
 
 def _kept_rows(dataset: Dataset, refused: Reasons) -> pa.Table:
-    """The rows that were exported: all columns as they were, and pictures without what they were padded with."""
+    """Return the exported rows: every column unchanged, and the pictures without their padding."""
     heights, widths, grey = (dataset.whole_numbers(f"{OWN_PICTURE}{name}") for name in ("height", "width", "grey"))
     pictures: dict[int, tuple[bytes, bytes]] = {}
     for file, _, episodes in sound_episodes(dataset, [], refused):
         for episode, pair in first_and_last_pictures(dataset, _camera(dataset, CANVAS), file, episodes, refused):
             height, width = heights[episode.place], widths[episode.place]
             if not (0 < height <= pair[0].shape[0] and 0 < width <= pair[0].shape[1]):
-                leave_out(refused, "its pictures are smaller than they were", [episode.number])
+                leave_out(refused, "its pictures are smaller than the exported ones", [episode.number])
                 continue
             channels = 0 if grey[episode.place] else slice(None)
             before, after = (encode_png(picture[:height, :width, channels]) for picture in pair)
@@ -109,8 +117,8 @@ def _kept_rows(dataset: Dataset, refused: Reasons) -> pa.Table:
     return rows
 
 
-def _made_rows(dataset: Dataset, description: Description, refused: Reasons) -> pa.Table:
-    """Each episode as a stroke of its own."""
+def _episode_rows(dataset: Dataset, description: Description, refused: Reasons) -> pa.Table:
+    """Return one row for each episode."""
     camera, axes = _camera(dataset, description.camera), _axes(dataset, description.action)
     session = dataset.folder.resolve().name
     rows = []
@@ -163,7 +171,7 @@ def _camera(dataset: Dataset, asked: str | None) -> str:
 
 
 def _axes(dataset: Dataset, asked: str | None) -> list[int]:
-    """Where in an action x, y, z and perhaps yaw are."""
+    """Return the indices of x, y, z and optionally yaw in an action."""
     feature = dataset.features.get(ACTION)
     if feature is None or feature["dtype"] in PICTURES or len(feature["shape"]) != 1:
         raise ContractError(f"{dataset.folder} has no feature {ACTION!r} that is a vector, and so no paths of strokes.")

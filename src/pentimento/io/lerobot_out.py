@@ -1,15 +1,15 @@
 """`pentimento export`: a table of strokes as a LeRobot v3.0 dataset, one episode a stroke.
 
-An episode's frames are the commanded path at so many frames a second. Its pictures are the one before the stroke, and
-on the last frame the one after it; where windows differ in size, they are padded with paper at the right and below.
-All else that a row says stands in `meta/episodes`, whose readers look at the columns that they know.
+The frames of an episode sample the commanded path at a fixed rate. Its pictures show the canvas before the stroke, and
+on the last frame the canvas after it. Where windows differ in size, pictures are padded with the colour of the paper at
+the right and below. All other columns of a row are kept in `meta/episodes`; other readers ignore unknown columns.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -37,7 +37,6 @@ from pentimento.io.lerobot_folder import (
     TASKS,
     VERSION,
 )
-from pentimento.io.lerobot_statistics import Statistics, of_numbers, of_picture, pooled
 
 FloatArray = NDArray[np.float64]
 
@@ -50,42 +49,44 @@ _SCHEMA: Final = pa.schema(
 )
 _FILES_A_CHUNK: Final = 1000
 _FILE_BYTES: Final = 100 * 2**20
+"""LeRobot's default for both."""
 _MAX_FRAMES: Final = 100_000
+"""Of a stroke; more means that its times are not in seconds."""
 _SAME_FRAME: Final = 1e-3
-"""Of a frame: times are float32."""
+"""Tolerance as a fraction of a frame: times are float32."""
 
 
 class Exported(NamedTuple):
-    """What came of an export."""
+    """Counts of an export."""
 
     episodes: int
     frames: int
     quarantined: tuple[Quarantined, ...]
-    """Rows that break the contract, and were left out."""
+    """Rows that break the contract and were left out."""
 
 
 class _Stroke(NamedTuple):
-    """A row on its way out."""
+    """A row with its frames."""
 
     row: dict[str, Any]
     state: FloatArray
-    """[F, 4] x, y, z, yaw; likewise the action."""
+    """[F, 4] x_m, y_m, z_m, yaw_rad; likewise the action."""
     action: FloatArray
     file: int
-    """Number of its data file."""
+    """Index of its data file."""
     first: int
     """Its first frame's ``index``."""
 
 
 def export_lerobot(rows: Path, folder: Path, fps: int) -> Exported:
-    """Write ``folder``, whole or not at all.
+    """Write the dataset ``folder``; on an error nothing is written.
 
     Args:
         rows: a Parquet file in the strokes contract, or a folder of shards.
         fps: frames a second.
 
     Raises:
-        ContractError: the rows cannot be read, there are none, or one cannot be shown at ``fps``.
+        ContractError: the rows cannot be read, there are none, or one has too many frames at ``fps``.
         ConfigError: ``fps`` is not above 0.
     """
     if fps < 1:
@@ -98,29 +99,29 @@ def export_lerobot(rows: Path, folder: Path, fps: int) -> Exported:
     whole = int(shapes[:, 0].max()), int(shapes[:, 1].max())
     strokes = _strokes(table, fps)
     tasks = list(dict.fromkeys(_task(stroke.row) for stroke in strokes))
-    with atomic_folder(folder) as made:
-        statistics = _write_frames(made, strokes, whole, tasks, fps)
+    with atomic_folder(folder) as out:
+        statistics = _write_frames(out, strokes, whole, tasks, fps)
         own = {f"{OWN_PICTURE}{name}": value for name, value in zip(("height", "width"), shapes.T, strict=True)}
         own[f"{OWN_PICTURE}grey"] = grey
-        _write_episodes(made, table, strokes, statistics, own)
-        _write_tasks(made, tasks)
-        total = {name: pooled([each[name] for each in statistics]).told() for name in statistics[0]}
-        _write_json(made / STATISTICS, total)
+        _write_episodes(out, table, strokes, statistics, own)
+        _write_tasks(out, tasks)
+        total = {name: pooled([each[name] for each in statistics]).as_json() for name in statistics[0]}
+        _write_json(out / STATISTICS, total)
         frames = strokes[-1].first + len(strokes[-1].action)
-        _write_json(made / INFO, _info(fps, whole, len(strokes), frames, len(tasks)))
+        _write_json(out / INFO, _info(fps, whole, len(strokes), frames, len(tasks)))
     return Exported(len(strokes), frames, checked.quarantined)
 
 
 def resampled(path: FloatArray, at_s: FloatArray) -> FloatArray:
-    """A path [N, 5] (t, x, y, z, yaw) at times [F]: x, y, z, yaw [F, 4], linear between points; yaw does not jump."""
+    """Interpolate a path [N, 5] (t_s, x_m, y_m, z_m, yaw_rad) at times [F] (s); yaw is unwrapped. Returns [F, 4]."""
     columns = [*path[:, 1:4].T, np.unwrap(path[:, 4])]
     return np.stack([np.interp(at_s, path[:, 0], column) for column in columns], axis=1)
 
 
 def frame_times(path: FloatArray, fps: int) -> FloatArray:
-    """When a path's frames are, on its clock, [F], two at least, 1 / fps apart.
+    """Return the times (s) of a path's frames [F], at least two, 1 / fps apart.
 
-    The first is at the path's first point, the last not before its last one.
+    The first frame is at the path's first point, the last one not before its last point.
     """
     start_s, end_s = path[0, 0], path[-1, 0]
     times_s = start_s + np.arange(max(math.ceil((end_s - start_s) * fps - _SAME_FRAME), 1) + 1) / fps
@@ -134,7 +135,7 @@ def _strokes(table: pa.Table, fps: int) -> list[_Stroke]:
     for number, row in enumerate(_rows(table)):
         state, action = _frames(row, fps, number)
         size += sum(len(row[when]["bytes"]) for when in ("before", "after"))
-        # A file's number may not leave one out, however large one stroke is.
+        # File numbers must be consecutive, however large one stroke is.
         file = min(size // _FILE_BYTES, strokes[-1].file + 1) if strokes else 0
         strokes.append(_Stroke(row, state, action, file, first))
         first += len(action)
@@ -148,7 +149,7 @@ def _rows(table: pa.Table) -> Iterator[dict[str, Any]]:
 
 
 def _frames(row: dict[str, Any], fps: int, number: int) -> tuple[FloatArray, FloatArray]:
-    """State and action of each frame. Without times, a frame is a point of the path."""
+    """Return state and action of each frame. A path without times has one frame for each point."""
     path = np.array(row["path"], dtype=np.float64)
     if np.isnan(path[:, 0]).any():
         action = path[:, 1:] if len(path) > 1 else np.repeat(path[:, 1:], 2, axis=0)
@@ -165,7 +166,7 @@ def _frames(row: dict[str, Any], fps: int, number: int) -> tuple[FloatArray, Flo
 
 
 def _shapes(table: pa.Table) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of each row's pictures: height and width [N, 2], and whether both are grey [N]."""
+    """Return height and width of each row's pictures [N, 2] in pixels, and whether both are grey [N]."""
     shapes, grey = [], []
     for number, row in enumerate(_rows(table)):
         pictures = [decode_png(row[when]["bytes"]) for when in ("before", "after")]
@@ -177,7 +178,7 @@ def _shapes(table: pa.Table) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _padded(row: dict[str, Any], whole: tuple[int, int]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Before and after [H, W, 3] in the upper left corner of the dataset's shape; round them the row's paper."""
+    """Return before and after [H, W, 3], padded to the dataset's shape with the colour of the row's paper."""
     before, after = (_colour(decode_png(row[when]["bytes"])) for when in ("before", "after"))
     paper = np.median(before.reshape(-1, 3), axis=0).astype(np.uint8)
     padded = np.tile(paper, (2, *whole, 1))
@@ -192,8 +193,8 @@ def _colour(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _write_frames(
     folder: Path, strokes: list[_Stroke], whole: tuple[int, int], tasks: list[str], fps: int
 ) -> list[dict[str, Statistics]]:
-    """The data files, a row group an episode, which holds a picture once; returns each episode's statistics."""
-    told = []
+    """Write the data files, one row group for each episode; return the statistics of each episode."""
+    statistics = []
     for file, group in groupby(enumerate(strokes), key=lambda numbered: numbered[1].file):
         path = folder / DATA.format(chunk_index=file // _FILES_A_CHUNK, file_index=file % _FILES_A_CHUNK)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -206,12 +207,12 @@ def _write_frames(
                 pictures = pa.array([{"bytes": png, "path": None} for png in shown], IMAGE)
                 writer.write_table(pa.table([pictures, *map(_arrow, numbers.values())], schema=_SCHEMA))
                 seen = pooled([of_picture(before, frames - 1), of_picture(after, 1)])
-                told.append({CANVAS: seen} | {name: of_numbers(values) for name, values in numbers.items()})
-    return told
+                statistics.append({CANVAS: seen} | {name: of_numbers(values) for name, values in numbers.items()})
+    return statistics
 
 
 def _numbers(stroke: _Stroke, episode: int, task: int, fps: int) -> dict[str, NDArray[Any]]:
-    """The columns [F, D] of an episode's frames, but for pictures, in the schema's order."""
+    """Return the columns [F, D] of an episode's frames except pictures, in the order of the schema."""
     frame = np.arange(len(stroke.action))
     counts = (frame, np.full_like(frame, episode), stroke.first + frame, np.full_like(frame, task))
     columns = {_STATE: stroke.state.astype(np.float32), ACTION: stroke.action.astype(np.float32)}
@@ -251,16 +252,16 @@ def _write_episodes(
         **pictures,
     }
     columns |= {f"{OWN}{name}": table[name] for name in table.column_names if name not in ("before", "after")}
-    told = [{name: each.told() for name, each in episode.items()} for episode in statistics]
-    for name, values in told[0].items():
-        columns |= {f"stats/{name}/{value}": [episode[name][value] for episode in told] for value in values}
+    as_json = [{name: each.as_json() for name, each in episode.items()} for episode in statistics]
+    for name, values in as_json[0].items():
+        columns |= {f"stats/{name}/{value}": [episode[name][value] for episode in as_json] for value in values}
     path = folder / EPISODES.format(chunk_index=0, file_index=0)
     path.parent.mkdir(parents=True)
     pq.write_table(pa.table(columns), path, compression="zstd")
 
 
 def _write_tasks(folder: Path, tasks: list[str]) -> None:
-    """Tasks are the index of a data frame, which Parquet tells pandas by a note in the schema."""
+    """Write the tasks as the index of a data frame; pandas reads that from a note in the Parquet schema."""
     columns = [
         {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy_kind, "metadata": None}
         for name, kind, numpy_kind in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
@@ -295,3 +296,46 @@ def _info(fps: int, whole: tuple[int, int], episodes: int, frames: int, tasks: i
 
 def _write_json(path: Path, value: dict[str, Any]) -> None:
     path.write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
+
+
+Array = NDArray[np.float64]
+
+
+class Statistics(NamedTuple):
+    """LeRobot's normalisation statistics of a feature: arrays [D] for numbers, [3, 1, 1] for pictures in [0, 1]."""
+
+    minimum: Array
+    maximum: Array
+    mean: Array
+    variance: Array
+    frames: int
+
+    def as_json(self) -> dict[str, Any]:
+        """Return them under LeRobot's names, as lists."""
+        values = {"min": self.minimum, "max": self.maximum, "mean": self.mean, "std": np.sqrt(self.variance)}
+        return {name: value.tolist() for name, value in values.items()} | {"count": [self.frames]}
+
+
+def of_numbers(values: Array) -> Statistics:
+    """Statistics of numbers [N, D], one row for each frame."""
+    return Statistics(values.min(0), values.max(0), values.mean(0), values.var(0), len(values))
+
+
+def of_picture(picture: NDArray[np.uint8], frames: int) -> Statistics:
+    """Statistics of a picture [H, W, 3] that `frames` frames show."""
+    one = of_numbers(picture.reshape(-1, 3) / 255.0)
+    minimum, maximum, mean, variance = (value.reshape(3, 1, 1) for value in one[:4])
+    return Statistics(minimum, maximum, mean, variance, frames)
+
+
+def pooled(parts: Sequence[Statistics]) -> Statistics:
+    """Statistics of the frames of all parts together."""
+    frames = [part.frames for part in parts]
+    mean = np.average([part.mean for part in parts], axis=0, weights=frames)
+    return Statistics(
+        np.min([part.minimum for part in parts], axis=0),
+        np.max([part.maximum for part in parts], axis=0),
+        mean,
+        np.average([part.variance + (part.mean - mean) ** 2 for part in parts], axis=0, weights=frames),
+        sum(frames),
+    )

@@ -1,30 +1,211 @@
-"""`pentimento import`: paths in a CSV file and a photograph before and after each stroke become a strokes table."""
+"""`pentimento import` of a CSV file: paths of strokes, with one photograph before and one after each stroke.
+
+The file has one line for each point, with units in the header:
+
+    stroke, t_s, x_mm, y_mm, z_mm, yaw_deg, session, color
+    7,      0.0, 41.5, 20.0, -1.2, 0,       monday,  #1a1a40
+
+`x`, `y` and `z` (or `press`, the depth: z = -press) are required, each with a unit after an underscore. `t` may be
+missing or empty (the speed is unknown then), and so may `yaw` (0). Every other column has one value for each stroke:
+columns of the strokes contract (`session`, `order`, `action_id`, `t_start_s`, `since_reload`, ...), `color` as #rrggbb,
+and any other number, which becomes a covariate.
+"""
 
 from __future__ import annotations
 
+import csv
+import math
+import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.contracts.errors import ContractError, PentimentoError, UnitError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
-from pentimento.io.path_table import each_about, read_paths
-from pentimento.io.place import Placement
-from pentimento.io.stroke_rows import MAX_PIXELS, Imported, Refused, card, counted, stroke_row, table_of
+from pentimento.contracts.units import parse_quantity
+from pentimento.io.stroke_rows import (
+    MAX_PIXELS,
+    Imported,
+    Placement,
+    RecordedPath,
+    Refused,
+    card,
+    counted,
+    path_fault,
+    stroke_row,
+    table_of,
+)
+
+FloatArray = NDArray[np.float64]
+
+_SI: Final = {"t": "s", "x": "m", "y": "m", "z": "m", "press": "m", "yaw": "rad"}
+_COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
+
+
+class _Column(NamedTuple):
+    at: int
+    factor: float
+    """By which its values are multiplied to be in SI units."""
+
+
+def read_paths(path: Path) -> list[RecordedPath]:
+    """Read the strokes of a CSV file, in the order of their first points.
+
+    Raises:
+        ContractError: the file is not such a table: no header, a required column missing, an unknown unit.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = list(csv.reader(file, skipinitialspace=True))
+    except OSError as error:
+        raise ContractError(f"{path} cannot be opened ({error.strerror}); check the path.") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ContractError(f"{path} is not readable as CSV ({error}); save it as UTF-8 text with commas.") from error
+    if not lines:
+        raise ContractError(f"{path} is empty; its first line names the columns, such as stroke,t_s,x_mm,y_mm,z_mm.")
+    header = [name.strip() for name in lines[0]]
+    if len(set(header)) < len(header):
+        raise ContractError(f"{path} has two columns of one name among {', '.join(header)}; rename one.")
+    numbers, stroke = _number_columns(header, path), _stroke_column(header, path)
+    others = [at for at in range(len(header)) if at != stroke and at not in {column.at for column in numbers.values()}]
+    strokes = {
+        name: _recorded(name, rows, header, numbers, others) for name, rows in _by_stroke(lines[1:], stroke).items()
+    }
+    if not strokes:
+        raise ContractError(f"{path} has a header and no points; record some strokes.")
+    return list(strokes.values())
+
+
+def _number_columns(header: list[str], path: Path) -> dict[str, _Column]:
+    columns: dict[str, _Column] = {}
+    for at, name in enumerate(header):
+        quantity, _, unit = name.partition("_")
+        if quantity not in _SI or not unit or "_" in unit:
+            continue
+        try:
+            factor = parse_quantity(f"1 {unit}", _SI[quantity])
+        except UnitError as error:
+            raise ContractError(f"{path}: column {name!r} has an unusable unit: {error}") from error
+        if quantity in columns:
+            raise ContractError(f"{path} has {quantity} twice; keep one of the columns.")
+        columns[quantity] = _Column(at, factor)
+    if "press" in columns and "z" in columns:
+        raise ContractError(f"{path} has z and press; keep one: press is -z.")
+    missing = [name for name in ("x", "y") if name not in columns]
+    missing += [] if {"z", "press"} & set(columns) else ["z (or press)"]
+    if missing:
+        raise ContractError(
+            f"{path} has no column {', '.join(missing)} with a unit, such as x_mm, among {', '.join(header)}."
+        )
+    return columns
+
+
+def _stroke_column(header: list[str], path: Path) -> int:
+    if "stroke" not in header:
+        raise ContractError(f"{path} has no column stroke, which names each point's stroke and its photographs.")
+    return header.index("stroke")
+
+
+def _by_stroke(lines: list[list[str]], stroke: int) -> dict[str, list[list[str]]]:
+    found: dict[str, list[list[str]]] = {}
+    for line in lines:
+        if line:
+            found.setdefault(line[stroke].strip() if stroke < len(line) else "", []).append(line)
+    return found
+
+
+def _recorded(
+    name: str, rows: list[list[str]], header: list[str], numbers: dict[str, _Column], others: list[int]
+) -> RecordedPath:
+    empty = np.zeros((0, 5))
+    if not name or any(character in name for character in "/\\\0") or name.startswith("."):
+        return RecordedPath(name, empty, {}, "its name cannot be that of a file")
+    if any(len(row) != len(header) for row in rows):
+        return RecordedPath(name, empty, {}, "a line has another number of fields than the header")
+    try:
+        path = _path(rows, numbers)
+    except ValueError:
+        return RecordedPath(name, empty, {}, "a point is not all numbers")
+    about: dict[str, Any] = {}
+    for at in others:
+        values = {row[at].strip() for row in rows}
+        if len(values) > 1:
+            return RecordedPath(name, path, {}, f"{header[at]} changes within the stroke")
+        try:
+            about |= _about(header[at], values.pop())
+        except ValueError as error:
+            return RecordedPath(name, path, {}, str(error))
+    return RecordedPath(name, path, about, path_fault(path))
+
+
+def _path(rows: list[list[str]], numbers: dict[str, _Column]) -> FloatArray:
+    path = np.zeros((len(rows), 5))
+    path[:, 0] = np.nan
+    for at, names in enumerate((("t",), ("x",), ("y",), ("z", "press"), ("yaw",))):
+        for name in names:
+            if name in numbers:
+                place, factor = numbers[name]
+                unknown = {"t": "nan", "yaw": "0"}.get(name, "")
+                sign = -1.0 if name == "press" else 1.0
+                path[:, at] = [sign * factor * float(row[place].strip() or unknown) for row in rows]
+    path[:, 0] -= path[0, 0]
+    return path
+
+
+def _about(name: str, text: str) -> dict[str, Any]:
+    """Return one value of another column under the name of the contract.
+
+    Raises ValueError with a reason where the value does not fit.
+    """
+    if not text:
+        return {}
+    if name == "color":
+        if _COLOUR.fullmatch(text) is None:
+            raise ValueError("color is not written as #rrggbb")
+        return {"color_srgb": [int(text[at : at + 2], 16) / 255 for at in (1, 3, 5)]}
+    column = CONTRACT.column(name)
+    if name == "frame":
+        raise ValueError("frame cannot be given: paths are in the photographs' frame")
+    if column is not None and pa.types.is_string(column.type):
+        if column.choices and text not in column.choices:
+            raise ValueError(f"{name} is none of {', '.join(column.choices)}")
+        return {name: text}
+    if column is not None and not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
+        raise ValueError(f"{name} cannot be given in a CSV file")
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{name} is not a number") from None
+    if not math.isfinite(value):
+        return {}
+    if column is not None and pa.types.is_integer(column.type):
+        if value != round(value) or not -(2**31) <= value < 2**31:
+            raise ValueError(f"{name} is not a whole number")
+        return {name: int(value)}
+    return {name: value}
+
+
+def each_about(strokes: list[RecordedPath]) -> Iterator[str]:
+    """Yield the names of all other columns, each once, in their order."""
+    return iter(dict.fromkeys(name for stroke in strokes for name in stroke.about))
+
 
 _ENDINGS: Final = (".png", ".jpg", ".jpeg")
 
 
 def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: str, out: Path) -> Imported:
-    """Write the folder ``out`` as shards of the strokes contract with a card that counts what was refused.
+    """Write the folder ``out`` as shards of the strokes contract, with a README that counts refused strokes.
 
-    A stroke without its own ``session``, ``order`` or ``action_id`` gets ``paths``' name, its place in the file and an
-    action of its own: repeats of one command are known only where ``action_id`` says so. Photographs are rectified to
-    ``placement`` already, ``<stroke>_before.png`` and ``<stroke>_after.png``; each row keeps what lies around its path.
+    Where a stroke has no ``session``, ``order`` or ``action_id``, these are the name of the file ``paths``, the place
+    of the stroke in it, and a new action: repeats of one command are known by ``action_id`` only. The photographs
+    ``<stroke>_before.png`` and ``<stroke>_after.png`` are already rectified to ``placement``; each row keeps the part
+    around its path.
 
     Raises:
         ContractError: the file of paths cannot be read, or no stroke of it can be used; nothing is written.

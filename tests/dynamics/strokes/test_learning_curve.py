@@ -1,5 +1,6 @@
-"""When more strokes stop helping, the curve says so; where they would help, it does not."""
+"""Tests of the learning curve of the stroke model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 
 from pentimento.cli.main import main
 from pentimento.contracts.strokes import example_table
-from pentimento.io.learning_curve import Gain, LearningCurve, _counts, _gain
+from pentimento.dynamics.strokes import learning_curve
+from pentimento.dynamics.strokes.learning_curve import Gain, LearningCurve, _counts, _gain
 
 
 def curve(*gains: Gain) -> LearningCurve:
@@ -29,11 +31,11 @@ SMALL, LARGE, UNSURE = Gain(0.01, -0.01, 0.03), Gain(0.2, 0.1, 0.3), Gain(0.04, 
         ((SMALL, LARGE, SMALL), 40, "40 strokes are enough"),
     ],
 )
-def test_enough_is_where_no_doubling_gains_any_more(gains: tuple[Gain, ...], enough: int | None, says: str) -> None:
+def test_enough_after_the_last_doubling_that_can_gain(gains: tuple[Gain, ...], enough: int | None, says: str) -> None:
     assert curve(*gains).enough == enough and says in curve(*gains).sentence
 
 
-def test_a_gain_is_paired_over_actions() -> None:
+def test_gain_is_paired_over_actions() -> None:
     before = np.random.default_rng(0).lognormal(0, 1, 50)
     gain = _gain(before, 0.9 * before, 0)
     assert gain == pytest.approx((0.1, 0.1, 0.1))  # every action gains as much, however they differ
@@ -41,24 +43,26 @@ def test_a_gain_is_paired_over_actions() -> None:
     assert none.value == pytest.approx(0) and none.low < -0.1 and none.high > 0.1
 
 
-def test_shares_double_and_none_is_too_small() -> None:
+def test_shares_double_and_have_enough_actions() -> None:
     assert _counts(66) == [8, 16, 33, 66] and _counts(40) == [10, 20, 40] and _counts(9) == [9]
 
 
-@pytest.mark.parametrize("rows", [24])
-def test_the_command_prints_the_curve_beside_the_blank_canvas(
-    rows: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_command_prints_the_curve_and_the_error_of_a_blank_prediction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pq.write_table(example_table(rows * 4 // 3), tmp_path / "rows.parquet")
+    quick = replace(learning_curve._TRAINING, pixels_per_m=500.0, path_points=16, epochs=15)
+    monkeypatch.setattr(learning_curve, "_TRAINING", quick)
+    monkeypatch.setattr(learning_curve, "_MIN_STEPS", 30)
+    pq.write_table(example_table(32), tmp_path / "rows.parquet")
     assert main(["enough", str(tmp_path / "rows.parquet")]) == 0
-    said = capsys.readouterr().out.splitlines()
-    errors = [float(line.split()[2]) for line in said[1:-2]]
-    blank = float(said[-2].split()[1])
+    lines = capsys.readouterr().out.splitlines()
+    errors = [float(line.split()[2]) for line in lines[1:-2]]
+    blank = float(lines[-2].split()[1])
     assert len(errors) == 2 and max(errors) < 0.3 * blank
-    assert "95 %" in said[-1]
+    assert "95 %" in lines[-1]
 
 
-def test_too_few_actions_for_a_curve_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rejects_too_few_actions_for_a_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pq.write_table(example_table(16), tmp_path / "rows.parquet")
     assert main(["enough", str(tmp_path / "rows.parquet")]) == 1
     assert "record more strokes" in capsys.readouterr().err

@@ -1,8 +1,8 @@
-"""How many strokes are enough: held-out error of models that learned from growing shares, and when to stop.
+"""Learning curve of the stroke model: held-out error over growing shares of the strokes, and when they are enough.
 
-Shares are nested (the smaller one's actions are part of the larger one's) and double; the held-out actions are always
-the same. What a doubling gains is the fall of their mean error, with an interval from a bootstrap over held-out
-actions, which are drawn together for both shares. It is enough when even the interval's upper end is a small gain.
+Shares are nested and double in size; the held-out actions are always the same. The gain of a doubling is the relative
+fall of their mean error, with an interval from a paired bootstrap over held-out actions. The strokes are enough when
+even the upper end of the interval is a small gain.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action, train
 
 ENOUGH_GAIN: Final = 0.05
-"""A doubling that gains less than this share of the error is not worth the strokes."""
+"""Relative gain of a doubling below which more strokes are not worth recording."""
 
 _TRAINING: Final = TrainingConfig(
     path_points=32, pixels_per_m=1000.0, margin_m=0.012, epochs=25, batch=16, learning_rate=0.03, ink_weight=2.0,
     held_out=0.25, seed=0,
 )  # fmt: skip
-_FEWEST: Final = 8
+_MIN_ACTIONS: Final = 8
 _STEPS: Final = 4
 _MIN_STEPS: Final = 120
-"""Of the optimiser, so that a small share is not told from a large one by being trained less."""
+"""Steps of the optimiser, so that a model of a small share is not trained for less long."""
 _DRAWS: Final = 4000
 
 Array = NDArray[np.float64]
 
 
 class Gain(NamedTuple):
-    """What one doubling gains: the fall of the held-out error as a share of it, with a 95 % interval."""
+    """Gain of one doubling: the relative fall of the held-out error, with a 95 % interval."""
 
     value: float
     low: float
@@ -49,7 +49,7 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Error over strokes learned from."""
+    """Held-out error over the number of training strokes."""
 
     strokes: tuple[int, ...]
     """Rows in each share."""
@@ -57,7 +57,7 @@ class LearningCurve:
     mse: tuple[float, ...]
     """Held-out, mean over actions, sRGB in [0, 1]."""
     blank: float
-    """The same when nothing is foretold to change."""
+    """The same error of predicting no change."""
     gains: tuple[Gain, ...]
     """Of each share over the one before it."""
     held_out: int
@@ -65,7 +65,7 @@ class LearningCurve:
 
     @property
     def enough(self) -> int | None:
-        """Strokes after which no doubling gained as much as `ENOUGH_GAIN` for certain; None where the last one may."""
+        """Strokes after which no doubling can have gained `ENOUGH_GAIN`; None where the last doubling may have."""
         if self.gains[-1].high >= ENOUGH_GAIN:
             return None
         settled = len(self.gains)
@@ -75,22 +75,24 @@ class LearningCurve:
 
     @property
     def sentence(self) -> str:
-        """The answer for a person."""
+        """The conclusion in a sentence."""
         last, share = self.gains[-1], round(100 * ENOUGH_GAIN)
-        told = f"the last doubling gained {_percent(last.value)} (95 %: {_percent(last.low)} to {_percent(last.high)})"
+        gained = (
+            f"the last doubling gained {_percent(last.value)} (95 %: {_percent(last.low)} to {_percent(last.high)})"
+        )
         if self.enough is not None:
-            return f"{self.enough} strokes are enough for this model: {told}, less than {share} %."
+            return f"{self.enough} strokes are enough for this model: {gained}, less than {share} %."
         if last.low > ENOUGH_GAIN:
-            return f"More strokes make a better model: {told}, more than {share} %."
-        return f"Undecided: {told}, and {share} % lies between. Record more, or stop where time is dear."
+            return f"More strokes make a better model: {gained}, more than {share} %."
+        return f"Undecided: {gained}, and {share} % lies between. Record more, or stop where time is dear."
 
     def lines(self) -> list[str]:
         """The curve as a table in text."""
         rows = [("strokes", "actions", "held-out MSE", "gain of the doubling (95 %)")]
-        said = ["", *(f"{_percent(g.value)} ({_percent(g.low)} to {_percent(g.high)})" for g in self.gains)]
-        for count, actions, error, gain in zip(self.strokes, self.actions, self.mse, said, strict=True):
+        gains = ["", *(f"{_percent(g.value)} ({_percent(g.low)} to {_percent(g.high)})" for g in self.gains)]
+        for count, actions, error, gain in zip(self.strokes, self.actions, self.mse, gains, strict=True):
             rows.append((str(count), str(actions), f"{error:.6f}", gain))
-        rows.append(("none", "", f"{self.blank:.6f}", "nothing is foretold to change"))
+        rows.append(("none", "", f"{self.blank:.6f}", "no change predicted"))
         return [f"{a:>8} {b:>8} {c:>13}  {d}".rstrip() for a, b, c, d in rows]
 
 
@@ -118,7 +120,7 @@ def learning_curve(samples: StrokeSamples, seed: int) -> LearningCurve:
     if len(counts) < 2:
         raise ContractError(
             f"{len(actions)} actions are left to train on when a quarter is held out; a learning curve needs "
-            f"{2 * _FEWEST} of them at least: record more strokes."
+            f"{2 * _MIN_ACTIONS} of them at least: record more strokes."
         )
     errors, rows = [], []
     for count in counts:
@@ -134,7 +136,7 @@ def learning_curve(samples: StrokeSamples, seed: int) -> LearningCurve:
 def _counts(actions: int) -> list[int]:
     """All of them, half, a quarter, ..., as long as they are enough to fit anything; the smallest first."""
     counts = [round(actions / 2**halving) for halving in range(_STEPS)]
-    return sorted(count for count in counts if count >= _FEWEST)
+    return sorted(count for count in counts if count >= _MIN_ACTIONS)
 
 
 def _among(samples: StrokeSamples, actions: NDArray[Any]) -> Any:
