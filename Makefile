@@ -33,8 +33,7 @@ export DO_NOT_TRACK ?= true
 repro: env
 	@$(BIN)/python -m pipelines._repro $(PROFILE)
 
-# A file's tests stay together: they share what is slow to make. Two processes with one thread each fill two cores.
-test coverage: export OMP_NUM_THREADS = 1
+# A file's tests stay together: they share what is slow to make.
 test: env
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 

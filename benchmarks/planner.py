@@ -48,8 +48,8 @@ from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
 from pentimento.planning.strokes.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 FloatArray = NDArray[np.float64]
 Light = NDArray[np.float32]

@@ -29,7 +29,7 @@ from pentimento.copainting.synthesis.painter import Guidance, Painter, Setting, 
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.strokes.brush import LoopTiming
+from pentimento.planning.strokes.brush import StrokeTiming
 from pentimento.planning.strokes.config import no_log
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.initialise import random_strokes
@@ -180,7 +180,7 @@ def _guidance(setting: Setting) -> Guidance:
 
 
 def _model() -> StrokeModel:
-    return StrokeModel(MODEL, (BristleLag(torch.tensor([LAG_M]), {}),), {}, LoopTiming(3.0, 9.0))
+    return StrokeModel(MODEL, (BristleLag(torch.tensor([LAG_M]), {}),), {}, StrokeTiming(3.0, 9.0))
 
 
 def _encoder() -> Encoder:

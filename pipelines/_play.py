@@ -14,8 +14,8 @@ from pentimento.copainting.evaluation.methods import complete_canvases
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 Picture = NDArray[np.uint8]
 

@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pentimento.collection.collect_pushes import collect_pushes
-from pentimento.collection.push_design import PushCollectionConfig
-from pentimento.collection.push_figures import repeat_floor_mm2, volume_figures
+from pentimento.collection.pushes import PushCollectionConfig, collect_pushes, repeat_floor_mm2, volume_figures
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import read_table, write_shards
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.dynamics.pushes.measured import load_pushes
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run

@@ -38,8 +38,8 @@ from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.semantics.style import style_of
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run

@@ -32,9 +32,9 @@ from pentimento.planning.pushes.goal import GoalFit, GoalSettings, fit_goal
 from pentimento.planning.pushes.plan import PushPlan, plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.report.pictures import time_lapse
-from pentimento.robots.end_effectors import EndEffector, load_end_effector
-from pentimento.robots.sculpting import SculptingRobot
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.driver import SculptingRobot
+from pentimento.robots.tools import EndEffector, load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run

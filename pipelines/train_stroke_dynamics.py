@@ -9,13 +9,14 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.dynamics.strokes.evaluation import (
     StrokeScores,
+    blank,
+    fit_polyline,
     mean_iou,
     mean_squared_error,
     predict_with,
     score,
     score_model,
 )
-from pentimento.dynamics.strokes.polyline import blank, fit_polyline
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action, train
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.studio.world import Effects, World, load_world
+from pentimento.studio.strokes.world import Effects, World, load_world
 from pipelines._io import end_with_parent, write_json
 from studies.blind.strokes.worlds import CAUSES, misshapen, with_nuisances, without_effects
 

@@ -21,8 +21,7 @@ import numpy as np
 import pyarrow as pa
 import torch
 
-from pentimento.collection.collect_pushes import collect_pushes
-from pentimento.collection.push_design import PushCollectionConfig
+from pentimento.collection.pushes import PushCollectionConfig, collect_pushes
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
@@ -32,8 +31,8 @@ from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import PoseSamples, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, read_push_model, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, loss, split_by_action, train
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import VirtualSculptingRobot
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld, load_clay_world
 from studies.push_models_page import page

@@ -28,8 +28,8 @@ from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import WORLDS, load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import WORLDS, load_world
 
 
 def rows_with(table: pa.Table, **values: Any) -> pa.Table:
@@ -182,7 +182,7 @@ def test_collected_strokes_distinguish_rivals_of_a_raster(
     ("rows", "more", "says"),
     [
         ({}, ("--collect", "1", "--world", "marker"), "holds a marker"),
-        ({}, ("--collect", "1", "--world", "nowhere"), "no world file"),
+        ({}, ("--collect", "1", "--world", "nowhere"), "no world named"),
         ({"frame": "stroke"}, ("--collect", "1"), "on the canvas is unknown"),
         ({"tool": "quill"}, ("--collect", "1"), "no tool named 'quill'"),
     ],

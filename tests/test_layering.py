@@ -96,7 +96,7 @@ def test_in_robots_only_the_virtual_robots_know_the_studio_and_all_know_only_saf
     for file in (ROOT / "src/pentimento/robots").rglob("*.py"):
         control = {name for name in imported_names(file) if name.startswith("pentimento.control.")}
         assert all(name.startswith("pentimento.control.safety") for name in control), file
-        assert "studio" not in packages_imported(file) or file.name in ("virtual.py", "sculpting_virtual.py"), file
+        assert "studio" not in packages_imported(file) or file.name == "virtual.py", file
 
 
 def test_only_the_studio_opens_world_files() -> None:

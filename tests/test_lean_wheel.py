@@ -24,8 +24,8 @@ from pentimento.robots.virtual import VirtualRobot
 from pentimento.control.execute import Session, execute
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 tool = load_tool("round_brush")
 studio = Studio(load_world("round_brush"), seed=1)

@@ -34,11 +34,10 @@ from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
 from pentimento.io.photo_pairs import import_photo_pairs
 from pentimento.io.stroke_rows import Placement
-from pentimento.robots.end_effectors import load_end_effector
 from pentimento.robots.rig import load_rig
-from pentimento.robots.tools import load_tool
+from pentimento.robots.tools import load_end_effector, load_tool
 from pentimento.studio.clay.world import load_clay_world
-from pentimento.studio.world import WORLDS, load_world
+from pentimento.studio.strokes.world import WORLDS, load_world
 from pipelines._config import load_section
 from pipelines.collect_strokes import CollectStrokes
 from studies.fuzz.mutate import mutated
@@ -153,7 +152,7 @@ def _pictures(folder: Path) -> list[Target]:
 def _settings(folder: Path) -> list[Target]:
     for name in ("plain.toml", "table.toml"):
         shutil.copy(WORLDS / name, folder)
-    for path in (WORLDS.parent / "clay" / WORLDS.name).glob("*.toml"):
+    for path in (WORLDS.parents[1] / "clay" / WORLDS.name).glob("*.toml"):
         shutil.copy(path, folder)
 
     def packaged(package: str, kind: str) -> tuple[bytes, ...]:
@@ -165,7 +164,7 @@ def _settings(folder: Path) -> list[Target]:
 
     # table.toml is no whole world: others are written over it.
     worlds = tuple(path.read_bytes() for path in sorted(WORLDS.glob("*.toml")) if path.name != "table.toml")
-    clay = ((WORLDS.parent / "clay" / WORLDS.name / "foam.toml").read_bytes(),)
+    clay = ((WORLDS.parents[1] / "clay" / WORLDS.name / "foam.toml").read_bytes(),)
     params = (ROOT / "params.yaml").read_bytes().partition(b"\ntrain_stroke_dynamics")[0]
     return [
         Target("params.yaml", (params,), _through_file(folder / "params.yaml", section)),

@@ -25,8 +25,8 @@ from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.robots.end_effectors import EndEffector
-from pentimento.robots.sculpting import SculptingRobot
+from pentimento.robots.driver import SculptingRobot
+from pentimento.robots.tools import EndEffector
 from studies.sculpting.clay import Settings, model_of, robot_with, settings
 
 REACH_M = (0.0015, 0.002, 0.0027, 0.0036, 0.005, 0.0095)

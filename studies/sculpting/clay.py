@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.collection.collect_pushes import collect_pushes
-from pentimento.collection.push_design import PushCollectionConfig
+from pentimento.collection.pushes import PushCollectionConfig, collect_pushes
 from pentimento.contracts.atomic import atomic_folder
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import Execution
@@ -19,9 +18,9 @@ from pentimento.dynamics.pushes.pose import in_pose
 from pentimento.dynamics.pushes.push_model import TorchClay, planned_members, read_push_model, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, train
 from pentimento.planning.pushes.config import SculptorConfig
-from pentimento.robots.end_effectors import EndEffector, load_end_effector
-from pentimento.robots.sculpting import SculptingRobot
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.driver import SculptingRobot
+from pentimento.robots.tools import EndEffector, load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 from pipelines._config import load_section
 from pipelines.collect_pushes import CollectPushes
 from pipelines.sculpt import Sculpt

@@ -25,8 +25,8 @@ from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.plan import plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 from studies.sculpting.chamfer import ChamferObjective
 from studies.sculpting.clay import Settings, model_of, settings
 

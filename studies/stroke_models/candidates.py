@@ -16,12 +16,11 @@ from torch import Tensor
 from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
-from pentimento.dynamics.strokes.evaluation import mean_iou, predict_with
+from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended, timing_of
 from pentimento.dynamics.strokes.joint import fit_jointly
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
-from pentimento.dynamics.strokes.polyline import blank, fit_polyline
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
 from pentimento.dynamics.strokes.training import TrainingConfig, train, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke

@@ -12,7 +12,7 @@ from pentimento.collection.design import CollectionConfig, design_collection
 from pentimento.contracts.frames import canvas_to_pixel, window_around
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import Tool, load_tool
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.world import load_world
 from studies.blind.strokes.collect import as_table, record_world
 from studies.blind.strokes.design import Command, View
 from studies.stroke_models.hands import HANDS, hand_stroke

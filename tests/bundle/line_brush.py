@@ -11,15 +11,15 @@ import numpy as np
 from pentimento.control.journal import JournaledRobot
 from pentimento.control.painter import PaintContext
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import Array, LoopTiming, Marks, Pull, Span
+from pentimento.planning.strokes.brush import Array, Marks, Pull, Span, StrokeTiming
 from pentimento.planning.strokes.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
 from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.driver import Robot
 from pentimento.robots.strokes import shape_basis
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 POINTS = 8
 SIDE_M = 0.1
@@ -31,7 +31,7 @@ class LineBrush:
     """A pen with a line of constant width; its gradient is that of the geometry."""
 
     fitted: Mapping[str, Span] = {}
-    timing = LoopTiming(1.0, 5.0)
+    timing = StrokeTiming(1.0, 5.0)
     path_points = POINTS
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:

@@ -303,10 +303,10 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
     [
         ({"schema": 2}, "schema 2 and this version reads 1"),
         ({"schema": "1"}, "schema '1'"),
-        ({"more": 1}, r"unknown are \['more'\]"),
+        ({"more": 1}, r"unknown keys \['more'\]"),
         ({"brushes": {}}, "refers to 'pen'"),
         ({"models": {}}, "refers to 'stroke_marker'"),
-        ({"opset": 20.0}, "of type int"),
+        ({"opset": 20.0}, "a whole number"),
     ],
 )
 def test_open_bundle_rejects_an_invalid_manifest(bundle: Path, entries: dict[str, Any], message: str) -> None:

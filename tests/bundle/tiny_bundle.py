@@ -29,7 +29,7 @@ from pentimento.bundle.manifest import (
 from pentimento.bundle.reader import MANIFEST
 from pentimento.contracts.codec import to_plain
 from pentimento.control.safety import envelope_for
-from pentimento.planning.strokes.brush import LoopTiming
+from pentimento.planning.strokes.brush import StrokeTiming
 from pentimento.planning.strokes.config import (
     ExecutionNoise,
     LearningRates,
@@ -85,7 +85,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         },
         models={"stroke_marker": "1"},
         settings={"pen": setting},
-        brushes={"pen": BrushFacts("marker", 4, {}, LoopTiming(2.0, 5.0), picks_up=False, has_gain=False)},
+        brushes={"pen": BrushFacts("marker", 4, {}, StrokeTiming(2.0, 5.0), picks_up=False, has_gain=False)},
         encoder=EncoderFacts(16, 8, 1, words),
         goal=GoalFacts(16, 4, 2, 0.8, (0.9, 0.5, 0.0), 1.0, "sample", "trailing", 0, 2, 1.0, 5.0, words),
         styles={},

@@ -24,16 +24,16 @@ from pentimento.calibration.observe import calibrate_camera, rectify
 from pentimento.contracts.colour import delta_e_2000, srgb_to_lab, srgb_to_linear, to_float, to_uint8
 from pentimento.contracts.errors import CalibrationError
 from pentimento.contracts.markers import markers_around
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.robots.calibration import calibrated, read_calibration, require_fresh
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.camera import make_optics
-from pentimento.studio.paper import CELLS_PER_M, surface_height_m
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import World, load_world
+from pentimento.studio.strokes.camera import make_optics
+from pentimento.studio.strokes.sheet import CELLS_PER_M, surface_height_m
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import World, load_world
 from tests.calibration import test_lens as lens_studio
 from tests.robots.machines import make_rig
 

@@ -9,10 +9,10 @@ import pytest
 
 from pentimento.calibration.lens import SQUARE_M, SQUARES, board_image, find_lens, straightened, through_lens
 from pentimento.contracts.errors import CalibrationError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.rig import rotation_of
-from pentimento.studio.camera import Optics, _through_lens, expose
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.camera import Optics, _through_lens, expose
+from pentimento.studio.strokes.world import load_world
 
 SIZE = (640, 480)
 HALF = 0.5 * math.hypot(*SIZE)

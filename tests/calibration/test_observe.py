@@ -11,7 +11,7 @@ from pentimento.calibration.observe import CameraCalibration, calibrate_camera, 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.contracts.errors import CalibrationError, ImageError
 from pentimento.contracts.markers import DICTIONARY, MarkerLayout, markers_around
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 
 CANVAS_M = (0.3, 0.2)
 LAYOUT = markers_around(CANVAS_M)

@@ -6,7 +6,7 @@ import pytest
 from pentimento.calibration import webcam
 from pentimento.calibration.webcam import Webcam, corrected
 from pentimento.contracts.errors import CalibrationError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.calibration import Calibration
 
 

@@ -15,7 +15,7 @@ from pentimento.cli.pipeline_files import with_listed_paths
 from pentimento.contracts.errors import ConfigError
 from pentimento.robots.tools import load_tool
 from pentimento.studio.clay.world import load_clay_world
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.world import load_world
 from pipelines._config import load_section
 from pipelines._imports import ROOT
 from pipelines._params import read_params
@@ -23,7 +23,7 @@ from pipelines.collect_strokes import CollectStrokes
 from pipelines.paint import Paint
 from pipelines.sculpt import Sculpt
 
-WORLDS = "src/pentimento/studio/worlds"
+WORLDS = "src/pentimento/studio/strokes/worlds"
 
 
 def copy_project(folder: Path) -> Path:

@@ -6,15 +6,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pentimento.collection.collect_pushes import collect_pushes
-from pentimento.collection.push_design import PushCollectionConfig
+from pentimento.collection.pushes import PushCollectionConfig, collect_pushes
 from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
 from pentimento.contracts.pushes import CONTRACT
-from pentimento.contracts.rows import row_faults
-from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.schema import arrow_schema, row_faults
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 
 CONFIG = PushCollectionConfig(
     pushes=10, repeated=2, times=2, per_smoothing=(2, 3), returning=0.5, edge_m=0.03, scan_pixels=64, seed=2

@@ -17,8 +17,8 @@ from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 TOOL = load_tool("round_brush")
 INK, RED = [0.1, 0.1, 0.1], [0.5, 0.1, 0.1]

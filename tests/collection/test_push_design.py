@@ -4,10 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.collection.push_design import PushCollectionConfig, PushCommand, design_pushes
+from pentimento.collection.pushes import PushCollectionConfig, PushCommand, design_pushes
 from pentimento.contracts.errors import ContractError
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting import span_m
+from pentimento.robots.driver import span_m
+from pentimento.robots.tools import load_end_effector
 
 AREA = (0.2, 0.2)
 BALL, GRIPPER = load_end_effector("ball"), load_end_effector("gripper")

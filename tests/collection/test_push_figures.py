@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pentimento.collection.push_figures import repeat_floor_mm2, volume_figures
+from pentimento.collection.pushes import repeat_floor_mm2, volume_figures
 
 BEFORE = np.full((3, 10, 10), 0.04)
 KNOWN = np.ones(BEFORE.shape, np.bool_)

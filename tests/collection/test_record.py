@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 
 from pentimento.calibration.observe import calibrate_camera, rectify
-from pentimento.collection.record import record_stroke
+from pentimento.collection.collect import record_stroke
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import snap_window, window_around
@@ -23,8 +23,8 @@ from pentimento.control.safety import envelope_for
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 PALETTE = np.array([[0.1, 0.1, 0.5]])
 PER_M = 2000

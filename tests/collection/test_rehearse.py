@@ -15,8 +15,8 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 PAINTS = ((0.1, 0.1, 0.1), (0.1, 0.1, 0.5))
 CONFIG = CollectionConfig(9, 1, 2, 0.7, 16, 0.01, 0.008, 1000.0, (1.0, 9.0), PAINTS, 0.5, 3)

@@ -8,8 +8,7 @@ import pytest
 
 from pentimento.contracts import copaintings, demonstrations, pushes, scenes, strokes
 from pentimento.contracts.images import decode_png
-from pentimento.contracts.rows import row_faults
-from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.schema import arrow_schema, row_faults
 
 MODULES = [strokes, pushes, demonstrations, scenes, copaintings]
 every_contract = pytest.mark.parametrize("module", MODULES, ids=lambda module: module.CONTRACT.name)

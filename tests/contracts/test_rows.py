@@ -7,8 +7,7 @@ import pytest
 
 from pentimento.contracts import demonstrations, strokes
 from pentimento.contracts.images import encode_png
-from pentimento.contracts.rows import row_faults
-from pentimento.contracts.schema import TableContract, arrow_schema
+from pentimento.contracts.schema import TableContract, arrow_schema, row_faults
 
 NAN, INF = float("nan"), float("inf")
 Row = dict[str, Any]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 

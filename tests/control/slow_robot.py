@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.control.robot_process import Ask, RobotProcess
 from pentimento.robots.tools import Tool
 

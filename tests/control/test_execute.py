@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.contracts.covariates import Memory, fresh_memory
 from pentimento.contracts.errors import ContractError, EnvelopeViolation
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.execute import ExecutionError, Session, execute, execute_stroke
 from pentimento.control.guard import GuardedRobot

@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.height_maps import decode_height_m
-from pentimento.contracts.scan import Scan
+from pentimento.contracts.observations import Scan
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M, aimed_push, execute_push, levelled_m, record_push
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 
 BALL = load_end_effector("ball")
 WINDOW = np.array([0.0, 0.0, 0.1, 0.1])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.control import session
 from pentimento.control.camera import PaintingFault
 from pentimento.control.checkpoint import PaintingState, load_state

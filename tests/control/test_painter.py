@@ -28,16 +28,15 @@ from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.memory import Start, planned_covariates
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
-from pentimento.robots.dipping import needs_dip
 from pentimento.robots.driver import Robot
-from pentimento.robots.tools import load_tool
+from pentimento.robots.tools import load_tool, needs_dip
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
 from tests.planning.strokes.scenes import CONFIG, unheard
 
@@ -47,7 +46,7 @@ MODEL = StrokeModel(
     Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, 1.5e-3, 0.2, 0.95),
     (),
     {"order": Span(0, 9, 99)},
-    LoopTiming(3.0, 0.0),
+    StrokeTiming(3.0, 0.0),
 )
 INK = replace(CONFIG, palette=replace(CONFIG.palette, source="ink", size=None), pixels_per_m=400.0, edge_m=0.004)
 

@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.contracts.scan import Scan
+from pentimento.contracts.observations import Scan
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.robots.end_effectors import EndEffector, load_end_effector
-from pentimento.robots.sculpting import Push
+from pentimento.robots.driver import Push
+from pentimento.robots.tools import EndEffector, load_end_effector
 
 BALL = load_end_effector("ball")
 ENVELOPE = push_envelope_for(BALL, (0.2, 0.2))

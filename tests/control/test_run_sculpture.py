@@ -19,7 +19,7 @@ from pentimento.control.commission import ClayCommission, read_clay_commission
 from pentimento.control.person import Control, Progress
 from pentimento.control.run_sculpture import Ended, clay_commission_of, run_sculpture
 from pentimento.planning.pushes.goal import GoalError, sunken_letters
-from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
+from pentimento.robots.virtual import VirtualSculptingRobot
 from tests.bundle.tiny_bundle import write_tiny_bundle
 from tests.control.sculpting_bundle import FACTS, add_clay
 from tests.planning.pushes.clay import PressedClay

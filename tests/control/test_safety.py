@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.motion import MIN_STEP_S, timed_path, tip_accelerations

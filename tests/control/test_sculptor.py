@@ -8,15 +8,15 @@ import pyarrow as pa
 import pytest
 
 from pentimento.contracts.errors import EnvelopeViolation
+from pentimento.contracts.observations import Scan
 from pentimento.contracts.pushes import CONTRACT
-from pentimento.contracts.scan import Scan
 from pentimento.contracts.tables import read_table, write_table
 from pentimento.control.execute import Session
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
 from pentimento.planning.pushes.config import SculptorConfig
-from pentimento.robots.end_effectors import EndEffector, load_end_effector
-from pentimento.robots.sculpting import Push
+from pentimento.robots.driver import Push
+from pentimento.robots.tools import EndEffector, load_end_effector
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 from tests.planning.pushes.settings import CONFIG
 

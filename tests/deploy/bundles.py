@@ -19,7 +19,7 @@ from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.semantics.encoder import Encoder, new_model
 from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
@@ -51,7 +51,7 @@ def stroke_model() -> StrokeModel:
     parameters = Traj2StrokeParameters((1.01, 0.99), (1e-4, -1e-4), 0.3, 1e-3, 0.2, 0.9)
     fitted = {"ink_since_reload_m": Span(0.0, 0.05, 0.1), "wet_age_s": Span(1.0, 60.0, 300.0)}
     fitted |= {name: Span(0.0, 0.3, 1.0) for name in PICKUP_COLUMNS}
-    return StrokeModel(parameters, mechanisms, fitted, LoopTiming(2.0, 5.0))
+    return StrokeModel(parameters, mechanisms, fitted, StrokeTiming(2.0, 5.0))
 
 
 @cache

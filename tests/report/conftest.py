@@ -13,7 +13,7 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
-from pentimento.dynamics.strokes.polyline import constant_width
+from pentimento.dynamics.strokes.evaluation import constant_width
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.report.benchmarks import BenchmarkInputs, Timing
 from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs, read_painting, read_tool

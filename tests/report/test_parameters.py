@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from pentimento.dynamics.strokes.polyline import constant_width
+from pentimento.dynamics.strokes.evaluation import constant_width
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.report.parameters import parameter_table, polyline_sentence
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError, EnvelopeViolation
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import MissingAbilityError, Robot
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.journey import path_of, poses_of

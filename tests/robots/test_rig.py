@@ -72,7 +72,7 @@ def test_rotations_are_about_fixed_axes() -> None:
         ('name = "mine"', 'name = "mine"\ncolour = 1', r"unknown keys \['colour'\]"),
         ('"300 mm"', '"300"', "no unit"),
         ('"300 mm"', '"300 s"', "is a time"),
-        ('"300 mm"', "300", "is not text"),
+        ('"300 mm"', "300", "with its unit"),
         ('"80 mm/s"', '"80 mm"', "per time"),
         ('"5 mm"', '"0 mm"', "above zero"),
         ('high = ["380 mm"', 'high = ["-500 mm"', "below reach.high"),
@@ -80,7 +80,7 @@ def test_rotations_are_about_fixed_axes() -> None:
         ("[machine]", "camera = true\n[machine]", "unknown keys"),
         ('name = "mine"', 'name = "mine"\ncamera = 0', r"needs park, a place beside the canvas"),
         ('speed = "80 mm/s"', 'speed = "80 mm/s"\npark = ["-1 m", "0 m"]', "parking place, .* out of its reach"),
-        ('name = "mine"', 'name = "mine"\ncamera = true', "number from 0"),
+        ('name = "mine"', 'name = "mine"\ncamera = true', "camera is True; it must be a whole number"),
         (
             "[machine]",
             '[palette]\nwells = [["10 mm", "10 mm"]]\nwater = ["9 m", "0 m"]\ncloth = ["9 m", "0 m"]\n'

@@ -4,9 +4,9 @@ from numpy.testing import assert_allclose
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.height_maps import level
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting import Push, SculptingRobot
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.driver import Push, SculptingRobot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 
 ACTION = np.array([0.08, 0.14, 0.0, 0.03, 0.008])
 
@@ -45,5 +45,5 @@ def test_the_room_s_sensors_are_covariates() -> None:
 
 
 def test_an_unknown_world_is_named() -> None:
-    with pytest.raises(ConfigError, match="no world file"):
+    with pytest.raises(ConfigError, match="no world named"):
         virtual_sculpting_robot("marble", 64, seed=1)

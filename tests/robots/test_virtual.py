@@ -8,8 +8,8 @@ from pentimento.robots.driver import MissingAbilityError, Robot
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot, virtual_robot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 RED_BLUE = np.array([[0.8, 0.1, 0.1], [0.1, 0.1, 0.8]])
 

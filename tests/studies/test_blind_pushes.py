@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pentimento.collection.push_design import PushCollectionConfig
+from pentimento.collection.pushes import PushCollectionConfig
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M

@@ -13,7 +13,7 @@ import pytest
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.studio.world import Effects
+from pentimento.studio.strokes.world import Effects
 from studies.blind.decoys import COLUMNS, draw_decoys
 from studies.blind.one_world import with_shuffled
 from studies.blind.series import COLUMNS as CAUSE_COLUMNS

@@ -8,7 +8,7 @@ import pytest
 
 from pentimento.contracts.errors import PentimentoError
 from pentimento.robots.tools import load_tool
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.world import load_world
 from studies.new_brush import LIKE, NAME, Painted, drawn_brush, line, tool_text, world_text
 
 FOLLOWED = (resources.files("pentimento.robots") / "tools" / f"{LIKE}.toml").read_text()

@@ -21,7 +21,7 @@ from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.planning.pushes.rollout import Pull as PushPull
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import LoopTiming, Marks, Pull, Span
+from pentimento.planning.strokes.brush import Marks, Pull, Span, StrokeTiming
 from pentimento.planning.strokes.target import fit_to_canvas
 
 # Set before the import, which would otherwise write an identifier of this computer into the user's home.
@@ -88,7 +88,7 @@ class GraphBrush:
         return self._facts.fitted
 
     @property
-    def timing(self) -> LoopTiming:
+    def timing(self) -> StrokeTiming:
         """Timing of the robot that it was fitted on."""
         return self._facts.timing
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from pentimento.control.safety import SafetyEnvelope
-from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.config import PlannerConfig
 
 MAX_CELLS: Final = 256
@@ -57,7 +57,7 @@ class BrushFacts:
     tool: str
     path_points: int
     fitted: dict[str, Span]
-    timing: LoopTiming
+    timing: StrokeTiming
     picks_up: bool
     """Whether the tool picks up wet paint: marks have a pickup."""
     has_gain: bool

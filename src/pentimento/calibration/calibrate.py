@@ -21,7 +21,7 @@ from pentimento.contracts.colour import srgb_to_linear, to_float
 from pentimento.contracts.errors import CalibrationError
 from pentimento.contracts.frames import canvas_to_pixel, image_shape
 from pentimento.contracts.markers import markers_around
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.calibration import Calibration, Kind, digest_of, read_calibration, write_calibration
 from pentimento.robots.driver import Robot
 from pentimento.robots.motion import timed_path

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.contracts.errors import CalibrationError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -18,7 +18,7 @@ from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
 from pentimento.contracts.errors import CalibrationError, ImageError
 from pentimento.contracts.frames import check_window, image_shape
 from pentimento.contracts.markers import DICTIONARY, MarkerLayout
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]

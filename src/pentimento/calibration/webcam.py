@@ -13,7 +13,7 @@ from pentimento.calibration.calibrate import colours_of, lens_of
 from pentimento.calibration.colour_chart import true_colours
 from pentimento.calibration.lens import straightened
 from pentimento.contracts.errors import CalibrationError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.calibration import Calibration, Kind
 
 _BUFFERED = 4

@@ -100,8 +100,8 @@ def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Tab
     from pentimento.control.safety import envelope_for
     from pentimento.robots.tools import load_tool
     from pentimento.robots.virtual import VirtualRobot
-    from pentimento.studio.studio import Studio
-    from pentimento.studio.world import load_world
+    from pentimento.studio.strokes.studio import Studio
+    from pentimento.studio.strokes.world import load_world
 
     tool = load_tool(tool_of(table))
     robot = VirtualRobot(Studio(load_world(world or tool.name), seed))

@@ -53,7 +53,7 @@ def new_tool(
         ConfigError: the name is taken or invalid, or a file cannot be used; then nothing is changed.
     """
     from pentimento.robots.tools import load_tool
-    from pentimento.studio.world import WORLDS, load_world
+    from pentimento.studio.strokes.world import WORLDS, load_world
 
     project, notes = ProjectFiles(root), list[str]()
     _check_like(like, "tool", names_in(project.dvc, "tools"))
@@ -109,7 +109,7 @@ def new_material(
     Raises:
         ConfigError: the name is taken or invalid, or a file cannot be used; then nothing is changed.
     """
-    from pentimento.robots.end_effectors import load_end_effector
+    from pentimento.robots.tools import load_end_effector
     from pentimento.studio.clay.world import CLAY_WORLDS, load_clay_world
 
     project = ProjectFiles(root)

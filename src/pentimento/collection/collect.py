@@ -8,15 +8,70 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.calibration.observe import calibrate_camera, rectify
+from pentimento.calibration.observe import CameraCalibration, Image, calibrate_camera, rectify, window_in_camera
 from pentimento.collection.design import CollectionConfig, design_collection
-from pentimento.collection.record import record_stroke
 from pentimento.contracts.covariates import fresh_memory, new_sheet
-from pentimento.contracts.frames import image_shape, snap_window, window_around
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.frames import image_shape, pixels_per_m, snap_window, window_around
+from pentimento.contracts.images import encode_png
 from pentimento.contracts.markers import markers_around
-from pentimento.control.execute import Session, execute_stroke
+from pentimento.contracts.observations import Photo
+from pentimento.control.execute import ExecutedStroke, Session, execute_stroke
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
+
+
+def record_stroke(
+    session: Session,
+    order: int,
+    action_id: int,
+    tool: Tool,
+    executed: ExecutedStroke,
+    window_m: FloatArray,
+    before: Image,
+    after: Image,
+    photo_before: Photo,
+    photo_after: Photo,
+    calibration: CameraCalibration,
+) -> dict[str, Any]:
+    """One row of the `strokes` contract, in its Python form (`pyarrow.Table.from_pylist` takes it).
+
+    `before` and `after` are uint8 sRGB [H, W, 3], rectified from the two photos to `window_m` (canvas
+    frame). What was not measured is null. Identities (surface, camera, …) and further covariates are the
+    caller's to add: `row | {"temperature_c": 21.5}`.
+
+    Raises ContractError if the images differ in shape or do not fit the window.
+    """
+    if before.shape != after.shape:
+        raise ContractError(f"The image before is {before.shape} and after {after.shape}; rectify both alike.")
+    pixels_per_m(before.shape, window_m)
+    event = executed.event
+    measured = executed.measured_path
+    return {
+        "session": session.name,
+        "order": order,
+        "action_id": action_id,
+        "tool": tool.name,
+        "medium": tool.medium,
+        "path": event.path.tolist(),
+        "window_m": [float(value) for value in window_m],
+        "before": {"bytes": encode_png(before), "path": None},
+        "after": {"bytes": encode_png(after), "path": None},
+        "frame": "canvas",
+        "encoding": "srgb",
+        "color_srgb": [float(value) for value in event.color_srgb],
+        "t_start_s": event.t_start_s,
+        "t_before_s": photo_before.t_s - session.started_s,
+        "t_after_s": photo_after.t_s - session.started_s,
+        **executed.covariates,
+        "measured_path": measured.tolist() if np.all(np.isfinite(measured[:, 1:])) else None,
+        "window_px": window_in_camera(calibration, window_m).tolist(),
+        "frame_size_px": list(calibration.frame_size_px),
+        "exposure_s": photo_after.exposure_s,
+        "gain": photo_after.gain,
+        "white_balance": [float(value) for value in photo_after.white_balance],
+    }
+
 
 FloatArray = NDArray[np.float64]
 

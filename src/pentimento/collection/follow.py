@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.calibration.observe import calibrate_camera, rectify
-from pentimento.collection.record import record_stroke
+from pentimento.collection.collect import record_stroke
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import image_shape, pixels_per_m, snap_window

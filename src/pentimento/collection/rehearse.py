@@ -22,8 +22,7 @@ from pentimento.contracts.frames import canvas_to_pixel, crop, image_shape, snap
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.robots.dipping import needs_dip
-from pentimento.robots.tools import Tool
+from pentimento.robots.tools import Tool, needs_dip
 
 FloatArray = NDArray[np.float64]
 

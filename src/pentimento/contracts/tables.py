@@ -18,8 +18,7 @@ import pyarrow.parquet as pq
 
 from pentimento.contracts.atomic import atomic_folder
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.rows import row_faults
-from pentimento.contracts.schema import TableContract, arrow_field, columns_markdown, type_name
+from pentimento.contracts.schema import TableContract, arrow_field, columns_markdown, row_faults, type_name
 
 SHARD_BYTES: Final = 256 * 2**20
 MAX_BAD_SHARE: Final = 0.01

@@ -19,7 +19,7 @@ from pentimento.contracts.colour import srgb_to_linear, to_float
 from pentimento.contracts.errors import CalibrationError, PentimentoError
 from pentimento.contracts.frames import canvas_to_pixel
 from pentimento.contracts.markers import MarkerLayout, markers_around
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import Robot
 
 FloatArray = NDArray[np.float64]

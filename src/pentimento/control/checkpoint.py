@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.covariates import Memory
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.scan import Scan
+from pentimento.contracts.observations import Scan
 from pentimento.control.sculptor import Outcome, SculptureProgress
 from pentimento.planning.strokes.bezier import Strokes
 

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covariates
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.robots.dipping import needs_dip, same_colour
 from pentimento.robots.driver import Robot
-from pentimento.robots.tools import Tool
+from pentimento.robots.tools import Tool, needs_dip, same_colour
 
 FloatArray = NDArray[np.float64]
 

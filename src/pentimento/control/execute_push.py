@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.height_maps import encode_height_png, level, surface_at_m
-from pentimento.contracts.scan import Scan
+from pentimento.contracts.observations import Scan
 from pentimento.control.execute import Session
-from pentimento.robots.end_effectors import EndEffector
-from pentimento.robots.sculpting import Push, SculptingRobot
+from pentimento.robots.driver import Push, SculptingRobot
+from pentimento.robots.tools import EndEffector
 
 FloatArray = NDArray[np.float64]
 

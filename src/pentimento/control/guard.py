@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import EnvelopeViolation, PentimentoError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.control.safety import ROUNDING_M, SafetyEnvelope
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool

@@ -18,12 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError, PentimentoError
-from pentimento.contracts.photo import Photo
-from pentimento.contracts.scan import Scan
-from pentimento.robots.driver import Robot
-from pentimento.robots.end_effectors import EndEffector
-from pentimento.robots.sculpting import Push, SculptingRobot
-from pentimento.robots.tools import Tool
+from pentimento.contracts.observations import Photo, Scan
+from pentimento.robots.driver import Push, Robot, SculptingRobot
+from pentimento.robots.tools import EndEffector, Tool
 
 FloatArray = NDArray[np.float64]
 Execute = Callable[[str, list[Any]], Any]

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
-from pentimento.contracts.scan import Scan
+from pentimento.contracts.observations import Scan
 from pentimento.control.guard import MAX_WAIT_S
 from pentimento.control.safety import ROUNDING_M
-from pentimento.robots.end_effectors import EndEffector, Kind
-from pentimento.robots.sculpting import Push, SculptingRobot, span_m
+from pentimento.robots.driver import Push, SculptingRobot, span_m
+from pentimento.robots.tools import EndEffector, PushKind
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class PushEnvelope:
     `min_clearance_m` above the table and never goes deeper below the surface than `max_depth_m`.
     """
 
-    kind: Kind
+    kind: PushKind
     opening_m: float
     x_min_m: float
     y_min_m: float

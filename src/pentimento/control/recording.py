@@ -11,11 +11,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pentimento.calibration.observe import CameraCalibration, rectify
-from pentimento.collection.record import record_stroke
+from pentimento.collection.collect import record_stroke
 from pentimento.contracts import pushes, strokes
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.frames import image_shape, snap_window, window_around
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.contracts.schema import arrow_schema
 from pentimento.control.execute import ExecutedStroke, Session
 from pentimento.robots.tools import Tool

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 

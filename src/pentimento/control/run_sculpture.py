@@ -27,8 +27,8 @@ from pentimento.control.sculptor import Array, Execution, Outcome, Sculptor, Scu
 from pentimento.planning.objectives import Weights
 from pentimento.planning.pushes.config import PushRates, SculptorConfig
 from pentimento.planning.pushes.goal import GoalSettings, fit_goal, sunken_letters
-from pentimento.robots.end_effectors import load_end_effector
-from pentimento.robots.sculpting_virtual import virtual_sculpting_robot
+from pentimento.robots.tools import load_end_effector
+from pentimento.robots.virtual import virtual_sculpting_robot
 
 SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""

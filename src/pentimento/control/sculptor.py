@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.observations import Scan
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.contracts.scan import Scan
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import execute_push, levelled_m, record_push
 from pentimento.control.loop import Hooks, run_loop
@@ -20,8 +20,8 @@ from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
 from pentimento.planning.pushes.plan import PushPlan, plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
-from pentimento.robots.end_effectors import EndEffector
-from pentimento.robots.sculpting import SculptingRobot
+from pentimento.robots.driver import SculptingRobot
+from pentimento.robots.tools import EndEffector
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]

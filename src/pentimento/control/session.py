@@ -18,7 +18,7 @@ from pentimento.contracts.covariates import StrokeEvent, advance, fresh_memory
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.frames import image_shape
 from pentimento.contracts.images import read_image, write_png
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import PATIENCE_S, Camera, PaintingFault, visible_share
 from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
@@ -41,7 +41,7 @@ from pentimento.control.pictures import GOAL, PLAN, write_pictures
 from pentimento.control.recording import StrokeRecording
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.memory import Start
-from pentimento.robots.dipping import needs_dip
+from pentimento.robots.tools import needs_dip
 
 Picture = NDArray[np.uint8]
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError, UnitError
 from pentimento.contracts.frames import check_window, crop, snap_window, window_around
 from pentimento.contracts.images import encode_png
-from pentimento.contracts.rows import row_faults
-from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.schema import arrow_schema, row_faults
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.units import parse_quantity
 

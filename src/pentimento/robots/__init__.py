@@ -1,1 +1,1 @@
-"""The robot side: what a tool is said to be, how a tip moves, and the drivers that move it."""
+"""The robot side: tools, rigs, tip motion, and drivers."""

@@ -1,4 +1,4 @@
-"""What the drivers of arms have in common: poses between poses, the tool's centre, and a rest that is waited for."""
+"""What the drivers of arms share: the tool centre, resampled motions, velocities, and the check of the start pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pentimento.robots.rig import Rig, lengths, rotation_of
 FloatArray = NDArray[np.float64]
 
 START_M, START_RAD = 0.002, 0.02
-"""So far may the tip stand from a way's first pose; a jump beyond it would be made at the arm's own speed."""
+"""Max distance of the tip from a motion's first pose; beyond it the arm would jump at its maximum speed."""
 
 
 def tool_of(rig: Rig) -> tuple[FloatArray, FloatArray]:
@@ -52,7 +52,7 @@ def quaternion(rotation: FloatArray) -> FloatArray:
 
 
 def resampled(times_s: FloatArray, poses: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
-    """The way at even times, a period apart or a little less, both ends included: times [M] and poses [M, 4, 4].
+    """The motion at equal time steps of at most a period, both ends included: times [M] and poses [M, 4, 4].
 
     Places are interpolated linearly, rotations about the axis from one to the next.
     """
@@ -60,18 +60,18 @@ def resampled(times_s: FloatArray, poses: FloatArray, period_s: float) -> tuple[
     even_s = np.linspace(0.0, times_s[-1], max(count, 2))
     before = np.clip(np.searchsorted(times_s, even_s, side="right") - 1, 0, len(times_s) - 2)
     share = (even_s - times_s[before]) / (times_s[before + 1] - times_s[before])
-    ways = np.zeros((len(even_s), 4, 4))
-    ways[:, 3, 3] = 1.0
+    even = np.zeros((len(even_s), 4, 4))
+    even[:, 3, 3] = 1.0
     places = poses[:, :3, 3]
-    ways[:, :3, 3] = places[before] + share[:, None] * (places[before + 1] - places[before])
+    even[:, :3, 3] = places[before] + share[:, None] * (places[before + 1] - places[before])
     turns = np.array([cv2.Rodrigues(a[:3, :3].T @ b[:3, :3])[0].ravel() for a, b in pairwise(poses)])
     for index, (step, part) in enumerate(zip(before, share, strict=True)):
-        ways[index, :3, :3] = poses[step, :3, :3] @ cv2.Rodrigues(part * turns[step])[0]
-    return even_s, ways
+        even[index, :3, :3] = poses[step, :3, :3] @ cv2.Rodrigues(part * turns[step])[0]
+    return even_s, even
 
 
 def velocities(times_s: FloatArray, poses: FloatArray) -> FloatArray:
-    """Velocities [N, 6] along a way, m/s and rad/s in the robot's frame: central differences, rest at both ends."""
+    """Velocities [N, 6] along a motion, m/s and rad/s in the robot's frame: central differences, rest at both ends."""
     found = np.zeros((len(times_s), 6))
     for i in range(1, len(times_s) - 1):
         span_s = times_s[i + 1] - times_s[i - 1]
@@ -81,7 +81,7 @@ def velocities(times_s: FloatArray, poses: FloatArray) -> FloatArray:
 
 
 def check_start(here: FloatArray, start: FloatArray, who: str) -> None:
-    """Raise MachineError unless a way's first pose [4, 4] is where the tip stands."""
+    """Raise MachineError unless the tip is at a motion's first pose [4, 4]."""
     apart_m = float(np.linalg.norm(here[:3, 3] - start[:3, 3]))
     apart_rad = float(np.linalg.norm(cv2.Rodrigues(here[:3, :3].T @ start[:3, :3])[0]))
     if not (apart_m <= START_M and apart_rad <= START_RAD):
@@ -92,9 +92,9 @@ def check_start(here: FloatArray, start: FloatArray, who: str) -> None:
 
 
 def measured_at(times_s: FloatArray, seen_s: list[float], seen: list[FloatArray]) -> FloatArray:
-    """Poses [N, 4, 4] at the way's times, from those that were seen on its way; NaN where nothing was seen.
+    """Poses [N, 4, 4] at the motion's times, from the poses measured during it; NaN where fewer than two were.
 
-    Places are interpolated; a rotation is that of the sight before.
+    Positions are interpolated; a rotation is that of the measurement before.
     """
     poses = np.full((len(times_s), 4, 4), np.nan)
     if len(seen) < 2:

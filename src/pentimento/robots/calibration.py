@@ -1,6 +1,6 @@
-"""Calibrations on disk, and the rule that lets hardware move: fresh ones, of this rig, with small residuals.
+"""Calibrations on disk. Hardware moves only with calibrations of its rig that are fresh and have small residuals.
 
-One JSON file a kind, `<folder>/<kind>.json`: what was measured, when, from what, and how well it fitted.
+One JSON file a kind, `<folder>/<kind>.json`: the values, their time, the digest of their source, and the residual.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import CalibrationError
 from pentimento.robots.rig import Rig
 
@@ -28,14 +29,14 @@ MAX_RESIDUAL: Final[Mapping[Kind, tuple[float, str]]] = {
     "colour": (4.0, "ΔE2000"),
     "touch": (3e-4, "m"),
 }
-"""Beyond these a calibration says that something lies wrong, and is refused."""
-_CLOCKS_DIFFER_S = 60.0
+"""Calibrations with larger residuals are refused."""
+_CLOCKS_DIFFER_S = 60.0  # tolerated difference between two computers' clocks
 _VERSION = 1
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """One measured thing about one rig."""
+    """One calibration of one rig."""
 
     kind: Kind
     rig: str
@@ -44,7 +45,7 @@ class Calibration:
     made_from: str
     """Digest of the photographs or touches that it was computed from."""
     residual: float
-    """What the fit leaves, in the unit of MAX_RESIDUAL: pixels (RMS), mean ΔE2000, metres (greatest)."""
+    """Residual of the fit in the unit of MAX_RESIDUAL: pixels (RMS), mean ΔE2000, metres (max)."""
     values: dict[str, Any]
     """The result: numbers, and lists of numbers, by name."""
 
@@ -60,7 +61,7 @@ def digest_of(*arrays: NDArray[Any]) -> str:
 
 def write_calibration(folder: Path, calibration: Calibration) -> Path:
     """Write it as `<folder>/<kind>.json`, in place of an older one; returns the path."""
-    text = json.dumps({"version": _VERSION, **asdict(calibration)}, indent=2, allow_nan=False)
+    text = json.dumps({"version": _VERSION, **to_plain(calibration)}, indent=2, allow_nan=False)
     path = Path(folder) / f"{calibration.kind}.json"
     atomic_write(path, (text + "\n").encode("utf-8"))
     return path
@@ -75,17 +76,15 @@ def read_calibration(folder: Path, kind: Kind) -> Calibration:
         raise CalibrationError(f"There is no {kind} calibration {path}; calibrate first.") from error
     except ValueError as error:
         raise CalibrationError(f"{path} is not readable as a calibration ({error}); calibrate again.") from error
-    names = {"kind": str, "rig": str, "made_unix_s": float, "made_from": str, "residual": float, "values": dict}
-    if not isinstance(document, dict) or document.keys() != {"version", *names} or document["version"] != _VERSION:
+    if not isinstance(document, dict) or document.pop("version", None) != _VERSION:
         raise CalibrationError(f"{path} is no calibration of version {_VERSION}; calibrate again.")
-    for name, kind_of_value in names.items():
-        value = document[name]
-        number = kind_of_value is float and isinstance(value, int | float) and not isinstance(value, bool)
-        if not (number or isinstance(value, kind_of_value)):
-            raise CalibrationError(f"{path}: {name} is {value!r}; calibrate again.")
-    if document["kind"] != kind:
-        raise CalibrationError(f"{path} is a {document['kind']} calibration; calibrate again.")
-    return Calibration(**{name: document[name] for name in names})
+    try:
+        found = from_plain(Calibration, document, str(path), CalibrationError)
+    except CalibrationError as error:
+        raise CalibrationError(f"{str(error).removesuffix('.')}; calibrate again.") from error
+    if found.kind != kind:
+        raise CalibrationError(f"{path} is a {found.kind} calibration; calibrate again.")
+    return found
 
 
 def require_fresh(calibration: Calibration, rig: Rig, now_unix_s: float, max_age_s: float) -> None:
@@ -113,12 +112,12 @@ def require_fresh(calibration: Calibration, rig: Rig, now_unix_s: float, max_age
 
 
 def needed_kinds(rig: Rig) -> tuple[Kind, ...]:
-    """What must be calibrated before the rig may move: the touch, and with a camera all the rest."""
+    """Kinds that the rig needs before it may move: touch, and with a camera all others."""
     return get_args(Kind) if rig.camera is not None else ("touch",)
 
 
 def fresh_calibrations(folder: Path, rig: Rig, now_unix_s: float, max_age_s: float) -> dict[Kind, Calibration]:
-    """All that the rig needs, read and required fresh. Raises CalibrationError for the first that is not."""
+    """All calibrations that the rig needs. Raises CalibrationError for the first that is missing or not fresh."""
     found = {kind: read_calibration(folder, kind) for kind in needed_kinds(rig)}
     for calibration in found.values():
         require_fresh(calibration, rig, now_unix_s, max_age_s)

@@ -1,7 +1,7 @@
 """Franka's Panda and Research 3, through the package `franky-control` (extra `franka`): metres and quaternions.
 
-A way is one motion of waypoints, each with its velocity and its time; the arm's controller follows it in real time and
-stops by itself where a contact passes the force or torque limit. Errors of the controller are never cleared from here.
+One command is one motion of waypoints, each with its velocity and time. The arm's controller follows it in real time
+and stops where a contact exceeds the force or torque limit. Errors of the controller are never cleared from here.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.codec import check_keys, quantities
 from pentimento.contracts.errors import ConfigError
 from pentimento.robots.arm import (
     check_start,
@@ -25,16 +26,16 @@ from pentimento.robots.arm import (
     velocities,
 )
 from pentimento.robots.machine import HaltedError, MachineError
-from pentimento.robots.rig import Rig, check_keys, quantity
+from pentimento.robots.rig import Rig
 
 FloatArray = NDArray[np.float64]
 
 PERIOD_S = 0.02
 """Between waypoints; their times are whole milliseconds."""
-_LOOK_S = 0.02
-_LATE = 2.0  # times the way's duration, and this many seconds more, before it counts as stuck
-_ARRIVED_M = 1e-3
-_HALT_S = 1.0
+_LOOK_S = 0.02  # between two measured poses
+_LATE = 2.0  # a motion counts as stuck after this many times its duration plus this many seconds
+_ARRIVED_M = 1e-3  # max distance from the last pose at the end of a motion
+_HALT_S = 1.0  # for a motion to end after a halt
 _KEYS = frozenset({"address", "tool_centre", "tool_turn", "dynamics", "force_limit", "torque_limit_nm"})
 
 
@@ -48,7 +49,7 @@ class Franka:
         self._hand_to_tip = pose_from(*tool_of(rig))
         self._check_errors()
         where = f"[machine] of rig {rig.name}"
-        force_n = quantity(rig.machine["force_limit"], "N", f"force_limit in {where}")
+        force_n = quantities(rig.machine["force_limit"], "N", f"force_limit in {where}")
         torque_nm = number(rig.machine["torque_limit_nm"], 1, 100, f"torque_limit_nm in {where}")
         robot.relative_dynamics_factor = number(rig.machine["dynamics"], 0.01, 1, f"dynamics in {where}")
         robot.set_collision_behavior(torque_nm, number(force_n, 1, 100, f"force_limit (N) in {where}"))
@@ -58,13 +59,13 @@ class Franka:
         return hand @ self._hand_to_tip
 
     def follow(self, times_s: FloatArray, poses: FloatArray) -> FloatArray:
-        even_s, ways = resampled(times_s, poses, PERIOD_S)
+        even_s, even = resampled(times_s, poses, PERIOD_S)
         with self._moving:
             if self._halted.is_set():
                 raise HaltedError("The Franka was halted.")
             self._check_errors()
             check_start(self.where(), poses[0], "Franka")
-            motion = self._motion(even_s, ways)
+            motion = self._motion(even_s, even)
             begun_s = time.monotonic()
             seen_s, seen = [0.0], [self.where()]
             try:
@@ -73,7 +74,7 @@ class Franka:
                     took_s = time.monotonic() - begun_s
                     if took_s > _LATE * times_s[-1] + _LATE:
                         self._robot.stop()
-                        raise MachineError("The Franka is stuck on its way; look at it before it goes on.")
+                        raise MachineError("The Franka is stuck in its motion; look at it before it goes on.")
                     time.sleep(_LOOK_S)
                     seen_s.append(took_s)
                     seen.append(self.where())
@@ -85,7 +86,7 @@ class Franka:
                 raise HaltedError("The Franka was halted.")
             if np.linalg.norm(self.where()[:3, 3] - poses[-1, :3, 3]) > _ARRIVED_M:
                 raise MachineError("The Franka did not arrive where it was sent; look at it before it goes on.")
-        # The arm may take a little longer than planned; what was seen is laid over the way's own times.
+        # The arm may take a little longer than planned; measured times are scaled to the motion's.
         took_s = max(seen_s[-1], 1e-9)
         at_s = [moment / took_s * float(times_s[-1]) for moment in seen_s]
         return measured_at(times_s, at_s, seen)
@@ -108,14 +109,14 @@ class Franka:
         """franky has nothing to close: its connection ends with the object."""
         self._robot.stop()
 
-    def _motion(self, times_s: FloatArray, ways: FloatArray) -> Any:
+    def _motion(self, times_s: FloatArray, poses: FloatArray) -> Any:
         """One motion of waypoints. Their times are rounded so that the errors do not add up."""
         franky = self._franky
         whole_ms = np.rint(1000 * times_s).astype(int)
-        speeds = velocities(times_s, ways)
+        speeds = velocities(times_s, poses)
         waypoints = []
         for step in range(1, len(times_s)):
-            pose = franky.Affine(ways[step, :3, 3], quaternion(ways[step, :3, :3]))
+            pose = franky.Affine(poses[step, :3, 3], quaternion(poses[step, :3, :3]))
             velocity = franky.RobotVelocity(franky.Twist(speeds[step, :3], speeds[step, 3:]))
             waypoints.append(
                 franky.CartesianWaypoint(

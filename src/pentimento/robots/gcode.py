@@ -1,7 +1,7 @@
-"""G-code for pen plotters: a timed way of the tip becomes lines of millimetres and millimetres a minute.
+"""G-code for pen plotters: a timed motion of the tip as lines in millimetres and millimetres a minute.
 
-Only what every GRBL-like controller reads: G21, G90, G94, G1, G4, M3, M5. Each line is a straight piece with its own
-feed, so that the machine takes the times that the path has, as far as its own accelerations allow.
+Only codes that every GRBL-like controller reads: G21, G90, G94, G1, G4, M3, M5. Each line is a straight segment with
+its own feed, so that the machine keeps the path's times as far as its accelerations allow.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.codec import check_keys
 from pentimento.contracts.errors import ConfigError
 from pentimento.robots.machine import positions_only
-from pentimento.robots.rig import Rig, check_keys
+from pentimento.robots.rig import Rig
 
 FloatArray = NDArray[np.float64]
 
 PREAMBLE = ("G21", "G90", "G94")
 """Millimetres, absolute places, feeds in millimetres a minute."""
 _SERVO_S = 0.25
-"""Given to a servo to raise or lower the pen."""
-_UPRIGHT = 1e-3  # greatest slope of the canvas's normal against the machine's z
+"""Time for a servo to raise or lower the pen."""
+_UPRIGHT = 1e-3  # max slope of the canvas's normal against the machine's z
 
 
 @dataclass(frozen=True)
@@ -56,10 +57,10 @@ def pen_of(machine: Mapping[str, Any], rig: Rig) -> Pen:
 
 
 def gcode_of(times_s: FloatArray, places_m: FloatArray, pen: Pen) -> Iterator[str]:
-    """Lines for the way from places_m[0] through places_m[N, 3] (robot's frame) at times_s[N].
+    """Lines for the motion from places_m[0] through places_m[N, 3] (robot's frame) at times_s[N].
 
-    The first place is where the tip stands already; it makes no line. A servo pen is raised and lowered where the
-    way crosses the sheet's height.
+    The tip is already at the first place; it makes no line. A servo pen is raised and lowered where the motion crosses
+    the sheet's height.
     """
     if pen.kind == "z":
         for (t0, p0), (t1, p1) in pairwise(zip(times_s, places_m, strict=True)):
@@ -83,22 +84,22 @@ def gcode_of(times_s: FloatArray, places_m: FloatArray, pen: Pen) -> Iterator[st
 
 
 def servo_lines(pen: Pen, down: bool) -> tuple[str, str]:
-    """Lower or raise a servo's pen, and give it the time."""
+    """Lower or raise a servo's pen and wait for it."""
     return f"M3 S{pen.down if down else pen.up}", f"G4 P{_SERVO_S:g}"
 
 
 def _line(place_m: FloatArray, length_m: Any, duration_s: Any, with_z: bool) -> str:
-    """One straight piece. Places to a micrometre, feeds to a tenth of a millimetre a minute."""
+    """One straight segment. Places to a micrometre, feeds to a tenth of a millimetre a minute."""
     x, y, z = (f"{1000 * float(value):.3f}" for value in place_m)
     feed = max(60_000 * float(length_m) / float(duration_s), 0.1)
     return f"G1 X{x} Y{y}" + (f" Z{z}" if with_z else "") + f" F{feed:.1f}"
 
 
 class GcodeFile:
-    """A Machine (see machine.py) that writes what a plotter would be sent into a file; nothing moves."""
+    """A Machine (see machine.py) that writes the commands for a plotter into a file; nothing moves."""
 
     def __init__(self, path: Path, pen: Pen, start_m: FloatArray) -> None:
-        """`start_m` [3]: where the tip is taken to stand, in the robot's frame, with the pen up."""
+        """`start_m` [3]: the tip's assumed place at the start, robot's frame, with the pen up."""
         self._path, self._pen, self._here = path, pen, np.array(start_m, dtype=np.float64)
         x, y, z = (f"{1000 * value:.3f}" for value in self._here)
         rise = [f"G1 Z{z} F600"] if pen.kind == "z" else list(servo_lines(pen, down=False))

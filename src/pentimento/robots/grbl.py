@@ -1,8 +1,8 @@
 """A pen plotter with a GRBL 1.1 controller on a serial port.
 
-One line is sent at a time and its "ok" awaited: the controller buffers motions itself, and after an error nothing
-that was planned behind it is executed. GRBL has no checksums; a way therefore ends with a look at where the machine
-really is. (Protocol: the GRBL project's wiki, "Grbl v1.1 Interface".)
+One line is sent at a time and its "ok" awaited. The controller buffers motions itself, and after an error no later
+motion is executed. GRBL has no checksums; each motion therefore ends with a query of the machine's position.
+(Protocol: the GRBL project's wiki, "Grbl v1.1 Interface".)
 """
 
 from __future__ import annotations
@@ -14,22 +14,23 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.codec import check_keys
 from pentimento.robots.gcode import PREAMBLE, gcode_of, pen_of, servo_lines
 from pentimento.robots.machine import HaltedError, MachineError, positions_only
-from pentimento.robots.rig import Rig, check_keys
+from pentimento.robots.rig import Rig
 from pentimento.robots.serial_line import SerialLine
 
 FloatArray = NDArray[np.float64]
 
 HOLD, RESET, ASK = b"!", b"\x18", b"?"
-"""Bytes that GRBL acts on at once."""
+"""Bytes that GRBL executes at once, past its queue."""
 ANSWER_S = 2.0
-"""A line that is not answered for so long beyond the motions that it may wait for is lost."""
+"""A line counts as lost if it is not answered for so long after the motions before it."""
 REST_S = 1.0
-"""For the deceleration after a feed hold."""
+"""Max time of the deceleration after a feed hold."""
 _POLL_S = 0.02
 _PLACE_M = 5e-5  # GRBL's steps are finer, and lost ones coarser
-_QUIET_S = 0.1
+_QUIET_S = 0.1  # without a line, after which the greeting is complete
 _WAKE_S = 4.0  # an Arduino starts its boot loader when its port is opened
 _STATUS = re.compile(r"<(?P<state>\w+)(?::(?P<phase>\d+))?\|(?P<kind>[MW])Pos:(?P<place>[-\d.,]+)(?:\|.*)?>")
 _OFFSET = re.compile(r"\|WCO:([-\d.,]+)")
@@ -63,7 +64,7 @@ class GrblPlotter:
             self._prepare()
 
     def where(self) -> FloatArray:
-        """The tip's place; the height of a servo's pen is not measured but known from the last order."""
+        """The tip's place; the height of a servo's pen is that of the last command."""
         with self._talking:
             place_m = self._status()[2]
         if self._pen.kind == "servo":
@@ -88,7 +89,7 @@ class GrblPlotter:
         self._halted.set()
         self._line.send_byte(HOLD)
         if not self._talking.acquire(timeout=REST_S):
-            raise MachineError(f"The conversation with the plotter on {self._line.port} did not end at its halt.")
+            raise MachineError(f"The exchange with the plotter on {self._line.port} did not end when it was halted.")
         try:
             self._halted.clear()
             self._await_rest()
@@ -105,7 +106,7 @@ class GrblPlotter:
         self._line.close()
 
     def _prepare(self) -> None:
-        """What a reset undoes: the modes, and a servo's pen."""
+        """Set what a reset clears: the modes, and a servo's pen."""
         for command in PREAMBLE:
             self._command(command, ANSWER_S)
         if self._pen.kind == "servo":
@@ -191,7 +192,7 @@ class GrblPlotter:
                 )
 
     def _check_arrival(self, place_m: FloatArray) -> None:
-        """GRBL cannot tell a garbled line from a true one, but it knows where it is."""
+        """Raise MachineError if the machine is not at the commanded place: a garbled line is detected only by this."""
         axes = slice(0, 3 if self._pen.kind == "z" else 2)
         here_m = self._status()[2]
         if np.abs(here_m - place_m)[axes].max() > _PLACE_M:

@@ -1,4 +1,4 @@
-"""A robot made of a machine, a rig, a camera and a person who fills paints and changes sheets."""
+"""A robot composed of a machine, a rig, a camera, and a person who fills paints and changes sheets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import to_uint8
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.journey import (
     check_reach,
@@ -30,7 +30,7 @@ from pentimento.robots.tools import Tool
 FloatArray = NDArray[np.float64]
 
 LIFT_WITHIN_S = 2.0
-"""How long a move that was halted may take to come to rest, before lifting counts as failed."""
+"""Max time for a halted move to come to rest; after it, lifting counts as failed."""
 _STIR_M, _WIPE_M = 0.006, 0.03
 _WIPES = 3
 
@@ -38,8 +38,8 @@ _WIPES = 3
 class HardwareRobot:
     """A Robot (see driver.py) on real hardware. Callers reach it through `control.safety.GuardedRobot`.
 
-    Between strokes the tip goes up, across at travel height and down again; every way is checked against the rig's
-    reach before the machine hears of it.
+    Between strokes the tip goes up, across at travel height and down again. Every motion is checked against the rig's
+    reach before it is sent to the machine.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class HardwareRobot:
         self._machine, self._rig, self._ask, self._camera = machine, rig, ask, camera
         self._moving, self._lifting = threading.Lock(), threading.Lock()
         self._halts = 0
-        self._settled = False  # the last motion ended as it should, so that nothing can be on its way
+        self._settled = False  # the last motion ended normally, so that nothing can be moving
         self._started_s = time.monotonic()
         self._tool: Tool | None = None
         self._palette_srgb: FloatArray = np.zeros((0, 3))
@@ -108,8 +108,8 @@ class HardwareRobot:
         return off_surface(measured, self._rig)
 
     def lift(self) -> None:
-        """Halt, and raise the tip to travel height. MachineError if the move on its way does not end."""
-        with self._lifting:  # a second call must not halt the first one's way up
+        """Halt, and raise the tip to travel height. MachineError if the present move does not end."""
+        with self._lifting:  # a second call must not halt the lift of the first
             if self._rests_in_the_air():
                 return
             self._halts += 1
@@ -161,7 +161,7 @@ class HardwareRobot:
         return here
 
     def _rests_in_the_air(self) -> bool:
-        """Whether nothing moves, for certain, and the tip is up: then there is nothing to halt."""
+        """Whether it is certain that nothing moves and the tip is up, so that there is nothing to halt."""
         if not self._moving.acquire(blocking=False):
             return False
         try:
@@ -170,17 +170,17 @@ class HardwareRobot:
             self._moving.release()
 
     def _rub(self, place_m: tuple[float, float], length_m: float, times: int, what: str) -> None:
-        """Go down at a place beside the canvas and to and fro along y."""
+        """Go down at a place beside the canvas and move back and forth along y."""
         low = np.array([place_m[0], place_m[1] - length_m / 2, -self._places().depth_m, 0.0])
         high = low + np.array([0.0, length_m, 0.0, 0.0])
         self._travel(to_and_fro(low, high, times), what)
 
     def _park(self, place_m: tuple[float, float]) -> None:
-        """Out of the camera's sight, at travel height; nothing happens where the tip is there already."""
+        """Move the tip out of the camera's view at travel height; nothing happens where it is there already."""
         with self._moving:
             halts, here = self._halts, self._here()
             park = np.array([*place_m, max(self._rig.travel_height_m, float(here[2])), here[3]])
-            self._follow(ways_to(here, park, self._rig), "way out of the picture", halts)
+            self._follow(ways_to(here, park, self._rig), "motion out of the picture", halts)
 
     def _travel(self, path: FloatArray, what: str) -> FloatArray:
         """To the path's start through the air, along it, and up; returns the measured path [N, 5]."""
@@ -194,10 +194,10 @@ class HardwareRobot:
             return measured
 
     def _follow(self, ways: Sequence[FloatArray], what: str, halts: int) -> list[FloatArray]:
-        """Check all the ways, then follow one after the other; the measured poses of each."""
+        """Check all motions, then execute them in order; returns the measured poses of each."""
         poses = [poses_of(way, self._rig) for way in ways]
         for pose in poses:
-            check_reach(pose, self._rig, f"way to, along or from the {what}")
+            check_reach(pose, self._rig, f"motion to, along or from the {what}")
         self._settled = False
         done = []
         for way, pose in zip(ways, poses, strict=True):

@@ -1,6 +1,6 @@
-"""The ways of the tip: from stroke to stroke through the air, and from the canvas frame to the robot's.
+"""Travel of the tip between strokes, and the map from the canvas frame to the robot's.
 
-Pure functions: a way is a value, float64[N, 5] in the canvas frame (t_s, x_m, y_m, z_m, yaw_rad), at rest at both
+Pure functions: a motion is a value, float64[N, 5] in the canvas frame (t_s, x_m, y_m, z_m, yaw_rad), at rest at both
 ends, and can be checked before anything moves.
 """
 
@@ -16,14 +16,14 @@ from pentimento.robots.rig import Rig, rotation_of
 FloatArray = NDArray[np.float64]
 
 LANDING_M_S, RISING_M_S = 0.02, 0.05
-"""Speeds towards the canvas, so that a tip that meets an uneven sheet is not bent, and away from it."""
-_POINTS = 33  # of a straight way, so that a driver that follows points sees it speed up and slow down
+"""Speeds towards the canvas, slow enough for a tip on an uneven sheet, and away from it."""
+_POINTS = 33  # of a straight motion, so that a driver that follows points resolves its acceleration
 _SAME_M, _SAME_RAD = 1e-6, 1e-6
 _FACING = rotation_of(np.pi, 0.0, 0.0)  # the tip's z axis points into the canvas
 
 
 def ways_to(here: FloatArray, start: FloatArray, rig: Rig) -> list[FloatArray]:
-    """From `here` [4] (x, y, z, yaw) up, across at travel height, and down to `start` [4]: the ways that are needed."""
+    """Motions from `here` [4] (x, y, z, yaw) up, across at travel height, and down to `start` [4]."""
     height_m = max(rig.travel_height_m, float(here[2]))
     up, above = here.copy(), start.copy()
     up[2] = above[2] = height_m
@@ -41,7 +41,7 @@ def way_up(here: FloatArray, rig: Rig) -> FloatArray | None:
 
 
 def straight(begin: FloatArray, end: FloatArray, speed_m_s: float) -> FloatArray | None:
-    """A straight way [N, 5] between two places [4] (x, y, z, yaw), turning evenly; None where they are one."""
+    """A straight motion [N, 5] between two places [4] (x, y, z, yaw), turning evenly; None where they are one."""
     share = np.linspace(0.0, 1.0, _POINTS)[:, None]
     turn_rad = abs(float(end[3] - begin[3]))
     if np.linalg.norm(end[:3] - begin[:3]) > _SAME_M:
@@ -55,7 +55,7 @@ def straight(begin: FloatArray, end: FloatArray, speed_m_s: float) -> FloatArray
 
 
 def to_and_fro(begin: FloatArray, end: FloatArray, times: int) -> FloatArray:
-    """From `begin` [4] to `end` [4] and back, so many times, at landing speed: [N, 5]. The two are apart."""
+    """From `begin` [4] to `end` [4] and back, `times` times, at landing speed: [N, 5]. The two places differ."""
     ways = [way for pair in ((begin, end), (end, begin)) if (way := straight(*pair, LANDING_M_S)) is not None]
     whole = ways[0]
     for way in (ways * times)[1:]:
@@ -66,7 +66,7 @@ def to_and_fro(begin: FloatArray, end: FloatArray, times: int) -> FloatArray:
 
 
 def on_surface(path: FloatArray, rig: Rig) -> FloatArray:
-    """The path [N, 5] with its heights counted from the surface that the touch calibration found."""
+    """The path [N, 5] with its heights relative to the surface of the touch calibration."""
     a, b, c = rig.surface
     moved = path.copy()
     moved[:, 3] += a + b * path[:, 1] + c * path[:, 2]
@@ -82,7 +82,7 @@ def off_surface(path: FloatArray, rig: Rig) -> FloatArray:
 
 
 def poses_of(path: FloatArray, rig: Rig) -> FloatArray:
-    """The tip's poses [N, 4, 4] in the robot's frame along a way [N, 5] of the canvas frame."""
+    """The tip's poses [N, 4, 4] in the robot's frame along a motion [N, 5] of the canvas frame."""
     cos, sin = np.cos(path[:, 4]), np.sin(path[:, 4])
     poses = np.zeros((len(path), 4, 4))
     poses[:, 0, 0], poses[:, 0, 1], poses[:, 1, 0], poses[:, 1, 1] = cos, -sin, sin, cos
@@ -94,9 +94,9 @@ def poses_of(path: FloatArray, rig: Rig) -> FloatArray:
 
 
 def path_of(times_s: FloatArray, poses: FloatArray, rig: Rig) -> FloatArray:
-    """The way [N, 5] in the canvas frame of the tip's poses [N, 4, 4] in the robot's: the inverse of poses_of.
+    """The motion [N, 5] in the canvas frame of the tip's poses [N, 4, 4] in the robot's: the inverse of poses_of.
 
-    Yaws are continuous along the way; NaN stays NaN.
+    Yaws are continuous along the motion; NaN stays NaN.
     """
     local = np.linalg.inv(rig.canvas_to_robot) @ poses
     yaw = np.arctan2(local[:, 1, 0], local[:, 0, 0])

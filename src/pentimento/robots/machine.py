@@ -1,7 +1,7 @@
-"""What a driver of hardware has to do: take the tool's tip through timed poses, stop, and say where it is.
+"""The interface of a hardware driver: move the tool's tip through timed poses, stop, and report its pose.
 
-Everything else that a robot of this project does (frames, the way between strokes, dips, reach) is the same for
-all of them and stands in hardware.py. See docs/writing_a_driver.md.
+Everything else that a robot does (frames, travel between strokes, dips, reach) is the same for all drivers: see
+hardware.py. See docs/writing_a_driver.md.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ class Machine(Protocol):
     def halt(self) -> None:
         """Come to rest at once, wherever the tip is; any thread may call it, and it may be called at rest.
 
-        A `follow` on its way raises HaltedError. Afterwards the machine takes a new `follow`, so that the tool
-        can be raised; raises MachineError where it cannot.
+        A `follow` in progress raises HaltedError. Afterwards the machine accepts a new `follow`, so that the tool can
+        be raised; raises MachineError where it cannot.
         """
         ...
 
     def close(self) -> None:
-        """Let go of the link, with the machine at rest."""
+        """Close the link, with the machine at rest."""
         ...
 
 

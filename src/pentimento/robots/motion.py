@@ -1,4 +1,4 @@
-"""Tip motion: giving times to a path, and the speeds and accelerations that a timed path asks for.
+"""Tip motion: times for a path, and the speeds and accelerations of a timed path.
 
 A path is float64[N, 5] in the canvas frame: t_s, x_m, y_m, z_m, yaw_rad. The tip starts and ends at rest.
 """
@@ -13,8 +13,9 @@ from pentimento.contracts.errors import ContractError
 FloatArray = NDArray[np.float64]
 
 ACCELERATION_M_S2 = 2.0
-"""Gentle enough that no brush sheds paint, short enough (1 mm at 60 mm/s) that most of a stroke cruises."""
+"""Low enough that no brush sheds paint; the ramps are short (1 mm at 60 mm/s) against a stroke."""
 YAW_RATE_RAD_S = 3.0
+"""Max turning rate of the tool, half a turn a second."""
 MIN_STEP_S = 1e-3
 """The control period of common arms: points closer in time cannot be followed."""
 
@@ -112,7 +113,7 @@ def _speed_caps(
     across_m_s2: float,
     yaw_rate_rad_s: float,
 ) -> FloatArray:
-    """Greatest speed [N] at each point that the speed limit, the bends and the yaw rate allow."""
+    """Max speed [N] at each point under the speed limit, the bends and the yaw rate."""
     heading = np.diff(points[:, :3], axis=0) / step_m[:, None]
     change = np.linalg.norm(np.diff(heading, axis=0), axis=1)  # 2 sin(angle / 2) at the inner points
     cap = np.full(len(points), speed_m_s)

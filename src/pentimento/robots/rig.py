@@ -1,7 +1,7 @@
-"""What is known about one robot at its place: where the canvas lies, where it may go, how it is reached.
+"""A rig: one robot at its place, with the canvas's pose, the reach, and the settings of its driver.
 
-A rig file holds what a person measures with a ruler or reads off the machine; what a calibration measures
-finer (robots/calibration.py) is laid over it. Frames: the *robot's frame* is the one in which its controller
+A rig file holds what a person measures with a ruler or reads off the machine. A calibration (robots/calibration.py)
+refines it. Frames: the *robot's frame* is the one in which its controller
 takes positions; the *canvas frame* is the project's (origin lower left, x right, y up, z out of the canvas).
 """
 
@@ -9,24 +9,21 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ConfigError, UnitError
-from pentimento.contracts.units import parse_quantity
+from pentimento.contracts.codec import check_keys, find_toml, from_table, quantities, read_toml
+from pentimento.contracts.errors import ConfigError
 
 FloatArray = NDArray[np.float64]
 
-_REQUIRED = frozenset({"name", "driver", "canvas", "canvas_to_robot", "reach", "travel"})
-_OPTIONAL = frozenset({"palette", "camera", "machine", "limits"})
-_LIMITS = {
+_RIGS: Final = Path(__file__).with_name("rigs")
+_LIMITS: Final = {
     **{f"{axis}_{end}": "m" for axis in "xy" for end in ("min", "max")},
     "max_press_depth": "m",
     "max_travel_height": "m",
@@ -36,7 +33,8 @@ _LIMITS = {
     "max_yaw_rate": "rad/s",
     "max_duration": "s",
 }
-"""Of the safety envelope, in the canvas frame, with their units."""
+"""Fields of the safety envelope that a rig may narrow, in the canvas frame, with their units."""
+_SUFFIX: Final = {"m": "m", "m/s": "m_s", "m/s^2": "m_s2", "rad": "rad", "rad/s": "rad_s", "s": "s"}
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Palette:
     water_m: tuple[float, float]
     cloth_m: tuple[float, float]
     depth_m: float
-    """How far below the canvas's height the tip goes in a well, in the water and on the cloth (below 0: above it)."""
+    """Depth of the tip below the canvas's height in a well, in the water and on the cloth; negative above it."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class Rig:
     turn_rad: tuple[float, float, float]
     """Roll, pitch and yaw of the canvas frame in the robot's: R = Rz(yaw) Ry(pitch) Rx(roll)."""
     reach_m: tuple[tuple[float, float, float], tuple[float, float, float]]
-    """Least and greatest x, y, z that the tip may take, in the robot's frame; the driver refuses all else."""
+    """Min and max x, y, z that the tip may take, in the robot's frame; the driver refuses all else."""
     travel_height_m: float
     """Above the canvas, between strokes."""
     travel_speed_m_s: float
@@ -75,7 +73,7 @@ class Rig:
     machine: Mapping[str, Any] = field(default_factory=dict)
     """The driver's own settings, as they stand in the file; the driver reads and checks them."""
     limits: Mapping[str, float] = field(default_factory=dict)
-    """Fields of a `control.safety.SafetyEnvelope` and what they are at most (or least) here: they only narrow it."""
+    """Bounds of a `control.safety.SafetyEnvelope` at this rig, by field; they only narrow it."""
     surface: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """a, b, c: the real surface lies at z = a + b x + c y of the canvas frame, as a touch calibration found it."""
     digest: str = ""
@@ -104,118 +102,92 @@ def rotation_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray
     return rotation
 
 
-def load_rig(name_or_path: str | Path) -> Rig:
-    """Read a rig by the name of a bundled file (`plotter`) or by the path of a TOML file.
+@dataclass(frozen=True)
+class _Place:
+    """The canvas in the robot's frame: see ``Rig.origin_m`` and ``Rig.turn_rad``."""
 
-    Raises ConfigError for a file that is missing or unreadable, and for an unknown, missing or bad entry.
+    origin_m: tuple[float, float, float]
+    turn_rad: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class _Reach:
+    """See ``Rig.reach_m``."""
+
+    low_m: tuple[float, float, float]
+    high_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class _Travel:
+    """Between strokes."""
+
+    height_m: float
+    speed_m_s: float
+    park_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class _RigFile:
+    """A rig file's tables."""
+
+    name: str
+    driver: str
+    canvas_m: tuple[float, float]
+    canvas_to_robot: _Place
+    reach: _Reach
+    travel: _Travel
+    palette: Palette | None = None
+    camera: int | None = None
+    machine: dict[str, Any] = field(default_factory=dict)
+    limits: dict[str, Any] = field(default_factory=dict)
+
+
+def load_rig(name_or_path: str | Path) -> Rig:
+    """Read a rig by the name of a shipped file (`plotter`) or by the path of a TOML file.
+
+    Raises:
+        ConfigError: a file that is missing or unreadable, or an unknown, missing or bad entry.
     """
-    folder = resources.files("pentimento.robots") / "rigs"
-    bundled = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
-    path = Path(name_or_path)
-    if path.suffix == ".toml":
-        if not path.is_file():
-            raise ConfigError(f"The rig file {path} does not exist; give a .toml file or one of {bundled}.")
-        data = path.read_bytes()
-    elif str(name_or_path) in bundled:
-        data = (folder / f"{name_or_path}.toml").read_bytes()
-    else:
-        raise ConfigError(
-            f"There is no rig named {str(name_or_path)!r}; choose one of {bundled} or give the path of a .toml file."
-        )
-    try:
-        table = tomllib.loads(data.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"The rig file {name_or_path} is not valid TOML: {error}.") from error
-    rig = _parse(table, f"rig {name_or_path}")
-    return replace(rig, digest=hashlib.sha256(data).hexdigest())
+    path, where = find_toml(name_or_path, _RIGS, "rig"), f"rig {name_or_path}"
+    stored = from_table(_RigFile, read_toml(path, "rig"), f"The {where}")
+    check_keys(stored.limits, frozenset(), frozenset(_LIMITS), f"[limits] of {where}")
+    rig = Rig(
+        name=stored.name,
+        driver=stored.driver,
+        canvas_size_m=stored.canvas_m,
+        origin_m=stored.canvas_to_robot.origin_m,
+        turn_rad=stored.canvas_to_robot.turn_rad,
+        reach_m=(stored.reach.low_m, stored.reach.high_m),
+        travel_height_m=stored.travel.height_m,
+        travel_speed_m_s=stored.travel.speed_m_s,
+        palette=stored.palette,
+        camera=stored.camera,
+        park_m=stored.travel.park_m,
+        machine=stored.machine,
+        limits={
+            f"{key}_{_SUFFIX[_LIMITS[key]]}": quantities(value, _LIMITS[key], f"{key} in [limits] of {where}")
+            for key, value in stored.limits.items()
+        },
+        digest=hashlib.sha256(path.read_bytes()).hexdigest(),
+    )
+    _check(rig, where)
+    return rig
 
 
 def lengths(value: Any, count: int, where: str, unit: str = "m") -> tuple[float, ...]:
     """`count` quantities with their units, in SI; `where` names the entry in the ConfigError."""
     if not isinstance(value, list) or len(value) != count:
         raise ConfigError(f'{where} is {value!r}; give a list of {count} quantities such as "20 mm".')
-    return tuple(quantity(item, unit, where) for item in value)
-
-
-def quantity(value: Any, unit: str, where: str) -> float:
-    """One quantity with its unit, in SI; `where` names the entry in the ConfigError."""
-    try:
-        return parse_quantity(value, unit)
-    except UnitError as error:
-        raise ConfigError(f"{where}: {error}") from error
-
-
-def check_keys(table: Any, required: frozenset[str], optional: frozenset[str], where: str) -> None:
-    """Raise ConfigError unless `table` is a table that has all the required keys and no unknown ones."""
-    if not isinstance(table, dict):
-        raise ConfigError(f"{where} is {table!r}; write it as a table.")
-    missing, unknown = sorted(required - table.keys()), sorted(table.keys() - required - optional)
-    if missing or unknown:
-        raise ConfigError(
-            f"{where}: missing keys {missing}, unknown keys {unknown}; it has {sorted(required)} "
-            f"and may have {sorted(optional)}."
-        )
-
-
-def _parse(table: Mapping[str, Any], where: str) -> Rig:
-    check_keys(table, _REQUIRED, _OPTIONAL, f"The {where}")
-    place, reach, travel = table["canvas_to_robot"], table["reach"], table["travel"]
-    check_keys(place, frozenset({"origin", "turn"}), frozenset(), f"[canvas_to_robot] of {where}")
-    check_keys(reach, frozenset({"low", "high"}), frozenset(), f"[reach] of {where}")
-    check_keys(travel, frozenset({"height", "speed"}), frozenset({"park"}), f"[travel] of {where}")
-    machine, camera = table.get("machine", {}), table.get("camera")
-    for key in ("name", "driver"):
-        if not isinstance(table[key], str) or not table[key]:
-            raise ConfigError(f"The {where}: {key} is {table[key]!r}; it must be a non-empty string.")
-    if not isinstance(machine, dict):
-        raise ConfigError(f"The {where}: machine is {machine!r}; write the driver's settings as a table [machine].")
-    if camera is not None and (isinstance(camera, bool) or not isinstance(camera, int) or camera < 0):
-        raise ConfigError(f"The {where}: camera is {camera!r}; it is a number from 0 on.")
-    width, height = lengths(table["canvas"], 2, f"canvas of {where}")
-    low, high = (lengths(reach[key], 3, f"reach.{key} of {where}") for key in ("low", "high"))
-    rig = Rig(
-        name=table["name"],
-        driver=table["driver"],
-        canvas_size_m=(width, height),
-        origin_m=_three(lengths(place["origin"], 3, f"canvas_to_robot.origin of {where}")),
-        turn_rad=_three(lengths(place["turn"], 3, f"canvas_to_robot.turn of {where}", "rad")),
-        reach_m=(_three(low), _three(high)),
-        travel_height_m=quantity(travel["height"], "m", f"travel.height of {where}"),
-        travel_speed_m_s=quantity(travel["speed"], "m/s", f"travel.speed of {where}"),
-        palette=_palette(table["palette"], f"[palette] of {where}") if "palette" in table else None,
-        camera=camera,
-        park_m=_two(lengths(travel["park"], 2, f"travel.park of {where}")) if "park" in travel else None,
-        machine=machine,
-        limits=_limits(table.get("limits", {}), f"[limits] of {where}"),
-    )
-    _check(rig, where)
-    return rig
-
-
-def _limits(table: Any, where: str) -> dict[str, float]:
-    check_keys(table, frozenset(), frozenset(_LIMITS), where)
-    suffix = {"m": "m", "m/s": "m_s", "m/s^2": "m_s2", "rad": "rad", "rad/s": "rad_s", "s": "s"}
-    return {
-        f"{key}_{suffix[_LIMITS[key]]}": quantity(value, _LIMITS[key], f"{key} in {where}")
-        for key, value in table.items()
-    }
-
-
-def _palette(table: Any, where: str) -> Palette:
-    check_keys(table, frozenset({"wells", "water", "cloth", "depth"}), frozenset(), where)
-    if not isinstance(table["wells"], list) or not table["wells"]:
-        raise ConfigError(f"{where}: wells is {table['wells']!r}; list the place of each paint.")
-    wells = [lengths(well, 2, f"wells in {where}") for well in table["wells"]]
-    water, cloth = (lengths(table[key], 2, f"{key} in {where}") for key in ("water", "cloth"))
-    return Palette(
-        wells_m=tuple(_two(well) for well in wells),
-        water_m=_two(water),
-        cloth_m=_two(cloth),
-        depth_m=quantity(table["depth"], "m", f"depth in {where}"),
-    )
+    return tuple(quantities(value, unit, where))
 
 
 def _check(rig: Rig, where: str) -> None:
+    for key, text in (("name", rig.name), ("driver", rig.driver)):
+        if not text:
+            raise ConfigError(f"The {where}: {key} must be a non-empty text.")
+    if rig.camera is not None and rig.camera < 0:
+        raise ConfigError(f"The {where}: camera is {rig.camera}; it is a number from 0 on.")
     positive = {
         "canvas": min(rig.canvas_size_m),
         "travel.height": rig.travel_height_m,
@@ -229,6 +201,12 @@ def _check(rig: Rig, where: str) -> None:
             f"The {where}: with a camera, [travel] needs park, a place beside the canvas from where the arm does not "
             "cover it."
         )
+    _check_reach(rig, where)
+    if rig.palette is not None:
+        _check_palette(rig.palette, rig.canvas_size_m, where)
+
+
+def _check_reach(rig: Rig, where: str) -> None:
     low, high = np.array(rig.reach_m)
     if not np.all(low < high):
         raise ConfigError(f"The {where}: reach.low must lie below reach.high in x, y and z.")
@@ -241,16 +219,17 @@ def _check(rig: Rig, where: str) -> None:
         raise ConfigError(
             f"The {where}: a corner of the canvas, or the parking place, at travel height lies at "
             f"{np.round(corners[outside][0], 4).tolist()} m in the robot's frame, out of its reach from {low.tolist()} "
-            f"to {high.tolist()} m; correct the canvas's "
-            "place or the reach."
+            f"to {high.tolist()} m; correct the canvas's place or the reach."
         )
-    width, height = rig.canvas_size_m
-    if rig.palette is not None:
-        for x, y in (*rig.palette.wells_m, rig.palette.water_m, rig.palette.cloth_m):
-            if 0 <= x <= width and 0 <= y <= height:
-                raise ConfigError(
-                    f"The {where}: the palette's place ({x:g}, {y:g}) m lies on the canvas; move it beside."
-                )
+
+
+def _check_palette(palette: Palette, canvas_size_m: tuple[float, float], where: str) -> None:
+    width, height = canvas_size_m
+    if not palette.wells_m:
+        raise ConfigError(f"[palette] of {where}: wells is empty; list the place of each paint.")
+    for x, y in (*palette.wells_m, palette.water_m, palette.cloth_m):
+        if 0 <= x <= width and 0 <= y <= height:
+            raise ConfigError(f"The {where}: the palette's place ({x:g}, {y:g}) m lies on the canvas; move it beside.")
 
 
 def canvas_corners(rig: Rig, height_m: float) -> FloatArray:
@@ -259,13 +238,3 @@ def canvas_corners(rig: Rig, height_m: float) -> FloatArray:
     corners = np.array([[x, y, height_m, 1.0] for x in (0.0, width) for y in (0.0, height)])
     placed: FloatArray = (corners @ rig.canvas_to_robot.T)[:, :3]
     return placed
-
-
-def _two(values: tuple[float, ...]) -> tuple[float, float]:
-    x, y = values
-    return x, y
-
-
-def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, z = values
-    return x, y, z

@@ -1,7 +1,7 @@
-"""A plotter that is not there: a GRBL 1.1 controller on a pseudo-terminal, for dry runs and tests.
+"""A simulated plotter: a GRBL 1.1 controller on a pseudo-terminal, for dry runs and tests.
 
-`python -m pentimento.robots.simulated_grbl --trace trace.svg` prints the port to put into a rig file, says where the
-pen marks the paper, and draws what it did when it is interrupted. It shares no code with the driver that it answers.
+`python -m pentimento.robots.simulated_grbl --trace trace.svg` prints the port for a rig file and the places where the
+pen marks the paper. When interrupted it writes the drawing. It shares no code with the driver.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class _Motion:
 
 @dataclass
 class Faults:
-    """What goes wrong, each by the number of the line of text that it happens at (counted from 0)."""
+    """Faults to inject, by the number of the received line (from 0)."""
 
     answers: dict[int, str] = field(default_factory=dict)
-    """Answer this line so, and do not execute it."""
+    """Answers in place of "ok"; these lines are not executed."""
     lost: frozenset[int] = frozenset()
     """Lines that never arrive: no answer."""
     swallowed: frozenset[int] = frozenset()
@@ -47,15 +47,15 @@ class Faults:
     garbled: dict[int, Callable[[str], str]] = field(default_factory=dict)
     """Lines that arrive as another text."""
     silent_from: int | None = None
-    """From this line on nothing is answered, not even bytes: the cable is out."""
+    """From this line on nothing is answered, not even bytes: the cable is unplugged."""
     delay_s: float = 0.0
     """Before every answer."""
 
 
 class SimulatedGrbl:
-    """Moves a pen in its mind: `trace` has each place it came to rest or turned, in millimetres, with the pen's S.
+    """Simulates a pen: `trace` has each place where it stopped or turned, in millimetres, with the pen's S.
 
-    Time runs `hurry` times as fast as on the wall. `offset_mm` is the work coordinates' origin in the machine's.
+    Time runs `hurry` times as fast as real time. `offset_mm` is the work coordinates' origin in the machine's.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class SimulatedGrbl:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is on its way."""
+        """Whether a motion is in progress."""
         return bool(self._queue) and self._state == "Run"
 
     def _run(self) -> None:
@@ -162,7 +162,7 @@ class SimulatedGrbl:
             self._waiting.append(self.faults.garbled.get(number, str)(line))
 
     def _answer_waiting(self) -> None:
-        """Execute lines that wait, as far as the queue has room, and answer them."""
+        """Execute and answer waiting lines while the queue has room."""
         while self._waiting and not self._cut:
             line = self._waiting[0]
             if line.startswith("G4"):
@@ -215,7 +215,7 @@ class SimulatedGrbl:
         return "ok"
 
     def _advance(self) -> None:
-        """Let the pen go on along the motion at the head of the queue."""
+        """Advance the pen along the motions of the queue to the present time."""
         now = time.monotonic()
         if self._state == "Hold" or self._state == "Alarm":
             return
@@ -278,7 +278,7 @@ class SimulatedGrbl:
 
 
 def svg_of(trace: list[tuple[float, float, float, int]], paper_z_mm: float) -> str:
-    """What the trace's pen drew at or below the paper's height, as an SVG in millimetres (y up in the trace)."""
+    """The trace at or below the paper's height, as an SVG in millimetres (y up in the trace)."""
     pieces: list[str] = []
     for (x0, y0, z0, _), (x1, y1, z1, _) in pairwise(trace):
         if max(z0, z1) <= paper_z_mm and (x0, y0) != (x1, y1):

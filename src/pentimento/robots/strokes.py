@@ -4,8 +4,7 @@ In the stroke's frame the tip goes from (−l/2, 0) to (l/2, 0) on a cubic Bézi
 ``bend`` to the left; the press depth follows a quadratic one through depths at start, middle and end. The pose is that
 of the curve's middle, so that turning a stroke does not swing it about its end.
 
-The curves are linear in these numbers, and the matrices are here, so that the planner can take gradients through the
-very same stroke.
+The curves are linear in these parameters. The matrices are here, so that the planner differentiates the same stroke.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.photo import Photo
+from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import MissingAbilityError
 from pentimento.robots.tools import Tool
 
@@ -23,7 +23,7 @@ class SvgPlotter:
 
     The drawing's unit is the millimetre and its y runs down, so a canvas point (x, y) lies at
     (1000 x, 1000 (height − y)). Only what touches the canvas (z ≤ 0) is drawn: a lift within a stroke leaves
-    a gap, and a stroke wholly in the air leaves no path. Press, speed and yaw are not drawn; the line has
+    a gap, and a stroke entirely in the air makes no path. Press, speed and yaw are not drawn; the line has
     the tool's nominal width.
     """
 
@@ -68,7 +68,7 @@ class SvgPlotter:
             self._color_srgb = None
 
     def move(self, path: FloatArray) -> FloatArray:
-        """Draw one stroke. A plotter measures nothing, so the answer is NaN throughout, [N, 5]."""
+        """Draw one stroke. A plotter measures nothing, so the result is NaN throughout, [N, 5]."""
         if self._closed:
             raise ContractError(f"The drawing {self._path} is closed; open another SvgPlotter to go on.")
         if self._tool is None:
@@ -86,7 +86,7 @@ class SvgPlotter:
         return np.full(points.shape, np.nan)
 
     def lift(self) -> None:
-        """Nothing to do: a drawing on file has no tool that could rest on it."""
+        """Nothing to do: a file has no tool to raise."""
 
     def photo(self) -> Photo:
         raise MissingAbilityError("An SVG plotter has no camera; paint in the open loop or use a robot with one.")
@@ -131,7 +131,7 @@ def _path_data(path: FloatArray, height_m: float) -> str:
 
 
 def _landing(point: FloatArray, other: FloatArray) -> FloatArray:
-    """The point itself where it touches, else where the way to `other` crosses the surface."""
+    """The point where it touches; else the crossing of the surface on the segment to `other`."""
     if point[3] <= 0:
         return point
     share = point[3] / (point[3] - other[3])

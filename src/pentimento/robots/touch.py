@@ -1,7 +1,6 @@
-"""Where the surface is: the tool goes down in small steps until it touches, then the step is bisected.
+"""Height of the surface: the tool descends in small steps until it touches, then the last step is bisected.
 
-The tool never goes deeper than the first touch. What a touch is (a mark on the photograph, a probe's contact) is
-the caller's.
+The tool never goes deeper than the first touch. The caller defines a touch: a mark on a photograph, a probe's contact.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ def touch_height(
 ) -> float:
     """Height at which the tool begins to touch, to half of `within_m`.
 
-    `touches(z)` sends the tool to height z and says whether it touched. It is asked from `high_m` down in steps of
+    `touches(z)` sends the tool to height z and returns whether it touched. It is called from `high_m` down in steps of
     `step_m`, never below `low_m`, and after the first touch only between the last height without and it.
 
     Raises CalibrationError if the tool touches already at `high_m`, or never.
@@ -50,10 +49,10 @@ def touch_height(
 
 
 def touch_plane(places_m: FloatArray, heights_m: FloatArray) -> tuple[tuple[float, float, float], float]:
-    """The plane z = a + b x + c y through touches at places_m[K, 2], and the greatest distance of a touch from it.
+    """The plane z = a + b x + c y through touches at places_m[K, 2], and the max distance of a touch from it.
 
-    Raises CalibrationError for fewer than four places, or places on one line: a plane through three fits always, and
-    says nothing about itself.
+    Raises CalibrationError for fewer than four places, or places on one line: a plane through three places has no
+    residual.
     """
     design = np.column_stack((np.ones(len(places_m)), places_m))
     spread = np.linalg.svd(places_m - places_m.mean(axis=0), compute_uv=False) if len(places_m) > 3 else np.zeros(2)

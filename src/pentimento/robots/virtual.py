@@ -1,4 +1,4 @@
-"""The robot of the virtual studio."""
+"""The robots of the virtual studio: one paints, one sculpts."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.photo import Photo
-from pentimento.robots.driver import MissingAbilityError
-from pentimento.robots.tools import Tool
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.contracts.observations import Photo, Scan
+from pentimento.robots.driver import MissingAbilityError, Push
+from pentimento.robots.tools import EndEffector, Tool
+from pentimento.studio.clay.studio import ClayStudio
+from pentimento.studio.clay.world import load_clay_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 FloatArray = NDArray[np.float64]
 
@@ -27,9 +29,9 @@ def virtual_robot(world: str, canvas_size_m: tuple[float, float], seed: int) -> 
 
 
 class VirtualRobot:
-    """A Robot (see robots/driver.py) whose hand, paper, paint and camera are a Studio.
+    """A Robot (see robots/driver.py) whose arm, paper, paint and camera are a Studio.
 
-    A studio is built for one tool, so that `change_tool` can only confirm it.
+    A studio has one tool, which `change_tool` can only confirm.
     """
 
     def __init__(self, studio: Studio) -> None:
@@ -42,7 +44,7 @@ class VirtualRobot:
 
     @property
     def clock_s(self) -> float:
-        """The studio's own time, which passes only by what is done in it."""
+        """The studio's time, which advances only by commands."""
         return self._studio.clock_s
 
     def change_tool(self, tool: Tool) -> None:
@@ -70,7 +72,7 @@ class VirtualRobot:
         return self._studio.stroke(path)
 
     def lift(self) -> None:
-        """Nothing to do: a studio's stroke is made in one step, and ends with the tool above the sheet."""
+        """Nothing to do: a stroke of the studio ends with the tool above the sheet."""
 
     def photo(self) -> Photo:
         return self._studio.photo()
@@ -82,6 +84,55 @@ class VirtualRobot:
 
     def new_sheet(self) -> None:
         self._studio.new_sheet()
+
+    def wait(self, seconds: float) -> None:
+        self._studio.wait(seconds)
+
+
+def virtual_sculpting_robot(world: str, scan_pixels: int, seed: int) -> VirtualSculptingRobot:
+    """The robot of a clay world, by its name or file, under a scanner with this many pixels a side.
+
+    Raises ConfigError if there is no such world.
+    """
+    known = load_clay_world(world)
+    return VirtualSculptingRobot(ClayStudio(replace(known, scanner=replace(known.scanner, pixels=scan_pixels)), seed))
+
+
+class VirtualSculptingRobot:
+    """A SculptingRobot (see robots/sculpting.py) whose arm, clay and scanner are a ClayStudio."""
+
+    def __init__(self, studio: ClayStudio) -> None:
+        self._studio = studio
+
+    @property
+    def area_m(self) -> tuple[float, float]:
+        return self._studio.size_m
+
+    @property
+    def clock_s(self) -> float:
+        """The studio's time, which advances only by commands."""
+        return self._studio.clock_s
+
+    @property
+    def material_name(self) -> str:
+        """Name of the material in the tray."""
+        return self._studio.material_name
+
+    def change_tool(self, end_effector: EndEffector) -> None:
+        self._studio.take(end_effector.name)
+
+    def push(self, push: Push) -> FloatArray:
+        return self._studio.push(push.action, push.surface_m, push.speed_m_s, push.dwell_s, push.retract_speed_m_s)
+
+    def scan(self) -> Scan:
+        return self._studio.scan()
+
+    def smooth(self) -> None:
+        self._studio.smooth()
+
+    def ambient(self) -> dict[str, float]:
+        air = self._studio.air()
+        return {"temperature_c": air.temperature_c, "humidity": air.humidity}
 
     def wait(self, seconds: float) -> None:
         self._studio.wait(seconds)

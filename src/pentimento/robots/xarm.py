@@ -1,7 +1,7 @@
 """UFACTORY's xArm, through its maker's package `xarm-python-sdk` (extra `xarm`): millimetres and degrees.
 
-Poses are streamed in servo mode, a hundred a second: the controller executes nothing that was not sent, so that an
-arm whose link is lost stays where it is. Errors of the controller are never cleared from here.
+Poses are streamed in servo mode, a hundred a second. The controller executes nothing that was not sent, so that an arm
+whose link is lost stays where it is. Errors of the controller are never cleared from here.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.codec import check_keys
 from pentimento.contracts.errors import ConfigError
 from pentimento.robots.arm import check_start, measured_at, number, pose_from, resampled, roll_pitch_yaw, tool_of
 from pentimento.robots.machine import HaltedError, MachineError
-from pentimento.robots.rig import Rig, check_keys, lengths
+from pentimento.robots.rig import Rig, lengths
 
 FloatArray = NDArray[np.float64]
 
 PERIOD_S = 0.01
 """Between poses; the controller takes 100 to 250 a second."""
 LATE_S = 0.5
-"""So much a way may take longer than planned, because this computer was busy; beyond, it is broken off."""
+"""Max delay of a motion by a busy computer; beyond it the motion is broken off."""
 _SERVO, _READY, _STOP = 1, 0, 4  # set_mode, set_state, set_state
 _ARRIVED_M, _ARRIVE_S = 1e-3, 1.0
-_HALT_S = 1.0
+_HALT_S = 1.0  # for the stream of poses to end after a halt
 _KEYS = frozenset({"address", "tool_centre", "tool_turn", "load_kg", "load_centre", "collision_sensitivity"})
 
 
@@ -52,7 +53,7 @@ class XArm:
         self._done("set_tcp_load", api.set_tcp_load(load_kg, [1000 * value for value in load_m]))
         sensitivity = number(rig.machine["collision_sensitivity"], 0, 5, f"collision_sensitivity in {where}")
         self._done("set_collision_sensitivity", api.set_collision_sensitivity(int(sensitivity)))
-        # The controller's own fence stands behind our check of the reach.
+        # The controller's fence is a second check of the reach.
         self._done("set_reduced_tcp_boundary", api.set_reduced_tcp_boundary(fence_mm))
         self._done("set_fence_mode", api.set_fence_mode(True))
         self._make_ready()
@@ -63,20 +64,20 @@ class XArm:
         return pose_from(np.array(pose[:3]) / 1000, np.radians(pose[3:6]))
 
     def follow(self, times_s: FloatArray, poses: FloatArray) -> FloatArray:
-        even_s, ways = resampled(times_s, poses, PERIOD_S)
+        even_s, even = resampled(times_s, poses, PERIOD_S)
         with self._streaming:
             check_start(self.where(), poses[0], "xArm")
             seen_s: list[float] = [0.0]
             seen = [self.where()]
             begun_s = time.monotonic()
             late_s = 0.0
-            for at_s, pose in zip(even_s[1:], ways[1:], strict=True):
+            for at_s, pose in zip(even_s[1:], even[1:], strict=True):
                 self._refuse_if_halted()
                 now_s, due_s = time.monotonic(), begun_s + late_s + at_s
-                # What is late stays late: catching up would be too fast, and so would two poses at once after a pause.
+                # A delay is kept: catching up would be too fast, and so would two poses at once after a pause.
                 late_s += max(now_s + PERIOD_S / 2 - due_s, 0.0)
                 if late_s > LATE_S:
-                    raise MachineError(f"The way was {late_s:.1f} s late: the computer is too busy.")
+                    raise MachineError(f"The motion was {late_s:.1f} s late: the computer is too busy.")
                 self._sleep(max(due_s - now_s, PERIOD_S / 2))
                 degrees = np.degrees(roll_pitch_yaw(pose[:3, :3])).tolist()
                 target = [*(1000 * pose[:3, 3]).tolist(), *degrees]
@@ -113,7 +114,7 @@ class XArm:
             raise HaltedError("The xArm was halted.")
 
     def _await_arrival(self, pose: FloatArray) -> None:
-        """The arm trails the poses by a few of them."""
+        """Wait until the arm, which lags by a few poses, is at the last one."""
         deadline_s = time.monotonic() + _ARRIVE_S
         while np.linalg.norm(self.where()[:3, 3] - pose[:3, 3]) > _ARRIVED_M:
             self._refuse_if_halted()

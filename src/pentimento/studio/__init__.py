@@ -1,1 +1,1 @@
-"""The virtual studio: a physical world in which a robot paints, and which no model is told about."""
+"""The virtual studio: simulated worlds of painting and of clay, whose parameters are hidden from every model."""

@@ -9,14 +9,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.collection.collect_pushes import collect_pushes
-from pentimento.collection.push_design import PushCollectionConfig
+from pentimento.collection.pushes import PushCollectionConfig, collect_pushes
 from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.schema import arrow_schema
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
-from pentimento.robots.sculpting import Push
-from pentimento.robots.sculpting_virtual import VirtualSculptingRobot
+from pentimento.robots.driver import Push
+from pentimento.robots.virtual import VirtualSculptingRobot
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld
 from studies.blind.decoys import draw_decoys

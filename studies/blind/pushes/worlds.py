@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from pentimento.collection.push_design import PushCollectionConfig
-from pentimento.robots.end_effectors import EndEffector, load_end_effector
+from pentimento.collection.pushes import PushCollectionConfig
+from pentimento.robots.tools import EndEffector, load_end_effector
 from pentimento.studio.clay.world import ClayEffects, ClayWorld, load_clay_world
 from studies.blind.series import Stratum
 

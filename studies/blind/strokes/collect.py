@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.calibration.observe import calibrate_camera, rectify, window_in_camera
-from pentimento.collection.record import record_stroke
+from pentimento.collection.collect import record_stroke
 from pentimento.contracts.covariates import drawn_length_m, fresh_memory, new_sheet
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
@@ -24,7 +24,7 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import Tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.world import World
+from pentimento.studio.strokes.world import World
 from studies.blind.strokes.design import Command, View
 from studies.blind.strokes.paint_context import Disturbance, PaintContext
 

@@ -8,13 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pentimento.contracts.photo import Photo
-from pentimento.studio.brush import Bundle
-from pentimento.studio.camera import Optics, expose
-from pentimento.studio.paint import refresh
-from pentimento.studio.seeds import Item
-from pentimento.studio.studio import BLACK_SRGB, PHOTO_S, Studio
-from pentimento.studio.world import World
+from pentimento.contracts.observations import Photo
+from pentimento.studio.shared import Item
+from pentimento.studio.strokes.brush import Bundle
+from pentimento.studio.strokes.camera import Optics, expose
+from pentimento.studio.strokes.sheet import refresh
+from pentimento.studio.strokes.studio import BLACK_SRGB, PHOTO_S, Studio
+from pentimento.studio.strokes.world import World
 
 Mode = Literal["width", "amplitude", "blur", "tangential", "normal", "canvas_x", "canvas_y"]
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.images import decode_png
-from pentimento.studio.world import World
+from pentimento.studio.strokes.world import World
 from studies.blind.strokes.collect import Recording, record_world
 from studies.blind.strokes.design import Command, View
 from studies.blind.strokes.paint_context import Disturbance, Mode

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError
 from pentimento.robots.tools import Tool as ToolFile
 from pentimento.robots.tools import load_tool
-from pentimento.studio.world import Effects, World, load_world
+from pentimento.studio.strokes.world import Effects, World, load_world
 from studies.blind.series import Stratum
 from studies.blind.strokes.paint_context import Mode
 

@@ -19,8 +19,8 @@ from pentimento.robots.virtual import VirtualRobot
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.objective import TextObjective
 from pentimento.semantics.tokenizer import learn_tokenizer
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 from tests.copainting.easels import MEDIUM, cross, marker_paint_context, paper
 from tests.copainting.goal_planners import small_encoder
 

@@ -12,8 +12,8 @@ from PIL import Image
 
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png
-from pentimento.contracts.rows import row_faults
 from pentimento.contracts.scenes import CONTRACT
+from pentimento.contracts.schema import row_faults
 from pentimento.copainting.scenes import imported_scenes
 from pentimento.copainting.scenes.imported_scenes import ImportedConfig, import_scenes
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.images import decode_png
-from pentimento.contracts.rows import row_faults
 from pentimento.contracts.scenes import CONTRACT
+from pentimento.contracts.schema import row_faults
 from pentimento.copainting.scenes.compositions import COLORS, THINGS, Splits, Thing, compose
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes, draw_scene, paint
 from pentimento.copainting.scenes.things import DRAWINGS, KINDS

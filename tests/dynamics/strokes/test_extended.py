@@ -10,10 +10,10 @@ import torch
 from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.errors import ContractError
 from pentimento.dynamics.strokes.extended import (
-    LoopTiming,
     MeasuredStrokes,
     Span,
     StrokeModel,
+    StrokeTiming,
     base_model,
     columns_read,
     model_files,
@@ -87,7 +87,7 @@ def test_a_cause_survives_its_file(kind: type[Mechanism], over_paint: StrokeSamp
     strokes = observed(over_paint)
     mechanism = changed(kind, strokes)
     names = columns_read([mechanism], strokes)
-    model = StrokeModel(TRUTH, (mechanism,), spans(names, strokes), LoopTiming(3.0, 5.0))
+    model = StrokeModel(TRUTH, (mechanism,), spans(names, strokes), StrokeTiming(3.0, 5.0))
     again = read_stroke_model(stored(model, tmp_path))
     assert (again.parameters, again.fitted, again.timing) == (model.parameters, model.fitted, model.timing)
     (found,) = again.mechanisms
@@ -110,7 +110,7 @@ def test_what_is_no_cause_of_the_vocabulary_is_refused(
     name: str, change: Any, made_by_truth: StrokeSamples, tmp_path: Path
 ) -> None:
     mechanism = changed(InkDepletion, observed(made_by_truth))
-    stored(StrokeModel(TRUTH, (mechanism,), {}, LoopTiming(0.0, 0.0)), tmp_path)
+    stored(StrokeModel(TRUTH, (mechanism,), {}, StrokeTiming(0.0, 0.0)), tmp_path)
     file = tmp_path / "mechanisms.json"
     content = json.loads(file.read_text())
     file.write_text(json.dumps(content | {"mechanisms": [change(entry) for entry in content["mechanisms"]]}))
@@ -153,5 +153,5 @@ def test_paper_is_not_painted_and_paint_is() -> None:
 
 def test_the_pace_is_read_off_the_clock(made_by_truth: StrokeSamples) -> None:
     columns = observed(made_by_truth).covariates
-    assert timing_of(columns) == LoopTiming(3.0, 5.0)
-    assert timing_of({name: v for name, v in columns.items() if name != "t_before_s"}) == LoopTiming(0.0, 0.0)
+    assert timing_of(columns) == StrokeTiming(3.0, 5.0)
+    assert timing_of({name: v for name, v in columns.items() if name != "t_before_s"}) == StrokeTiming(0.0, 0.0)

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import torch
 
-from pentimento.dynamics.strokes.extended import LoopTiming, MeasuredStrokes, predict_extended
+from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeTiming, predict_extended
 from pentimento.dynamics.strokes.joint import fit_jointly
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
@@ -42,7 +42,7 @@ def test_base_and_cause_are_found_together(fading: MeasuredStrokes) -> None:
     own = [PathOffset(torch.tensor(TRUTH.offset_m), {}), PathScale(torch.tensor(TRUTH.scale) - 1, {})]
     config = dataclasses.replace(CONFIG, epochs=40)
     found = fit_jointly(
-        base, [half_known(fading), *own], *halves(fading), LoopTiming(3.0, 5.0), config, lambda *_: None
+        base, [half_known(fading), *own], *halves(fading), StrokeTiming(3.0, 5.0), config, lambda *_: None
     )
     assert found.kept
     assert found.validation_l1[1] < 0.3 * found.validation_l1[0]
@@ -50,12 +50,12 @@ def test_base_and_cause_are_found_together(fading: MeasuredStrokes) -> None:
     torch.testing.assert_close(found.model.mechanisms[0].values, LOSS, atol=0.05, rtol=0)
     assert found.model.parameters.opacity == pytest.approx(TRUTH.opacity, abs=0.04)
     assert list(found.model.fitted) == ["ink_since_reload_m"]
-    assert found.model.timing == LoopTiming(3.0, 5.0)
+    assert found.model.timing == StrokeTiming(3.0, 5.0)
 
 
 def test_a_cause_that_does_not_help_leaves_the_base(made_by_truth: StrokeSamples, fading: MeasuredStrokes) -> None:
     steady = fading._replace(samples=made_by_truth)
-    found = fit_jointly(TRUTH, [half_known(steady)], *halves(steady), LoopTiming(0.0, 0.0), CONFIG, lambda *_: None)
+    found = fit_jointly(TRUTH, [half_known(steady)], *halves(steady), StrokeTiming(0.0, 0.0), CONFIG, lambda *_: None)
     assert not found.kept
     assert found.validation_l1[1] >= found.validation_l1[0]
     assert (found.model.parameters, found.model.mechanisms) == (TRUTH, ())
@@ -63,5 +63,5 @@ def test_a_cause_that_does_not_help_leaves_the_base(made_by_truth: StrokeSamples
 
 def test_causes_that_the_base_has_itself_change_nothing(fading: MeasuredStrokes) -> None:
     offset = PathOffset(torch.tensor([1e-3, 0.0]), {})
-    found = fit_jointly(TRUTH, [offset], *halves(fading), LoopTiming(0.0, 0.0), CONFIG, lambda *_: None)
+    found = fit_jointly(TRUTH, [offset], *halves(fading), StrokeTiming(0.0, 0.0), CONFIG, lambda *_: None)
     assert (found.kept, found.model.parameters, found.model.mechanisms) == (False, TRUTH, ())

@@ -7,8 +7,7 @@ import pytest
 
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.dynamics.strokes.evaluation import mean_iou, predict_with, score_model
-from pentimento.dynamics.strokes.polyline import fit_polyline
+from pentimento.dynamics.strokes.evaluation import fit_polyline, mean_iou, predict_with, score_model
 from pentimento.dynamics.strokes.samples import load_samples
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action, train
 

@@ -11,7 +11,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush, planned_marks
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, simulate
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.memory import commanded
 from pentimento.planning.strokes.render_plan import render_and_back
 from pentimento.planning.strokes.scene import inherit, scene_with
@@ -48,7 +48,7 @@ def typical(kind: type[Mechanism]) -> Mechanism:
     kind.cause for kind in k) if len(k) < 3 else "all")  # fmt: skip
 def test_pictures_and_gradients_are_those_of_the_simulation(kinds: tuple[type[Mechanism], ...], tool_name: str) -> None:
     tool = load_tool(tool_name)
-    model = StrokeModel(PARAMETERS, tuple(map(typical, kinds)), FITTED if kinds else {}, LoopTiming(3.0, 5.0))
+    model = StrokeModel(PARAMETERS, tuple(map(typical, kinds)), FITTED if kinds else {}, StrokeTiming(3.0, 5.0))
     strokes, rng = some_strokes(), np.random.default_rng(0)
     canvas, weight = (rng.random((40, 60, 3), np.float32) for _ in range(2))
     scene = scene_with(TorchBrush(model, tool, POINTS), tool, SIZE_M, canvas)

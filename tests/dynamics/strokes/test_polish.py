@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from pentimento.dynamics.strokes.polish import polish
+from pentimento.dynamics.strokes.joint import polish
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.training import predict, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke

@@ -6,8 +6,14 @@ import pytest
 import torch
 
 from pentimento.contracts.errors import ContractError
-from pentimento.dynamics.strokes.evaluation import mean_squared_error, predict_with, score, score_model
-from pentimento.dynamics.strokes.polyline import blank, fit_polyline
+from pentimento.dynamics.strokes.evaluation import (
+    blank,
+    fit_polyline,
+    mean_squared_error,
+    predict_with,
+    score,
+    score_model,
+)
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.training import TrainingConfig, first_guess, split_by_action, train, weighted_l1
 from tests.dynamics.strokes.conftest import TRUTH

@@ -17,7 +17,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.bezier import Strokes, to_planned, with_color
-from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.memory import (
     Start,
     beyond_fit,
@@ -29,8 +29,8 @@ from pentimento.planning.strokes.render_plan import Fault, render_and_back, rend
 from pentimento.planning.strokes.scene import Scene, inherit, scene_with
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 
 Array = NDArray[np.float32]
 
@@ -58,7 +58,7 @@ def row_of_strokes(count: int, apart_m: float = 0.02) -> Strokes:
 
 def brush(*mechanisms: Mechanism, fitted: dict[str, Span] | None = None) -> TorchBrush:
     spans = {name: WIDE for name in PAINT} if fitted is None else fitted
-    return TorchBrush(StrokeModel(PARAMETERS, mechanisms, spans, LoopTiming(3.0, 5.0)), BRUSH, POINTS)
+    return TorchBrush(StrokeModel(PARAMETERS, mechanisms, spans, StrokeTiming(3.0, 5.0)), BRUSH, POINTS)
 
 
 def scene(*mechanisms: Mechanism, fitted: dict[str, Span] | None = None) -> Scene:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from pentimento.studio.clay.air import Air, air_at, hardness_factor
+from pentimento.studio.clay.slab import Air, air_at, hardness_factor
 from pentimento.studio.clay.world import load_clay_world
 
 WORLD = load_clay_world("clay_table")

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from pentimento.studio.clay.heap import SECTORS, bearing, heap
+from pentimento.studio.clay.plough import SECTORS, bearing, heap
 from tests.studio.clay.clay_worlds import Array
 
 CELL_M = 0.001

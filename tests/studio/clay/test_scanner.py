@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from pentimento.studio.clay.scanner import believed_plane, in_shadow, scan_height_m, table_plane
+from pentimento.studio.clay.scanner import calibrated_plane, in_shadow, scan_height_m, table_plane
 from pentimento.studio.clay.world import load_clay_world
 
 SCANNER = replace(load_clay_world("clay_table").scanner, pixels=64)
@@ -73,5 +73,5 @@ def test_some_pixels_are_lost_at_random() -> None:
 
 
 def test_the_plane_is_known_but_for_its_calibration() -> None:
-    believed, true = believed_plane(SCANNER, rng()), table_plane(SCANNER)
+    believed, true = calibrated_plane(SCANNER, rng()), table_plane(SCANNER)
     assert 0 < np.abs(believed / true - 1).max() < 5 * SCANNER.plane_error

@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from pentimento.studio.clay.slide import run_off, slide
+from pentimento.studio.clay.recovery import run_off, slide
 from tests.studio.clay.clay_worlds import Array
 
 CELL_M = 0.001

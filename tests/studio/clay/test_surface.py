@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from pentimento.studio.clay.surface import cells_shape, fresh_surface, smooth_field
+from pentimento.studio.clay.slab import cells_shape, fresh_surface, smooth_field
 from pentimento.studio.clay.world import load_clay_world
 
 SLAB = load_clay_world("foam").slab

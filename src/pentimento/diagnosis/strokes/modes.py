@@ -24,8 +24,7 @@ from pentimento.diagnosis.strokes.jacobian import linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, path_covariates
 from pentimento.diagnosis.strokes.model import Model
 from pentimento.diagnosis.strokes.predict import action_losses
-from pentimento.dynamics.strokes.mechanisms.bleeding import bleed
-from pentimento.dynamics.strokes.mechanisms.geometry import tangent
+from pentimento.dynamics.strokes.mechanisms.geometry import bleed, tangent
 from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 

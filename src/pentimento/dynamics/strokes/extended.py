@@ -7,22 +7,22 @@ With no cause it is Traj2Stroke. Its causes are mechanisms of the vocabulary at 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
+from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import ContractError
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, simulate
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters, read_parameters
-from pentimento.planning.strokes.brush import LoopTiming, Span
+from pentimento.planning.strokes.brush import Span, StrokeTiming
 
 BASE_CAUSES = ("path_scale", "path_offset")
 """Causes that are parameters of Traj2Stroke."""
@@ -38,7 +38,7 @@ class StrokeModel:
     mechanisms: tuple[Mechanism, ...]
     fitted: Mapping[str, Span]
     """Every column that the mechanisms read."""
-    timing: LoopTiming
+    timing: StrokeTiming
 
     def mark(self) -> Traj2Stroke:
         """The base, frozen."""
@@ -47,7 +47,7 @@ class StrokeModel:
 
 def base_model(parameters: Traj2StrokeParameters) -> StrokeModel:
     """A model that nothing extends."""
-    return StrokeModel(parameters, (), {}, LoopTiming(0.0, 0.0))
+    return StrokeModel(parameters, (), {}, StrokeTiming(0.0, 0.0))
 
 
 class MeasuredStrokes(NamedTuple):
@@ -113,13 +113,13 @@ def spans(names: Sequence[str], strokes: MeasuredStrokes) -> dict[str, Span]:
     return found
 
 
-def timing_of(covariates: Mapping[str, Tensor]) -> LoopTiming:
+def timing_of(covariates: Mapping[str, Tensor]) -> StrokeTiming:
     """Read off when photographs before strokes were taken and strokes began; 0 where that was not recorded."""
     if not {"t_start_s", "t_before_s", "since_reload"} <= set(covariates):
-        return LoopTiming(0.0, 0.0)
+        return StrokeTiming(0.0, 0.0)
     between, dipped = covariates["t_start_s"] - covariates["t_before_s"], covariates["since_reload"] == 0
     reach = _median(between[~dipped])
-    return LoopTiming(reach, max(_median(between[dipped]) - reach, 0.0) if reach else 0.0)
+    return StrokeTiming(reach, max(_median(between[dipped]) - reach, 0.0) if reach else 0.0)
 
 
 def _median(values: Tensor) -> float:
@@ -127,64 +127,73 @@ def _median(values: Tensor) -> float:
     return float(known.median()) if len(known) else 0.0
 
 
+@dataclass(frozen=True)
+class _StoredQuantity:
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class _StoredMechanism:
+    cause: str
+    values: dict[str, _StoredQuantity]
+    reference: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _StoredExtension:
+    """Content of ``mechanisms.json``."""
+
+    mechanisms: tuple[_StoredMechanism, ...]
+    fitted: dict[str, Span]
+    timing: StrokeTiming
+
+
 def model_files(model: StrokeModel) -> dict[str, Any]:
-    """What a model's folder holds, by file name; ``parameters.json`` is that of Traj2Stroke alone."""
-    mechanisms = [
-        {
-            "cause": mechanism.cause,
-            "values": {
-                quantity.name: {"value": value, "unit": quantity.unit}
+    """Contents of a model's folder, by file name; ``parameters.json`` is that of Traj2Stroke alone."""
+    mechanisms = tuple(
+        _StoredMechanism(
+            mechanism.cause,
+            {
+                quantity.name: _StoredQuantity(value, quantity.unit)
                 for quantity, value in zip(mechanism.quantities, mechanism.values.tolist(), strict=True)
             },
-            "reference": dict(mechanism.reference),
-        }
+            dict(mechanism.reference),
+        )
         for mechanism in model.mechanisms
-    ]
-    fitted = {name: span._asdict() for name, span in model.fitted.items()}
-    return {
-        "parameters.json": asdict(model.parameters),
-        "mechanisms.json": {"mechanisms": mechanisms, "fitted": fitted, "timing": model.timing._asdict()},
-    }
+    )
+    extension = _StoredExtension(mechanisms, dict(model.fitted), model.timing)
+    return {"parameters.json": to_plain(model.parameters), "mechanisms.json": to_plain(extension)}
 
 
 def read_stroke_model(folder: Path) -> StrokeModel:
     """Read what ``model_files`` gave.
 
     Raises:
-        ContractError: a file is not there, or does not hold a cause of the vocabulary with its numbers.
+        ContractError: a file is missing, or does not hold causes of the vocabulary with their quantities.
     """
     parameters, path = read_parameters(folder / "parameters.json"), folder / "mechanisms.json"
     try:
-        stored = json.loads(path.read_text())
-        mechanisms = tuple(_mechanism(entry) for entry in stored["mechanisms"])
-        fitted = {name: Span(*map(_finite, (s["low"], s["mean"], s["high"]))) for name, s in stored["fitted"].items()}
-        timing = LoopTiming(_finite(stored["timing"]["reach_s"]), _finite(stored["timing"]["dip_s"]))
-    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
+        stored = from_plain(_StoredExtension, json.loads(path.read_text()), "the file")
+        mechanisms = tuple(map(_mechanism, stored.mechanisms))
+    except (OSError, ValueError, ContractError) as error:
         raise ContractError(
-            f"{path} does not say what extends a stroke model ({error!r}): make it with the stage diagnose_gap."
+            f"{path} does not hold the mechanisms of a stroke model ({error}): make it with the stage diagnose_gap."
         ) from error
-    return StrokeModel(parameters, mechanisms, fitted, timing)
+    return StrokeModel(parameters, mechanisms, stored.fitted, stored.timing)
 
 
-def _mechanism(entry: Mapping[str, Any]) -> Mechanism:
+def _mechanism(stored: _StoredMechanism) -> Mechanism:
     kinds = {kind.cause: kind for kind in VOCABULARY}
-    if entry["cause"] not in kinds:
-        raise ValueError(f"{entry['cause']!r} is no cause of the vocabulary")
-    kind = kinds[entry["cause"]]
-    values = []
-    for quantity in kind.quantities:
-        stored = entry["values"][quantity.name]
-        if stored["unit"] != quantity.unit:
-            raise ValueError(f"{quantity.name} of {kind.cause} is in {stored['unit']!r}, not in {quantity.unit!r}")
-        values.append(_finite(stored["value"]))
-    return kind(torch.tensor(values), {name: _finite(value) for name, value in entry["reference"].items()})
-
-
-def _finite(value: Any) -> float:
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"{number} is no number to go by")
-    return number
+    if stored.cause not in kinds:
+        raise ValueError(f"{stored.cause!r} is no cause of the vocabulary")
+    kind = kinds[stored.cause]
+    units = {quantity.name: quantity.unit for quantity in kind.quantities}
+    found = {name: value.unit for name, value in stored.values.items()}
+    if found != units:
+        raise ValueError(f"the quantities of {kind.cause} are {units}, by name and unit, not {found}")
+    values = [stored.values[name].value for name in units]
+    return kind(torch.tensor(values), stored.reference)
 
 
 class _Read(Mapping[str, Tensor]):

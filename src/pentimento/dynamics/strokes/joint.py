@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from scipy.optimize import minimize
 from torch import Tensor, nn
+from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
 from pentimento.dynamics.strokes.evaluation import mean_squared_error
 from pentimento.dynamics.strokes.extended import (
@@ -18,11 +22,10 @@ from pentimento.dynamics.strokes.extended import (
     predict_extended,
     spans,
 )
-from pentimento.dynamics.strokes.polish import polish
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, predict, weighted_l1
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
-from pentimento.planning.strokes.brush import LoopTiming
+from pentimento.planning.strokes.brush import StrokeTiming
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ def fit_jointly(
     causes: Sequence[Mechanism],
     training: MeasuredStrokes,
     validation: MeasuredStrokes,
-    timing: LoopTiming,
+    timing: StrokeTiming,
     config: TrainingConfig,
     log: Log,
 ) -> JointFit:
@@ -124,3 +127,34 @@ class _Joint(nn.Module):
 
 def _typical(mechanism: Mechanism | type[Mechanism]) -> Tensor:
     return torch.tensor([quantity.typical for quantity in mechanism.quantities])
+
+
+_HELD = "softness_raw"
+_STEP, _STEP_OF_VALUE = 0.1, 0.1
+"""The first simplex, in the parameters' own units and as a share of each."""
+_SAME_LOSS, _SAME_VALUE = 1e-4, 5e-3
+"""A simplex whose corners differ by less, of the loss and in the parameters' units, has converged."""
+_EVALUATIONS = 100
+"""At most, for each parameter."""
+
+
+def polish(model: torch.nn.Module, loss: Callable[[], Tensor]) -> None:
+    """Lower the loss of the model as it is over its parameters but softness, in place, by Nelder-Mead (1965).
+
+    The loss never rises. Parameters should count in units in which 0.1 is a small change.
+    """
+    parameters = [parameter for name, parameter in model.named_parameters() if not name.endswith(_HELD)]
+
+    def loss_of(values: NDArray[np.float64]) -> float:
+        vector_to_parameters(torch.from_numpy(values).float(), parameters)
+        return float(loss())
+
+    with torch.no_grad():
+        start = parameters_to_vector(parameters).double().numpy().copy()
+        corners = start + np.diag(_STEP + _STEP_OF_VALUE * np.abs(start))
+        options = {
+            "initial_simplex": np.vstack([start, corners]), "adaptive": True, "maxfev": _EVALUATIONS * len(start),
+            "fatol": _SAME_LOSS * loss_of(start), "xatol": _SAME_VALUE,
+        }  # fmt: skip
+        found = minimize(loss_of, start, method="Nelder-Mead", options=options)
+        vector_to_parameters(torch.from_numpy(found.x).float(), parameters)

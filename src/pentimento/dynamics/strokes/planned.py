@@ -15,7 +15,7 @@ from torch import Tensor
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, extended_mark, full_at_most
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import Array, LoopTiming, Marks, Pull, Span
+from pentimento.planning.strokes.brush import Array, Marks, Pull, Span, StrokeTiming
 from pentimento.robots.motion import ACCELERATION_M_S2
 from pentimento.robots.strokes import press_basis, shape_basis
 from pentimento.robots.tools import Tool
@@ -101,7 +101,7 @@ class TorchBrush:
         return self.model.fitted
 
     @property
-    def timing(self) -> LoopTiming:
+    def timing(self) -> StrokeTiming:
         """As recorded."""
         return self.model.timing
 

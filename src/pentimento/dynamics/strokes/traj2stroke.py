@@ -15,14 +15,14 @@ not black, and without it α, β and c would bend to make up for that.
 from __future__ import annotations
 
 import json
-import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ContractError
 
 _THINNEST_M = 1e-4
@@ -94,28 +94,17 @@ def read_parameters(path: Path) -> Traj2StrokeParameters:
     """Read a model's ``parameters.json``.
 
     Raises:
-        ContractError: the file is not there or does not hold these parameters as numbers in their ranges.
+        ContractError: the file is missing or does not hold these parameters as numbers in their ranges.
     """
     try:
-        fields: dict[str, Any] = json.loads(path.read_text())
-        pairs: dict[str, Any] = {name: tuple(fields.pop(name)) for name in ("scale", "offset_m")}
-        parameters = Traj2StrokeParameters(**pairs, **fields)
-        _check(parameters)
-        return parameters
-    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
+        parameters = from_plain(Traj2StrokeParameters, json.loads(path.read_text()), "the file")
+        if not (parameters.thickness_per_press >= 0 and parameters.softness >= 0 and 0 <= parameters.opacity <= 1):
+            raise ValueError("thickness_per_press and softness are 0 or more, opacity lies in [0, 1]")
+    except (OSError, ValueError, ContractError) as error:
         raise ContractError(
             f"{path} is not a stroke model ({error}): train one with the stage train_stroke_dynamics."
         ) from error
-
-
-def _check(parameters: Traj2StrokeParameters) -> None:
-    scale, offset, *single = astuple(parameters)
-    if len(scale) != 2 or len(offset) != 2:
-        raise ValueError("scale and offset_m are pairs")
-    if not all(isinstance(value, int | float) and math.isfinite(value) for value in (*scale, *offset, *single)):
-        raise ValueError("its parameters are not all finite numbers")
-    if not (parameters.thickness_per_press >= 0 and parameters.softness >= 0 and 0 <= parameters.opacity <= 1):
-        raise ValueError("thickness_per_press and softness are 0 or more, opacity lies in [0, 1]")
+    return parameters
 
 
 def _softplus_inverse(value: float) -> Tensor:

@@ -7,6 +7,7 @@ for values and for gradients. Arrays are float32.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -18,7 +19,8 @@ from pentimento.robots.tools import Tool
 Array = NDArray[np.float32]
 
 
-class Span(NamedTuple):
+@dataclass(frozen=True)
+class Span:
     """Range and mean of a column of the strokes contract over the strokes that a model was fitted to."""
 
     low: float
@@ -31,7 +33,8 @@ class Span(NamedTuple):
         return self.low, self.high
 
 
-class LoopTiming(NamedTuple):
+@dataclass(frozen=True)
+class StrokeTiming:
     """How long the robot takes between two strokes: medians over the recorded strokes, in seconds."""
 
     reach_s: float
@@ -69,7 +72,7 @@ class Brush(Protocol):
         """Every column of the strokes contract that the marks depend on. Empty where there is none."""
 
     @property
-    def timing(self) -> LoopTiming:
+    def timing(self) -> StrokeTiming:
         """Timing of the robot whose strokes the model was fitted to."""
 
     @property

@@ -26,9 +26,8 @@ from pentimento.contracts.covariates import (
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.strokes.brush import Brush, Span
 from pentimento.planning.strokes.paths import PlannedPaths
-from pentimento.robots.dipping import needs_dip
 from pentimento.robots.motion import ACCELERATION_M_S2
-from pentimento.robots.tools import Tool
+from pentimento.robots.tools import Tool, needs_dip
 
 Array = NDArray[np.float32]
 

@@ -1,1 +1,1 @@
-"""The clay half of the studio: a slab that yields, remembers and slides, and a scanner above it."""
+"""The clay half of the studio: a slab with a deformation history, and a scanner above it."""

@@ -1,32 +1,23 @@
-"""From the commanded push to where the tool's tip really goes.
+"""The true motion of the tool's tip for a commanded push.
 
-The commanded tip starts at the surface and sinks linearly while it travels (thesis 7.3.2). The gears have play
-(`tool_backlash`), the arm's zero lies lower or higher than it believes (`height_offset`), and the surface is
-found with an error.
+The commanded tip starts at the surface and sinks linearly while it travels (thesis 7.3.2). Errors: play of the gears
+(`tool_backlash`), an offset of the arm's zero height (`height_offset`), and the error of the measured surface height.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.studio.clay.world import Arm, ClayEffects, ToolShape
+from pentimento.studio.shared import Gears
 
 Array = NDArray[np.float64]
 
 STEP_M = 0.0004
 SINK_STEP_M = 0.00025
 MIN_STEPS = 12
-RESTING_STEPS = 8  # at the end of travel, in which the tool settles into what it has heaped up
-
-
-@dataclass(frozen=True)
-class Gears:
-    """Where the motors rest (x_m, y_m) and how far the driven side is off within its play, per axis."""
-
-    rest_m: tuple[float, float] = (0.0, 0.0)
-    play_offset_m: tuple[float, float] = (0.0, 0.0)
+RESTING_STEPS = 8  # at the end of travel, in which the tool settles into the displaced material
 
 
 def commanded_line(action: Array, surface_m: float) -> Array:
@@ -47,23 +38,23 @@ def executed_line(
     gears: Gears,
     rng: np.random.Generator,
 ) -> tuple[Array, Gears]:
-    """Where the tip goes for a command float64[M,3]; and the gears as they are left."""
+    """The tip's line for a command float64[M,3], and the gears after it."""
     seat_m, contact_m = arm.repeatability_m * rng.standard_normal(2), arm.contact_error_m * rng.standard_normal()
     line = command.copy()
-    play_offset_m = [0.0, 0.0]
+    play_m = [0.0, 0.0]
     for axis in (0, 1):
         half_m = 0.5 * effects.tool_backlash * arm.backlash_m[axis]
-        moved = np.diff(command[:, axis], prepend=gears.rest_m[axis])  # the way to the start counts
-        play_offset = gears.play_offset_m[axis]
+        moved = np.diff(command[:, axis], prepend=gears.rest_m[axis])  # the motion to the start counts
+        offset = gears.play_m[axis]
         for k, step_m in enumerate(moved):
-            play_offset = min(max(play_offset + step_m, -half_m), half_m)
-            line[k, axis] -= play_offset
-        play_offset_m[axis] = play_offset
+            offset = min(max(offset + step_m, -half_m), half_m)
+            line[k, axis] -= offset
+        play_m[axis] = offset
     from_centre = 2 * line[:, :2] / np.asarray(size_m) - 1  # -1..1
     sag = from_centre @ np.asarray(arm.offset_tilt_m) + 0.3 * arm.offset_m * (from_centre**2).sum(axis=1)
     line[:, 2] -= effects.height_offset * (arm.offset_m + sag) + contact_m
     line[:, :2] += seat_m
-    rest = Gears((float(command[-1, 0]), float(command[-1, 1])), (play_offset_m[0], play_offset_m[1]))
+    rest = Gears((float(command[-1, 0]), float(command[-1, 1])), (play_m[0], play_m[1]))
     return line, rest
 
 
@@ -86,7 +77,7 @@ def finger_lines(tool: ToolShape, line: Array, action: Array) -> list[tuple[Arra
 
 
 def encoder_path(command: Array, action: Array, speed_m_s: float, arm: Arm, rng: np.random.Generator) -> Array:
-    """What the encoders see, float64[M,5] t_s, x_m, y_m, z_m, yaw_rad: they sit before the play and the give."""
+    """Encoder readings, float64[M,5] t_s, x_m, y_m, z_m, yaw_rad; they include neither play nor compliance."""
     step_m = np.hypot(*np.diff(command[:, :2], axis=0, prepend=command[:1, :2]).T)
     times = np.cumsum(np.maximum(step_m / speed_m_s, 0.004))
     noise = arm.encoder_noise_m * rng.standard_normal(command.shape)

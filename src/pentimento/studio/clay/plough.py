@@ -1,8 +1,8 @@
-"""A tool ploughing through the height field: what it meets yields, sinks in or is pushed aside.
+"""A tool ploughing through the height field, in small steps along the tip's line.
 
-In small steps along the tip's line: the slab pushes back and the arm gives way; what still stands above the
-tool's underside is taken off; a part of that volume vanishes (crushed pores), a part is set aside for far
-places, and the rest is heaped up around the contact, ahead of it more than behind it.
+At each step the slab's reaction lifts the arm. Material above the tool's underside is removed. Of its volume a part is
+lost (crushed pores), a part is set aside for the far field, and the rest is heaped up around the contact in angular
+sectors, more ahead of the tool than behind it.
 
 Grids are float64[H,W] with row 0 at the top; places are (column, row) in cells, heights metres.
 """
@@ -13,11 +13,82 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.studio.clay.heap import SECTORS, bearing, heap
-
 Array = NDArray[np.float64]
 
-HALVINGS = 11
+SECTORS = 48  # of the contact's edge, 7.5 degrees each
+OPEN_M = 0.0008  # a groove this deep takes hardly any of what is displaced
+
+
+@njit(cache=True, error_model="numpy")
+def bearing(along: float, across: float) -> float:
+    """Direction in sectors, 0..SECTORS; sector k is centred at k."""
+    return (math.atan2(across, along) / (2 * math.pi) + 0.5) * SECTORS
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_m(edge_m: Array, along: float, across: float) -> float:
+    """The contact's edge [m] in a direction, between the centres of two sectors."""
+    toward = bearing(along, across)
+    k = int(toward)
+    share = toward - k
+    return (1.0 - share) * edge_m[k % SECTORS] + share * edge_m[(k + 1) % SECTORS]
+
+
+@njit(cache=True, error_model="numpy")
+def heap(
+    height: Array,
+    pre: Array,
+    column: float,
+    row: float,
+    heading: Array,
+    contact_m: Array,
+    cell_m: float,
+    rim_m: float,
+    forward: float,
+    amount_m: float,
+) -> float:
+    """Lay `amount_m` (metres times cells) around the contact; returns the part for which no cell was free."""
+    rows, columns = height.shape
+    edge_m = np.empty(SECTORS)
+    widest = 0.0
+    for s in range(SECTORS):
+        edge_m[s] = max(contact_m[s - 1], contact_m[s], contact_m[(s + 1) % SECTORS], 0.5 * cell_m)
+        widest = max(widest, edge_m[s])
+    reach = int((widest + 3.2 * rim_m) / cell_m) + 1
+    first_row, first_column = int(row) - reach, int(column) - reach
+    weight = np.zeros((2 * reach + 2, 2 * reach + 2))
+    total = 0.0
+    for i in range(weight.shape[0]):
+        r = first_row + i
+        if r < 0 or r >= rows:
+            continue
+        for j in range(weight.shape[1]):
+            c = first_column + j
+            if c < 0 or c >= columns:
+                continue
+            dx, dy = (c - column) * cell_m, (r - row) * cell_m
+            along, across = dx * heading[0] + dy * heading[1], dy * heading[0] - dx * heading[1]
+            distance = math.hypot(dx, dy)
+            beyond = (distance - _edge_m(edge_m, along, across)) / rim_m
+            if beyond <= 0.0 or beyond > 3.0:
+                continue
+            facing = along / max(distance, 1e-9)
+            toward = (1.0 - forward) + forward * (0.5 + 0.5 * facing) ** 1.5
+            # The groove behind the tool stays open.
+            open_groove = math.exp(-max(pre[r, c] - height[r, c], 0.0) / OPEN_M)
+            w = (beyond + 0.25) * math.exp(-(beyond**1.5)) * toward * open_groove
+            weight[i, j] = w
+            total += w
+    if total <= 0.0:
+        return amount_m
+    for i in range(weight.shape[0]):
+        for j in range(weight.shape[1]):
+            if weight[i, j] > 0.0:
+                height[first_row + i, first_column + j] += amount_m * weight[i, j] / total
+    return 0.0
+
+
+HALVINGS = 11  # of the bisection: 20 mm to 10 µm
 TOUCH_M = 5e-5  # gap that still sticks
 ROUND_TO = 0.97  # share of the rounding's radius beyond which the sides are straight
 
@@ -95,7 +166,7 @@ def touched(height: Array, tip: Array, heading: Array, shape: Array, cell_m: flo
 
 @njit(cache=True, error_model="numpy")
 def _pad_m(depth_m: float, hardness: float, firming_m: float, give_m_per_pa: float) -> float:
-    """How far a soft tool's surface yields where the material reaches `depth_m` above it."""
+    """Compression of a soft tool's surface where the material reaches `depth_m` above it."""
     if give_m_per_pa == 0.0 or depth_m <= 0.0:
         return 0.0
     first = give_m_per_pa * hardness * (1.0 - math.exp(-depth_m / firming_m))
@@ -118,7 +189,7 @@ def _arm_lift_m(
     firming_m: float,
     softness: float,
 ) -> float:
-    """How far arm and slab give way: where their springs balance what the material bears."""
+    """Elastic lift of arm and slab at the balance of their springs with the material's reaction (bisection)."""
     if give_m_per_n == 0.0:
         return 0.0
     low, high = 0.0, 0.02
@@ -152,7 +223,7 @@ def _force_n(
         for c in range(max(int(column - reach), 0), min(int(column + reach) + 2, columns)):
             dx, dy = (c - column) * cell_m, (r - row) * cell_m
             under = z_m + underside_m(dx * heading[0] + dy * heading[1], dy * heading[0] - dx * heading[1], shape)
-            # What the tool has just pressed flat still bears it.
+            # Material that has just been pressed flat still bears the tool.
             if height[r, c] > under - 1e-6:
                 depth = max(height[r, c], pre[r, c]) - under
                 force += hardness[r, c] * (1.0 - math.exp(-max(depth, 0.0) / firming_m))
@@ -180,7 +251,7 @@ def _press(
     softness: float,
     volume: Array,
 ) -> None:
-    """Take off what stands above the tool's underside, and heap up what is left of it around the contact."""
+    """Remove the material above the tool's underside and heap up the kept part of it around the contact."""
     rows, columns = height.shape
     reach = (max(shape[0], shape[1]) + 0.003) / cell_m
     contact_m = np.zeros(SECTORS)
@@ -189,11 +260,11 @@ def _press(
         for c in range(max(int(column - reach), 0), min(int(column + reach) + 2, columns)):
             dx, dy = (c - column) * cell_m, (r - row) * cell_m
             along, across = dx * heading[0] + dy * heading[1], dy * heading[0] - dx * heading[1]
-            own = underside_m(along, across, shape)
-            under = z_m + own
+            shape_m = underside_m(along, across, shape)
+            under = z_m + shape_m
             depth = max(height[r, c], pre[r, c]) - under
             # A soft tool is thickest, and so softest, at its tip.
-            give = shape[4] * max(1.0 - own / shape[2], 0.0)
+            give = shape[4] * max(1.0 - shape_m / shape[2], 0.0)
             under += _pad_m(depth, hardness[r, c] * softness, firming_m, give)
             over = height[r, c] - under
             if over <= -1e-6:
@@ -203,7 +274,7 @@ def _press(
             if over <= 0.0:
                 continue
             height[r, c] = under
-            # Pores that are closed already swallow nothing.
+            # Pores that are closed already take no volume.
             lost += over * crush / (1.0 + strain[r, c] / crushing_strain)
             strain[r, c] += over / max(pre[r, c], 0.005)
             moved += over

@@ -1,7 +1,7 @@
 """The structured-light scanner: a camera straight above the tray, a projector at its side.
 
-It sees heights with noise that grows on slopes, in steps, and not at all where the light does not reach
-(shadow), grazes the surface, or is lost.
+Heights have noise that grows on slopes and are quantised. Nothing is measured in shadow, where the light grazes the
+surface, and at random dropouts.
 """
 
 import math
@@ -11,19 +11,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.studio.clay.surface import smooth_field
+from pentimento.studio.clay.slab import smooth_field
 from pentimento.studio.clay.world import Scanner
 
 Array = NDArray[np.float64]
 
 
 def table_plane(scanner: Scanner) -> Array:
-    """a, b, c of the table's height a x + b y + c in the scan, as it really is."""
+    """True a, b, c of the table's height a x + b y + c in the scan."""
     return np.array([*scanner.tilt, scanner.lift_m])
 
 
-def believed_plane(scanner: Scanner, rng: np.random.Generator) -> Array:
-    """The same as the scanner was calibrated."""
+def calibrated_plane(scanner: Scanner, rng: np.random.Generator) -> Array:
+    """The same as calibrated, with an error."""
     return np.asarray(table_plane(scanner) * (1.0 + scanner.plane_error * rng.standard_normal(3)))
 
 

@@ -1,4 +1,4 @@
-"""The clay studio itself: a slab that remembers what was done to it, a rack of tools and a scanner."""
+"""The clay studio: the state of a slab, a rack of tools and a scanner, changed by commands."""
 
 import copy
 import math
@@ -8,29 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.scan import Scan
-from pentimento.studio.clay.air import Air, air_at, hardness_factor
+from pentimento.contracts.observations import Scan
 from pentimento.studio.clay.motion import (
     RESTING_STEPS,
-    Gears,
     commanded_line,
     encoder_path,
     executed_line,
     finger_lines,
 )
 from pentimento.studio.clay.plough import plough, touched
-from pentimento.studio.clay.recovery import draw_peak, elastic_m, firm_m, rise_far, spring_back
-from pentimento.studio.clay.scanner import believed_plane, scan_height_m
-from pentimento.studio.clay.slide import run_off
-from pentimento.studio.clay.surface import cells_shape, fresh_surface, smooth_field
+from pentimento.studio.clay.recovery import draw_peak, elastic_m, firm_m, rise_far, run_off, spring_back
+from pentimento.studio.clay.scanner import calibrated_plane, scan_height_m
+from pentimento.studio.clay.slab import Air, air_at, cells_shape, fresh_surface, hardness_factor, smooth_field
 from pentimento.studio.clay.world import ClayWorld, ToolShape
-from pentimento.studio.seeds import Item, item_rng
+from pentimento.studio.shared import Gears, Item, item_rng
 
 Array = NDArray[np.float64]
 
 SMOOTHING_S, TOOL_CHANGE_S = 45.0, 20.0
 REFERENCE_SPEED_M_S = 0.02
-BULB_M = 0.003  # how far beside and below the contact the material is worked, too
+BULB_M = 0.003  # distance around the contact within which the material is worked, too
 TOUCHED_M = 1e-4
 
 
@@ -43,15 +40,15 @@ class ClayStudio:
         self._cell_m = world.slab.size_m[0] / self._shape[1]
         self.clock_s = 0.0
         self.lost_m3 = 0.0
-        """Volume that crushed pores have swallowed since the last smoothing."""
+        """Volume lost to crushed pores since the last smoothing."""
         self._counts = dict.fromkeys(Item, 0)
         self._gears = Gears()
         self._tool_name: str | None = None
-        self._plane = believed_plane(world.scanner, self._next(Item.TABLE))
+        self._plane = calibrated_plane(world.scanner, self._next(Item.TABLE))
         self._place_slab()
 
     def in_world(self, world: ClayWorld) -> "ClayStudio":
-        """A copy of this studio as it stands, in which the physics of another world (of the same slab) goes on."""
+        """A copy of this studio in its present state, with the physics of another world of the same slab."""
         counterfactual = copy.deepcopy(self)
         counterfactual._world = world
         return counterfactual
@@ -78,7 +75,7 @@ class ClayStudio:
         self._tool_name = tool_name
 
     def smooth(self) -> None:
-        """Knead the material and smooth it: what was done to it is forgotten, though not its age."""
+        """Knead and smooth the material: its deformation is erased, its age is kept."""
         self._place_slab()
         self.clock_s += SMOOTHING_S
 
@@ -87,7 +84,7 @@ class ClayStudio:
     ) -> Array:
         """Push (or pinch, with a gripper): float64[5] action of the contract, from a surface of this height.
 
-        Returns the tip as the encoders saw it, float64[M,5] t_s, x_m, y_m, z_m (above the table), yaw_rad.
+        Returns the encoder readings of the tip, float64[M,5] t_s, x_m, y_m, z_m (above the table), yaw_rad.
         """
         action = _checked(action, (surface_m, speed_m_s, dwell_s, retract_speed_m_s))
         world, effects, rng = self._world, self._world.effects, self._next(Item.PUSH)
@@ -123,7 +120,7 @@ class ClayStudio:
         return Scan(measured, window, self._plane.copy(), self._world.scanner.name, self.clock_s)
 
     def air(self) -> Air:
-        """What the room's thermometer and hygrometer show now."""
+        """The readings of the room's thermometer and hygrometer."""
         air = self._air(self.clock_s)
         noise = item_rng(self._seed, Item.ROOM, 1 + round(self.clock_s * 1000)).standard_normal(2)
         return Air(air.temperature_c + 0.1 * float(noise[0]), air.humidity + 0.004 * float(noise[1]))
@@ -135,11 +132,11 @@ class ClayStudio:
         self.clock_s += seconds
 
     def truth_height_m(self) -> Array:
-        """The surface without any scanner, float64[rows,columns]: what a test may look at and no model."""
+        """The surface without a scanner, float64[rows,columns]; for tests, never for a model."""
         return self._height.copy()
 
     def truth_volume_m3(self) -> float:
-        """Volume above the table, likewise."""
+        """Volume above the table; for tests, never for a model."""
         return float(self._height.sum()) * self._cell_m**2
 
     def _next(self, kind: Item) -> np.random.Generator:
@@ -199,7 +196,7 @@ class ClayStudio:
         return touched(self._height, resting, heading, shape, self._cell_m)
 
     def _recover(self, pre: Array, worked: Array, volume: Array, travel: Array, dwell_s: float) -> None:
-        """Springback, then what was set aside comes up far away."""
+        """Springback, then the rise of the far field."""
         material, effects = self._world.material, self._world.effects
         setting = 0.45 * (1.0 - math.exp(-dwell_s / material.setting_s))
         dent = np.maximum(pre - self._height, 0.0)
@@ -225,7 +222,7 @@ class ClayStudio:
             self._height = draw_peak(self._height, contact, peak_m, self._cell_m)
 
     def _settle(self, pre: Array, rng: np.random.Generator) -> None:
-        """Too steep slopes run off; the touched surface is rough; what lies around the contact was worked, too."""
+        """Steep slopes run off, the touched surface gets rough, and material around the contact is worked, too."""
         material, effects = self._world.material, self._world.effects
         changed = np.abs(self._height - pre) > TOUCHED_M
         if changed.any():

@@ -1,15 +1,13 @@
-"""What a hidden world of clay consists of, and how it is read from a world file (TOML).
+"""A hidden world of clay: slab, material, arm, scanner, room, effects. Metres, seconds, radians.
 
-As in `studio/world.py`: one table for each section of `ClayWorld`, `base = "other.toml"` beside them, metres,
-seconds, radians. `[tools.NAME]` is one end-effector of the rack.
+`[tools.NAME]` of a world file is one end-effector of the rack.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.studio.sections import check_keys, parse_section, read_sections, world_path
+from pentimento.studio.shared import read_world
 
 CLAY_WORLDS = Path(__file__).with_name("worlds")
 
@@ -28,7 +26,7 @@ class Slab:
 
 @dataclass(frozen=True)
 class Material:
-    """How the material answers. What an effect of the vocabulary does is given for its strength 1."""
+    """The material's response. Quantities of an effect are given for its strength 1."""
 
     name: str
     hardness_pa: float  # pressure that a deep tool meets
@@ -37,13 +35,13 @@ class Material:
     mottle_m: float
     rim_m: float  # distance over which displaced material heaps up beside the tool
     bow_wave: float  # 0: rims all round, 1: all displaced material ahead of and beside a moving tool
-    steepest: float  # slope that no surface of it keeps
+    steepest: float  # maximum slope of any surface
     tear_m: float  # roughness that the tool leaves behind it
     rebound_m: float  # springback: height that deep dents recover
-    rebound: float  # springback: share that shallow dents recover
-    setting_s: float  # springback: dwell after which a part of it is gone
-    crush: float  # volume_loss: share of the displaced volume that fresh material swallows
-    crushing_strain: float  # volume_loss: plastic strain after which it swallows half as much
+    rebound: float  # springback: share of their depth that shallow dents recover
+    setting_s: float  # springback: time constant of its loss during a dwell
+    crush: float  # volume_loss: share of the displaced volume that is lost in fresh material
+    crushing_strain: float  # volume_loss: plastic strain after which half as much is lost
     repose: float  # slope_slide: slope that it comes to rest at
     avalanche: float  # slope_slide: slope that sets it off, over `repose`
     far_share: float  # far_field: share of the displaced volume that comes up far away
@@ -62,7 +60,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Arm:
-    """Errors of the arm, and what of the slab and the arm gives way elastically."""
+    """Errors of the arm, and the elastic compliance of arm and slab."""
 
     give_m_per_n: float
     contact_error_m: float  # of the surface's height at the start of a push (standard deviation)
@@ -95,7 +93,7 @@ class Scanner:
 
 @dataclass(frozen=True)
 class Room:
-    """The air. Both wander slowly, and the room's sensors see them with a little noise."""
+    """The air. Temperature and humidity drift slowly; the room's sensors measure them with a little noise."""
 
     temperature_c: float
     temperature_swing_k: float
@@ -106,7 +104,7 @@ class Room:
 
 @dataclass(frozen=True)
 class ClayEffects:
-    """Strength of each cause, 0 none and 1 believable: the gap finder's vocabulary, then three outside it."""
+    """Strength of each cause, 0 none and 1 realistic: the diagnosis's vocabulary, then three causes outside it."""
 
     springback: float
     volume_loss: float
@@ -150,29 +148,16 @@ class ClayWorld:
 def load_clay_world(name_or_path: str | Path) -> ClayWorld:
     """World from a world file: a name such as `foam` (shipped), or the path of a `.toml` file.
 
-    Raises ConfigError where the file is missing, or a key is missing, unknown or of the wrong type.
+    Raises:
+        ConfigError: see `read_world`; or a size, a count or a strength out of range.
     """
-    path = world_path(name_or_path, CLAY_WORLDS)
-    sections = read_sections(path, CLAY_WORLDS)
-    types = get_type_hints(ClayWorld)
-    check_keys(sections, types, f"world file {path}", "section")
-    tools = _rack(sections.pop("tools"), path)
-    del types["tools"]
-    parts: dict[str, Any] = {key: parse_section(types[key], sections[key], f"[{key}] of {path}") for key in types}
-    return _possible(ClayWorld(**parts, tools=tools), path)
-
-
-def _rack(tools: dict[str, Any], path: Path) -> dict[str, ToolShape]:
-    return {name: parse_section(ToolShape, tool, f"[tools.{name}] of {path}") for name, tool in tools.items()}
-
-
-def _possible(world: ClayWorld, path: Path) -> ClayWorld:
+    world, where = read_world(ClayWorld, name_or_path, CLAY_WORLDS), f"World file {name_or_path}"
     if min(*world.slab.size_m, world.slab.height_m) <= 0 or min(world.slab.cells, world.scanner.pixels) < 8:
         raise ConfigError(
-            f"World file {path}: the slab is {world.slab.size_m} m by {world.slab.height_m} m high in "
+            f"{where}: the slab is {world.slab.size_m} m by {world.slab.height_m} m high in "
             f"{world.slab.cells} cells, scanned in {world.scanner.pixels} pixels; sizes are above 0, counts at least 8."
         )
     negative = [name for name, strength in vars(world.effects).items() if strength < 0]
     if negative:
-        raise ConfigError(f"World file {path}: the strength of {', '.join(negative)} is below 0; 0 switches it off.")
+        raise ConfigError(f"{where}: the strength of {', '.join(negative)} is below 0; 0 switches it off.")
     return world

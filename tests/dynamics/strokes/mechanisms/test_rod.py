@@ -5,8 +5,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from pentimento.dynamics.strokes.mechanisms.orientation_width import OrientationWidth
-from pentimento.dynamics.strokes.mechanisms.rod import FEWEST_POINTS, direction, swept
+from pentimento.dynamics.strokes.mechanisms.orientation_width import FEWEST_POINTS, OrientationWidth, direction, swept
 from pentimento.dynamics.strokes.simulation import StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 

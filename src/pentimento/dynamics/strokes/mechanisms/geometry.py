@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from pentimento.dynamics.strokes.simulation import NotObservable, StrokeContext, View
+from pentimento.dynamics.strokes.traj2stroke import Mark
 
 SESSION = ("order", "tool_age_m", "t_before_s", "t_start_s", "t_after_s")
 """Columns that tell how far a session has gone."""
@@ -223,3 +224,18 @@ def pixel_places(view: View, image: Tensor) -> Tensor:
     x = x_min + (torch.arange(width) + 0.5) / k
     y = y_max - (torch.arange(height) + 0.5) / k
     return torch.stack([x[:, None, :].expand(-1, height, -1), y[:, :, None].expand(-1, -1, width)], dim=-1)
+
+
+_HARDEST = 0.05
+
+
+def bleed(mark: Mark, softening: Tensor, spreading: Tensor) -> Mark:
+    """The mark with a softness ``exp(softening)`` times as large, and everything ``exp(spreading)`` times as wide."""
+    softer = mark.softness.clamp(min=_HARDEST) * torch.exp(softening)
+    wider = mark.radius_m * _half_reach(mark.softness) / _half_reach(softer) * torch.exp(spreading)
+    return mark._replace(radius_m=wider, softness=softer)
+
+
+def _half_reach(softness: Tensor) -> Tensor:
+    """Share of the radius at which a stroke is half as dark as on its path: (1 - D/R)^c = 1/2."""
+    return 1 - torch.exp2(-1 / softness.clamp(min=_HARDEST))

@@ -9,8 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.dynamics.strokes.mechanisms.bleeding import bleed
-from pentimento.dynamics.strokes.mechanisms.geometry import column, recorded
+from pentimento.dynamics.strokes.mechanisms.geometry import bleed, column, recorded
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pentimento.dynamics.strokes.mechanisms.bleeding import bleed
-from pentimento.dynamics.strokes.mechanisms.geometry import SESSION, column, recorded
+from pentimento.dynamics.strokes.mechanisms.geometry import SESSION, bleed, column, recorded
 from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pentimento.studio.paper import absorbency_field, grain_field, spread, surface_height_m
-from tests.studio.worlds import world_with
+from pentimento.studio.strokes.sheet import absorbency_field, grain_field, spread, surface_height_m
+from tests.studio.strokes.worlds import world_with
 
 PAPER = world_with().paper
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pentimento.studio.paint import film_over, lay_film, pigment, refresh
-from pentimento.studio.world import load_world
+from pentimento.studio.strokes.sheet import film_over, lay_film, pigment, refresh
+from pentimento.studio.strokes.world import load_world
 
 ACRYLIC, INK = load_world("plain").paint, load_world("marker").paint
 

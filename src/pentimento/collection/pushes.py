@@ -9,15 +9,19 @@ that their repeats differ by noise and by slow drifts alone (docs/diagnosis.md Â
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
-from pentimento.robots.end_effectors import EndEffector
-from pentimento.robots.sculpting import span_m
+from pentimento.control.execute import Session
+from pentimento.control.execute_push import execute_push, levelled_m, record_push
+from pentimento.robots.driver import SculptingRobot, span_m
+from pentimento.robots.tools import EndEffector
 
 FloatArray = NDArray[np.float64]
 
@@ -168,3 +172,106 @@ def _action(
         f"The {end_effector.name} finds no room for a push on {area_m} m: shorten travel in its file or lower "
         "collect_pushes.edge_m."
     )
+
+
+def collect_pushes(
+    robot: SculptingRobot,
+    end_effector: EndEffector,
+    material: str,
+    config: PushCollectionConfig,
+    log: Callable[[str, float, int], None],
+) -> list[dict[str, Any]]:
+    """Make the pushes of ``design_pushes``; rows of the ``pushes`` contract in their order.
+
+    ``log("change_mm2", mean squared change, i)`` is called after every push.
+    """
+    robot.change_tool(end_effector)
+    commands = design_pushes(end_effector, robot.area_m, config)
+    session = Session(f"{material}-{end_effector.name}-{config.seed}", robot.clock_s)
+    rows: list[dict[str, Any]] = []
+    smoothings, since, surface_m = -1, 0, float("nan")
+    for order, command in enumerate(commands):
+        if command.smooth:
+            robot.smooth()
+            smoothings, since = smoothings + 1, 0
+        before = robot.scan()
+        if command.smooth:
+            surface_m = float(np.nanmedian(levelled_m(before)))
+        executed = execute_push(
+            robot,
+            end_effector,
+            command.action,
+            before=before,
+            speed_m_s=command.speed_m_s,
+            dwell_s=command.dwell_s,
+            retract_speed_m_s=command.retract_speed_m_s,
+        )
+        row = record_push(
+            session, order, command.action_id, end_effector=end_effector, material=material, executed=executed
+        )
+        rows.append(
+            row
+            | {
+                "surface_height_m": surface_m,
+                "reset_id": smoothings,
+                "pushes_since_reset": since,
+                "tool_id": f"{end_effector.name}_0",
+            }
+        )
+        since += 1
+        change_mm = 1000 * (executed.after.height_m - before.height_m)
+        log("change_mm2", float(np.nanmean(change_mm**2)), order)
+    return rows
+
+
+Array = NDArray[Any]
+
+
+def volume_figures(before_m: Array, after_m: Array, known: Array, reset_id: Array) -> dict[str, float]:
+    """Mass conservation of the measured data, shares of the slab's volume as seen in both scans.
+
+    Args:
+        before_m, after_m: [N, H, W] heights above the table in metres.
+        known: bool[N, H, W], measured in both.
+        reset_id: [N], which rows lie between the same two smoothings; NaN = unknown.
+
+    Returns:
+        Mean and standard deviation of the relative change of volume by a push, the mean share of a dent's volume
+        that came up nowhere, and, where smoothings are known, the mean relative change from one to the last push before
+        the next.
+    """
+    change = np.where(known, after_m - before_m, 0.0).astype(np.float64)
+    held = np.where(known, before_m, 0.0).sum(axis=(1, 2), dtype=np.float64)
+    gained = change.sum(axis=(1, 2))
+    dented = -np.minimum(change, 0.0).sum(axis=(1, 2))
+    relative = gained / held
+    figures = {
+        "volume_change_mean": float(relative.mean()),
+        "volume_change_sd": float(relative.std()),
+        "dent_volume_lost": float(-gained.sum() / dented.sum()) if dented.any() else 0.0,
+    }
+    between = [
+        _change_of_volume(before_m[rows[0]], after_m[rows[-1]], known[rows[0]] & known[rows[-1]])
+        for group in np.unique(reset_id[np.isfinite(reset_id)])
+        if len(rows := np.flatnonzero(reset_id == group))
+    ]
+    return figures | ({"volume_change_between_smoothings": float(np.mean(between))} if between else {})
+
+
+def _change_of_volume(first_m: Array, last_m: Array, known: Array) -> float:
+    return float(last_m[known].sum(dtype=np.float64) / first_m[known].sum(dtype=np.float64) - 1.0)
+
+
+def repeat_floor_mm2(before_m: Array, after_m: Array, known: Array, action_id: Array) -> float | None:
+    """How far the changes [N, H, W] of repeated actions scatter about their mean: unbiased variance over the scan.
+
+    It holds the noise of both scans. None where no action is repeated.
+    """
+    change_mm = 1000.0 * (after_m - before_m).astype(np.float64)
+    scatters = []
+    for action in np.unique(action_id):
+        rows = np.flatnonzero(action_id == action)
+        seen = known[rows].all(axis=0)
+        if len(rows) > 1 and seen.any():
+            scatters.append(float(change_mm[rows][:, seen].var(axis=0, ddof=1).mean()))
+    return float(np.mean(scatters)) if scatters else None

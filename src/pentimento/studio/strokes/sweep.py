@@ -1,4 +1,4 @@
-"""The bundle swept over the sheet: bristles lay paint down, level it, and take wet paint along."""
+"""The bundle swept over the sheet: bristles lay paint down, level it, and pick up wet paint."""
 
 import numpy as np
 from numba import njit
@@ -9,11 +9,11 @@ Field = NDArray[np.float32]
 
 TOUCH_M = 0.00025  # press over which a bristle comes to bear fully
 LEVELLING = 0.30  # share of the way to its film that a cell goes at one full touch
-LIFTING = 0.18  # the same where the bristle finds more paint than it would leave: streaks stay behind it
+LIFTING = 0.18  # the same where a cell has more paint than the bristle would leave, which makes streaks
 LEVEL = 0.01  # difference of thickness that does not make paint flow
 THIRST = 0.6  # load at which a bristle lays down half of what it could
 HELD = 4.0  # volume at a bristle's end: about a nominal film over the area that it covers
-FEED = 0.012  # share of a bristle's deficit that the belly makes good in one step
+FEED = 0.012  # share of a bristle's deficit that the belly refills in one step
 
 
 @njit(cache=True, error_model="numpy")
@@ -41,7 +41,7 @@ def sweep(
     pickup: float,
     swell: float,
 ) -> None:
-    """Move the bundle along its drag and let paint flow, in place. Lengths are cells of the window's grid.
+    """Move the bundle along its drag and transfer paint, in place. Lengths are cells of the window's grid.
 
     film: float32[h,w,7] this stroke's paint: volume (nominal thickness times cells), K[3], S[3]; wet:
     float32[h,w,7] the layer on the sheet, liquid: float32[h,w] its liquid share, grain: float32[h,w];
@@ -86,7 +86,7 @@ def sweep(
             depth = 0.4 * touch + 0.8 * supply + 0.4 * way / (way + 0.5) - 0.1
             r, c = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
             if pickup > 0 and 0 <= r < rows and 0 <= c < columns and wet[r, c, 0] > 0.02:
-                _take_along(wet, liquid[r, c], colour, b, r, c, pickup * rate)
+                _pick_up(wet, liquid[r, c], colour, b, r, c, pickup * rate)
             _touch_sheet(film, grain, roughness, x, y, radius, rate, target, depth, colour, load, bristle_cells[b], b)
 
 
@@ -141,10 +141,8 @@ def _touch_sheet(
 
 
 @njit(cache=True, error_model="numpy")
-def _take_along(wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float) -> None:
-    """Exchange with the wet layer, volume for volume: the bristle's paint goes into the sheet and the
-    sheet's into it.
-    """
+def _pick_up(wet: Field, liquid: float, colour: Array, b: int, r: int, c: int, pickup: float) -> None:
+    """Exchange paint between the bristle and the wet layer, volume for volume."""
     share = pickup * liquid
     moved = share * wet[r, c, 0]
     dilution = moved / (moved + HELD)

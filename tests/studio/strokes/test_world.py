@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.studio.world import WORLDS, load_world
+from pentimento.studio.strokes.world import WORLDS, load_world
 
 NAMES = sorted(path.stem for path in WORLDS.glob("*.toml") if path.stem != "table")
 VOCABULARY = {
@@ -40,11 +40,11 @@ def test_a_file_overrides_its_base_key_by_key(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[effects]\nlattency = 1.0\n", "Unknown key lattency"),
-        ("[clay]\nyield = 1.0\n", "Unknown section clay"),
-        ('[robot]\nlatency_s = "fast"\n', "'latency_s'"),
-        ("[paper]\nsize_m = [0.3]\n", "'size_m'"),
-        ('[tool]\nkind = "spoon"\n', "'kind'"),
+        ("[effects]\nlattency = 1.0\n", r"unknown keys \['lattency'\]"),
+        ("[clay]\nyield = 1.0\n", r"unknown keys \['clay'\]"),
+        ('[robot]\nlatency_s = "fast"\n', "robot.latency_s is 'fast'"),
+        ("[paper]\nsize_m = [0.3]\n", "paper.size_m is .* a list of 2"),
+        ('[tool]\nkind = "spoon"\n', "tool.kind is 'spoon'; it must be one of"),
         ("seed = 3\n", "'seed' outside a section"),
     ],
 )
@@ -54,7 +54,7 @@ def test_mistakes_are_named(tmp_path: Path, text: str, words: str) -> None:
 
 
 def test_missing_sections_and_files_and_circles_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="Missing section"):
+    with pytest.raises(ConfigError, match="missing keys"):
         load_world(_write(tmp_path, "[effects]\n"))
     with pytest.raises(ConfigError, match="round_brush"):
         load_world("round_brsh")

@@ -9,9 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pentimento.contracts.colour import linear_to_srgb, to_uint8
 from pentimento.contracts.markers import DICTIONARY, MarkerLayout
-from pentimento.studio.paper import CELLS_PER_M
-from pentimento.studio.world import Camera, Effects
+from pentimento.studio.strokes.sheet import CELLS_PER_M
+from pentimento.studio.strokes.world import Camera, Effects
 
 LEVELS = 4096  # of the table from linear light to sRGB bytes
 
@@ -21,9 +22,9 @@ Plane = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """What stays the same between two photos.
+    """What is constant between photos.
 
-    column, row: float32[h,w] where each pixel of the frame looks on the scene; light: float32[h,w,3]
+    column, row: float32[h,w], the place on the scene that each pixel of the frame sees; light: float32[h,w,3]
     exposure, white balance, vignetting and uneven light together; blur_px: optical blur in the frame.
     """
 
@@ -36,9 +37,7 @@ class Optics:
 def table_scene(
     canvas_size_m: tuple[float, float], layout: MarkerLayout, margin_m: float, rng: np.random.Generator
 ) -> tuple[Field, tuple[int, int]]:
-    """Table with printed markers as float32[H,W,3] linear light, and the (row, column) of the sheet's first
-    cell.
-    """
+    """Table with printed markers, float32[H,W,3] linear light, and the (row, column) of the sheet's first cell."""
     margin = round(margin_m * CELLS_PER_M)
     rows, columns = (round(s * CELLS_PER_M) + 2 * margin for s in reversed(canvas_size_m))
     noise = rng.standard_normal((rows, columns // 30 + 2), dtype=np.float32)
@@ -58,7 +57,7 @@ def table_scene(
 
 
 def make_optics(camera: Camera, effects: Effects, canvas_size_m: tuple[float, float]) -> Optics:
-    """Where each pixel looks, and how much light it gets."""
+    """For each pixel, the place on the scene that it sees and the light that it gets."""
     size_m = np.asarray(canvas_size_m) + 2 * camera.margin_m
     width, height = (int(np.ceil(s * camera.pixels_per_m)) for s in size_m)
     half = 0.5 * math.hypot(width, height)
@@ -89,7 +88,7 @@ def _through_lens(x: Plane, y: Plane, camera: Camera, strength: float) -> tuple[
 
 
 def _onto_table(u: Plane, v: Plane, camera: Camera) -> tuple[Plane, Plane]:
-    """A slightly turned camera that looks from the table's front edge."""
+    """Rotation and perspective of a camera at the table's front edge."""
     c, s = math.cos(camera.rotation_rad), math.sin(camera.rotation_rad)
     u, v = c * u - s * v, s * u + c * v
     depth = 1 + camera.keystone * (v + 0.3 * u)
@@ -129,9 +128,7 @@ def _digitise(
     srgb: NDArray[np.uint8],
     out: NDArray[np.uint8],
 ) -> None:
-    """Shot noise grows with the signal, read noise is always there. `normal` holds the quantiles of a
-    normal deviate.
-    """
+    """Shot noise, which grows with the signal, and read noise; then 8-bit sRGB. `normal` holds normal quantiles."""
     top, shot32, read2 = np.float32(srgb.size - 1), np.float32(shot), np.float32(read * read)
     for r in range(out.shape[0]):
         for c in range(out.shape[1]):
@@ -140,12 +137,6 @@ def _digitise(
                 signal += np.sqrt(shot32 * signal + read2) * normal[chance[r, c, i] >> 4]
                 level = min(max(signal, np.float32(0)), np.float32(1)) * top
                 out[r, c, i] = srgb[int(level + np.float32(0.5))]
-
-
-def _srgb_bytes() -> NDArray[np.uint8]:
-    linear = np.linspace(0, 1, LEVELS)
-    srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255 * srgb).astype(np.uint8)
 
 
 def _normal_quantiles() -> Field:
@@ -157,4 +148,4 @@ def _normal_quantiles() -> Field:
 
 
 _NORMAL = _normal_quantiles()
-_SRGB_BYTES = _srgb_bytes()
+_SRGB_BYTES = to_uint8(linear_to_srgb(np.linspace(0.0, 1.0, LEVELS)))

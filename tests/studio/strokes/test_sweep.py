@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pentimento.studio.sweep import sweep
+from pentimento.studio.strokes.sweep import sweep
 
 BRISTLES = 40
 

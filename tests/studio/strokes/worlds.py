@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import World, load_world
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import World, load_world
 
 BLACK = (0.1, 0.1, 0.1)
 SCALE = 4000.0  # pixels a metre of the pictures that the tests look at

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.markers import DICTIONARY, markers_around
-from pentimento.studio.camera import make_optics
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
-from tests.studio.worlds import BLACK, straight, world_with
+from pentimento.studio.strokes.camera import make_optics
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
+from tests.studio.strokes.worlds import BLACK, straight, world_with
 
 
 def _markers(frame: np.ndarray) -> dict[int, np.ndarray]:

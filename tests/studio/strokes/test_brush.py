@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.studio.brush import DAB_STEPS, Drag, drag, make_bundle
-from pentimento.studio.motion import Gears, execute
-from pentimento.studio.world import load_world
-from tests.studio.worlds import arc, straight, world_with
+from pentimento.studio.strokes.brush import DAB_STEPS, Drag, drag, make_bundle
+from pentimento.studio.strokes.motion import Gears, execute
+from pentimento.studio.strokes.world import load_world
+from tests.studio.strokes.worlds import arc, straight, world_with
 
 
 def _drag(path: np.ndarray, base: str = "plain", worn_m: float = 0.0, **strengths: float) -> Drag:

@@ -1,4 +1,4 @@
-"""The studio itself: a sheet, a tool and a camera that remember what was done to them."""
+"""The studio: the state of a sheet, a tool and a camera, changed by commands."""
 
 import cv2
 import numpy as np
@@ -7,37 +7,39 @@ from numpy.typing import ArrayLike, NDArray
 from pentimento.contracts.colour import srgb_to_linear
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.markers import markers_around
-from pentimento.contracts.photo import Photo
-from pentimento.studio.brush import DAB_STEPS, Drag, drag, make_bundle
-from pentimento.studio.camera import expose, make_optics, table_scene
-from pentimento.studio.motion import Gears, Tip, execute
-from pentimento.studio.paint import lay_film, pigment, refresh
-from pentimento.studio.paper import (
+from pentimento.contracts.observations import Photo
+from pentimento.studio.shared import Gears, Item, item_rng
+from pentimento.studio.strokes.brush import DAB_STEPS, Drag, drag, make_bundle
+from pentimento.studio.strokes.camera import expose, make_optics, table_scene
+from pentimento.studio.strokes.motion import Tip, execute
+from pentimento.studio.strokes.sheet import (
     BLEED_M,
     CELLS_PER_M,
     WICKING_M_PER_SQRT_S,
     absorbency_field,
     grain_field,
+    lay_film,
+    pigment,
+    refresh,
     sheet_shape,
     spread,
     surface_height_m,
 )
-from pentimento.studio.seeds import Item, item_rng
-from pentimento.studio.sweep import sweep
-from pentimento.studio.world import World
+from pentimento.studio.strokes.sweep import sweep
+from pentimento.studio.strokes.world import World
 
 PHOTO_S, DIP_S, WIPE_S, SHEET_S = 1.0, 5.0, 4.0, 20.0
-RINSED = 0.015  # of the old paint that is left in the bristles after a wipe, at full mixing strength
-SLOWEST_M_S = 0.008  # a tool that hardly moves does not wick without end
-ENDLESS = 1e-30  # a load so large that no stroke changes its floating-point number
+RINSED = 0.015  # share of the old paint left in the bristles after a wipe, at full mixing strength
+MIN_SPEED_M_S = 0.008  # bounds the wicking of a tool that hardly moves
+NO_DEPLETION = 1e-30  # strength that makes the load so large that no stroke changes its floating-point number
 BLACK_SRGB = (0.2, 0.195, 0.205)
 
 
 class Studio:
     """A virtual world under one seed: the same commands give the same bytes.
 
-    A marker begins with fresh black ink, a brush clean and dry; `dip` loads it (and hands a marker's holder
-    a fresh pen of that colour).
+    A marker begins with fresh black ink, a brush clean and dry. `dip` loads it, and
+    replaces a marker by a fresh pen of that colour.
     """
 
     def __init__(self, world: World, seed: int) -> None:
@@ -84,20 +86,17 @@ class Studio:
         self.clock_s += DIP_S
 
     def wipe(self) -> None:
-        """Wash and dry the tool; a little of the paint stays between the bristles. A marker is left as it
-        is.
-        """
+        """Wash and dry the tool; a little paint stays between the bristles. A marker is not changed."""
         if self._world.tool.kind != "marker":
             self._load[:], self._belly[0] = 0.0, 0.0
             self._held = False
         self.clock_s += WIPE_S
 
     def stroke(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Execute a commanded path, float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; returns what the encoders
-        measured.
+        """Execute a commanded path, float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; returns the encoder readings [N,5].
 
-        Raises ContractError for a path of another shape, with numbers that are not finite, or with times
-        that do not increase.
+        Raises:
+            ContractError: a path of another shape, a number that is not finite, or times that do not increase.
         """
         path = _checked(path)
         world, rng = self._world, self._next(Item.STROKE)
@@ -126,7 +125,7 @@ class Studio:
         self.clock_s += seconds
 
     def truth_image(self, pixels_per_m: float) -> NDArray[np.float64]:
-        """The sheet without any camera, float64[H,W,3] linear light: what a test may look at and no model."""
+        """The sheet without a camera, float64[H,W,3] linear light; for tests, never for a model."""
         self._look()
         width, height = (round(s * pixels_per_m) for s in self.canvas_size_m)
         interpolation = cv2.INTER_AREA if pixels_per_m <= CELLS_PER_M else cv2.INTER_LINEAR
@@ -166,7 +165,7 @@ class Studio:
         self._held = True
 
     def _mark(self, moved: Drag) -> None:
-        """Let the bundle lay its paint down along its drag."""
+        """Lay the bundle's paint down along its drag."""
         world, tool = self._world, self._world.tool
         rows, columns = self._painted_s.shape
         centre = moved.patch * CELLS_PER_M - 0.5
@@ -180,7 +179,7 @@ class Studio:
         window = slice(low[1], high[1]), slice(low[0], high[0])
         liquid = np.exp((self._painted_s[window] - np.float32(self.clock_s)) / np.float32(world.paint.drying_s))
         film = np.zeros((*liquid.shape, 7), dtype=np.float32)
-        volume = tool.capacity_m2 * CELLS_PER_M**2 / max(world.effects.ink_depletion, ENDLESS)
+        volume = tool.capacity_m2 * CELLS_PER_M**2 / max(world.effects.ink_depletion, NO_DEPLETION)
         bristle = np.full(tool.bristles, volume * (1 - tool.belly) / tool.bristles)
         sweep(
             film, self._wet[window], liquid, self._grain[window], world.paper.grain,
@@ -198,13 +197,11 @@ class Studio:
         self._seen_liquid[window][film[..., 0] > 0] = 2.0
 
     def _reach_cells(self, moved: Drag, window: tuple[slice, slice]) -> NDArray[np.float32]:
-        """How far the stroke's paint flows, float32[h,w]: by itself, by the paper, and by the time that the
-        tool stays.
-        """
+        """Distance that the stroke's paint flows, float32[h,w] cells: by levelling, bleed and contact time."""
         effects, tool = self._world.effects, self._world.tool
         absorbed = effects.paper_bleed * BLEED_M * self._absorbency[window]
         inside = moved.press_m > 0
-        speed = max(float(np.median(moved.speed_m_s[inside])) if inside.any() else 0.0, SLOWEST_M_S)
+        speed = max(float(np.median(moved.speed_m_s[inside])) if inside.any() else 0.0, MIN_SPEED_M_S)
         stay_s = 2 * tool.half_thickness_m / speed
         wicked = effects.speed_bleed * WICKING_M_PER_SQRT_S * np.sqrt(stay_s)
         further = np.float32(np.hypot(wicked, self._world.paint.levelling_m))

@@ -1,8 +1,8 @@
-"""From the commanded path to where the tool's tip really goes.
+"""The true motion of the tool's tip for a commanded path.
 
-The errors come in the order of the machine: the servo follows its command late (`latency`), the gears have
-play (`backlash`), the frame in which the arm believes is scaled and shifted against the sheet
-(`path_scale`, `path_offset`). Encoders sit on the motors, so that they see the first of these only.
+Errors are applied in the order of the machine. The servo follows its command late (`latency`). The gears have play
+(`backlash`). The arm's frame is scaled and shifted against the sheet (`path_scale`, `path_offset`). Encoders sit on the
+motors, so that they measure the latency only.
 """
 
 from dataclasses import dataclass
@@ -11,9 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.studio.world import Effects, Robot
+from pentimento.studio.shared import Gears
+from pentimento.studio.strokes.world import Effects, Robot
 
-STEP_M = 0.00032  # a bristle covers about two of these at a time
+STEP_M = 0.00032  # between samples of the motion; a bristle's diameter is about two of them
 MAX_STEPS = 6000
 DEAD_TIME_SHARE = 0.4  # of the latency; the rest is the servo's own
 
@@ -21,19 +22,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Gears:
-    """Where the motors rest (x_m, y_m) and how far the driven side is off within its play, per axis."""
-
-    rest_m: tuple[float, float] = (0.0, 0.0)
-    play_offset_m: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True)
 class Tip:
     """The tip's true motion in the canvas frame, at uniform time steps.
 
     pose: float64[M,4] x_m, y_m, z_m, yaw_rad; speed_m_s: float64[M]; encoders: float64[N,5] as the command;
-    gears: as they are left.
+    gears: after the motion.
     """
 
     pose: Array
@@ -50,7 +43,7 @@ def execute(
     gears: Gears,
     rng: np.random.Generator,
 ) -> Tip:
-    """Let the arm execute `path` (float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; t increasing, all finite)."""
+    """The tip's motion for a command `path` (float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; t increasing, all finite)."""
     encoder_noise = rng.standard_normal((len(path), 3)) * robot.encoder_noise_m
     seat_m = rng.standard_normal(2) * robot.repeatability_m
     command, step_s = _resample(path)
@@ -66,16 +59,16 @@ def execute(
                 followed[:, axis],
             )
     encoders = _read_encoders(path, followed, step_s, encoder_noise)
-    # The way to the stroke's start counts: it decides on which side the gears rest.
-    xy, play_offset = np.vstack([gears.rest_m, followed[:, :2]]), [0.0, 0.0]
+    # The motion to the stroke's start counts: it decides on which side of their play the gears rest.
+    xy, play_m = np.vstack([gears.rest_m, followed[:, :2]]), [0.0, 0.0]
     for axis in (0, 1):
         half_play_m = 0.5 * effects.backlash * robot.backlash_m[axis]
-        play_offset[axis] = _play(xy[:, axis], half_play_m, gears.play_offset_m[axis])
+        play_m[axis] = _play(xy[:, axis], half_play_m, gears.play_m[axis])
     xy = xy[1:]
     xy = _misplace(xy, path[0, 1:3], robot, effects, canvas_size_m) + seat_m
     speed = np.hypot(*np.gradient(xy, axis=0).T) / step_s
     pose = np.column_stack([xy, followed[:, 2:]])
-    rest = Gears((float(followed[-1, 0]), float(followed[-1, 1])), (play_offset[0], play_offset[1]))
+    rest = Gears((float(followed[-1, 0]), float(followed[-1, 1])), (play_m[0], play_m[1]))
     return Tip(pose, speed, encoders, rest)
 
 
@@ -91,9 +84,7 @@ def _resample(path: Array) -> tuple[Array, float]:
 
 @njit(cache=True)
 def _follow(command: Array, step_s: float, dead_s: float, servo_s: float, out: Array) -> None:
-    """Dead time, then a critically damped servo that trails a ramp by `servo_s` (its 2/omega), stepped
-    finely enough.
-    """
+    """Dead time, then a critically damped servo with the ramp lag `servo_s` = 2/omega, integrated in substeps."""
     omega = 2.0 / servo_s
     substeps = int(np.ceil(step_s * omega / 0.04))
     h = step_s / substeps
@@ -114,23 +105,22 @@ def _follow(command: Array, step_s: float, dead_s: float, servo_s: float, out: A
 
 
 @njit(cache=True)
-def _play(position: Array, half_play_m: float, play_offset_m: float) -> float:
-    """Play operator in place: the driven side moves only when the driver has crossed the gap. Returns the
-    last play offset.
+def _play(position: Array, half_play_m: float, offset_m: float) -> float:
+    """Play operator, in place: the driven side moves only when the motor has crossed the gap.
+
+    Returns the last offset of the driven side.
     """
-    play_offset = min(max(play_offset_m, -half_play_m), half_play_m)
+    offset = min(max(offset_m, -half_play_m), half_play_m)
     last = position[0]
     for k in range(position.size):
-        play_offset = min(max(play_offset + last - position[k], -half_play_m), half_play_m)
+        offset = min(max(offset + last - position[k], -half_play_m), half_play_m)
         last = position[k]
-        position[k] = last + play_offset
-    return play_offset
+        position[k] = last + offset
+    return offset
 
 
 def _misplace(xy: Array, start: Array, robot: Robot, effects: Effects, canvas_size_m: tuple[float, float]) -> Array:
-    """Scale about the stroke's start, then shift; the shift turns slightly over the sheet, as a bad
-    registration does.
-    """
+    """Scale about the stroke's start, then shift; the shift rotates over the sheet as a registration error does."""
     scale = 1 + effects.path_scale * (np.asarray(robot.scale) - 1)
     centre = 0.5 * np.asarray(canvas_size_m)
     relative = (xy - centre) / centre[0]

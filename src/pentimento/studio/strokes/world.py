@@ -1,15 +1,10 @@
-"""What a hidden world consists of, and how it is read from a world file (TOML).
-
-A world file has one table for each section of `World`. `base = "other.toml"` beside the tables takes every
-key that the file does not set from another world file of the same folder. Lengths are metres, times
-seconds, angles radians.
-"""
+"""A hidden world of painting: paper, camera, arm, tool, paint, effects. Metres, seconds, radians."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_type_hints
+from typing import Literal
 
-from pentimento.studio.sections import check_keys, parse_section, read_sections, world_path
+from pentimento.studio.shared import read_world
 
 WORLDS = Path(__file__).with_name("worlds")
 
@@ -103,7 +98,7 @@ class Paint:
 
 @dataclass(frozen=True)
 class Effects:
-    """Strength of each cause of the gap finder's vocabulary: 0 none, 1 believable."""
+    """Strength of each cause of the diagnosis's vocabulary: 0 none, 1 realistic."""
 
     ink_depletion: float
     speed_width: float
@@ -141,10 +136,7 @@ class World:
 def load_world(name_or_path: str | Path) -> World:
     """World from a world file: a name such as `round_brush` (shipped), or the path of a `.toml` file.
 
-    Raises ConfigError where the file is missing, or a key is missing, unknown or of the wrong type.
+    Raises:
+        ConfigError: see `read_world`.
     """
-    path = world_path(name_or_path, WORLDS)
-    sections = read_sections(path, WORLDS)
-    types = get_type_hints(World)
-    check_keys(sections, types, f"world file {path}", "section")
-    return World(**{key: parse_section(types[key], sections[key], f"[{key}] of {path}") for key in types})
+    return read_world(World, name_or_path, WORLDS)

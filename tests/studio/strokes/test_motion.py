@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pentimento.studio.motion import Gears, Tip, execute
-from tests.studio.worlds import straight, world_with
+from pentimento.studio.strokes.motion import Gears, Tip, execute
+from tests.studio.strokes.worlds import straight, world_with
 
 SIZE = (0.3, 0.2)
 

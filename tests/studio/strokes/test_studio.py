@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
-from pentimento.studio.studio import Studio
-from pentimento.studio.world import load_world
-from tests.studio.worlds import (
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
+from tests.studio.strokes.worlds import (
     BLACK,
     SCALE,
     arc,

@@ -1,4 +1,4 @@
-"""A bundle of bristles: what it is made of, and how the tip bends, splays and drags it over the sheet."""
+"""A bundle of bristles: its shape at rest, and how it bends, splays and drags over the sheet."""
 
 from dataclasses import dataclass
 
@@ -6,29 +6,28 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.studio.motion import Tip
-from pentimento.studio.world import Effects, Tool
+from pentimento.studio.strokes.motion import Tip
+from pentimento.studio.strokes.world import Effects, Tool
 
 MENISCUS_M = 0.00015  # paint bulges out of the tip and touches before the bristles do
-CLEAR_M = -0.0012  # "press" at which no bristle touches
+CLEAR_M = -0.0012  # press (negative: above the sheet) at which no bristle touches
 DAB_STEPS = 8  # steps in which the tool comes down on the sheet and leaves it
 STICTION = 0.12  # a resting patch lets the bristles bend by this share more before it breaks loose
 STRAIGHTENING_M = 0.005  # bent bristles straighten within this distance when press is released
 FLICK = 0.03  # share of the bend that they recover in one step of leaving the sheet
-BEND_WIDENING = 0.45
-BEND_RADIUS_M = 0.014
-SPEED_SCALE_M_S = 0.09
+BEND_WIDENING = 0.45  # swing of the outer bristles in a tight bend, over their distance from the centre
+BEND_RADIUS_M = 0.014  # radius of a bend at which half of it is reached
+SPEED_SCALE_M_S = 0.09  # speed at which the speed effects are half developed
 _STILL_M = 1e-7  # in one step
 _SMOOTHED = 15  # points, about 3 mm
-WEAR_WIDENING = 0.4
+WEAR_WIDENING = 0.4  # relative, of a worn-out tip
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """The bristles at rest: places in units of the tip's half extents, extra height of each one's end, and
-    its wetting.
+    """The bristles at rest: place in units of the tip's half extents, extra height of the end, and wetting.
 
     place: float64[B,2] in [-1,1]; short_m: float64[B]; wetting: float64[B] relative film that it lays down.
     """
@@ -40,7 +39,7 @@ class Bundle:
 
 @dataclass(frozen=True)
 class Drag:
-    """How the bundle's contact patch travels, in metres of the canvas frame.
+    """Motion of the bundle's contact patch, in metres of the canvas frame.
 
     patch: float64[M,2] centre; press_m: float64[M]; frame: float64[M,2,2] maps a bristle's place at rest to
     its displacement from the centre; outer: float64[M,2] displacement added per unit of place on the outer
@@ -57,32 +56,32 @@ class Drag:
 
 
 def make_bundle(tool: Tool, rng: np.random.Generator) -> Bundle:
-    """Bristles over the tip's cross-section: a disc, or a rectangle with rounded corners for a flat tool.
+    """Bristles over the tip's cross-section: a disc, or a superellipse for a flat tool.
 
-    The bundle is alike to the left and right of its middle, and before and behind it: bristles are twins. At every
-    press the print then lies evenly around the tip. One off its middle would draw as if it trailed, and one askew as
-    if it cut corners: causes that no world means to hide.
+    The bundle is symmetric about both axes of its cross-section, so that at every press the contact patch is centred at
+    the tip. An asymmetric bundle would add offsets along and across the stroke that look like `bristle_lag`, which
+    the world file does not set.
     """
-    places, counterfactual = _scatter(tool, rng)
-    first = places[np.unique(counterfactual, return_index=True)[1]]
+    places, mirror_set = _scatter(tool, rng)
+    first = places[np.unique(mirror_set, return_index=True)[1]]
     # Bristles stick together in tufts: their lengths and loads vary smoothly over the cross-section.
     tuft = _smooth_noise(first, rng)
     short = tool.dome_m * _rim_distance(tool, first) ** 2 - MENISCUS_M
     short += tool.raggedness_m * (0.85 * tuft + 0.5 * rng.standard_normal(len(first)))
     wetting = 0.85 * np.exp(0.45 * _smooth_noise(first, rng) + 0.3 * rng.standard_normal(len(first)))
-    return Bundle(places, short[counterfactual], wetting[counterfactual])
+    return Bundle(places, short[mirror_set], wetting[mirror_set])
 
 
 def _scatter(tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Blue-noise-like places [B, 2], and which set of twins each belongs to [B].
+    """Blue-noise-like places [B, 2], and the number of the mirror set of each [B].
 
-    Twins are a place and its mirror images, four together. What of the tool's bristles is left over is one in the
-    middle, two on its broad axis, or both. Each set is the one of a few candidates that is farthest from those before
-    it and from itself.
+    A mirror set is a place and its mirror images, four in all. The remainder of the bristle count is one place in the
+    middle, two on the broad axis, or both. Each set is the one of six candidates that is farthest from the sets before
+    it and whose places are farthest from each other.
     """
     aspect = tool.half_thickness_m / tool.half_width_m
     mirrors = np.array([[1, 1], [-1, -1], [-1, 1], [1, -1]])
-    places, counterfactual = np.zeros((0, 2)), np.zeros(0, dtype=int)
+    places, mirror_set = np.zeros((0, 2)), np.zeros(0, dtype=int)
     sizes = ([1] if tool.bristles % 2 else []) + ([2] if tool.bristles % 4 > 1 else []) + [4] * (tool.bristles // 4)
     for number, size in enumerate(sizes):
         candidates = rng.uniform(-1, 1, (24, 2)) * {1: (0, 0), 2: (1, 0), 4: (1, 1)}[size]
@@ -92,8 +91,8 @@ def _scatter(tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
         gaps = np.square((candidates[:, None] - others) * (1.0, aspect)).sum(axis=2)
         best = int(np.argmax(gaps.min(axis=1, initial=np.inf)))
         places = np.concatenate([places, sets[best]])
-        counterfactual = np.concatenate([counterfactual, np.full(size, number)])
-    return places, counterfactual
+        mirror_set = np.concatenate([mirror_set, np.full(size, number)])
+    return places, mirror_set
 
 
 def _rim_distance(tool: Tool, place: Array) -> Array:
@@ -128,7 +127,7 @@ def drag(tip: Tip, surface_m: Array, tool: Tool, effects: Effects, worn_m: float
 
 
 def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
-    """Add the tool's coming down and leaving: xy, press, yaw, speed, each [M + 2 DAB_STEPS]."""
+    """Motion with the touch-down and the lift-off added: xy, press, yaw, speed, each [M + 2 DAB_STEPS]."""
     press = np.asarray(surface_m - tip.pose[:, 2])
     down, up = (np.linspace(min(CLEAR_M, end), end, DAB_STEPS, endpoint=False) for end in (press[0], press[-1]))
     press = np.concatenate([down, press, up[::-1]])
@@ -141,11 +140,9 @@ def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
 
 @njit(cache=True)
 def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, friction: Array) -> tuple[Array, Array]:
-    """The patch sticks until the bent bristles pull hard enough, then slides towards the tip until they
-    pull less.
+    """Stick-slip of the patch: it sticks until the bent bristles pull hard enough, then slides towards the tip.
 
-    Returns its centre [M,2] and the bend, tip minus patch over the largest trail (zero without a trail)
-    [M,2].
+    Returns its centre [M,2] and the bend [M,2]: tip minus patch over the largest trail, zero without a trail.
     """
     count = press.size
     patch = tip.copy()
@@ -164,12 +161,12 @@ def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, f
             hold = target
         else:
             hold += (target - hold) * (1 - (1 - FLICK) * np.exp(-moved / STRAIGHTENING_M))
-        leash_m = hold * (1 + 0.06 * friction[k])
+        trail = hold * (1 + 0.06 * friction[k])
         dx, dy = tip[k, 0] - x, tip[k, 1] - y
         distance = np.hypot(dx, dy)
-        limit = leash_m * (1 + STICTION) if resting else leash_m
+        limit = trail * (1 + STICTION) if resting else trail
         if distance > limit and distance > 0:
-            slide = (distance - leash_m) * (0.35 if resting else 0.8)
+            slide = (distance - trail) * (0.35 if resting else 0.8)
             x += dx / distance * slide
             y += dy / distance * slide
             resting = False
@@ -181,14 +178,15 @@ def _drag_patch(tip: Array, press: Array, trail_m: float, half_press_m: float, f
 
 
 def _course(patch: Array) -> tuple[Array, Array]:
-    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's way, smoothed over ~3 mm. Where
-    it rests, those of the way that it goes on with, and at last of the way that it came.
+    """Unit heading [M,2] and signed curvature [M] (left positive, 1/m) of the patch's path, smoothed over about 3 mm.
+
+    Where the patch rests, they are those of the next moving step, or of the last one at the end.
     """
     going = np.flatnonzero(np.hypot(*np.diff(patch, axis=0).T) > _STILL_M)
     if going.size < 2:
         return np.tile((1.0, 0.0), (len(patch), 1)), np.zeros(len(patch))
     way = patch[np.append(going, going[-1] + 1)]
-    # Beyond its ends the way goes on as it came, or its smoothed ends would be bent and too short.
+    # The path is extended by reflection; otherwise smoothing would bend and shorten its ends.
     size = min(_SMOOTHED, 2 * (len(way) // 4) + 1)
     beyond = np.pad(way, ((size // 2, size // 2), (0, 0)), mode="reflect", reflect_type="odd")
     smooth = np.stack([np.convolve(line, np.full(size, 1 / size), mode="valid") for line in beyond.T], axis=1)
@@ -219,7 +217,7 @@ def _speed_thinning(speed: Array, tool: Tool, strength: float) -> Array:
 
 
 def _wear_widening(worn_m: float, tool: Tool, strength: float) -> float:
-    """A used tip spreads for good, quickly at first."""
+    """A used tip spreads permanently, quickly at first."""
     return 1 + strength * WEAR_WIDENING * (1 - (1 + worn_m / tool.wear_m) ** -1.3)
 
 
@@ -231,13 +229,13 @@ def _footprint(tool: Tool, effects: Effects, yaw: Array, heading: Array, bend: A
     mean = 0.5 * (tool.half_width_m + tool.half_thickness_m) if tool.kind != "flat" else 0.72 * tool.half_width_m
     half = mean * (np.array([tool.half_width_m, tool.half_thickness_m]) / mean) ** effects.orientation_width
     c, s = np.cos(yaw), np.sin(yaw)
-    # With no oblong shape left, what is square in a bundle turns with the stroke, not with the arm.
+    # Without orientation dependence the rest of the bundle's anisotropy turns with the stroke, not with the arm.
     if effects.orientation_width == 0:
         c, s = -heading[:, 1], heading[:, 0]
     frame = np.empty((len(yaw), 2, 2))
     frame[:, 0, 0], frame[:, 0, 1] = c * half[0], -s * half[1]
     frame[:, 1, 0], frame[:, 1, 1] = s * half[0], c * half[1]
-    # Bristles that are bent lie down along their bend.
+    # Bent bristles lie along their bend.
     amount = np.hypot(bend[:, 0], bend[:, 1])
     axis = bend / np.maximum(amount, 1e-9)[:, None]
     stretch = (

@@ -1,0 +1,1 @@
+"""The painting half of the studio: a sheet, a brush or pen, and a camera."""
