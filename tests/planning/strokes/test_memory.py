@@ -97,7 +97,7 @@ def test_foreseen_is_what_execution_records() -> None:
     robot.load_palette(palette)
     session, memory, rows = Session("s", robot.clock_s), fresh_memory(SIZE_M, BRUSH.nominal_width_m), []
     for stroke in to_planned(strokes, BRUSH, POINTS):
-        memory, done = execute_stroke(robot, BRUSH, stroke, palette, memory, session)
+        memory, done = execute_stroke(robot, BRUSH, stroke, palette_srgb=palette, memory=memory, session=session)
         rows.append(done.covariates | {"t_start_s": done.event.t_start_s, "order": len(rows)})
     seen = planned_covariates(strokes, BRUSH, brush(), START, names=ALL)
     assert [row["since_reload"] for row in rows] == [0, 1, 2, 3, 0, 1, 0, 1, 2]

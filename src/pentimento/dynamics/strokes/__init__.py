@@ -1,1 +1,1 @@
-"""How a tool marks the canvas: models of single strokes, trained on strokes that the robot has made."""
+"""Stroke dynamics: models of the mark that a single stroke leaves, trained on recorded strokes."""

@@ -51,14 +51,14 @@ def render_strokes(
         radius, density, softness: [B, S, N]; radius in px.
         color: [B, S, 3], linear light.
         canvas: [B, H, W, 3], linear light; with ``pickup`` [B, H, W, 4], the last channel being wetness, 0 to 1.
-        pickup: [B, S], the share of wet paint that each stroke picks up on its way; None: none.
+        pickup: [B, S], the share of wet paint that each stroke picks up; None: none.
 
     Returns:
         The images, of the canvas's shape, where the points are.
 
     Raises:
-        RenderInputError: shapes do not fit, a value is not finite, memory would not hold the ink, or it is asked of a
-            GPU what that cannot do.
+        RenderInputError: shapes do not fit, a value is not finite, memory is too small for the strokes, or the GPU
+            renderer does not support the input.
     """
     if points.is_cuda:
         return _render_on_gpu(points, radius, density, softness, color, canvas, pickup)
@@ -78,8 +78,8 @@ def _render_on_gpu(
 ) -> Tensor:
     if pickup is not None:
         raise RenderInputError(
-            "A tool that picks up paint carries it from tile to tile, which the GPU's renderer does not do: move the "
-            "tensors to the CPU."
+            "The GPU renderer does not support paint pickup, which moves paint between tiles: move the tensors to the "
+            "CPU."
         )
     try:
         from pentimento.dynamics.strokes.triton_kernel import render_triton

@@ -1,4 +1,8 @@
-"""How well a stroke model foretells photographs: IoU of the inked pixels, L1 and MSE over sRGB."""
+"""Scores of a stroke model's predicted photographs (IoU of inked pixels, L1 and MSE over sRGB), and two baselines.
+
+The baselines are blank paper and a polyline: the commanded path drawn with one width and one opacity, fitted to the
+strokes. Every score of a stroke model is reported beside the polyline's.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +58,7 @@ def mean_squared_error(predicted: Tensor, samples: StrokeSamples) -> float:
 
 
 def predict_with(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
-    """The photographs that a model foretells, sRGB [B, H, W, 3]."""
+    """The photographs that a model predicts, sRGB [B, H, W, 3]."""
     with torch.no_grad():
         return predict(Traj2Stroke(parameters), samples)
 
@@ -65,15 +69,16 @@ def score_model(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> St
 
 
 HARD_EDGE = 1e-3
+"""Softness c of a pen whose mark has a sharp rim."""
 
 
 def constant_width(half_width_m: float, opacity: float) -> Traj2StrokeParameters:
-    """A polyline pen with a hard edge, in Traj2Stroke's terms."""
+    """A polyline pen with a hard edge, as parameters of Traj2Stroke."""
     return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1e-4, half_width_m, HARD_EDGE, opacity)
 
 
 def fit_polyline(error: Callable[[Traj2StrokeParameters], float]) -> Traj2StrokeParameters:
-    """The pen whose ``error`` on the strokes at hand is least."""
+    """The pen with the smallest ``error``."""
     width, opacity = 2e-3, 0.95
     for _ in range(2):  # width and opacity hardly interact: two rounds of line searches settle them
         found = minimize_scalar(

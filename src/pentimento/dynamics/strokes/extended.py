@@ -1,7 +1,7 @@
-"""The stroke model that everything plans with: Traj2Stroke, extended by the causes that a diagnosis established.
+"""The stroke model that planning uses: Traj2Stroke, extended by the causes that a diagnosis established.
 
-With no cause it is Traj2Stroke. Its causes are mechanisms of the vocabulary at the values that a joint fit found.
-``path_scale`` and ``path_offset`` are never among them: Traj2Stroke has both as parameters (the thesis's m and b).
+Without causes it is Traj2Stroke. Its causes are mechanisms of the vocabulary with the values of a joint fit.
+``path_scale`` and ``path_offset`` are never among them: they are parameters of Traj2Stroke (the thesis's m and b).
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from pentimento.planning.strokes.brush import Span, StrokeTiming
 BASE_CAUSES = ("path_scale", "path_offset")
 """Causes that are parameters of Traj2Stroke."""
 _PAINTED = 0.15
-"""Difference from the paper, linear light, at which a pixel counts as wholly painted."""
+"""Difference from the paper, linear light, at which a pixel counts as fully painted."""
 
 
 @dataclass(frozen=True)
 class StrokeModel:
-    """A base and what extends it."""
+    """A base model and the mechanisms that extend it."""
 
     parameters: Traj2StrokeParameters
     mechanisms: tuple[Mechanism, ...]
     fitted: Mapping[str, Span]
-    """Every column that the mechanisms read."""
+    """Range of every covariate that the mechanisms read."""
     timing: StrokeTiming
 
     def mark(self) -> Traj2Stroke:
@@ -46,12 +46,12 @@ class StrokeModel:
 
 
 def base_model(parameters: Traj2StrokeParameters) -> StrokeModel:
-    """A model that nothing extends."""
+    """A model without mechanisms."""
     return StrokeModel(parameters, (), {}, StrokeTiming(0.0, 0.0))
 
 
 class MeasuredStrokes(NamedTuple):
-    """Samples with all that mechanisms may read."""
+    """Samples with the covariates that mechanisms may read."""
 
     samples: StrokeSamples
     covariates: dict[str, Tensor]
@@ -84,13 +84,13 @@ def picks_up(mechanisms: Sequence[Mechanism], color: Tensor, context: StrokeCont
 
 
 def painted(before_linear: Tensor) -> Tensor:
-    """How much paint lies on each pixel, 0 to 1, [B, H, W]: by the difference from each window's paper."""
+    """Paint on each pixel, 0 to 1, [B, H, W], by the difference from the colour of each window's paper."""
     paper = before_linear.flatten(1, 2).quantile(0.9, dim=1)[:, None, None]
     return ((before_linear - paper).abs().amax(-1) / _PAINTED).clamp(0.0, 1.0)
 
 
 def columns_read(mechanisms: Sequence[Mechanism], strokes: MeasuredStrokes) -> list[str]:
-    """Which columns the mechanisms' effects depend on, in alphabetical order."""
+    """The covariates that the mechanisms read, in alphabetical order."""
     few = strokes.pick(torch.arange(1))
     columns = _Read(few.context.covariates)
     context, color = few.context._replace(covariates=columns), torch.zeros(1, 1, 3)
@@ -104,7 +104,7 @@ def columns_read(mechanisms: Sequence[Mechanism], strokes: MeasuredStrokes) -> l
 
 
 def spans(names: Sequence[str], strokes: MeasuredStrokes) -> dict[str, Span]:
-    """The range of each column where it is known."""
+    """The range of each covariate over the strokes for which it is known."""
     found = {}
     for name in names:
         values = strokes.covariates[name]
@@ -114,7 +114,7 @@ def spans(names: Sequence[str], strokes: MeasuredStrokes) -> dict[str, Span]:
 
 
 def timing_of(covariates: Mapping[str, Tensor]) -> StrokeTiming:
-    """Read off when photographs before strokes were taken and strokes began; 0 where that was not recorded."""
+    """Medians from the recorded times of photographs and of strokes' starts; 0 where they were not recorded."""
     if not {"t_start_s", "t_before_s", "since_reload"} <= set(covariates):
         return StrokeTiming(0.0, 0.0)
     between, dipped = covariates["t_start_s"] - covariates["t_before_s"], covariates["since_reload"] == 0
@@ -197,7 +197,7 @@ def _mechanism(stored: _StoredMechanism) -> Mechanism:
 
 
 class _Read(Mapping[str, Tensor]):
-    """Columns that remember which of them were asked for."""
+    """Covariates that record which of them were read."""
 
     def __init__(self, columns: Mapping[str, Tensor]) -> None:
         self._columns, self.read = columns, set[str]()

@@ -1,4 +1,10 @@
-"""Fit Traj2Stroke and the causes that extend it jointly, by the loop that trained Traj2Stroke alone."""
+"""Joint fit of Traj2Stroke and the mechanisms that extend it: gradient descent, then Nelder-Mead.
+
+The last step is a search without gradients from the end of the descent. A crisp mark's coverage, (1 - D/R)^c with c
+near 0, is nearly a step: its gradient lies in few pixels, and descent drifts, while the L1 itself can be compared.
+Softness c keeps the value of the descent: L1 alone favours marks so crisp that a gradient-based planner cannot move
+them.
+"""
 
 from __future__ import annotations
 
@@ -30,12 +36,12 @@ from pentimento.planning.strokes.brush import StrokeTiming
 
 @dataclass(frozen=True)
 class JointFit:
-    """What came of it."""
+    """Result of a joint fit."""
 
     model: StrokeModel
-    """The extended model, or the base where that foretells the validation strokes no worse."""
+    """The extended model, or the base where the extension does not lower the validation loss."""
     kept: bool
-    """Whether it is the extended one."""
+    """Whether ``model`` is the extended one."""
     validation_l1: tuple[float, float]
     """Weighted L1 of the base and of the extended model."""
 
@@ -51,18 +57,17 @@ def fit_jointly(
 ) -> JointFit:
     """Extend a trained base by ``causes``, which start from the values of a diagnosis.
 
-    The values of the epoch that foretells the validation strokes best are taken, or what ``polish`` makes of them on
-    the training strokes, where that foretells the others better still, by squared error, too: the pixels of few thin
-    marks can be made to fit by chance. Scale and offset start where the diagnosis saw them, at none where it did not:
-    those of the base had to make up for what the causes now say.
+    The result is the epoch with the lowest validation loss. ``polish`` then refines it on the training strokes; that is
+    kept where it lowers the validation loss and the validation squared error, too, because few thin marks can be fitted
+    by chance. Scale and offset start at the diagnosis's values, or at none: the base's compensate for the causes.
     """
     mechanisms = [mechanism for mechanism in causes if mechanism.cause not in BASE_CAUSES]
 
-    def judged(predicted: Tensor) -> float:
+    def validation_loss(predicted: Tensor) -> float:
         return float(weighted_l1(predicted, validation.samples, config.ink_weight))
 
     with torch.no_grad():
-        before = judged(predict(Traj2Stroke(base), validation.samples))
+        before = validation_loss(predict(Traj2Stroke(base), validation.samples))
     if not mechanisms:
         return JointFit(base_model(base), False, (before, before))
     torch.manual_seed(config.seed)
@@ -72,7 +77,7 @@ def fit_jointly(
     def keep_best(epoch: int) -> None:
         nonlocal minimum, best
         with torch.no_grad():
-            now = judged(model(validation))
+            now = validation_loss(model(validation))
         log("validation_l1", now, epoch)
         if now < minimum:
             minimum, best = now, {name: value.clone() for name, value in model.state_dict().items()}
@@ -106,7 +111,7 @@ def _start(base: Traj2StrokeParameters, causes: Sequence[Mechanism]) -> Traj2Str
 
 
 class _Joint(nn.Module):
-    """A base and mechanisms; their values count in typical sizes, for one learning rate."""
+    """A base and mechanisms. Values are in units of their typical sizes, for a common learning rate."""
 
     def __init__(self, base: Traj2StrokeParameters, mechanisms: Sequence[Mechanism]) -> None:
         super().__init__()
@@ -115,7 +120,7 @@ class _Joint(nn.Module):
         self.values = nn.ParameterList([nn.Parameter(m.values.float() / _typical(m)) for m in mechanisms])
 
     def mechanisms(self) -> list[Mechanism]:
-        """As they are now, differentiable."""
+        """The mechanisms with the present values, differentiable."""
         return [
             kind(values * _typical(kind), reference)
             for (kind, reference), values in zip(self._kinds, self.values, strict=True)
@@ -129,7 +134,7 @@ def _typical(mechanism: Mechanism | type[Mechanism]) -> Tensor:
     return torch.tensor([quantity.typical for quantity in mechanism.quantities])
 
 
-_HELD = "softness_raw"
+_FIXED = "softness_raw"
 _STEP, _STEP_OF_VALUE = 0.1, 0.1
 """The first simplex, in the parameters' own units and as a share of each."""
 _SAME_LOSS, _SAME_VALUE = 1e-4, 5e-3
@@ -143,7 +148,7 @@ def polish(model: torch.nn.Module, loss: Callable[[], Tensor]) -> None:
 
     The loss never rises. Parameters should count in units in which 0.1 is a small change.
     """
-    parameters = [parameter for name, parameter in model.named_parameters() if not name.endswith(_HELD)]
+    parameters = [parameter for name, parameter in model.named_parameters() if not name.endswith(_FIXED)]
 
     def loss_of(values: NDArray[np.float64]) -> float:
         vector_to_parameters(torch.from_numpy(values).float(), parameters)

@@ -1,8 +1,8 @@
-"""What paint a tool carries along from the strokes that it has crossed since it was last loaded, by their photographs.
+"""Paint pickup of recorded strokes, estimated from their photographs.
 
-A brush that crosses wet paint takes some of it up and lays it down in all strokes that follow, on blank paper too,
-until it is loaded anew. Nothing in a stroke's own photographs tells of it: it is inherited (``contracts.covariates``
-keeps the same account for strokes that are still planned).
+A brush that crosses wet paint picks some of it up and lays it down in all later strokes, also on blank paper, until it
+is loaded again. A stroke's own photographs do not show the pickup: it is inherited from the strokes before.
+``contracts.covariates`` computes the same for planned strokes.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from pentimento.dynamics.strokes.samples import StrokeSamples
 Array = NDArray[Any]
 
 _PAPER = 0.9
-"""Quantile of a window's pixels that is paper."""
+"""Quantile of a window's brightness that is paper."""
 _MIN_COVER = 0.3
-"""Of paint over paper: less is an edge, or noise."""
+"""Min coverage that counts as paint; less is an edge, or noise."""
 
 
 def paint_pickup(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
     """The pickup columns of strokes (``PICKUP_COLUMNS``), float64[B] each; {} where no age of wet paint is recorded.
 
-    Strokes of one load are those of one session and ``reload_id``; where loads are not recorded, each stroke begins
-    with a clean tool. Strokes that were left out of the table are not accounted for.
+    Strokes of one load have the same session and ``reload_id``. Where loads are not recorded, each stroke starts with a
+    clean tool. Strokes that are missing from the table do not count.
     """
     if "wet_age_s" not in table.schema.names:
         return {}
@@ -43,21 +43,20 @@ def paint_pickup(table: pa.Table, samples: StrokeSamples) -> dict[str, Array]:
     paints = np.unique(srgb_to_linear(samples.color).double().numpy().round(3), axis=0)
     share, crossed = _crossed(samples, paints)
     own = srgb_to_linear(samples.color).double().numpy()
-    told = np.empty((len(order), len(PICKUP_COLUMNS)))
+    picked_up = np.empty((len(order), len(PICKUP_COLUMNS)))
     state, held = np.zeros(4), None
     for row in np.lexsort((order, np.unique(sessions, return_inverse=True)[1])):
         load = (sessions[row], loads[row] if loads[row] is not None else f"row {row}")
         if load != held:
             state, held = np.zeros(4), load
-        told[row], state = pickup_step(state, float(share[row]), crossed[row], float(age_s[row]), own[row])
-    return dict(zip(PICKUP_COLUMNS, told.T, strict=True))
+        picked_up[row], state = pickup_step(state, float(share[row]), crossed[row], float(age_s[row]), own[row])
+    return dict(zip(PICKUP_COLUMNS, picked_up.T, strict=True))
 
 
 def _crossed(samples: StrokeSamples, paints: Array) -> tuple[Array, Array]:
-    """Of each commanded path: the share of it that lies over paint [B], and that paint's mean, linear light [B, 3].
+    """For each commanded path: the share of it over paint [B], and that paint's mean colour, linear light [B, 3].
 
-    Below a path lies paper with one of the session's paints on it: the paint whose mixtures with the paper come nearest
-    to what is seen there.
+    The paint at a point is the one of the session's paints whose mixtures with the paper come nearest to the pixel.
     """
     below = _along(samples)  # [B, N, 3]
     paper = samples.before_linear.flatten(1, 2).quantile(_PAPER, dim=1).double().numpy()[:, None]
@@ -74,7 +73,7 @@ def _crossed(samples: StrokeSamples, paints: Array) -> tuple[Array, Array]:
 
 
 def _along(samples: StrokeSamples) -> Array:
-    """What lies below the points of each path, linear light [B, N, 3]; beyond the window, its border."""
+    """Colour below the points of each path, linear light [B, N, 3]; outside the window that of its border."""
     height, width = samples.before_linear.shape[1:3]
     pixels: Tensor = samples.view.to_pixels(samples.path[..., 1:3])
     scaled = 2 * (pixels + 0.5) / torch.tensor([width, height], dtype=pixels.dtype) - 1

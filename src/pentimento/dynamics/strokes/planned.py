@@ -1,7 +1,7 @@
-"""A stroke model as the planner asks for it: from planned strokes to marks, and from marks' gradients to strokes'.
+"""A stroke model for the planner: marks of planned strokes, and the strokes' gradients from those of the marks.
 
-``planned_marks`` is the whole way as one function of tensors: the strokes' geometry, the model's base and its
-mechanisms at the sites trajectory, width, density and composite. What a robot carries is this function, exported.
+``planned_marks`` is one function of tensors: the strokes' geometry, the base model, and the mechanisms at the sites
+trajectory, width, density and composite. The robot's bundle holds this function as an ONNX graph.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pentimento.robots.tools import Tool
 
 _SHORTEST_M = 1e-9
 _PIXELS_PER_M = 1e4
-"""Of the pictures of one pixel in which a camera's gain is read."""
+"""Resolution of the one-pixel images in which a camera's gain is evaluated."""
 
 
 def planned_marks(
@@ -37,7 +37,7 @@ def planned_marks(
     color: Tensor,
     covariates: Mapping[str, Tensor],
 ) -> tuple[Tensor, ...]:
-    """What planned strokes leave; differentiable in the strokes, and free of any choice by their values.
+    """The marks of planned strokes; differentiable in the strokes, without branches on their values.
 
     Args:
         middle_m, theta_rad, length_m, bend_m, press_m, color: [S, 2], three times [S], [S, 3] and [S, 3], as

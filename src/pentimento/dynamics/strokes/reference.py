@@ -1,7 +1,7 @@
-"""The dense stroke renderer in plain PyTorch: slow, readable, the oracle of the compiled kernel.
+"""The dense stroke renderer in plain PyTorch: the slow, readable reference for the compiled kernel.
 
-It evaluates every segment at every pixel. Same formula, same floors as ``pentimento.render.kernel``; see there for
-the two corrections to the thesis's equations (5.1) and (5.2).
+It evaluates every segment at every pixel, with the formula and the floors of ``pentimento.render.kernel``, which
+explains the two corrections to the thesis's equations (5.1) and (5.2).
 """
 
 from __future__ import annotations

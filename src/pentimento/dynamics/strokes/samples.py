@@ -1,4 +1,4 @@
-"""Rows of the ``strokes`` contract as tensors: paths of equal length, images on one grid, what the stroke changed."""
+"""Rows of the ``strokes`` contract as tensors: resampled paths, padded images, and the pixels that a stroke inked."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: fl
     Paths are resampled to ``points`` points, images finer than ``pixels_per_m`` are averaged down to about that, and
     windows are trimmed to ``margin_m`` around the commanded path.
 
-    Ink that does not touch the commanded path (neighbours that slipped into the window) is put back to ``before``.
+    Ink that does not touch the commanded path (of neighbouring strokes) is reset to ``before``.
 
     Raises:
         ContractError: the table has no rows, or a row (it is named) makes no sample.
@@ -98,9 +98,9 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: fl
 
 
 def inked_share(before: Tensor, after: Tensor, color: Tensor) -> Tensor:
-    """How much of the way from ``before`` to the paint's ``color`` each pixel went; all sRGB [..., 3].
+    """Fraction of the change from ``before`` to the paint's ``color`` at each pixel; all sRGB [..., 3].
 
-    0 is untouched, 1 full paint. Where the paint has the colour of what lies below, nothing can be seen and it is 0.
+    0 is untouched, 1 full paint. It is 0 where the paint has the colour of the ground.
     """
     contrast = color - before
     power = contrast.square().sum(-1)
@@ -160,7 +160,7 @@ def _ink_of_this_stroke(share: Array, path_px: Array) -> Array:
     inked = (share > INK_THRESHOLD).astype(np.uint8)
     _, label = cv2.connectedComponents(inked, connectivity=8)
     on_path = np.zeros_like(inked)
-    # A tool's mark may start a little off its command: a path drawn 8 px wide still meets it.
+    # A mark may be offset from its command: a path drawn 8 px wide still meets it.
     cv2.polylines(on_path, [np.round(path_px).astype(np.int32)], False, 1, thickness=8)
     met = np.unique(label[(on_path > 0) & (inked > 0)])
     foreign = (inked > 0) & ~np.isin(label, met)

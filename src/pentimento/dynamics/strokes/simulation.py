@@ -1,11 +1,11 @@
-"""What a camera will see of strokes: a stroke model's mark, changed by mechanisms at five sites, laid on the canvas.
+"""Simulated photographs of strokes: a stroke model's mark, changed by mechanisms at five sites, laid on the canvas.
 
     path ─ model ─→ points ─→ radius ─→ density, softness ─→ colour, pickup ─→ composition ─→ image
                  trajectory   width       density             composite                      camera
 
-A mechanism is one named cause of what the model alone gets wrong. It acts at its site; at all others it is the
-identity. One that changes how deep a tool is pressed acts before the model, which knows what a press does. Everything
-is differentiable in the mechanisms' quantities, the model's parameters, and the paths.
+A mechanism is one named cause of the model's residual. It acts at its site and is the identity at all others. A
+mechanism that changes the press depth acts before the model, which maps press to width. Everything is differentiable in
+the mechanisms' quantities, the model's parameters, and the paths.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class View(NamedTuple):
-    """Which part of the canvas each of B images shows."""
+    """The part of the canvas that each of B images shows."""
 
     top_left_m: Tensor  # [B, 2] x_min, y_max
     pixels_per_m: Tensor  # [B]
@@ -46,17 +46,17 @@ class Quantity(NamedTuple):
     name: str
     unit: str
     typical: float
-    """The size of a believable effect."""
+    """The size of a typical effect."""
     signed: bool = True
-    """Whether it may be below 0. A tip cannot run ahead of its command, nor ink grow as it is used."""
+    """Whether it may be below 0. A tip cannot lead its command, for example."""
 
 
 class NotObservable(PentimentoError):
-    """Strokes cannot show a cause: what it depends on was not recorded, or did not vary."""
+    """A cause is not identifiable from these strokes: a covariate was not recorded or did not vary."""
 
 
 class StrokeContext(NamedTuple):
-    """What is known of B x S strokes before they are made."""
+    """What is known of B x S strokes before their execution."""
 
     path: Tensor
     """[B, S, N, 5] commanded: t_s, x_m, y_m, z_m, yaw_rad."""
@@ -65,7 +65,7 @@ class StrokeContext(NamedTuple):
 
 
 class Mechanism:
-    """One cause of what a stroke model alone gets wrong. With all of its quantities at zero it changes nothing."""
+    """One cause of a stroke model's residual. With all quantities at zero it changes nothing."""
 
     cause: ClassVar[str]
     """Its name in the vocabulary."""
@@ -75,11 +75,9 @@ class Mechanism:
     forms are not exact."""
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
-    """What is recorded of a stroke, or its path says, that its effect goes with; of motion
-    within a stroke, nothing is.
-    """
+    """Covariates of a stroke, recorded or computed from its path, that the effect depends on."""
     signature: ClassVar[tuple[str, ...]] = ()
-    """Quantities of which one at least is not zero in what it is named for; empty: any."""
+    """Quantities of which at least one must differ from zero for the cause to deserve its name; empty: any."""
 
     def __init__(self, values: Tensor, reference: Mapping[str, float]) -> None:
         """``values`` [P] in the quantities' units; ``reference`` as by ``reference_of`` of the fitted strokes."""
@@ -92,7 +90,7 @@ class Mechanism:
 
     @property
     def coherent(self) -> bool:
-        """Whether its quantities go together as they do in what it is named for."""
+        """Whether the signs of its quantities are consistent with its name."""
         return True
 
     @classmethod
@@ -100,16 +98,16 @@ class Mechanism:
         """The constants that the effect is relative to.
 
         Raises:
-            NotObservable: these strokes cannot show the effect: what it depends on was not recorded or not varied.
+            NotObservable: the effect is not identifiable: a covariate was not recorded or did not vary.
         """
         return {}
 
     def executed(self, path: Tensor, context: StrokeContext) -> Tensor:
-        """The path [B, S, N, 5] that is executed for the command ``path``, where the press is another."""
+        """The executed path [B, S, N, 5] for the command ``path``, where the press differs."""
         return path
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        """What is drawn, after the effect; for the sites trajectory, width and density."""
+        """The mark after the effect; for the sites trajectory, width and density."""
         return mark
 
     def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
@@ -133,12 +131,12 @@ def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism
 
 
 def full_at_most(mark: Mark) -> Mark:
-    """The mark where no effect covers more than all of the ground."""
+    """The mark with its density limited to 1."""
     return mark._replace(density=mark.density.clamp(max=1.0))
 
 
 def in_order(mechanisms: Sequence[Mechanism]) -> list[Mechanism]:
-    """By site, in the order in which the sites follow one another."""
+    """The mechanisms sorted by site, in the order of the sites."""
     return sorted(mechanisms, key=lambda mechanism: _ORDER.index(mechanism.site))
 
 
@@ -176,4 +174,4 @@ def simulate(
     )[..., :3]
     for mechanism in mechanisms:
         image = mechanism.camera(image, view)
-    return image.clamp(min=0.0) if mechanisms else image  # strong pickup can take more than there is
+    return image.clamp(min=0.0) if mechanisms else image  # strong pickup can make values negative

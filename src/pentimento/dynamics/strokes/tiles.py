@@ -1,7 +1,7 @@
-"""Which strokes' ink may reach which tile of the canvas: lists for a renderer that works tile by tile.
+"""Lists of the strokes whose ink may reach each tile of the canvas, for a renderer that works tile by tile.
 
-Everything is a few array operations on the device of the paths; nothing loops over strokes, segments or tiles. The
-lists grow with the tiles that ink can reach, never with strokes × tiles.
+The lists are made by array operations on the device of the paths, without loops over strokes, segments or tiles. Their
+length grows with the number of tiles that ink can reach, not with strokes × tiles.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2Stro
 
 Log = Callable[[str, float, int], None]
 
-_STEEPEST = 50.0  # metres of half-width for each metre of press: no tool, a table in millimetres
+_MAX_SLOPE = 50.0  # metres of half-width for each metre of press; more means a table in millimetres
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class TrainingConfig:
     ink_weight: float
     """How much more an inked pixel weighs than a blank one in the L1 (thesis 5.3.4)."""
     held_out: float
-    """Share of the actions kept for the metrics."""
+    """Share of the actions in the test split."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -98,10 +98,10 @@ def weighted_l1(predicted: Tensor, samples: StrokeSamples, ink_weight: float) ->
 
 
 def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
-    """Start values from the data alone: half-width = inked area / (2 · length), regressed on the mean press depth.
+    """Start values from the data: half-width = inked area / (2 · length), regressed on the mean press depth.
 
     Raises:
-        ContractError: the strokes widen as no tool's do.
+        ContractError: the regression slope is not that of any tool.
     """
     area = samples.ink.flatten(1).sum(1) / samples.pixels_per_m**2
     length = samples.path[..., 1:3].diff(dim=1).norm(dim=-1).sum(1)
@@ -113,7 +113,7 @@ def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
     spread = float(press.var(unbiased=False)) if len(press) else 0.0
     slope = float(((press - press.mean()) * half).mean()) / spread if spread > 1e-10 else 0.0
     slope = max(slope, 0.05)
-    if slope > _STEEPEST:
+    if slope > _MAX_SLOPE:
         raise ContractError(
             f"The strokes' half-width seems to grow by {slope:.3g} m for each metre of press: check that the table's "
             "paths and windows are in metres."
@@ -140,8 +140,8 @@ def descend(
 ) -> None:
     """Lower the weighted L1 over a model's parameters, by Adam with a rate that falls along half a cosine.
 
-    ``predict`` gives the photographs [K, H, W, 3] that the model, as it is then, foretells of the samples with the
-    indices [K]. ``after_epoch(epoch)`` is called once an epoch's steps are made.
+    ``predict`` gives the present model's photographs [K, H, W, 3] of the samples with the indices [K].
+    ``after_epoch(epoch)`` is called after an epoch's steps.
     """
     loader = DataLoader(
         TensorDataset(torch.arange(len(samples.path))),

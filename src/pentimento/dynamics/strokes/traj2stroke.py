@@ -8,8 +8,8 @@
 | β | ``thickness_at_contact_m`` | half-width at light contact |
 | c | ``softness`` | how fast darkness falls from the path (1) to the rim (0) |
 
-The eighth, ``opacity``, is the coverage on the path itself. The thesis takes it as 1; a photograph's darkest ink is
-not black, and without it α, β and c would bend to make up for that.
+The eighth, ``opacity``, is the coverage on the path. The thesis sets it to 1. A photograph's darkest ink is not black;
+without this parameter α, β and c would compensate for that.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from torch import Tensor, nn
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ContractError
 
-_THINNEST_M = 1e-4
+_MIN_RADIUS_M = 1e-4  # of a mark
 _MM = 1e-3
 
 
@@ -69,7 +69,7 @@ class Traj2Stroke(nn.Module):
         thickness = nn.functional.softplus(self.alpha_raw) * (-z).clamp(min=0.0) + self.beta_mm * _MM
         return Mark(
             points,
-            thickness.clamp(min=_THINNEST_M),
+            thickness.clamp(min=_MIN_RADIUS_M),
             torch.sigmoid(self.opacity_logit).expand_as(z),
             nn.functional.softplus(self.softness_raw).expand_as(z),
         )

@@ -1,12 +1,12 @@
-"""Strokes onto canvases on a GPU, by Triton: the formula and the gradients of ``pentimento.render``.
+"""The stroke renderer on a GPU, by Triton: the formula and the gradients of ``pentimento.render``.
 
-The canvas is cut into square tiles, and every segment is listed under each tile that its ink can reach (``tiles``,
-which also says what a visit and a touch are). One program a tile walks through its strokes (``triton_programs``).
-For the gradients it keeps, for each visit, the winning segment and the colour below: memory grows with touched
-tiles, never with strokes × canvas.
+The canvas is cut into square tiles, and every segment is listed for each tile that its ink can reach (``tiles``, which
+defines visits and touches). One program a tile renders its strokes in order (``triton_programs``). For the gradients it
+keeps, for each visit, the winning segment and the colour below: memory grows with touched tiles, not with strokes ×
+canvas.
 
-Gradients are the same at every run: a program writes its sums to a place of its own, one for each touch, and those
-of one segment are added up in a fixed order afterwards. No two programs ever add to one number.
+Gradients are deterministic: each program writes its sums to separate memory, one place a touch, and the sums of a
+segment are added in a fixed order. No two programs add to one number.
 
 Importing this module imports Triton; do so only where a GPU is met. With TRITON_INTERPRET=1 in the environment at
 that time it runs on CPU tensors, slowly, which is how it is tested without a GPU.

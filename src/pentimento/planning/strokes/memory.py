@@ -128,13 +128,16 @@ def planned_covariates(
 def beyond_fit(values: Mapping[str, Array], fitted: Mapping[str, Span]) -> list[str]:
     """A warning for each fitted column that leaves the range of the fit, or that no plan determines."""
     warnings = []
-    for name, (low, mean, high) in fitted.items():
+    for name, span in fitted.items():
         if name not in values:
-            warnings.append(f"A plan does not determine {name}; its mean over the fitted strokes, {mean:.3g}, is used.")
+            warnings.append(
+                f"A plan does not determine {name}; its mean over the fitted strokes, {span.mean:.3g}, is used."
+            )
             continue
         if name == "t_after_s":
             continue
         known = values[name][np.isfinite(values[name])]
+        low, high = span.ends
         tolerance = _TOLERANCE * (high - low)
         outside = (known < low - tolerance) | (known > high + tolerance)
         if outside.any():
