@@ -69,7 +69,7 @@ def main(arguments: argparse.Namespace) -> None:
         if config.decoder is not None:
             planner.register_modules(vae=_with_decoder(planner, training, config, scratch, run))
         pairs = encode_pairs(planner, training)
-        losses = train_goal_planner(planner, pairs, config.training, scratch / "steps", run.log)
+        losses = train_goal_planner(planner, pairs, config.training, scratch=scratch / "steps", log=run.log)
         grid = guidance_grid(planner, held_out[: config.sampling.shown], config.sampling)
         metrics: dict[str, Any] = {
             "held_out": {
@@ -99,7 +99,9 @@ def _with_decoder(
     if not (scratch / "vae").is_dir():
         pictures = {picture.tobytes(): picture for pair in pairs for picture in (pair.input, pair.target)}
         with output_folder(scratch / "vae") as folder:
-            train_decoder(planner.vae, np.stack([*pictures.values()]), config.decoder, config.training.seed, run.log)
+            train_decoder(
+                planner.vae, np.stack([*pictures.values()]), config.decoder, seed=config.training.seed, log=run.log
+            )
             planner.vae.save_pretrained(folder)
     return AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
 

@@ -112,13 +112,13 @@ def _trained(
     if not (scratch / "vae").is_dir():
         pictures = [decode_png(row["bytes"]) for row in scenes["image"].slice(0, config.vae.pictures).to_pylist()]
         with output_folder(scratch / "vae") as folder:
-            train_vae(vae_pictures(pictures, seed), config.vae, seed, run.log).save_pretrained(folder)
+            train_vae(vae_pictures(pictures, seed), config.vae, seed, log=run.log).save_pretrained(folder)
     vae = AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
     planner = build_goal_planner(
         config.shape, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed
     )
     pairs = encode_pairs(planner, scene_edits(scenes, config.edits, seed))
-    return planner, train_goal_planner(planner, pairs, config.training, scratch / "steps", run.log)
+    return planner, train_goal_planner(planner, pairs, config.training, scratch=scratch / "steps", log=run.log)
 
 
 if __name__ == "__main__":

@@ -122,7 +122,7 @@ def evaluate(encoder: Encoder, test: Captioned, views: Tensor, kinds: list[str],
         # The second wording names no colour, which a black drawing cannot show.
         captions = [texts[min(1, len(texts) - 1)] if is_black(number) else texts[0] for texts in test.captions]
         images = views[number]
-        scores: dict[str, Any] = {"retrieval": _finite(retrieval(encoder, images, captions, among, 0))}
+        scores: dict[str, Any] = {"retrieval": _finite(retrieval(encoder, images, captions, among=among, seed=0))}
         if kinds and any(test.objects):
             answers = recognised(object_scores(encoder, images, kinds), kinds, test.objects)
             scores["objects"] = {
@@ -131,8 +131,8 @@ def evaluate(encoder: Encoder, test: Captioned, views: Tensor, kinds: list[str],
             }
         scores["clip_score"] = {
             "own": float(clip_score(encoder, images, captions).mean()),
-            "mismatched_median": mismatched_quantile(encoder, images, captions, 0.5, 0),
-            "mismatched_95": mismatched_quantile(encoder, images, captions, 0.95, 0),
+            "mismatched_median": mismatched_quantile(encoder, images, captions, q=0.5, seed=0),
+            "mismatched_95": mismatched_quantile(encoder, images, captions, q=0.95, seed=0),
         }
         metrics[view] = scores
     return metrics
@@ -156,7 +156,7 @@ def _encoder(entry: EncoderConfig, config: TrainSemantics, rows: Captioned) -> t
     texts = [text for captions in rows.captions for text in captions]
     tokenizer = learn_tokenizer(texts, config.merges, config.caption_tokens)
     known = examples(rows, tokenizer, config.views_seed)
-    return train_encoder(known, tokenizer, entry.shape, entry.training, log), curve
+    return train_encoder(known, tokenizer, entry.shape, config=entry.training, log=log), curve
 
 
 def _splits(folder: Path, side_px: int) -> dict[str, Captioned]:

@@ -113,7 +113,7 @@ def measure_training(row: Training, steps: int) -> dict[str, Any]:
         ends.append(time.perf_counter())
 
     torch.cuda.reset_peak_memory_stats()
-    losses = train_goal_planner(planner, pairs, config, None, log)
+    losses = train_goal_planner(planner, pairs, config, scratch=None, log=log)
     fifth = max(1, steps // 5)
     return asdict(row) | {
         "step_s": statistics.median(np.diff(ends[WARM:])),

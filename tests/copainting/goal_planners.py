@@ -1,12 +1,15 @@
-"""Goal planners small enough for tests: untrained, of the published architecture, at 16 x 16 px."""
+"""Small goal planners of the published architecture at 16 x 16 px, and their training."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import torch
 
-from pentimento.copainting.goal.denoising import GoalTraining
+from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
 from pentimento.copainting.goal.planner import GoalPlanner, GoalPlannerShape, build_goal_planner, text_encoder_of
+from pentimento.copainting.goal.training import train_goal_planner
 from pentimento.copainting.goal.vae import VaeConfig, build_vae
 from pentimento.copainting.scenes.edits import Pair
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
@@ -51,3 +54,47 @@ def small_pairs(number: int, seed: int = 0) -> list[Pair]:
         full[row : row + 3, 2:-2] = 30
         pairs.append(Pair(blank, full, CAPTIONS[index % len(CAPTIONS)]))
     return pairs
+
+
+class _Killed(Exception):
+    pass
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """A planner after training."""
+
+    planner: GoalPlanner
+    losses: list[float]
+    """Empty if the training was killed."""
+    steps: list[int]
+    """The logged steps, in order."""
+
+    @property
+    def weights(self) -> torch.Tensor:
+        """All trained weights in a row."""
+        parts = (self.planner.unet, self.planner.text_encoder)
+        return torch.cat([weight.detach().flatten() for part in parts for weight in part.state_dict().values()])
+
+
+def trained(config: GoalTraining, scratch: Path | None = None, until: int | None = None) -> Trained:
+    """A small planner after training, or killed at step `until`."""
+    result = Trained(small_planner(), [], [])
+
+    def log(_name: str, _value: float, step: int) -> None:
+        result.steps.append(step)
+        if step == until:
+            raise _Killed
+
+    pairs = encode_pairs(result.planner, small_pairs(7))
+    try:
+        result.losses.extend(train_goal_planner(result.planner, pairs, config, scratch=scratch, log=log))
+    except _Killed:
+        assert until is not None
+    return result
+
+
+@cache
+def uninterrupted(config: GoalTraining) -> Trained:
+    """The result of a training in this process, computed once."""
+    return trained(config)

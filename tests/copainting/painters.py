@@ -1,4 +1,4 @@
-"""A setting so small that a painting takes a fraction of a second: a marker, few strokes, an untrained encoder."""
+"""A painting setting with a marker, few strokes and an untrained encoder; a painting takes a fraction of a second."""
 
 import json
 from dataclasses import asdict, replace

@@ -1,4 +1,4 @@
-"""What ranks do in tests; in a file of its own, because each process imports it, and it should start soon."""
+"""Jobs of ranks, in a module of their own: each process imports it, and it must import fast."""
 
 import os
 import signal
@@ -8,13 +8,13 @@ from typing import Any
 import torch
 
 
-def tell_and_stay(rank: int, name: str, log: Any) -> None:
+def log_and_wait(rank: int, name: str, log: Any) -> None:
     """Log the number of threads, once from each rank, and never end."""
     log(f"{name}{rank}", torch.get_num_threads(), rank)
     time.sleep(3600)
 
 
-def fail_beside_others(rank: int, killed: bool, _log: Any) -> None:
+def fail_on_rank_1(rank: int, killed: bool, _log: Any) -> None:
     """The second rank is killed, or raises; the first would wait for it for ever."""
     if rank == 1 and killed:
         os.kill(os.getpid(), signal.SIGKILL)

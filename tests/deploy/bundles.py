@@ -1,4 +1,4 @@
-"""A bundle small enough for tests: of untrained models with much that can be exported, made once for all tests."""
+"""A small bundle of untrained models with many exported parts, written once for all tests."""
 
 from __future__ import annotations
 
@@ -56,8 +56,7 @@ def stroke_model() -> StrokeModel:
 
 @cache
 def small_bundle() -> tuple[Path, Models]:
-    """The bundle's folder and what it was made of. The folder is nobody's to change."""
-    torch.set_num_threads(1)
+    """The bundle's folder and its models. No test may change the folder."""
     folder = Path(tempfile.mkdtemp(prefix="bundle-"))
     models = small_models(folder)
     (folder / "bundle").mkdir()

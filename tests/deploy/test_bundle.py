@@ -1,4 +1,4 @@
-"""A written bundle opens, agrees with the models that it came from, and is the same when it is written again."""
+"""A written bundle opens and agrees with its models."""
 
 import json
 

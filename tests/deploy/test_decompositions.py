@@ -1,4 +1,4 @@
-"""What replaces an operator while a function is traced gives what the operator gives."""
+"""Each decomposition equals the operator that it replaces."""
 
 import pytest
 import torch

@@ -1,4 +1,4 @@
-"""Exported graphs: gradients inside, open sizes, the same bytes again, and nothing of where they were made."""
+"""Exported graphs: gradients, dynamic sizes, reproducible bytes without paths, and the comparison with PyTorch."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is exported of the objectives is what the workshop plans with."""
+"""Objectives with given views equal the workshop's objectives with random views."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A push model's graphs plan as PyTorch does, without PyTorch."""
+"""The graphs of a push model equal PyTorch."""
 
 from typing import Any
 
@@ -61,10 +61,10 @@ def test_push_graphs_equal_pytorch_in_values_and_gradients(clay: TorchClay, by_g
     actions = np.stack([ACTION, ACTION + np.array([0.02, -0.01, 2.0, -0.01, 0.0]), ACTION * 0.5])
     np.testing.assert_allclose(other.after(height(), actions), one.after(height(), actions), atol=1e-7)
     cotangent = np.cos(np.arange(40) / 6)[:, None] * np.ones(50, dtype=np.float32)
-    made, pull = one.step(height(), ACTION)
-    made_too, pull_too = other.step(height(), ACTION)
-    np.testing.assert_allclose(made_too, made, atol=1e-7)
-    assert np.abs(made - height()).max() > 1e-3
+    result, pull = one.step(height(), ACTION)
+    graph_result, pull_too = other.step(height(), ACTION)
+    np.testing.assert_allclose(graph_result, result, atol=1e-7)
+    assert np.abs(result - height()).max() > 1e-3
     (to_height, to_action), (to_height_too, to_action_too) = pull(cotangent), pull_too(cotangent)
     np.testing.assert_allclose(to_height_too, to_height, atol=1e-5)
     np.testing.assert_allclose(to_action_too, to_action, rtol=1e-3, atol=1e-4 * np.abs(to_action).max())

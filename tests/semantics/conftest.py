@@ -1,4 +1,4 @@
-"""A small encoder trained for a few steps on a few drawn scenes."""
+"""A small encoder, trained for a few steps on a few procedural scenes."""
 
 import numpy as np
 import pyarrow.compute as pc
@@ -42,8 +42,7 @@ def known(rows: Captioned, tokenizer: CLIPTokenizer) -> Examples:
 
 @pytest.fixture(scope="session")
 def encoder(known: Examples, tokenizer: CLIPTokenizer) -> Encoder:
-    torch.set_num_threads(1)
-    return train_encoder(known, tokenizer, SHAPE, training(), lambda *_: None)
+    return train_encoder(known, tokenizer, SHAPE, config=training(), log=lambda *_: None)
 
 
 @pytest.fixture(scope="session")

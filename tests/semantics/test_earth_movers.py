@@ -1,4 +1,4 @@
-"""Distances of sets obey the laws of distances."""
+"""The Earth Mover's Distance is a metric, optimal, and differentiable."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Scores in closed form, by an encoder whose vectors are told."""
+"""Scores in closed form, by an encoder with known vectors."""
 
 from collections.abc import Sequence
 
@@ -11,8 +11,8 @@ from pentimento.semantics.scores import clip_score, mismatched_quantile, object_
 WORDS = ["red", "green", "blue"]
 
 
-class Told(Encoder):
-    """A picture's vector is its mean colour; a caption's the colours that it names."""
+class KnownEncoder(Encoder):
+    """A picture's vector is its mean colour, a caption's vector the colours that it names."""
 
     def __init__(self) -> None:
         pass
@@ -29,26 +29,26 @@ IMAGES = torch.eye(3)[:, :, None, None].expand(3, 3, 4, 4)
 
 
 def test_clip_score_is_the_cosine() -> None:
-    scores = clip_score(Told(), IMAGES, ["a red", "a red", "blue and green"])
+    scores = clip_score(KnownEncoder(), IMAGES, ["a red", "a red", "blue and green"])
     assert scores.tolist() == pytest.approx([1.0, 0.0, 0.5**0.5])
 
 
 def test_mismatched_quantile_excludes_own_captions() -> None:
     captions = ["a red", "a green", "a blue"]
-    assert mismatched_quantile(Told(), IMAGES, captions, 1.0, 0) == 0.0
+    assert mismatched_quantile(KnownEncoder(), IMAGES, captions, q=1.0, seed=0) == 0.0
     with pytest.raises(ValueError, match="no mismatched pair"):
-        mismatched_quantile(Told(), IMAGES, ["a red"] * 3, 0.5, 0)
+        mismatched_quantile(KnownEncoder(), IMAGES, ["a red"] * 3, q=0.5, seed=0)
 
 
 def test_retrieval_of_a_perfect_encoder_is_perfect() -> None:
-    found = retrieval(Told(), IMAGES, ["a red", "a green", "a blue"], 3, 0)
+    found = retrieval(KnownEncoder(), IMAGES, ["a red", "a green", "a blue"], among=3, seed=0)
     assert found == {"image_to_text": 1.0, "text_to_image": 1.0, "chance": pytest.approx(1 / 3)}
-    turned = retrieval(Told(), IMAGES, ["a green", "a blue", "a red"], 3, 0)
+    turned = retrieval(KnownEncoder(), IMAGES, ["a green", "a blue", "a red"], among=3, seed=0)
     assert turned["image_to_text"] == 0.0
 
 
 def test_recognised_kinds_are_the_k_best() -> None:
-    scores = object_scores(Told(), IMAGES, WORDS)
+    scores = object_scores(KnownEncoder(), IMAGES, WORDS)
     assert torch.equal(scores, torch.eye(3))
     assert recognised(scores[:2], WORDS, [["red"], ["red"]]) == [[True], [False]]
     mixed = torch.tensor([[0.9, 0.5, 0.1]])

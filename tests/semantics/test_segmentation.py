@@ -1,4 +1,4 @@
-"""Regions: things stand out of the ground, by the classical method and by a SAM model in a folder."""
+"""Segmentation by the classical method and by a SAM model in a folder."""
 
 from pathlib import Path
 

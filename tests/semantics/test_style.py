@@ -1,4 +1,4 @@
-"""Style is what textures share and others lack."""
+"""The style objective: gradients, invariance to position, and texture ranking."""
 
 from functools import cache
 

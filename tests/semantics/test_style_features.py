@@ -1,4 +1,4 @@
-"""Local features answer what they are named after, and cover the picture."""
+"""Local features respond to colour, scale and orientation, and cover the picture."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Which objectives are summed is read from params.yaml; what makes no sense is a sentence."""
+"""The style term of a planner's objectives: configuration, first pass and effect on a plan."""
 
 from dataclasses import replace
 from pathlib import Path

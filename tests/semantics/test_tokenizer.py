@@ -1,11 +1,10 @@
-"""The tokenizer: whole words of its captions, any other text by bytes, the published files."""
+"""The learned tokenizer: known words, other texts by bytes, and its files."""
 
 from pathlib import Path
 
 from transformers import CLIPTokenizer
 
-from pentimento.dynamics.pushes.analytic import START
-from pentimento.semantics.tokenizer import END, learn_tokenizer
+from pentimento.semantics.tokenizer import END, START, learn_tokenizer
 
 CAPTIONS = ["a red house beside a tree", "a blue house under a cloud"] * 5
 

@@ -1,4 +1,4 @@
-"""Training: losses in closed form, examples that are wrong by a word, and the same weights for the same seed."""
+"""Training of an encoder: losses in closed form, altered captions, and reproducibility."""
 
 import math
 
@@ -69,10 +69,12 @@ def test_encoder_training_learns_and_is_reproducible(
     known: Examples, tokenizer: CLIPTokenizer, encoder: Encoder
 ) -> None:
     losses: list[float] = []
-    again = train_encoder(known, tokenizer, SHAPE, training(), lambda name, value, step: losses.append(value))
+    again = train_encoder(
+        known, tokenizer, SHAPE, config=training(), log=lambda name, value, step: losses.append(value)
+    )
     assert again.digest == encoder.digest
     assert losses[-1] < 0.95 * losses[0]
-    assert train_encoder(known, tokenizer, SHAPE, training(seed=1), lambda *_: None).digest != encoder.digest
+    assert train_encoder(known, tokenizer, SHAPE, config=training(seed=1), log=lambda *_: None).digest != encoder.digest
 
 
 def test_encoder_trains_without_objects(rows: Captioned, tokenizer: CLIPTokenizer) -> None:
@@ -81,7 +83,9 @@ def test_encoder_trains_without_objects(rows: Captioned, tokenizer: CLIPTokenize
     nothing: list[list[str]] = [[] for _ in rows.captions]
     bare = Captioned(rows.images, rows.captions, nothing, nothing, rows.regions)
     losses: list[float] = []
-    train_encoder(examples(bare, tokenizer, 0), tokenizer, SHAPE, training(), lambda n, v, s: losses.append(v))
+    train_encoder(
+        examples(bare, tokenizer, 0), tokenizer, SHAPE, config=training(), log=lambda n, v, s: losses.append(v)
+    )
     assert losses[-1] < losses[0]
 
 

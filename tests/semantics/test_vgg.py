@@ -1,4 +1,4 @@
-"""VGG-16 from a file in torchvision's layout: what is computed is that network, and what is no such file is named."""
+"""VGG-16 features of a file in torchvision's layout, and rejected files."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Textures of one palette: crops whose greys are exactly the same set of values, in other places."""
+"""Textures of one palette: crops with exactly the same set of grey values."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -37,20 +37,20 @@ def draw(image: NDArray[np.uint8], style: Style, generator: np.random.Generator)
     canvas[:] = paper
     match style:
         case "lines":
-            _draw_contours(canvas, large, pen, generator)
+            _draw_contours(canvas, large, pen, generator=generator)
             if generator.random() < 0.3:
-                _draw_tones(canvas, large, pen, int(generator.integers(10, 60)), generator)
+                _draw_tones(canvas, large, pen, strokes=int(generator.integers(10, 60)), generator=generator)
         case "hatching":
-            _draw_tones(canvas, large, pen, int(generator.integers(60, 220)), generator)
+            _draw_tones(canvas, large, pen, strokes=int(generator.integers(60, 220)), generator=generator)
             if generator.random() < 0.5:
-                _draw_contours(canvas, large, pen, generator)
+                _draw_contours(canvas, large, pen, generator=generator)
         case "grey":
             grey = cv2.GaussianBlur(cv2.cvtColor(large, cv2.COLOR_RGB2GRAY), (0, 0), generator.uniform(0.3, 2.0))
             canvas[:] = grey[..., None]
         case "strokes":
             _draw_strokes(canvas, large, generator)
         case "paint":
-            _draw_colors(canvas, large, pen, generator)
+            _draw_colors(canvas, large, pen, generator=generator)
     small = cv2.resize(canvas, (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.uint8)
 
@@ -60,7 +60,7 @@ def _ink(generator: np.random.Generator) -> tuple[float, ...]:
 
 
 def _draw_contours(
-    canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, generator: np.random.Generator
+    canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, *, generator: np.random.Generator
 ) -> None:
     """Contours where colours change (Canny 1986, the strongest channel), in the width of the pen."""
     soft = cv2.GaussianBlur(image, (5, 5), generator.uniform(0.8, 1.6))
@@ -72,7 +72,7 @@ def _draw_contours(
 
 
 def _draw_tones(
-    canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, strokes: int, generator: np.random.Generator
+    canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, *, strokes: int, generator: np.random.Generator
 ) -> None:
     """Short black strokes where the picture is dark or its colours change, along its contours or in one direction."""
     grey = cv2.cvtColor(cv2.GaussianBlur(image, (3, 3), 0.8), cv2.COLOR_RGB2GRAY).astype(np.float32)
@@ -86,7 +86,7 @@ def _draw_tones(
     angles = np.arctan2(down[rows, columns], across[rows, columns]) + np.pi / 2
     if generator.random() < 0.4:
         angles = np.where(steep[rows, columns] > 40, angles, generator.uniform(0, np.pi))
-    ends = _segments(columns, rows, angles, generator.uniform(2, 5) * pen, generator)
+    ends = _segments(columns, rows, angles, length=generator.uniform(2, 5) * pen, generator=generator)
     cv2.polylines(canvas, list(ends), False, _ink(generator), max(1, round(pen)), cv2.LINE_AA)
 
 
@@ -135,14 +135,14 @@ def _best_strokes(
 
 
 def _draw_colors(
-    canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, generator: np.random.Generator
+    canvas: NDArray[np.uint8], image: NDArray[np.uint8], pen: float, *, generator: np.random.Generator
 ) -> None:
     """Strokes in the colours of the picture, broad ones first (Hertzmann 1998)."""
     for times, strokes in ((4, 160), (1.5, 500)):
         width = max(2, round(times * pen))
         rows, columns = (generator.integers(0, extent, strokes) for extent in image.shape[:2])
         angles = generator.uniform(0, np.pi) + generator.normal(0, 0.5, strokes)
-        ends = _segments(columns, rows, angles, 1.2 * width, generator)
+        ends = _segments(columns, rows, angles, length=1.2 * width, generator=generator)
         colors = image[rows, columns]
         # A stroke is left out where it would put a colour that is there already.
         off = np.abs(canvas[rows, columns].astype(int) - colors).max(1) > 24
@@ -154,6 +154,7 @@ def _segments(
     columns: NDArray[np.integer],
     rows: NDArray[np.integer],
     angles: NDArray[np.floating],
+    *,
     length: float,
     generator: np.random.Generator,
 ) -> NDArray[np.int32]:

@@ -24,6 +24,10 @@ from transformers import CLIPConfig, CLIPModel, CLIPTokenizer
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import at_least
 
+_MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
+_SPREAD: Final = (0.26862954, 0.26130258, 0.27577711)
+"""Standard deviation of sRGB in the training data of the published models, with `_MEAN` (Radford et al. 2021)."""
+
 
 class ConvolutionalCLIP(CLIPModel):
     """`CLIPModel` with a convolutional stem and otherwise the published layout.
@@ -78,11 +82,6 @@ class StemEmbeddings(nn.Module):
 
 def _convolution(wide_in: int, wide_out: int, stride: int) -> nn.Sequential:
     return nn.Sequential(nn.Conv2d(wide_in, wide_out, 3, stride, 1, bias=False), nn.BatchNorm2d(wide_out), nn.ReLU())
-
-
-_MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
-_SPREAD: Final = (0.26862954, 0.26130258, 0.27577711)
-"""Standard deviation of sRGB in the training data of the published models, with `_MEAN` (Radford et al. 2021)."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ def clip_score(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Ten
     return (embed_all(encoder, images) * encoder.embed_texts(captions)).sum(-1)
 
 
-def mismatched_quantile(encoder: Encoder, images: Tensor, captions: Sequence[str], q: float, seed: int) -> float:
+def mismatched_quantile(encoder: Encoder, images: Tensor, captions: Sequence[str], *, q: float, seed: int) -> float:
     """The quantile `q` of the scores of images with captions of other images.
 
     As a threshold it has the same meaning for any encoder: with q = .95, one wrong pair in 20 passes. Each image is
@@ -46,7 +46,7 @@ def mismatched_quantile(encoder: Encoder, images: Tensor, captions: Sequence[str
     return float(torch.quantile(together.double(), q))
 
 
-def retrieval(encoder: Encoder, images: Tensor, captions: Sequence[str], among: int, seed: int) -> dict[str, float]:
+def retrieval(encoder: Encoder, images: Tensor, captions: Sequence[str], *, among: int, seed: int) -> dict[str, float]:
     """The fraction of images whose caption scores best among `among` different ones, and of captions likewise.
 
     Images are assigned to groups by `seed`. An image whose caption is already in its group is left out, and so is the

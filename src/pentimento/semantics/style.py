@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import torch
@@ -26,7 +27,13 @@ from pentimento.semantics.style_features import LocalFeatures
 from pentimento.semantics.vgg import load_vgg16
 
 FloatArray = NDArray[np.float64]
-_TOLERANCE = 1e-9
+_TOLERANCE: Final = 1e-9  # of prices, in units of the costs
+
+Features = Callable[[Tensor], Tensor]
+"""Maps an image [H, W, 3] in linear light to a set [cells, D] of local features, differentiable."""
+_PRICES_VALID_FOR: Final = 10
+"""Calls until prices are computed again: an image under optimisation changes little in between."""
+Array = NDArray[np.float32]
 
 
 def mean_distance(points: Tensor, others: Tensor, partners: NDArray[np.intp]) -> Tensor:
@@ -94,13 +101,6 @@ def dual_prices(costs: FloatArray, partners: NDArray[np.intp]) -> FloatArray:
     return prices
 
 
-Features = Callable[[Tensor], Tensor]
-"""Maps an image [H, W, 3] in linear light to a set [cells, D] of local features, differentiable."""
-
-_PRICES_VALID_FOR = 10
-"""Calls until prices are computed again: an image under optimisation changes little in between."""
-
-
 class StyleObjective:
     """Earth Mover's Distance between the sets of local features of an image and of a style picture.
 
@@ -142,9 +142,6 @@ class StyleObjective:
     def _drawn(self, cells: int, count: int) -> Tensor:
         """Indices of the cells to pair: all, or `count` at random."""
         return torch.arange(cells) if cells == count else torch.randperm(cells, generator=self._generator)[:count]
-
-
-Array = NDArray[np.float32]
 
 
 def style_of(config: PlannerConfig) -> PictureStyle | None:

@@ -66,6 +66,7 @@ def train_encoder(
     examples: Examples,
     tokenizer: CLIPTokenizer,
     shape: EncoderShape,
+    *,
     config: EncoderTraining,
     log: Callable[[str, float, int], None],
 ) -> Encoder:

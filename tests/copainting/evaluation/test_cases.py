@@ -1,4 +1,4 @@
-"""Prompts on canvases of other prompts."""
+"""Prompts on canvases that show drawings of other prompts."""
 
 import numpy as np
 import pyarrow as pa

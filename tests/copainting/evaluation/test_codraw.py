@@ -21,15 +21,10 @@ from pentimento.semantics.objective import TextObjective
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pentimento.studio.strokes.studio import Studio
 from pentimento.studio.strokes.world import load_world
-from tests.copainting.easels import MEDIUM, cross, marker_paint_context, paper
 from tests.copainting.goal_planners import small_encoder
+from tests.copainting.media import MEDIUM, cross, marker_paint_context, paper
 
 CONFIG = Codrawing(stories=1, person=4, robot=6, tremor_m=0.0005, batch=4)
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
 
 
 def robot() -> Robot:
@@ -96,8 +91,10 @@ def test_plan_by_text_lowers_the_text_objective() -> None:
         for n in (0, 25)
     )
     assert some < none
-    made = plan_text(marker_paint_context(), sheet, "a cup", encoder=encoder, strokes=6, iterations=3, views=1, seed=3)
-    assert len(made.strokes) == 6 and made.palette_srgb.shape == (1, 3)
+    result = plan_text(
+        marker_paint_context(), sheet, "a cup", encoder=encoder, strokes=6, iterations=3, views=1, seed=3
+    )
+    assert len(result.strokes) == 6 and result.palette_srgb.shape == (1, 3)
 
 
 def turn(before: np.ndarray, after: np.ndarray, strokes: int) -> Turn:
@@ -105,7 +102,6 @@ def turn(before: np.ndarray, after: np.ndarray, strokes: int) -> Turn:
 
 
 def test_turn_scores_measure_kept_and_changed_ink() -> None:
-    torch.set_num_threads(1)
     kept, lost = turn(cross(), cross(), 0), turn(cross(), paper(), 4)
     scores = turn_scores([[kept, kept], [kept, lost]], small_encoder())
     assert scores[0]["drawing_keeps"] == 1 and scores[0]["changed"] == 0 and scores[0]["strokes"] == 0

@@ -1,10 +1,9 @@
-"""Plans for goal pictures: nearer to the goal, on what is there, with no stroke that does harm."""
+"""Plans for goal pictures: a lower error, existing ink is kept, and no harmful stroke."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.evaluation.goal_plans import (
@@ -17,29 +16,24 @@ from pentimento.copainting.evaluation.goal_plans import (
 )
 from pentimento.copainting.evaluation.scoring import delta_pix, surviving_ink
 from pentimento.robots.tools import load_tool
-from tests.copainting.easels import MEDIUM, SIDE_PX, cross, marker_paint_context, paper
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
+from tests.copainting.media import MEDIUM, SIDE_PX, cross, marker_paint_context, paper
 
 
 def test_goal_plan_lowers_the_error_and_keeps_existing_ink() -> None:
     paint_context, goal = marker_paint_context(), cross()
     sheet = as_sheet(paper(), MEDIUM.side_px)
-    made = plan_goal(paint_context, sheet, goal, 24)
-    before, after = (delta_pix(goal[None], p[None])[0] for p in (paper(), as_picture(made.sheet, SIDE_PX)))
-    assert after < 0.4 * before and 1 <= len(made.strokes) <= 24
-    twice = draw_scene(paint_context, made.sheet, np.rot90(goal[:, :16].repeat(2, 1)).copy(), 8)
-    assert surviving_ink(as_picture(made.sheet, SIDE_PX)[None], as_picture(twice.sheet, SIDE_PX)[None])[0] == 1
-    assert (twice.sheet <= made.sheet + 1e-4).all()  # a black pen never lightens
+    result = plan_goal(paint_context, sheet, goal, 24)
+    before, after = (delta_pix(goal[None], p[None])[0] for p in (paper(), as_picture(result.sheet, SIDE_PX)))
+    assert after < 0.4 * before and 1 <= len(result.strokes) <= 24
+    twice = draw_scene(paint_context, result.sheet, np.rot90(goal[:, :16].repeat(2, 1)).copy(), 8)
+    assert surviving_ink(as_picture(result.sheet, SIDE_PX)[None], as_picture(twice.sheet, SIDE_PX)[None])[0] == 1
+    assert (twice.sheet <= result.sheet + 1e-4).all()  # a black pen never lightens
 
 
 def test_goal_equal_to_the_sheet_needs_no_stroke() -> None:
     sheet = as_sheet(cross(), MEDIUM.side_px)
-    made = plan_goal(marker_paint_context(), sheet, as_picture(sheet, SIDE_PX), 12)
-    assert len(made.strokes) == 0 and np.array_equal(made.sheet, sheet)
+    result = plan_goal(marker_paint_context(), sheet, as_picture(sheet, SIDE_PX), 12)
+    assert len(result.strokes) == 0 and np.array_equal(result.sheet, sheet)
 
 
 def test_goal_plan_has_no_harmful_stroke() -> None:

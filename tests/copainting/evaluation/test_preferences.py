@@ -1,4 +1,4 @@
-"""The blind page, its key, and the test on what people answered."""
+"""The blind preference page, its key, and the test of the answers."""
 
 import json
 from html.parser import HTMLParser

@@ -39,7 +39,6 @@ WHITE = np.full((2, 16, 16, 3), 255, np.uint8)
 
 @pytest.fixture(scope="module")
 def encoder() -> Encoder:
-    torch.set_num_threads(1)
     tokenizer = learn_tokenizer(["a red disc", "a blue square"], 20, 12)
     return Encoder(new_model(EncoderShape(16, 8, 32, 2, 16, 1, 2, 16), tokenizer, 0), tokenizer)
 
@@ -84,7 +83,6 @@ NOISE = np.random.default_rng(0).integers(0, 256, (2, 16, 16, 3)).astype(np.uint
 
 @pytest.fixture(scope="module")
 def judges() -> Judges:
-    torch.set_num_threads(1)
     tokenizer = learn_tokenizer([*CAPTIONS, "a sun"], 30, 12)
     main, judge = (
         Encoder(new_model(EncoderShape(16, 8, 32, 1, 16, 1, 2, 16), tokenizer, seed), tokenizer) for seed in (0, 1)
@@ -115,10 +113,10 @@ def test_gaps_belong_to_methods_with_a_goal_and_scores_to_the_drawing(judges: Ju
 
 
 def test_fine_tuning_that_reaches_the_oracle_closes_the_gap(judges: Judges) -> None:
-    made = comparisons(table_of(judges), 0)
-    assert made["delta_pix_closed"].value == 1 and made["delta_pix_closed"].low == 1
-    assert made["judge_score_over_no_change"].value == 0
-    assert "delta_pix_ratio" not in made  # over nothing
+    result = comparisons(table_of(judges), 0)
+    assert result["delta_pix_closed"].value == 1 and result["delta_pix_closed"].low == 1
+    assert result["judge_score_over_no_change"].value == 0
+    assert "delta_pix_ratio" not in result  # over nothing
 
 
 def test_objects_found_among_as_many_best_kinds_as_asked_for(judges: Judges) -> None:
@@ -140,8 +138,8 @@ def test_objects_found_ignores_the_other_half_of_the_sheet(judges: Judges) -> No
 
 def test_correlations_are_pearsons(judges: Judges) -> None:
     scores = np.array([1.0, 2.0, 3.0, 4.0])
-    made = correlations({"down": -2 * scores, "flat": np.ones(4)}, scores)
-    assert set(made) == {"down"} and made["down"]["r"] == pytest.approx(-1) and made["down"]["p"] < 1e-6
+    result = correlations({"down": -2 * scores, "flat": np.ones(4)}, scores)
+    assert set(result) == {"down"} and result["down"]["r"] == pytest.approx(-1) and result["down"]["p"] < 1e-6
     assert correlations({"down": scores[:2]}, scores[:2]) == {}
 
 
@@ -149,14 +147,13 @@ def tables() -> tuple[pa.Table, pa.Table]:
     """Scenes, and co-paintings whose full paintings are other scenes: gaps differ."""
     known = scenes.example_table(8)
     rows = copaintings.example_table(8, seed=1).to_pylist()
-    made = [
+    result = [
         row | {"scene_id": name, "region": None} for row, name in zip(rows, known["scene_id"].to_pylist(), strict=True)
     ]
-    return known, pa.Table.from_pylist(made, schema=arrow_schema(copaintings.CONTRACT))
+    return known, pa.Table.from_pylist(result, schema=arrow_schema(copaintings.CONTRACT))
 
 
 def test_painted_gap_counts_each_full_painting_once() -> None:
-    torch.set_num_threads(1)
     known, pairs = tables()
     found = painted_gap(pairs, known, small_encoder())
     assert {name: row["paintings"] for name, row in found.items()} == {"delta_pix": 8, "delta_sem": 8}
@@ -176,7 +173,6 @@ SAMPLING = SeededSampling(steps=1, image_guidance=1.0, text_guidance=1.0, seed=0
 
 
 def test_edit_scores_compare_completions_with_inputs_and_targets(tmp_path: Path) -> None:
-    torch.set_num_threads(1)
     save_goal_planner(small_planner(), tmp_path / "planner")
     (tmp_path / "judge").mkdir()
     small_encoder().save(tmp_path / "judge")
@@ -195,7 +191,7 @@ def test_edit_scores_compare_completions_with_inputs_and_targets(tmp_path: Path)
 
 def test_planner_that_returns_its_input_gains_zero(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scoring, "load_goal_planner", lambda folder: None)
-    monkeypatch.setattr(scoring, "ask", lambda planner, inputs, captions, asking: inputs)
+    monkeypatch.setattr(scoring, "complete_canvases", lambda planner, inputs, captions, sampling: inputs)
     (tmp_path / "judge").mkdir()
     small_encoder().save(tmp_path / "judge")
     edits = [Pair(pair.target, pair.input, pair.caption) for pair in small_pairs(3)]  # inputs with ink

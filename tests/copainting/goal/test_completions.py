@@ -1,10 +1,9 @@
-"""Scores of completions: closed forms for perfect, copied and blank ones; the grid lays out what it says."""
+"""Scores of perfect, copied and blank completions in closed form, and the layout of the guidance grid."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_completions, score_planner
 from tests.copainting.goal_planners import SIDE_PX, small_pairs, small_planner
@@ -31,14 +30,12 @@ def test_scores_of_perfect_copied_and_blank_completions() -> None:
 
 
 def test_scores_at_most_the_configured_number_of_pairs() -> None:
-    torch.set_num_threads(1)
     planner, pairs = small_planner(), small_pairs(5)
     assert score_planner(planner, pairs, SAMPLING).pairs == 3
     assert score_planner(planner, pairs[:2], SAMPLING).pairs == 2
 
 
 def test_guidance_grid_shows_inputs_targets_and_each_combination() -> None:
-    torch.set_num_threads(1)
     pairs = small_pairs(2)
     grid = guidance_grid(small_planner(), pairs, SAMPLING)
     large, head, gap = 2 * SIDE_PX, 26, 4

@@ -1,8 +1,7 @@
-"""Training on two devices, here two processes: it is the training on one, up to rounding, and each can take over."""
+"""Training on two devices (here two processes) equals training on one, up to rounding, and each resumes the other."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 import torch
@@ -10,10 +9,9 @@ import torch
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.goal import training
 from pentimento.copainting.goal.denoising import GoalTraining, Lora, encode_pairs
-from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.goal.ranks import Log
 from pentimento.copainting.goal.training import train_goal_planner
-from tests.copainting.goal_planners import TRAINING, small_pairs, small_planner
+from tests.copainting.goal_planners import TRAINING, Trained, small_pairs, small_planner, trained, uninterrupted
 
 # Losses are means of float32, added in another order: 1e-5 was measured after some steps. AdamW divides a gradient by
 # its own size, so that where rounding is all of it (a bias before a norm), a step may go either way. Weights are
@@ -31,46 +29,10 @@ def two_trainings(rank: int, folder: Path, config: GoalTraining, scratch: Path, 
     _train_rank(rank, folder, config, scratch, log)
 
 
-class Killed(Exception):
-    pass
-
-
-class Trained(NamedTuple):
-    """What is left of a training."""
-
-    planner: GoalPlanner
-    losses: list[float]
-    told: list[int]
-    """The steps that were logged, in that order."""
-
-
-def trained(config: GoalTraining, scratch: Path | None, until: int | None = None) -> Trained:
-    """A small planner after training; killed at step `until`."""
-    torch.set_num_threads(1)
-    after = Trained(small_planner(), [], [])
-
-    def log(_name: str, _value: float, step: int) -> None:
-        after.told.append(step)
-        if step == until:
-            raise Killed
-
-    pairs = encode_pairs(after.planner, small_pairs(7))
-    try:
-        after.losses.extend(train_goal_planner(after.planner, pairs, config, scratch, log))
-    except Killed:
-        assert until is not None
-    return after
-
-
-def weights(planner: GoalPlanner) -> torch.Tensor:
-    parts = (planner.unet, planner.text_encoder)
-    return torch.cat([weight.detach().flatten() for part in parts for weight in part.parameters()])
-
-
-def assert_alike(one: Trained, other: Trained) -> None:
+def assert_equal_up_to_rounding(one: Trained, other: Trained) -> None:
     assert other.losses == pytest.approx(one.losses, rel=LOSS_TOLERANCE)
-    before, first, second = (weights(planner) for planner in (small_planner(), one.planner, other.planner))
-    assert (second - first).norm() < WEIGHT_TOLERANCE * (first - before).norm()
+    before = Trained(small_planner(), [], []).weights
+    assert (other.weights - one.weights).norm() < WEIGHT_TOLERANCE * (one.weights - before).norm()
 
 
 def test_two_devices_train_as_one_and_resume_each_others_checkpoints(
@@ -78,9 +40,11 @@ def test_two_devices_train_as_one_and_resume_each_others_checkpoints(
 ) -> None:
     monkeypatch.setattr(training, "_train_rank", two_trainings)
     trained(WITH_LORA, tmp_path, until=3)
-    two, one = trained(replace(WITH_LORA, devices=2), tmp_path), trained(WITH_LORA, None)
-    assert_alike(one, two)  # low-rank updates and the text encoder came back to this process, with their averages
-    assert two.losses[:2] == one.losses[:2] and two.told == [2, 3, 4, 5]  # from the checkpoint of one device
+    two, one = trained(replace(WITH_LORA, devices=2), tmp_path), uninterrupted(WITH_LORA)
+    assert_equal_up_to_rounding(
+        one, two
+    )  # low-rank updates and the text encoder came back to this process, with their averages
+    assert two.losses[:2] == one.losses[:2] and two.steps == [2, 3, 4, 5]  # from the checkpoint of one device
     assert two.planner.unet.state_dict().keys() == one.planner.unet.state_dict().keys()
     assert not any(weight.requires_grad for weight in two.planner.unet.parameters())
     assert {path.name for path in tmp_path.iterdir()} == {"step-00000006.ckpt", "whole"}
@@ -88,8 +52,8 @@ def test_two_devices_train_as_one_and_resume_each_others_checkpoints(
     (checkpoint,) = (tmp_path / "whole").iterdir()
     assert checkpoint.name == "step-00000004.ckpt"
     resumed = trained(WHOLE_UNET, tmp_path / "whole")
-    assert_alike(trained(WHOLE_UNET, None), resumed)
-    assert resumed.told == [4, 5]  # from the checkpoint of two
+    assert_equal_up_to_rounding(uninterrupted(WHOLE_UNET), resumed)
+    assert resumed.steps == [4, 5]  # from the checkpoint of two
 
 
 def test_rejects_device_counts_that_do_not_fit_batch_or_machine(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,4 +65,4 @@ def test_rejects_device_counts_that_do_not_fit_batch_or_machine(monkeypatch: pyt
     pairs = encode_pairs(planner, small_pairs(4))
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     with pytest.raises(ConfigError, match="devices is 4, but this machine has 2 GPUs"):
-        train_goal_planner(planner, pairs, config, None, lambda *_: None)
+        train_goal_planner(planner, pairs, config, scratch=None, log=lambda *_: None)

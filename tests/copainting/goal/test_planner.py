@@ -1,4 +1,4 @@
-"""A goal planner survives its folder, asks for shapes that fit, and completes each picture from its own noise."""
+"""Saving, loading and checking a goal planner, and its completions."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,6 @@ from tests.copainting.goal_planners import CAPTIONS, SIDE_PX, small_encoder, sma
 
 @pytest.fixture(scope="module")
 def planner() -> GoalPlanner:
-    torch.set_num_threads(1)
     return small_planner()
 
 

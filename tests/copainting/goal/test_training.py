@@ -1,4 +1,4 @@
-"""Training: what the network should give, how errors weigh, that it learns, and that resuming changes nothing."""
+"""Targets and weights of the denoising loss, learning, and resumed training."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,74 +10,31 @@ import torch
 from diffusers import DDIMScheduler
 
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.goal.denoising import GoalTraining, Lora, encode_pairs, loss_weight, wanted_output
+from pentimento.copainting.goal.denoising import Lora, encode_pairs, loss_weight, wanted_output
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.goal.training import latest_checkpoint, train_goal_planner
-from tests.copainting.goal_planners import CAPTIONS, TRAINING, small_pairs, small_planner
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
-def trained(config: GoalTraining, scratch: Path | None = None, until: int | None = None) -> GoalPlanner:
-    """A small planner after training; killed at step `until`."""
-
-    class Killed(Exception):
-        pass
-
-    def log(_name: str, _value: float, step: int) -> None:
-        if step == until:
-            raise Killed
-
-    planner = small_planner()
-    pairs = encode_pairs(planner, small_pairs(7))
-    try:
-        train_goal_planner(planner, pairs, config, scratch, log)
-    except Killed:
-        assert until is not None
-    return planner
-
-
-def weights(planner: GoalPlanner) -> list[torch.Tensor]:
-    return [*planner.unet.state_dict().values(), *planner.text_encoder.state_dict().values()]
+from tests.copainting.goal_planners import CAPTIONS, TRAINING, small_pairs, small_planner, trained, uninterrupted
 
 
 def equal(one: GoalPlanner, other: GoalPlanner) -> bool:
-    return all(torch.equal(a, b) for a, b in zip(weights(one), weights(other), strict=True))
+    weights = ([*p.unet.state_dict().values(), *p.text_encoder.state_dict().values()] for p in (one, other))
+    return all(torch.equal(a, b) for a, b in zip(*weights, strict=True))
 
 
-@pytest.mark.parametrize("killed_at", [1, 2, 3, 5])
-@pytest.mark.parametrize("lora", [None, Lora(2, 4)])
+@pytest.mark.parametrize(("killed_at", "lora"), [(1, None), (2, Lora(2, 4)), (3, Lora(2, 4)), (5, None)])
 def test_resumed_training_equals_uninterrupted_training(tmp_path: Path, killed_at: int, lora: Lora | None) -> None:
     config = replace(TRAINING, lora=lora)
-    whole = trained(config)
     trained(config, tmp_path, until=killed_at)
-    kept = latest_checkpoint(tmp_path)
-    assert (kept is None) == (killed_at < config.checkpoint_every)
-    resumed = trained(config, tmp_path)
-    assert equal(whole, resumed)
-    assert len(list(tmp_path.iterdir())) == 1  # one checkpoint at a time, and nothing half-written
-
-
-def test_incomplete_checkpoint_is_ignored(tmp_path: Path) -> None:
-    trained(TRAINING, tmp_path, until=3)
-    (tmp_path / "step-00000004.part").write_bytes(b"half of a checkpoint")
-    assert equal(trained(TRAINING), trained(TRAINING, tmp_path))
-
-
-def test_resumed_training_returns_the_losses_of_all_steps(tmp_path: Path) -> None:
-    trained(TRAINING, tmp_path, until=5)
-    planners = small_planner(), small_planner()
-    pairs = encode_pairs(planners[0], small_pairs(7))
-    resumed = train_goal_planner(planners[0], pairs, TRAINING, tmp_path, lambda *_: None)
-    whole = train_goal_planner(planners[1], pairs, TRAINING, None, lambda *_: None)
-    assert resumed == whole and len(whole) == TRAINING.steps
+    assert (latest_checkpoint(tmp_path) is None) == (killed_at < config.checkpoint_every)
+    (tmp_path / "step-00000009.part").write_bytes(b"half of a checkpoint")  # ignored
+    resumed, whole = trained(config, tmp_path), uninterrupted(config)
+    assert equal(resumed.planner, whole.planner)
+    assert resumed.losses == whole.losses and len(whole.losses) == config.steps
+    assert len(list(tmp_path.glob("*.ckpt"))) == 1
 
 
 def test_frozen_parts_do_not_change() -> None:
-    before, after = small_planner(), trained(replace(TRAINING, train_text=False))
+    before, after = small_planner(), trained(replace(TRAINING, train_text=False)).planner
 
     def same(part: str) -> list[bool]:
         parameters = (getattr(planner, part).parameters() for planner in (before, after))
@@ -88,7 +45,7 @@ def test_frozen_parts_do_not_change() -> None:
 
 
 def test_lora_gives_a_plain_unet_with_low_rank_updates() -> None:
-    before, after = small_planner(), trained(replace(TRAINING, lora=Lora(1, 4), train_text=False))
+    before, after = small_planner(), trained(replace(TRAINING, lora=Lora(1, 4), train_text=False)).planner
     assert before.unet.state_dict().keys() == after.unet.state_dict().keys()
     ranks = []
     for name, weight in before.unet.state_dict().items():
@@ -104,7 +61,7 @@ def test_training_lowers_the_loss() -> None:
     planner = small_planner()
     pairs = encode_pairs(planner, small_pairs(4))
     config = replace(TRAINING, steps=80, batch=4, learning_rate=5e-3, drop_text=0, drop_image=0, drop_both=0)
-    losses = train_goal_planner(planner, pairs, config, None, lambda *_: None)
+    losses = train_goal_planner(planner, pairs, config, scratch=None, log=lambda *_: None)
     assert np.mean(losses[-20:]) < 0.4 * np.mean(losses[:5])
 
 
@@ -115,7 +72,7 @@ def test_dropped_text_does_not_affect_training() -> None:
         planner = small_planner()
         pairs = [replace(pair, caption=captions(i)) for i, pair in enumerate(small_pairs(4))]
         config = replace(TRAINING, drop_text=drop_text, drop_image=0, drop_both=0, steps=2)
-        train_goal_planner(planner, encode_pairs(planner, pairs), config, None, lambda *_: None)
+        train_goal_planner(planner, encode_pairs(planner, pairs), config, scratch=None, log=lambda *_: None)
         return planner
 
     one, other = (lambda i: CAPTIONS[i]), (lambda i: CAPTIONS[-1 - i])

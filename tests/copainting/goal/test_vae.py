@@ -1,4 +1,4 @@
-"""The autoencoder learns pictures and lines, and its latents have unit spread by its scaling factor."""
+"""The autoencoder: its training, the scale of its latents, and its reconstructions of ink."""
 
 from dataclasses import replace
 
@@ -30,36 +30,35 @@ def drawn() -> list[np.ndarray]:
 
 
 def test_autoencoder_training_lowers_the_error_and_sets_the_scaling_factor(drawn: list[np.ndarray]) -> None:
-    torch.set_num_threads(1)
     pictures = vae_pictures(drawn, 0)
     assert pictures.shape == (48, 64, 64, 3)
     steps: list[int] = []
-    vae = train_vae(pictures, CONFIG, 0, lambda _name, _value, step: steps.append(step))
+    vae = train_vae(pictures, CONFIG, 0, log=lambda _name, _value, step: steps.append(step))
     assert steps == list(range(CONFIG.steps))
-    untrained = train_vae(pictures, replace(CONFIG, steps=1, learning_rate=1e-9), 0, lambda *_: None)
+    untrained = train_vae(pictures, replace(CONFIG, steps=1, learning_rate=1e-9), 0, log=lambda *_: None)
     before, after = (np.abs(round_trip(v, pictures).astype(float) - pictures).mean() for v in (untrained, vae))
     assert after < 0.6 * before
     latents = encode(vae, pictures)
     assert latents.shape == (48, 4, 32, 32)
     assert float((latents * vae.config.scaling_factor).std()) == pytest.approx(1, abs=0.05)
-    again = train_vae(pictures, CONFIG, 0, lambda *_: None)
+    again = train_vae(pictures, CONFIG, 0, log=lambda *_: None)
     assert all(torch.equal(a, b) for a, b in zip(vae.state_dict().values(), again.state_dict().values(), strict=True))
 
 
 def test_decoder_training_improves_reconstructions_and_keeps_latents(drawn: list[np.ndarray]) -> None:
-    vae = train_vae(vae_pictures(drawn, 0), CONFIG, 0, lambda *_: None)
+    vae = train_vae(vae_pictures(drawn, 0), CONFIG, 0, log=lambda *_: None)
     pictures = vae_pictures(drawn, 1)[16:32]  # pen drawings
     latents, before = encode(vae, pictures), round_trip(vae, pictures)
     steps: list[int] = []
-    train_decoder(vae, pictures, DecoderConfig(25, 4, 1e-3), 0, lambda _name, _value, step: steps.append(step))
+    train_decoder(vae, pictures, DecoderConfig(25, 4, 1e-3), seed=0, log=lambda _name, _value, step: steps.append(step))
     assert steps == list(range(25)) and torch.equal(encode(vae, pictures), latents)
-    errors = [np.abs(made.astype(float) - pictures).mean() for made in (before, round_trip(vae, pictures))]
+    errors = [np.abs(result.astype(float) - pictures).mean() for result in (before, round_trip(vae, pictures))]
     assert errors[1] < 0.9 * errors[0]
     assert not any(parameter.requires_grad for parameter in vae.parameters())
 
 
 def test_ink_scores_of_an_untrained_autoencoder_are_low(drawn: list[np.ndarray]) -> None:
-    vae = train_vae(vae_pictures(drawn[:2], 0), replace(CONFIG, steps=1, learning_rate=1e-9), 0, lambda *_: None)
+    vae = train_vae(vae_pictures(drawn[:2], 0), replace(CONFIG, steps=1, learning_rate=1e-9), 0, log=lambda *_: None)
     scores = ink_after_round_trip(vae, drawn[:4], 0)
     # What it makes is all alike: either all of the ink is lost, or everything is ink.
     assert all((kind["recall"] or 0.0) * (kind["precision"] or 0.0) < 0.6 for kind in scores.values())

@@ -1,4 +1,4 @@
-"""Ordinary edits: what is missing is gone, what stays is untouched, and the target is the scene."""
+"""Edits of scenes: the input lacks things, the target is the scene, and the caption names them."""
 
 import numpy as np
 import pyarrow as pa

@@ -1,4 +1,4 @@
-"""Scenes from elsewhere: three layouts, and what cannot be used is left out and counted."""
+"""Imported scenes in three layouts, and the count of unusable items."""
 
 import io
 import json

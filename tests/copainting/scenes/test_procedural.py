@@ -1,4 +1,4 @@
-"""Drawn scenes: a seed and a number make a scene, splits keep compositions apart, regions are where things are."""
+"""Procedural scenes: reproducibility, disjoint splits, regions and captions."""
 
 from collections import Counter
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""The filter: a number as it is, or a quantile that rises with what is asked."""
+"""The CLIPScore threshold of a dataset."""
 
 from pathlib import Path
 

@@ -36,7 +36,6 @@ ROWS = scenes.example_table(6).to_pylist()
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    torch.set_num_threads(1)
     folder = tmp_path_factory.mktemp("models")
     return write_stroke_model(folder / "stroke"), write_encoder(folder / "semantics")
 
@@ -77,11 +76,11 @@ def test_plan_lowers_its_objective_and_guidance_the_semantic_one(folders: tuple[
     strongly = replace(MARKER, guidance=replace(MARKER.guidance, weight=10.0, iterations=15, views=0))
     means = {}
     for name, setting in {"without": without, "strongly": strongly}.items():
-        made = plan_painting(painter(folders, setting), picture, 5)
-        objective = objective_for(made.scene, setting.planner)
-        meaning = SemanticObjective(painter(folders).encoder, torch.from_numpy(made.scene.target), 0, 0)
-        image = render_plan(made.strokes, made.canvas, made.scene)
-        assert objective(image)[0] < objective(made.canvas)[0]
+        result = plan_painting(painter(folders, setting), picture, 5)
+        objective = objective_for(result.scene, setting.planner)
+        meaning = SemanticObjective(painter(folders).encoder, torch.from_numpy(result.scene.target), 0, 0)
+        image = render_plan(result.strokes, result.canvas, result.scene)
+        assert objective(image)[0] < objective(result.canvas)[0]
         means[name] = float(meaning(torch.from_numpy(image)))
     assert means["strongly"] < means["without"]
 
@@ -89,16 +88,16 @@ def test_plan_lowers_its_objective_and_guidance_the_semantic_one(folders: tuple[
 def test_plan_continues_from_a_canvas(folders: tuple[Path, Path]) -> None:
     canvas = np.full((24, 24, 3), 250, np.uint8)
     canvas[:6] = 20
-    made = plan_painting(painter(folders), decode_png(ROWS[0]["image"]["bytes"]), 0, canvas)
-    picture = made.picture(np.ones(len(made.strokes), bool), (24, 24))
-    assert picture[:5].max() < 40 and (made.picture(np.zeros(len(made.strokes), bool), (24, 24))[8:] > 240).all()
+    result = plan_painting(painter(folders), decode_png(ROWS[0]["image"]["bytes"]), 0, canvas)
+    picture = result.picture(np.ones(len(result.strokes), bool), (24, 24))
+    assert picture[:5].max() < 40 and (result.picture(np.zeros(len(result.strokes), bool), (24, 24))[8:] > 240).all()
 
 
 def test_brush_plan_uses_a_limited_palette(folders: tuple[Path, Path]) -> None:
     brush = painter(folders, BRUSH)
-    made = plan_painting(brush, decode_png(ROWS[0]["image"]["bytes"]), 0)
-    assert len(np.unique(made.strokes.color, axis=0)) <= 3
-    assert made.scene.target.std(0).max() > 0
+    result = plan_painting(brush, decode_png(ROWS[0]["image"]["bytes"]), 0)
+    assert len(np.unique(result.strokes.color, axis=0)) <= 3
+    assert result.scene.target.std(0).max() > 0
 
 
 def test_rejects_ink_tones_that_do_not_fit_the_tool(folders: tuple[Path, Path]) -> None:

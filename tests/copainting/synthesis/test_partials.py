@@ -1,4 +1,4 @@
-"""Partial paintings: what a stroke belongs to is told by where it lies, and each partial is another one."""
+"""Partial paintings: strokes on regions, and the removal strategies."""
 
 import numpy as np
 import pytest
@@ -93,7 +93,7 @@ def test_random_subset_keeps_a_fraction_within_bounds(strokes: int, seed: int) -
     assert 0.25 * strokes - 0.5 <= kept.sum() <= 0.75 * strokes + 0.5
 
 
-def made(regions: NDArray[np.uint8], seed: int = 0) -> list[tuple[str, int | None, list[bool]]]:
+def partials_of(regions: NDArray[np.uint8], seed: int = 0) -> list[tuple[str, int | None, list[bool]]]:
     saliency = np.zeros((20, 40))
     saliency[:, 10:26] = np.linspace(1, 2, 16)  # stroke 4 lies in its most salient half
     found = partials(STROKES, saliency, regions, SIZE_M, config=CONFIG, rng=np.random.default_rng(seed))
@@ -101,18 +101,18 @@ def made(regions: NDArray[np.uint8], seed: int = 0) -> list[tuple[str, int | Non
 
 
 def test_partials_use_four_strategies_without_duplicates() -> None:
-    found = made(two_things())
+    found = partials_of(two_things())
     assert found[0] == ("all", None, [False] * 5)
     assert ("semantic", 2, [True, True, False, False, True]) in found
     assert {strategy for strategy, _, _ in found} == {"all", "random", "salient", "semantic"}
     keeping = [tuple(kept) for _, _, kept in found]
     assert len(set(keeping)) == len(keeping) and (True,) * 5 not in keeping
-    assert found == made(two_things())
-    assert [f for f in found if f[0] == "random"] != [f for f in made(two_things(), 1) if f[0] == "random"]
+    assert found == partials_of(two_things())
+    assert [f for f in found if f[0] == "random"] != [f for f in partials_of(two_things(), 1) if f[0] == "random"]
 
 
 def test_semantic_partial_equal_to_all_is_left_out() -> None:
-    found = made(np.ones((20, 40), np.uint8))
+    found = partials_of(np.ones((20, 40), np.uint8))
     assert [strategy for strategy, _, kept in found if not any(kept)] == ["all"]
     assert "semantic" not in {strategy for strategy, _, _ in found}
 

@@ -117,7 +117,7 @@ def _check(rows: Sequence[_Row]) -> None:
 def _in_half(row: _Row, half: Half, generator: np.random.Generator) -> Picture:
     """The things of the scene in one half of the sheet, on the background of the scene."""
     ground = without(row.image, row.regions, labels_of(row.regions))
-    return put(ground, row.image, row.regions, half, generator)[0]
+    return put(ground, row.image, row.regions, half=half, generator=generator)[0]
 
 
 def plain_caption(row: Mapping[str, Any]) -> str:

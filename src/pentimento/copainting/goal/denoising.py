@@ -22,6 +22,8 @@ from pentimento.copainting.goal.vae import encode
 from pentimento.copainting.jobs import generator_for
 from pentimento.copainting.scenes.edits import Pair
 
+_LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
+
 
 @dataclass(frozen=True)
 class Lora:
@@ -145,9 +147,6 @@ def tokens_of(planner: GoalPlanner, captions: Sequence[str]) -> Tensor:
         truncation=True,
         return_tensors="pt",
     ).input_ids
-
-
-_LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
 
 
 class Denoising(lightning.LightningModule):

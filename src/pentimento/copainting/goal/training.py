@@ -26,11 +26,12 @@ from pentimento.dynamics.quiet_lightning import quiet_lightning
 
 _LORA_LAYERS: Final = ("to_q", "to_k", "to_v", "to_out.0", "conv1", "conv2", "conv_in", "conv_out")
 _PARTS: Final = ("unet", "text_encoder")  # of a planner: what training may change
-_LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
+
+_PATTERN: Final = "step-*.ckpt"
 
 
 def train_goal_planner(
-    planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, scratch: Path | None, log: Log
+    planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, *, scratch: Path | None, log: Log
 ) -> list[float]:
     """Train the UNet of a planner (and its text encoder, if configured) in place; it ends with the averaged weights.
 
@@ -42,7 +43,7 @@ def train_goal_planner(
         ConfigError: more devices than GPUs.
     """
     if config.devices == 1 and config.strategy == "auto":
-        return _train(planner, pairs, config, scratch, log)
+        return _train(planner, pairs, config, scratch=scratch, log=log)
     gpus = torch.cuda.device_count()
     if config.accelerator == "auto" and 0 < gpus < config.devices:
         raise ConfigError(
@@ -68,14 +69,14 @@ def _train_rank(rank: int, folder: Path, config: GoalTraining, scratch: Path | N
     them."""
     planner = load_goal_planner(folder / "untrained")
     pairs = LatentPairs(**torch.load(folder / "pairs.pt", weights_only=True, mmap=True))
-    losses = _train(planner, pairs, config, scratch, log)
+    losses = _train(planner, pairs, config, scratch=scratch, log=log)
     if rank == 0:
         states = {name: getattr(planner, name).state_dict() for name in _PARTS}
         torch.save(states | {"losses": losses}, folder / "trained.pt")
 
 
 def _train(
-    planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, scratch: Path | None, log: Log
+    planner: GoalPlanner, pairs: LatentPairs, config: GoalTraining, *, scratch: Path | None, log: Log
 ) -> list[float]:
     """`train_goal_planner` in this process: the only one, or one rank of several."""
     torch.manual_seed(config.seed)  # of LoRA's first values
@@ -125,9 +126,6 @@ def _add_lora(planner: GoalPlanner, lora: Lora) -> None:
     planner.unet.add_adapter(
         LoraConfig(r=lora.rank, lora_alpha=lora.alpha, init_lora_weights="gaussian", target_modules=list(_LORA_LAYERS))
     )
-
-
-_PATTERN: Final = "step-*.ckpt"
 
 
 class KeepCheckpoint(lightning.Callback):

@@ -26,7 +26,7 @@ Log = Callable[[str, float, int], None]
 _KL_WEIGHT: Final = 1e-6  # as in latent diffusion (Rombach et al. 2022): it only keeps the latents in bounds
 _WARM_UP: Final = 20  # steps
 _STROKES: Final = (2, 40)  # in a picture of random strokes
-_WIDTHS_PX: Final = (1.2, 4.0)
+_WIDTHS_PX: Final = (1.2, 4.0)  # of random strokes
 _CHUNK: Final = 64  # pictures encoded or decoded at once
 
 
@@ -83,7 +83,7 @@ def vae_pictures(scenes: Sequence[NDArray[np.uint8]], seed: int) -> NDArray[np.u
     return np.concatenate([np.stack([*scenes]), lines, strokes])
 
 
-def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Log) -> AutoencoderKL:
+def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, *, log: Log) -> AutoencoderKL:
     """Train an autoencoder on pictures, uint8 [N, H, W, 3], with the loss L1 + L2; `log("vae_loss", value, step)` at
     each step.
 
@@ -107,7 +107,9 @@ def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, log: Lo
     return vae
 
 
-def train_decoder(vae: AutoencoderKL, pictures: NDArray[np.uint8], config: DecoderConfig, seed: int, log: Log) -> None:
+def train_decoder(
+    vae: AutoencoderKL, pictures: NDArray[np.uint8], config: DecoderConfig, *, seed: int, log: Log
+) -> None:
     """Train the decoder further, in place, on pictures, uint8 [N, H, W, 3]; the latents do not change.
 
     Stable Diffusion's decoder was fine-tuned the same way. The UNet stays valid, and lines are reconstructed in the

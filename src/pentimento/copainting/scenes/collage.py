@@ -22,6 +22,8 @@ _MARGIN_PX: Final = 2  # around a removed region: its antialiased edge
 PAPER_SRGB: Final = 250
 """Grey of white paper."""
 
+_NAMES: Final = ("left", "right", "upper", "lower")
+
 
 class Half(NamedTuple):
     """The centre of a half of the sheet, in sides of the sheet: x to the right, y down."""
@@ -32,6 +34,7 @@ class Half(NamedTuple):
 
 HALVES: Final = ((Half(0.26, 0.5), Half(0.74, 0.5)), (Half(0.5, 0.26), Half(0.5, 0.74)))
 """Left and right; upper and lower."""
+_PLACES: Final = [half for pair in HALVES for half in pair]  # in the order of `_NAMES`
 
 
 def without(image: NDArray[np.uint8], regions: NDArray[np.uint8], labels: NDArray[np.integer]) -> NDArray[np.uint8]:
@@ -66,6 +69,7 @@ def put(
     sheet: NDArray[np.uint8],
     picture: NDArray[np.uint8],
     regions: NDArray[np.uint8],
+    *,
     half: Half,
     generator: np.random.Generator,
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
@@ -116,10 +120,6 @@ def pairs_shown(objects: Iterable[Sequence[str]]) -> set[frozenset[str]]:
     }  # fmt: skip
 
 
-_PLACES: Final = [half for pair in HALVES for half in pair]
-_NAMES: Final = ("left", "right", "upper", "lower")
-
-
 def half_scenes(scenes: pa.Table, count: int, seed: int) -> pa.Table:
     """`count` rows of the `scenes` contract: the thing of a scene with one thing, placed in one half of its background.
 
@@ -150,7 +150,7 @@ def _half(row: dict[str, Any], place: int, seed: list[int]) -> dict[str, Any]:
     image, regions = read_scene(row, f"Scene {row['scene_id']}")
     half: Half = _PLACES[place]
     ground = without(image, regions, labels_of(regions))
-    moved, there = put(ground, image, regions, half, generator)
+    moved, there = put(ground, image, regions, half=half, generator=generator)
     return row | {
         "image": image_cell(moved),
         "regions": image_cell(there.astype(np.uint8)),

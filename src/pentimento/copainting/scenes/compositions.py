@@ -47,8 +47,39 @@ GROUNDS: Final = {
 of the things.
 """
 
-_TEST_GAPS: Final = (3, 7)
+_TEST_GAPS: Final = (3, 7)  # distances of two kinds on the circle of `Splits` whose pair is in the test split
 _VAL_GAPS: Final = (5,)
+
+_SENTENCES: Final[dict[Arrangement, tuple[str, ...]]] = {
+    "alone": ("{a}", "{a}", "there is {a}", "just {a}"),
+    "beside": (
+        "{a} to the left of {b}", "{a} left of {b}", "{b} to the right of {a}", "{b} right of {a}", "{a} beside {b}",
+        "{b} beside {a}", "{a} next to {b}", "{b} next to {a}", "{a} and {b} side by side",
+    ),
+    "above": (
+        "{a} above {b}", "{a} over {b}", "{b} below {a}", "{b} under {a}", "{b} with {a} above it",
+        "{a} with {b} below it",
+    ),
+    "row": (
+        "{a}, {b} and {c} in a row", "{b} between {a} and {c}", "{b} with {a} on the left and {c} on the right",
+        "{a} left of {b} and {c}",
+    ),
+    "over_two": (
+        "{a} above {b} and {c}", "{b} and {c} below {a}", "{b} next to {c} with {a} above", "{a} over {b} and {c}",
+    ),
+}  # fmt: skip
+_OPENINGS: Final = ("", "", "", "a picture of ", "a drawing of ", "a painting of ")
+_PLACES: Final = {
+    "white paper": ("on white paper", "on a white ground"),
+    "grey paper": ("on grey paper", "on a grey ground"),
+    "sky": ("in a blue sky", "in the sky"),
+    "meadow": ("in a meadow", "on green grass"),
+    "beach": ("on a beach", "on the sand"),
+    "sea": ("by the sea", "on the water"),
+    "snow": ("in the snow", "on a winter day"),
+    "room": ("in a room", "indoors"),
+    "dusk": ("at dusk", "in the evening"),
+}
 
 
 @dataclass(frozen=True)
@@ -122,40 +153,6 @@ def _draw(generator: np.random.Generator) -> Composition:
     colors = generator.choice(list(COLORS), len(kinds))
     things = tuple(Thing(KINDS[kind], str(color)) for kind, color in zip(kinds, colors, strict=True))
     return Composition(things, arrangement, str(generator.choice(list(GROUNDS))))
-
-
-_SENTENCES: Final[dict[Arrangement, tuple[str, ...]]] = {
-    "alone": ("{a}", "{a}", "there is {a}", "just {a}"),
-    "beside": (
-        "{a} to the left of {b}", "{a} left of {b}", "{b} to the right of {a}", "{b} right of {a}", "{a} beside {b}",
-        "{b} beside {a}", "{a} next to {b}", "{b} next to {a}", "{a} and {b} side by side",
-    ),
-    "above": (
-        "{a} above {b}", "{a} over {b}", "{b} below {a}", "{b} under {a}", "{b} with {a} above it",
-        "{a} with {b} below it",
-    ),
-    "row": (
-        "{a}, {b} and {c} in a row", "{b} between {a} and {c}", "{b} with {a} on the left and {c} on the right",
-        "{a} left of {b} and {c}",
-    ),
-    "over_two": (
-        "{a} above {b} and {c}", "{b} and {c} below {a}", "{b} next to {c} with {a} above", "{a} over {b} and {c}",
-    ),
-}  # fmt: skip
-
-_OPENINGS: Final = ("", "", "", "a picture of ", "a drawing of ", "a painting of ")
-
-_PLACES: Final = {
-    "white paper": ("on white paper", "on a white ground"),
-    "grey paper": ("on grey paper", "on a grey ground"),
-    "sky": ("in a blue sky", "in the sky"),
-    "meadow": ("in a meadow", "on green grass"),
-    "beach": ("on a beach", "on the sand"),
-    "sea": ("by the sea", "on the water"),
-    "snow": ("in the snow", "on a winter day"),
-    "room": ("in a room", "indoors"),
-    "dusk": ("at dusk", "in the evening"),
-}
 
 
 def wordings(composition: Composition, number: int, generator: np.random.Generator) -> list[str]:

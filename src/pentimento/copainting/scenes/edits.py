@@ -111,7 +111,7 @@ def _collage(one: _Shown, other: _Shown, generator: np.random.Generator) -> _Sho
     image = without(one.image, one.regions, labels_of(one.regions))
     regions = np.zeros_like(one.regions)
     for label, (each, half) in enumerate(zip((one, other), random_halves(generator), strict=True), 1):
-        image, there = put(image, each.image, each.regions, half, generator)
+        image, there = put(image, each.image, each.regions, half=half, generator=generator)
         regions[there] = label
     return _Shown(image, regions, one.kinds + other.kinds, one.colors + other.colors, ())
 

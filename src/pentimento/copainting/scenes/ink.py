@@ -16,6 +16,16 @@ from pentimento.contracts.ranges import above_zero, at_least
 REACH_PX: Final = 1
 """Ink that moved by at most this distance counts as kept."""
 
+FloatArray = NDArray[np.float64]
+_SURROUND: Final = 4.0
+"""Width of the Gaussian of the surroundings, as a multiple of that of the line."""
+_LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB (IEC 61966-2-1)
+_PEN_SUPERSAMPLING: Final = 2  # drawn at this many times the size and averaged down
+_PEN_REACH_PX: Final = 2  # of a contour beyond the mask of what is drawn
+_STROKE_SUPERSAMPLING: Final = 4  # drawn at this many times the size and averaged down: soft edges at any width
+_SHIFT: Final = 4  # OpenCV's fixed-point bits of a coordinate
+_DARK_SHARE: Final = 0.7  # of the pictures; the others have one ink of any colour
+
 
 def ink_mask(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """The inked pixels [..., H, W] of drawings [..., H, W, 3]: those darker than half of white in sRGB grey."""
@@ -33,13 +43,6 @@ def ink_recall(drawing: NDArray[np.uint8], picture: NDArray[np.uint8], reach_px:
     near = np.stack([cv2.dilate(mask.astype(np.uint8), reach) for mask in after]).astype(bool)
     inked = int(before.sum())
     return float((before & near).sum() / inked) if inked else float("nan")
-
-
-FloatArray = NDArray[np.float64]
-
-_SURROUND = 4.0
-"""Width of the Gaussian of the surroundings, as a multiple of that of the line."""
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True)
@@ -87,10 +90,6 @@ def ink_tones(picture: FloatArray, pixels_per_m: float, config: InkTones) -> Flo
     return np.repeat(srgb_to_linear(tones)[..., None], 3, axis=-1)
 
 
-_PEN_SUPERSAMPLING: Final = 2  # drawn at this many times the size and averaged down
-_PEN_REACH_PX: Final = 2  # of a contour beyond its thing's region
-
-
 @dataclass(frozen=True)
 class Pen:
     """The pen and style of a simulated writer."""
@@ -129,11 +128,6 @@ def pen_drawing(picture: NDArray[np.uint8], drawn: NDArray[np.bool_], pen: Pen) 
     near = cv2.dilate(drawn.astype(np.uint8), np.ones((2 * _PEN_REACH_PX + 1,) * 2, np.uint8)) > 0
     grey = pen.ink + (pen.paper - pen.ink) * np.where(near, light, 1.0)
     return np.repeat(np.round(255 * grey).astype(np.uint8)[..., None], 3, axis=-1)
-
-
-_STROKE_SUPERSAMPLING: Final = 4  # drawn at this many times the size and averaged down: soft edges at any width
-_SHIFT: Final = 4  # OpenCV's fixed-point bits of a coordinate
-_DARK_SHARE: Final = 0.7  # of the pictures; the others have one ink of any colour
 
 
 def random_strokes(

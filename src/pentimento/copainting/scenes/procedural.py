@@ -50,6 +50,9 @@ _SIZES: Final[dict[Arrangement, tuple[float, float]]] = {
 }
 """Range of the side of a thing's square, in sides of the picture."""
 
+SOURCE: Final = "drawn by pentimento"
+LICENCE: Final = "CC0-1.0"
+
 
 @dataclass(frozen=True, eq=False)
 class Placed:
@@ -152,10 +155,6 @@ def _jittered(srgb: tuple[int, int, int], generator: np.random.Generator) -> NDA
 def _toned(srgb: NDArray[np.float64], tone: float) -> tuple[float, ...]:
     toned = srgb * (1 + tone) if tone < 0 else srgb + (255 - srgb) * tone
     return tuple(float(value) for value in toned)
-
-
-SOURCE: Final = "drawn by pentimento"
-LICENCE: Final = "CC0-1.0"
 
 
 @dataclass(frozen=True)

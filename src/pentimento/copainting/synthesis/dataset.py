@@ -68,7 +68,7 @@ def min_score(config: Threshold, encoder: Encoder, pictures: Tensor, captions: S
         return config.score
     assert config.mismatched_quantile is not None  # __post_init__ saw to it
     try:
-        return mismatched_quantile(encoder, pictures, captions, config.mismatched_quantile, config.seed)
+        return mismatched_quantile(encoder, pictures, captions, q=config.mismatched_quantile, seed=config.seed)
     except ValueError as error:
         raise ConfigError(f"{error} Set threshold.score, or paint scenes with other captions.") from None
 

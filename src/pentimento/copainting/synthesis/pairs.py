@@ -23,6 +23,8 @@ from pentimento.semantics.scores import clip_score, saliency
 
 Row = dict[str, Any]
 
+_NAMED_SHARE: Final = 0.3  # of the `beside` pairs: the caption is the name of the thing, not a caption of its scene
+
 
 def paint_scene(row: Mapping[str, Any], painter: Painter, config: PartialsConfig) -> list[Row]:
     """Rows of the `copaintings` contract for one row of `scenes`: one for each partial painting.
@@ -100,9 +102,6 @@ def fit_labels(labels: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.
     top, left = (labels.shape[0] - crop_h) // 2, (labels.shape[1] - crop_w) // 2
     part = np.ascontiguousarray(labels[top : top + crop_h, left : left + crop_w])
     return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
-
-
-_NAMED_SHARE: Final = 0.3  # of the `beside` pairs: the caption is the name of the thing, not a caption of its scene
 
 
 def beside_pairs(

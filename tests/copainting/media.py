@@ -1,4 +1,4 @@
-"""An easel with a simple marker, small enough for tests."""
+"""A small sheet with a marker, for tests of plans."""
 
 import numpy as np
 from numpy.typing import NDArray
