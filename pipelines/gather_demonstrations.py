@@ -52,7 +52,7 @@ def main(arguments: argparse.Namespace) -> None:
         hands = found.table.column("hand").to_pylist()
         shown = [n for hand in dict.fromkeys(hands) for n in [k for k, name in enumerate(hands) if name == hand][:24]]
         write_png(out / "strokes.png", sheet([points[n, :, 1:3] for n in shown]))
-        write_png(out / "dropped.png", sheet_of_repaired(found.mended))
+        write_png(out / "dropped.png", sheet_of_repaired(found.repaired))
         origin = "Recorded by people." if config.sources else "Made up by sigma-lognormal movements; nobody drew them."
         (out / "README.md").write_text(f"# Demonstrations\n\n{origin} {found.table.num_rows} strokes.\n")
         write_json(out / "metrics.json", found.counts)

@@ -189,7 +189,7 @@ def _metrics(
     window_m: NDArray[np.float64],
 ) -> dict[str, Any]:
     objective = ClayObjective(fit.height_m, window_m, config.planner.weights)
-    off_mm2 = float(np.square(1e3 * (made.heights_m[1:] - made.foreseen_m)).mean()) if len(made.actions) else 0.0
+    off_mm2 = float(np.square(1e3 * (made.heights_m[1:] - made.predicted_m)).mean()) if len(made.actions) else 0.0
     metrics: dict[str, Any] = {
         "source": wanted.source,
         "actions": len(made.actions),
@@ -202,7 +202,7 @@ def _metrics(
             "error_3d_mm2": objective.error_3d_mm2(made.heights_m),
             "visual_error": objective.visual_error(made.heights_m),
         },
-        **goal_errors(objective, made.heights_m, predicted.foreseen_m[-1]),
+        **goal_errors(objective, made.heights_m, predicted.predicted_m[-1]),
     }
     letter = wanted.source.removeprefix("letter:")
     if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
@@ -213,7 +213,7 @@ def _metrics(
 
 def _pictures(folder: Path, window_m: NDArray[np.float64], fit: GoalFit, predicted: PushPlan, made: Sculpture) -> None:
     """Photographs and height maps of the clay before, the goal, the plan and the clay after; all four beside it."""
-    heights = (made.heights_m[0], fit.height_m, predicted.foreseen_m[-1], made.heights_m[-1])
+    heights = (made.heights_m[0], fit.height_m, predicted.predicted_m[-1], made.heights_m[-1])
     shown = dict(zip(("before", "goal", "plan", "result"), heights, strict=True))
     for name, height in shown.items():
         write_png(folder / f"{name}.png", photograph(height, window_m))

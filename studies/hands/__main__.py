@@ -75,7 +75,7 @@ def _pictures(name: str, gathered: Gathered, strokes: Demonstrated, results: lis
     """People beside samples, two rows a session; what was dropped; the latent space."""
     shown = [path for r in results for part in (r.rest_m, r.samples_m[SAMPLERS[0]]) for path in part[:_SHOWN]]
     write_png(out / f"{name}_samples.png", sheet(shown))
-    write_png(out / f"{name}_dropped.png", sheet_of_repaired(gathered.mended))
+    write_png(out / f"{name}_dropped.png", sheet_of_repaired(gathered.repaired))
     every = max(-(-len(strokes.hand) // _MAPPED), 1)
     few = strokes.pick(np.arange(0, len(strokes.hand), every))
     model = pretrain(strokes.strokes, CONFIG, lambda *_: None)

@@ -60,7 +60,7 @@ def main(arguments: argparse.Namespace) -> None:
             session=Session("alphabet", robot.clock_s), item=number, log=_unheard,
         )  # fmt: skip
         objective = ClayObjective(fit.height_m, scan.window_m, given.planner.weights)
-        said: dict[str, Any] = goal_errors(objective, made.heights_m, made.first.foreseen_m[-1])
+        said: dict[str, Any] = goal_errors(objective, made.heights_m, made.first.predicted_m[-1])
         said |= {
             "read": classify_sculpture(reader, made.heights_m[-1], fit.height_m, setting.fit.border),
             "letter": letter,

@@ -75,7 +75,7 @@ def test_sculpting_reduces_the_objective_as_predicted() -> None:
     result = sculpted(PaperRobot())
     assert result.helped and result.values[-1] < 0.3 * result.values[0]
     # The robot equals the model; only the filled hole differs.
-    np.testing.assert_allclose(result.heights_m[1:], result.foreseen_m, atol=2e-4)
+    np.testing.assert_allclose(result.heights_m[1:], result.predicted_m, atol=2e-4)
 
 
 def test_sculpting_rows_satisfy_the_pushes_contract(tmp_path: Path) -> None:

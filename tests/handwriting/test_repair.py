@@ -1,10 +1,10 @@
-"""Recordings with faults are mended or refused, and each fault is counted."""
+"""Recordings with faults are repaired or refused, and each fault is counted."""
 
 import numpy as np
 import pytest
 
 from pentimento.handwriting.recording import XY, Recording, recording
-from pentimento.handwriting.repair import Limits, mend, repair_all
+from pentimento.handwriting.repair import Limits, repair, repair_all
 
 LIMITS = Limits(longest_hole=5, jump_m=3e-3, jump_times=8.0, shortest_m=1e-3, longest_m=0.6)
 
@@ -16,31 +16,31 @@ def line(count: int = 40, step_m: float = 5e-4) -> Recording:
 
 
 def test_a_whole_recording_stays_as_it_is() -> None:
-    mended = mend(line(), LIMITS)
-    assert not mended.counts
-    assert not mended.removed.any()
-    np.testing.assert_array_equal(mended.strokes[0].points, line().points)
+    repaired = repair(line(), LIMITS)
+    assert not repaired.counts
+    assert not repaired.removed.any()
+    np.testing.assert_array_equal(repaired.strokes[0].points, line().points)
 
 
 @pytest.mark.parametrize(("missing", "strokes", "fault"), [(3, 1, "holes_bridged"), (9, 2, "holes_ending_a_stroke")])
 def test_a_short_hole_is_bridged_and_a_long_one_ends_the_stroke(missing: int, strokes: int, fault: str) -> None:
     source = line()
     source.points[12 : 12 + missing, XY] = np.nan
-    mended = mend(source, LIMITS)
-    assert len(mended.strokes) == strokes
-    assert dict(mended.counts) == {fault: 1}
-    assert sum(len(stroke.points) for stroke in mended.strokes) == 40 - missing
+    repaired = repair(source, LIMITS)
+    assert len(repaired.strokes) == strokes
+    assert dict(repaired.counts) == {fault: 1}
+    assert sum(len(stroke.points) for stroke in repaired.strokes) == 40 - missing
 
 
 def test_a_spike_is_removed_and_a_jump_for_good_ends_the_stroke() -> None:
     spiked, jumped = line(), line()
     spiked.points[20:22, 2] += 0.05
     jumped.points[20:, 2] += 0.05
-    mended = mend(spiked, LIMITS)
-    assert dict(mended.counts) == {"spikes_removed": 1}
-    assert np.flatnonzero(mended.removed).tolist() == [20, 21]
-    assert np.abs(mended.strokes[0].points[:, 2]).max() == 0
-    apart = mend(jumped, LIMITS)
+    repaired = repair(spiked, LIMITS)
+    assert dict(repaired.counts) == {"spikes_removed": 1}
+    assert np.flatnonzero(repaired.removed).tolist() == [20, 21]
+    assert np.abs(repaired.strokes[0].points[:, 2]).max() == 0
+    apart = repair(jumped, LIMITS)
     assert dict(apart.counts) == {"jumps_ending_a_stroke": 1}
     assert [len(stroke.points) for stroke in apart.strokes] == [20, 20]
     assert apart.strokes[1].points[0, 0] == 0  # times count from each stroke's own start
@@ -50,16 +50,16 @@ def test_a_fast_hand_is_no_jump() -> None:
     """Steps of 5 mm that rise and fall smoothly, as of a hand at 1 m/s."""
     step = 5e-3 * np.sin(np.linspace(0, np.pi, 60)) ** 2
     xy = np.column_stack([np.cumsum(step), np.zeros(60)])
-    assert not mend(recording("s", "h", xy, np.arange(60) / 200), LIMITS).counts
+    assert not repair(recording("s", "h", xy, np.arange(60) / 200), LIMITS).counts
 
 
 def test_repeated_times_and_impossible_pressure() -> None:
     source = line()
     source.points[10, 0] = source.points[9, 0]
     source.points[30, 4] = 1.7
-    mended = mend(source, LIMITS)
-    assert dict(mended.counts) == {"times_repeated": 1, "pressure_out_of_range": 1}
-    (stroke,) = mended.strokes
+    repaired = repair(source, LIMITS)
+    assert dict(repaired.counts) == {"times_repeated": 1, "pressure_out_of_range": 1}
+    (stroke,) = repaired.strokes
     assert (np.diff(stroke.points[:, 0]) > 0).all()
     assert np.isnan(stroke.points[:, 4]).all()  # of a pressure that is partly unknown nothing is claimed
 
@@ -77,17 +77,17 @@ def test_repeated_times_and_impossible_pressure() -> None:
 )
 def test_what_is_no_stroke_is_refused(xy: np.ndarray, fault: str) -> None:
     limits = Limits(5, 10.0, 8.0, 1e-3, 0.6)
-    mended = mend(recording("s", "h", xy), limits)
-    assert mended.strokes == ()
-    assert dict(mended.counts) == {fault: 1}
-    assert mended.removed.all()
+    repaired = repair(recording("s", "h", xy), limits)
+    assert repaired.strokes == ()
+    assert dict(repaired.counts) == {fault: 1}
+    assert repaired.removed.all()
 
 
 def test_counts_are_summed_over_recordings() -> None:
     spiked = line()
     spiked.points[20, 2] += 0.05
-    strokes, counts, mended = repair_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)
-    assert (len(strokes), len(mended)) == (2, 2)
+    strokes, counts, repaired = repair_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)
+    assert (len(strokes), len(repaired)) == (2, 2)
     assert {fault: count for fault, count in counts.items() if count} == {
         "spikes_removed": 1,
         "strokes_of_one_point": 1,

@@ -60,7 +60,7 @@ class Sculpture:
     """[N + 1]: the objective of each height map."""
     first: PushPlan
     """The first plan."""
-    foreseen_m: Array
+    predicted_m: Array
     """[N, H, W]: the heights after each action as predicted by the plan that contained it."""
     stopped: Outcome
     holes: int
@@ -144,7 +144,7 @@ class Sculptor:
         first = plan(height, self.foresight, self._reach, self.config, self.count, (self.item, 0))
         progress = SculptureProgress(
             scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
-            expected_m=(), remaining=first.actions, predicted_m=first.foreseen_m[1:],
+            expected_m=(), remaining=first.actions, predicted_m=first.predicted_m[1:],
             due=min(self.execution.batch, len(first.actions)), holes=holes, pending=False,
         )  # fmt: skip
         return progress, first
@@ -234,7 +234,7 @@ class Sculptor:
             (self.item, executed), progress.remaining if executed else None,
         )  # fmt: skip
         due = min(self.execution.batch, len(new.actions))
-        return replace(progress, remaining=new.actions, predicted_m=new.foreseen_m[1:], due=due)
+        return replace(progress, remaining=new.actions, predicted_m=new.predicted_m[1:], due=due)
 
 
 def sculpt(

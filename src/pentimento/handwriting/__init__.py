@@ -1,1 +1,1 @@
-"""Strokes that people drew: recordings read, repaired, brought to a standard frame; and hands that are made up."""
+"""Handwriting styles from demonstrations: recordings, TrajVAE, evaluation and drawing (thesis 5.3)."""

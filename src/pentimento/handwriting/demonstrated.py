@@ -1,4 +1,4 @@
-"""Rows of the ``demonstrations`` contract as tensors, and their division into sessions."""
+"""Rows of the ``demonstrations`` contract as tensors, and their split by session."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pentimento.handwriting.trajvae import Strokes
 
 @dataclass(frozen=True, eq=False)
 class Demonstrated:
-    """B strokes of several hands and sessions."""
+    """B strokes of several writers and sessions."""
 
     strokes: Strokes
     hand: tuple[str, ...]
@@ -29,12 +29,12 @@ class Demonstrated:
         return Demonstrated(self.strokes.pick(torch.from_numpy(chosen)), hand, session)
 
     def of(self, hand: str) -> Demonstrated:
-        """Those of one hand."""
+        """The strokes of one writer."""
         return self.pick(np.array([name == hand for name in self.hand]))
 
     @property
     def hands(self) -> tuple[str, ...]:
-        """In the order of their first stroke."""
+        """Writers in the order of their first stroke."""
         return tuple(dict.fromkeys(self.hand))
 
 
@@ -42,7 +42,7 @@ def demonstrated(table: pa.Table, points: int) -> Demonstrated:
     """The table's strokes at ``points`` points each.
 
     Raises:
-        ContractError: the table is empty, or a row (it is named) has no two places.
+        ContractError: the table is empty, or a row has fewer than two distinct places; the message names it.
     """
     if table.num_rows == 0:
         raise ContractError("The demonstrations table has no rows; gather demonstrations first.")
@@ -64,10 +64,10 @@ def demonstrated(table: pa.Table, points: int) -> Demonstrated:
 
 
 def split_last_session(all_strokes: Demonstrated) -> tuple[Demonstrated, Demonstrated]:
-    """Strokes to learn from, and each hand's last session, by name.
+    """Training split, and test split: each writer's last session in order of name.
 
     Raises:
-        ContractError: a hand has one session only.
+        ContractError: a writer has one session only.
     """
     held_out = np.zeros(len(all_strokes.hand), dtype=bool)
     sessions = np.array(all_strokes.session)
@@ -76,7 +76,7 @@ def split_last_session(all_strokes: Demonstrated) -> tuple[Demonstrated, Demonst
         names = sorted(set(sessions[own]))
         if len(names) < 2:
             raise ContractError(
-                f"The hand {hand} has the one session {names[0]}; record another, so that one can be held out."
+                f"The writer {hand} has one session, {names[0]}; record another, so that one can be held out."
             )
         held_out |= own & (sessions == names[-1])
     return all_strokes.pick(~held_out), all_strokes.pick(held_out)

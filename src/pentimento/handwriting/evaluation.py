@@ -1,4 +1,4 @@
-"""Who drew a stroke: a classifier that knows demonstrations only, and a test whether two sets of strokes differ."""
+"""Evaluation of handwriting styles: a classifier of writers, reconstruction errors, and nearest latents."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ FloatArray = NDArray[np.float64]
 _POINTS = 32
 TREES = 100
 _TURNS = np.array([0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 2.0, np.pi])
-"""Edges of the histogram of turns between neighbouring steps, radians."""
+"""Edges of the histogram of turning angles between successive steps, radians."""
 
 
 class StrokeClassifier:
-    """Tells hands apart by the form and size of single strokes, wherever and however turned they lie."""
+    """Classifies the writer of single strokes by form and size, independent of pose."""
 
     def __init__(self, paths_m: Sequence[FloatArray], hands: Sequence[str], seed: int) -> None:
-        """Train on paths [N, 2] of any number of points and the hand of each."""
+        """Train on paths [N, 2] of any number of points, metres, and the writer of each."""
         self.hands = tuple(dict.fromkeys(hands))
         self._trees = ExtraTreesClassifier(TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
         self._trees.fit(features(paths_m), np.array([self.hands.index(hand) for hand in hands]))
 
     def shares(self, paths_m: Sequence[FloatArray]) -> FloatArray:
-        """[hands] the share of the paths that is taken to be drawn by each hand."""
-        told = self._trees.predict(features(paths_m))
-        return np.bincount(told, minlength=len(self.hands)) / max(len(told), 1)
+        """[writers] share of the paths that is classified as each writer's."""
+        predicted = self._trees.predict(features(paths_m))
+        return np.bincount(predicted, minlength=len(self.hands)) / max(len(predicted), 1)
 
 
 def features(paths_m: Sequence[FloatArray]) -> FloatArray:
-    """[S, F] of form and size; the same for a path and its mirror image, wherever it lies."""
+    """[S, F] features of form and size, invariant to translation, rotation and reflection."""
     return np.stack([_features(even_path(path)) for path in paths_m])
 
 
@@ -61,30 +61,30 @@ def _features(path: FloatArray) -> FloatArray:
 
 
 def reconstruction_mm(model: TrajVAE, strokes: Strokes) -> float:
-    """Mean distance of points from where they are decoded from their strokes' mean latents."""
+    """Mean distance, mm, of points from their reconstruction from the strokes' mean latents."""
     with torch.no_grad():
         xy, _ = model.decode(model.encode(strokes)[0])
     return distance_mm(xy, strokes.xy_m)
 
 
 def nearest_mm(known: Strokes, strokes: Strokes) -> float:
-    """The same, if for each stroke the nearest known one is taken: what a copy of demonstrations reaches."""
+    """The same for the baseline that reproduces the nearest known stroke."""
     apart = (strokes.xy_m[:, None] - known.xy_m).norm(dim=-1).mean(-1)
     return float(apart.min(1).values.mean() * 1e3)
 
 
 def mean_stroke_mm(known: Strokes, strokes: Strokes) -> float:
-    """The same, if the mean of the known strokes is taken for each."""
+    """The same for the baseline that reproduces the mean of the known strokes."""
     return distance_mm(known.xy_m.mean(0, keepdim=True).expand_as(strokes.xy_m), strokes.xy_m)
 
 
 def distance_mm(one_m: Tensor, other_m: Tensor) -> float:
-    """Mean distance between points [B, N, 2] in metres."""
+    """Mean distance, mm, between points [B, N, 2] in metres."""
     return float((one_m - other_m).norm(dim=-1).mean() * 1e3)
 
 
 def nearest_of_same_hand(latents: FloatArray, hands: Sequence[str]) -> float:
-    """The share of strokes whose nearest neighbour is of their own hand."""
+    """Share of strokes whose nearest neighbour is by the same writer."""
     square = np.square(latents).sum(1)
     distance = square[:, None] + square - 2 * latents @ latents.T
     np.fill_diagonal(distance, np.inf)

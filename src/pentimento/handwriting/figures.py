@@ -1,4 +1,4 @@
-"""Sheets of strokes: what was kept, and what was dropped."""
+"""Figures of demonstrations: sheets of strokes, and a t-SNE map of the latent space (thesis Figure 5.8)."""
 
 from __future__ import annotations
 
@@ -19,20 +19,22 @@ _CELL_PX = 96
 _ACROSS = 12
 _INK, _GONE = (40, 40, 40), (200, 60, 40)
 _FINE = 4
-"""Bits of a pixel's fraction that OpenCV draws by."""
+"""Bits of the fraction of a pixel in OpenCV's coordinates."""
 
 
 def sheet(paths: Sequence[FloatArray], size_m: float | None = None) -> Image:
-    """Paths [N, 2] (metres), one a cell, at one scale: sRGB [H, W, 3]. ``size_m``: of a cell; None: by the largest."""
+    """Paths [N, 2] (metres), one per cell, at one scale: sRGB [H, W, 3]. ``size_m`` is a cell's size; None: the largest
+    path's.
+    """
     largest = max((float(np.ptp(path, axis=0).max()) for path in paths), default=1e-3)
     scale = 0.8 * _CELL_PX / max(size_m or largest, 1e-9)
     return _grid([_drawn(path, np.ones(len(path), dtype=bool), scale) for path in paths])
 
 
-def sheet_of_repaired(mended: Sequence[Repaired], most: int = 48) -> Image:
-    """The first recordings that were not whole, each at its own scale: what was kept, and in red what was dropped."""
+def sheet_of_repaired(repaired: Sequence[Repaired], largest: int = 48) -> Image:
+    """The first ``largest`` repaired recordings, each at its own scale. Dropped samples are red."""
     cells = []
-    for each in mended[:most]:
+    for each in repaired[:largest]:
         known = np.isfinite(each.source.points[:, XY]).all(axis=1)
         path, kept = each.source.points[known][:, XY], ~each.removed[known]
         extent = float(np.ptp(path, axis=0).max()) if len(path) else 0.0
@@ -61,21 +63,21 @@ def _grid(cells: list[Image]) -> Image:
 
 
 COLOURS = ((31, 119, 180), (214, 39, 40), (44, 160, 44), (148, 103, 189), (230, 126, 34), (23, 160, 170), (120, 90, 60))
-"""Of hands, sRGB, in turn."""
+"""Colours of writers, sRGB, repeated from the first."""
 _SIDE_PX = 900
 _STROKE_PX = 34
 _FINE = 4
 
 
 def flat_map(latents: FloatArray, seed: int) -> FloatArray:
-    """[S, 2] of latents [S, L], by t-SNE."""
+    """Places [S, 2] of latents [S, L], by t-SNE."""
     perplexity = min(30.0, (len(latents) - 1) / 3)
     tsne = TSNE(perplexity=perplexity, init="pca", random_state=seed, n_jobs=1)
     return np.asarray(tsne.fit_transform(latents), dtype=np.float64)
 
 
 def drawn_map(places: FloatArray, paths_m: FloatArray, hands: Sequence[str]) -> Image:
-    """Strokes [S, N, 2] at places [S, 2], in a colour for each hand, all at one scale: sRGB [H, W, 3]."""
+    """Strokes [S, N, 2] at places [S, 2], in one colour per writer, all at one scale: sRGB [H, W, 3]."""
     image = np.full((_SIDE_PX, _SIDE_PX, 3), 255, np.uint8)
     low, high = places.min(0), places.max(0)
     inside = (places - low) / np.maximum(high - low, 1e-9)

@@ -1,4 +1,4 @@
-"""From recordings to the ``demonstrations`` table: read, mended, brought to the standard frame, counted."""
+"""From recordings to the ``demonstrations`` table: import, repair, standard frame, counts."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from pentimento.handwriting.svg_paths import read_svg
 
 @dataclass(frozen=True)
 class Source:
-    """One file that somebody recorded."""
+    """One recorded file."""
 
     path: str
     format: Literal["optitrack", "c3d", "tablet", "quickdraw", "svg"]
     session: str
     hand: str
     unit_m: float | None
-    """Length of the file's unit, where the file does not say it; quickdraw never does."""
+    """Length of the file's unit in metres, where the file has none (quickdraw never has one)."""
     optitrack: OptiTrack | None
     """For that format."""
     c3d: C3D | None = None
@@ -39,20 +39,20 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """The table, and what happened on the way."""
+    """The table, counts of strokes and faults, and the faulty recordings."""
 
     table: pa.Table
     counts: dict[str, Any]
-    mended: list[Repaired]
-    """The recordings that were not whole."""
+    repaired: list[Repaired]
+    """The recordings with any fault."""
 
 
 def read_source(source: Source) -> list[Recording]:
     """All strokes of one file, as recorded.
 
     Raises:
-        ContractError: the file does not hold what its format says.
-        ConfigError: what the format needs to know is not given.
+        ContractError: the file does not follow its format.
+        ConfigError: a setting that the format needs is missing.
     """
     path = Path(source.path)
     match source.format:
@@ -75,12 +75,12 @@ def read_source(source: Source) -> list[Recording]:
 
 
 def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gathered:
-    """Mend all recordings and bring them to the standard frame at ``points`` points each.
+    """Repair all recordings and resample them to ``points`` points each in the standard frame.
 
     Raises:
-        ContractError: nothing is left.
+        ContractError: no stroke is left.
     """
-    strokes, faults, mended = repair_all(recordings, limits)
+    strokes, faults, repaired = repair_all(recordings, limits)
     if not strokes:
         raise ContractError(f"None of the {len(recordings)} recorded strokes can be used: {faults}.")
     number: Counter[str] = Counter()
@@ -101,4 +101,4 @@ def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gath
         "sessions": len(number),
         "faults": faults,
     }
-    return Gathered(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), counts, mended)
+    return Gathered(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), counts, repaired)

@@ -1,9 +1,14 @@
-"""Strokes of a pen tablet: JSON with one object a file.
+"""Import of JSON recordings: pen tablets, and the drawings of Google's Quick, Draw!.
+
+A tablet file is one object:
 
     {"unit": "mm", "y": "down", "strokes": [[{"x": 1.0, "y": 2.0, "t": 0.0, "pressure": 0.4}, …], …]}
 
-`unit` is that of x and y; a file without it is read only where the unit's length is given. `t` in seconds and
-`pressure` in 0..1 may be absent.
+`unit` is that of x and y; without it, the length of the unit must be given. `t` in seconds and `pressure` in 0..1 are
+optional.
+
+Quick, Draw! is newline-delimited: one drawing a line, y down. `drawing` is a list of strokes [[x…], [y…], [t in ms…]];
+the simplified release has no times.
 """
 
 from __future__ import annotations
@@ -23,24 +28,24 @@ FloatArray = NDArray[np.float64]
 
 
 def read_tablet(path: Path, session: str, hand: str, unit_m: float | None) -> list[Recording]:
-    """All strokes of a file; y is turned up.
+    """All strokes of a tablet file, with y up.
 
     Args:
-        unit_m: length of the file's unit, for one that does not say it.
+        unit_m: length of the file's unit, where the file has no `unit`.
 
     Raises:
-        ContractError: no such JSON, no unit, or a point without x and y (it is named).
+        ContractError: the file is no such JSON, has no unit, or has a point without x and y.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ContractError(f"{path} cannot be read as JSON: {error}.") from error
     if not isinstance(document, dict) or not isinstance(document.get("strokes"), list):
-        raise ContractError(f"{path} is no tablet's recording: an object with a list `strokes` is needed.")
+        raise ContractError(f"{path} is no tablet recording; it must be an object with a list `strokes`.")
     to_m = _unit(document, unit_m, path)
     up = {"up": 1.0, "down": -1.0}.get(document.get("y", ""))
     if up is None:
-        raise ContractError(f'{path} does not say which way y runs; add "y": "down" (as on screens) or "up".')
+        raise ContractError(f'{path} has no direction of y; add "y": "down" (as on screens) or "up".')
     return [
         _stroke(points, session, hand, np.array([to_m, up * to_m]), f"{path}, stroke {number}")
         for number, points in enumerate(document["strokes"])
@@ -55,7 +60,7 @@ def _unit(document: dict[str, Any], unit_m: float | None, path: Path) -> float:
         except UnitError as error:
             raise ContractError(f"{path}: {error}") from error
     if unit_m is None:
-        raise ContractError(f"{path} does not say the unit of its lengths; give unit_m, the length of one.")
+        raise ContractError(f"{path} has no unit of length; give unit_m, the length of its unit in metres.")
     return unit_m
 
 
@@ -72,13 +77,13 @@ def _stroke(points: Any, session: str, hand: str, scale: FloatArray, where: str)
 
 
 def read_quickdraw(path: Path, session: str, hand: str, unit_m: float) -> list[Recording]:
-    """All strokes of a file; each drawing is a session of its own, since each is another person's.
+    """All strokes of a Quick, Draw! file. Each drawing is a session of its own, since each is by another person.
 
     Args:
-        unit_m: length of a pixel; the drawings do not say on what they were made.
+        unit_m: length of a pixel, which the file does not contain.
 
     Raises:
-        ContractError: a line (it is named) is no such drawing.
+        ContractError: a line is no such drawing; the message names it.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -1,7 +1,7 @@
-"""Motion capture as OptiTrack's Motive exports it: rigid bodies of the canvas and of the pen (thesis 5.3.2).
+"""Import of motion capture (thesis 5.3.2): Motive's CSV exports with rigid bodies, and C3D with single markers.
 
-The pen's tip lies a measured length from the body's pivot. Where it is nearer to the canvas than a threshold, the pen
-draws. A body's own axes are x, y up, z; on the canvas that is our x, height and minus y.
+Both give the pose of the canvas and of the pen in each frame. The tip lies at a measured length along the pen. The pen
+draws where its tip is nearer to the canvas than a threshold; a take is cut into strokes there.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _POSITION: Final = ("X", "Y", "Z")
 
 @dataclass(frozen=True)
 class OptiTrack:
-    """What is not in the file."""
+    """What a Motive export does not contain. A rigid body's axes are x, y (up) and z: canvas x, height and minus y."""
 
     canvas: str
     """Name of the canvas's rigid body."""
@@ -44,14 +44,14 @@ class OptiTrack:
     def __post_init__(self) -> None:
         above_zero(self, "pen_length_m", "contact_m")
         if not np.linalg.norm(self.tip_axis) > 0:
-            raise ValueError(f"tip_axis is {list(self.tip_axis)}; it must point somewhere.")
+            raise ValueError(f"tip_axis is {list(self.tip_axis)}; it must not be zero.")
 
 
 def read_optitrack(path: Path, session: str, hand: str, known: OptiTrack) -> list[Recording]:
-    """All strokes of a take. Frames in which a body is lost are NaN within a stroke.
+    """All strokes of a take. Frames in which a body is lost have NaN coordinates.
 
     Raises:
-        ContractError: the file is no such export, says no unit of length, or lacks one of the bodies.
+        ContractError: the file is no Motive export, has no unit of length, or lacks one of the bodies.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -76,11 +76,11 @@ def read_optitrack(path: Path, session: str, hand: str, known: OptiTrack) -> lis
 
 def _metres(rows: list[list[str]], path: Path) -> float:
     first = rows[0] if rows else []
-    said = dict(zip(first[::2], first[1::2], strict=False))
-    unit = said.get("Length Units", "")
+    header = dict(zip(first[::2], first[1::2], strict=False))
+    unit = header.get("Length Units", "")
     if unit.lower() not in _METRES:
         raise ContractError(
-            f"{path} says {unit or 'nothing'!r} for its length units; export it with one of {', '.join(_METRES)}."
+            f"{path} has the length units {unit or 'nothing'!r}; export it with one of {', '.join(_METRES)}."
         )
     return _METRES[unit.lower()]
 
@@ -104,7 +104,7 @@ def _body(
 
 
 def _column(data: list[list[str]], number: int, path: Path) -> FloatArray:
-    """[K] numbers; NaN where a cell is empty, as where a body was lost."""
+    """[K] numbers. Empty cells are NaN: the body was lost."""
     try:
         return np.array([float(row[number]) if number < len(row) and row[number] else np.nan for row in data])
     except ValueError as error:
@@ -112,7 +112,7 @@ def _column(data: list[list[str]], number: int, path: Path) -> FloatArray:
 
 
 def _turned(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Vectors [K, 3], turned by unit quaternions [K, 4] (x, y, z, w)."""
+    """Vectors [K, 3], rotated by unit quaternions [K, 4] (x, y, z, w)."""
     along, w = quaternion[:, :3], quaternion[:, 3:]
     twice = 2 * np.cross(along, vectors)
     return np.asarray(vectors + w * twice + np.cross(along, twice))
@@ -123,7 +123,7 @@ _C3D_METRES: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
 @dataclass(frozen=True)
 class C3D:
-    """What is not in the file."""
+    """What a C3D file does not contain. Reading it needs the extra `c3d`."""
 
     canvas: tuple[str, str, str]
     """Labels of three markers: at the canvas's origin, further along its x, and further along its y."""
@@ -142,11 +142,11 @@ class C3D:
 
 
 def read_c3d(path: Path, session: str, hand: str, known: C3D) -> list[Recording]:
-    """All strokes of a take. Frames in which a marker is lost are NaN within a stroke.
+    """All strokes of a take. Frames in which a marker is lost have NaN coordinates.
 
     Raises:
-        ContractError: the file is no C3D, says no unit of length, or lacks one of the markers.
-        ConfigError: the extra is not installed.
+        ContractError: the file is no C3D, has no unit of length, or lacks one of the markers.
+        ConfigError: the extra `c3d` is not installed.
     """
     try:
         import c3d
@@ -154,16 +154,16 @@ def read_c3d(path: Path, session: str, hand: str, known: C3D) -> list[Recording]
         raise ConfigError(f"To read {path}, install the extra: pip install 'pentimento[c3d]' ({error}).") from error
     try:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "No analog data")  # as it should be of markers alone
+            warnings.filterwarnings("ignore", "No analog data")  # expected, since markers are all that is read
             reader = c3d.Reader(io.BytesIO(path.read_bytes()))
             labels = [label.strip() for label in reader.point_labels]
             unit = str(reader.get("POINT:UNITS").string_value).strip().lower()
             rate_hz = float(reader.point_rate)
             frames = [points for _, points, _ in reader.read_frames()]
-    except Exception as error:  # the library lets through whatever a damaged file makes go wrong
+    except Exception as error:  # the library raises any exception for a damaged file
         raise ContractError(f"{path} cannot be read as C3D: {type(error).__name__}: {error}.") from error
     if unit not in _C3D_METRES:
-        raise ContractError(f"{path} says {unit or 'nothing'!r} for its unit of length; it must be m, cm or mm.")
+        raise ContractError(f"{path} has {unit or 'nothing'!r} for its unit of length; it must be m, cm or mm.")
     if not frames or not rate_hz > 0:
         raise ContractError(f"{path} has {len(frames)} frames at {rate_hz} Hz; export the take again.")
     points = np.stack(frames).astype(np.float64)  # [frames, markers, x y z residual cameras]
@@ -185,7 +185,7 @@ def read_c3d(path: Path, session: str, hand: str, known: C3D) -> list[Recording]
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    """Vectors [K, 3] of length 1; NaN where there is none."""
+    """Vectors [K, 3] scaled to length 1. NaN for a zero vector."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, np.nan))
 
@@ -193,14 +193,14 @@ def _unit(vectors: FloatArray) -> FloatArray:
 def strokes_in_contact(
     session: str, hand: str, place_m: FloatArray, t_s: FloatArray, height_m: FloatArray, contact_m: float
 ) -> list[Recording]:
-    """A take's tip, at places [K, 2] and heights [K] over the canvas, cut into what it draws."""
+    """The strokes of a take whose tip is at places [K, 2] and heights [K] over the canvas."""
     return [
         recording(session, hand, place_m[part], t_s[part], height_m[part]) for part in _contacts(height_m, contact_m)
     ]  # fmt: skip
 
 
 def _contacts(height: FloatArray, contact_m: float) -> list[slice]:
-    """Runs of frames from the first in which the pen draws to the last before it is seen to be lifted."""
+    """Runs of frames in contact. A frame without a known height does not end a run."""
     runs, begun, last = [], -1, -1
     for frame, value in enumerate(height):
         if value < contact_m:

@@ -1,4 +1,7 @@
-"""One stroke as it was recorded, before anything was repaired: what every importer gives and `repair` takes."""
+"""A recorded stroke, and its standard frame (thesis 5.3.2): from the origin to an end on the positive x axis.
+
+The standard frame removes place and heading, so that few demonstrations show a handwriting style.
+"""
 
 from __future__ import annotations
 
@@ -20,15 +23,15 @@ PRESSURE: Final = 4
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """The pen from its touch to its lift."""
+    """One stroke, from touch-down to lift-off of the pen, before any repair."""
 
     session: str
     """One uninterrupted recording."""
     hand: str
-    """Whose."""
+    """Identifier of the writer."""
     points: FloatArray
-    """[K, 5] t_s, x_m, y_m, z_m (height of the tip over the paper), pressure in 0..1; y up. NaN in t, z and pressure:
-    not recorded. NaN in x or y: the tracker lost the pen."""
+    """[K, 5] t_s, x_m, y_m (up), z_m (height of the tip over the paper), pressure in 0..1. NaN in t, z or pressure: not
+    recorded. NaN in x or y: the tracker lost the pen."""
 
 
 def recording(
@@ -39,7 +42,7 @@ def recording(
     z_m: FloatArray | None = None,
     pressure: FloatArray | None = None,
 ) -> Recording:
-    """A recording of these columns, each [K] but ``xy_m`` [K, 2]; None: not recorded."""
+    """A recording of these columns, ``xy_m`` [K, 2] and the others [K]. None: not recorded."""
     points = np.full((len(xy_m), 5), np.nan)
     points[:, XY] = xy_m
     for column, values in ((T, t_s), (Z, z_m), (PRESSURE, pressure)):
@@ -49,20 +52,21 @@ def recording(
 
 
 _CLOSED = 1e-9
+"""Distance of first and last point, m, up to which a stroke is closed."""
 
 
 def standardise(points: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """A stroke at ``count`` equal steps of arc length in the standard frame, and where that frame lies in the source.
+    """A stroke as ``count`` points at equal arc length in the standard frame, and the pose of that frame.
 
     Args:
-        points: [K, 5] t_s, x_m, y_m, z_m, pressure; NaN is kept where a column is unknown.
+        points: [K, 5] t_s, x_m, y_m, z_m, pressure. Unknown columns (NaN) stay unknown.
 
     Returns:
-        The points [count, 5], and x_m, y_m, theta_rad [3] of the standard frame in the source's. A stroke that ends
-        where it began keeps its heading.
+        The points [count, 5], and the pose x_m, y_m, theta_rad [3] of the standard frame in the source frame. A closed
+        stroke keeps its heading.
 
     Raises:
-        ContractError: fewer than two places, or fewer than two points are wanted.
+        ContractError: the stroke has fewer than two distinct places, or ``count`` is below 2.
     """
     even = resample(points, count)
     chord = even[-1, XY] - even[0, XY]
@@ -72,16 +76,16 @@ def standardise(points: FloatArray, count: int) -> tuple[FloatArray, FloatArray]
 
 
 def to_source(points: FloatArray, transform: FloatArray) -> FloatArray:
-    """Points [N, 5] of the standard frame, back in the source's."""
+    """Points [N, 5] of the standard frame in the source frame."""
     placed = turned(points[:, XY], float(transform[2])) + transform[:2]
     return np.column_stack([points[:, 0], placed, points[:, 3:]])
 
 
 def resample(points: FloatArray, count: int) -> FloatArray:
-    """``points`` [K, 5] at ``count`` equal steps of arc length along x and y.
+    """``points`` [K, 5] resampled to ``count`` points at equal arc length in x and y.
 
     Raises:
-        ContractError: fewer than two places, or fewer than two points are wanted.
+        ContractError: the stroke has fewer than two distinct places, or ``count`` is below 2.
     """
     if count < 2:
         raise ContractError(f"A stroke of {count} points has no direction; ask for two or more.")
@@ -89,12 +93,12 @@ def resample(points: FloatArray, count: int) -> FloatArray:
     moved = np.append(True, step > 0)
     along = np.append(0.0, np.cumsum(step))[moved]
     if len(along) < 2:
-        raise ContractError("A stroke that stays at one place cannot be resampled; refuse it before.")
+        raise ContractError("A stroke that stays at one place cannot be resampled; remove it first.")
     at = np.linspace(0.0, along[-1], count)
     return np.column_stack([np.interp(at, along, column) for column in points[moved].T])
 
 
 def turned(xy: FloatArray, theta_rad: float) -> FloatArray:
-    """Places [K, 2], turned about the origin to the left."""
+    """Places [K, 2], rotated counterclockwise about the origin."""
     cos, sin = np.cos(theta_rad), np.sin(theta_rad)
     return xy @ np.array([[cos, sin], [-sin, cos]])

@@ -1,7 +1,7 @@
-"""Recordings made whole: what can be mended is, what cannot is refused, and both are counted.
+"""Repair of recordings: faults that can be repaired are, other strokes are refused, and both are counted.
 
-A tracker that loses the pen leaves holes, one that mistakes a reflection for a marker leaves jumps. A short hole is
-bridged; a long one, and a jump that does not come back, ends a stroke, and what follows is another one.
+A tracker that loses the pen leaves holes. One that mistakes a reflection for a marker leaves jumps. A short hole is
+bridged. A long hole, and a jump that does not return, ends a stroke and starts another one.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Limits:
-    """What a person's hand does, and beyond which a recording is in error."""
+    """Limits of human movement. A recording beyond them has a fault."""
 
     longest_hole: int
-    """Samples that may be missing within a stroke; after more of them another stroke begins."""
+    """Largest number of missing samples within a stroke. A longer hole starts another stroke."""
     jump_m: float
-    """A step longer than this is a jump if it also is many times longer than the steps about it."""
+    """A step longer than this is a jump, if it also is ``jump_times`` as long as the steps around it."""
     jump_times: float
-    """How many times."""
+    """See ``jump_m``."""
     shortest_m: float
-    """A stroke that is drawn along less than this has no direction: it is refused."""
+    """Strokes of a shorter path have no direction and are refused."""
     longest_m: float
-    """A stroke that is drawn along more than this is refused: more likely a wrong unit than a hand."""
+    """Strokes of a longer path are refused; the likely cause is a wrong unit."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "longest_hole")
@@ -51,25 +51,25 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Repaired:
-    """What came of one recording."""
+    """The result of repairing one recording."""
 
     source: Recording
     strokes: tuple[Recording, ...]
-    """None, one, or several where it was taken apart."""
+    """None, one, or several where the recording was split."""
     removed: BoolArray
-    """[K] which of the recording's samples are in none of them."""
+    """[K] the recording's samples that are in none of the strokes."""
     counts: Counter[str]
-    """How often each kind of fault was met."""
+    """Number of faults of each kind in ``FAULTS``."""
 
 
 FAULTS = (
     "holes_bridged", "holes_ending_a_stroke", "times_repeated", "spikes_removed", "jumps_ending_a_stroke",
     "strokes_of_one_point", "strokes_too_short", "strokes_too_long", "pressure_out_of_range",
 )  # fmt: skip
-"""All kinds. Those that begin with `strokes_` are refusals, all others were mended."""
+"""All kinds of faults. Those that begin with `strokes_` are refusals; all others are repaired."""
 
 
-def mend(source: Recording, limits: Limits) -> Repaired:
+def repair(source: Recording, limits: Limits) -> Repaired:
     """Repair one recording, or refuse it."""
     counts: Counter[str] = Counter()
     points = source.points.copy()
@@ -91,15 +91,15 @@ def mend(source: Recording, limits: Limits) -> Repaired:
 
 
 def repair_all(sources: Sequence[Recording], limits: Limits) -> tuple[list[Recording], dict[str, int], list[Repaired]]:
-    """All strokes in their order, how often each of ``FAULTS`` was met, and the recordings that had any."""
-    mended = [mend(source, limits) for source in sources]
-    total = sum((each.counts for each in mended), Counter[str]())
-    strokes = [stroke for each in mended for stroke in each.strokes]
-    return strokes, {fault: total[fault] for fault in FAULTS}, [each for each in mended if each.counts]
+    """All strokes in order, the number of each of ``FAULTS``, and the recordings with any fault."""
+    repaired = [repair(source, limits) for source in sources]
+    total = sum((each.counts for each in repaired), Counter[str]())
+    strokes = [stroke for each in repaired for stroke in each.strokes]
+    return strokes, {fault: total[fault] for fault in FAULTS}, [each for each in repaired if each.counts]
 
 
 def _holes(keep: BoolArray, limits: Limits, counts: Counter[str]) -> set[int]:
-    """Samples, by the last one before a hole, after which a stroke ends."""
+    """Indices of the samples before long holes, after which a stroke ends."""
     index = np.flatnonzero(keep)
     missing = np.diff(index) - 1
     long = missing > limits.longest_hole
@@ -110,7 +110,7 @@ def _holes(keep: BoolArray, limits: Limits, counts: Counter[str]) -> set[int]:
 
 
 def _in_time(points: FloatArray, keep: BoolArray, counts: Counter[str]) -> BoolArray:
-    """Without samples whose time is not later than that of those before: the first stays."""
+    """Drop samples whose time is not later than that of an earlier sample."""
     times = np.where(keep & np.isfinite(points[:, T]), points[:, T], -np.inf)
     latest = np.concatenate([[-np.inf], np.maximum.accumulate(times)[:-1]])
     repeated = keep & np.isfinite(points[:, T]) & (points[:, T] <= latest)
@@ -122,7 +122,7 @@ def _in_time(points: FloatArray, keep: BoolArray, counts: Counter[str]) -> BoolA
 def _without_spikes(
     points: FloatArray, keep: BoolArray, limits: Limits, counts: Counter[str]
 ) -> tuple[BoolArray, set[int]]:
-    """Without samples that jump off and back within the longest hole; and those after which one jumps for good."""
+    """Drop samples that jump away and return within the longest hole. Return the indices before other jumps, too."""
     keep, jumps = keep.copy(), set[int]()
     index = np.flatnonzero(keep)
     place = points[index][:, XY]
@@ -149,7 +149,7 @@ def _without_spikes(
 
 
 def _usual_step(place: FloatArray, index: IntArray) -> FloatArray:
-    """[K] the median of the nine steps about each sample, metres a sample: hands are fast in places."""
+    """[K] median of the nine steps around each sample, metres per sample, since speed varies along a stroke."""
     step = np.linalg.norm(np.diff(place, axis=0), axis=1) / np.diff(index)
     if len(step) == 0:
         return np.zeros(len(place))
@@ -180,7 +180,7 @@ def _refusal(piece: FloatArray, limits: Limits) -> str | None:
 
 
 def _from_zero(piece: FloatArray) -> FloatArray:
-    """With times from the stroke's start. Times or heights of which some are unknown are unknown altogether."""
+    """Times from the stroke's start. A column with any unknown value becomes unknown."""
     piece = piece.copy()
     for column in (T, Z, PRESSURE):
         if not np.isfinite(piece[:, column]).all():

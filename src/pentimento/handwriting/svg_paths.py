@@ -1,7 +1,7 @@
-"""Paths of SVG drawings as strokes: lines, Bézier curves and arcs, flattened; y is turned up.
+"""Import of SVG paths as strokes: lines, Bézier curves and arcs, flattened, with y up.
 
-Understood are `path`, `polyline`, `polygon` and `line`, within groups. A drawing that moves things by `transform` is
-refused, since strokes would land elsewhere and in another size: flatten it first.
+Supported are `path`, `polyline`, `polygon` and `line`, also within groups. A drawing with a `transform` is refused;
+flatten it first.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ FloatArray = NDArray[np.float64]
 _TOKEN: Final = re.compile(r"[A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _NUMBERS: Final = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 _STEPS: Final = 24
-"""Of each curve; strokes are resampled by length later."""
+"""Segments of a flattened curve. Strokes are resampled by arc length later."""
 
 
 def read_svg(path: Path, session: str, hand: str, unit_m: float | None) -> list[Recording]:
-    """Each subpath of a drawing as a stroke, in the order of the file; times and pressures are unknown.
+    """Each subpath of a drawing as a stroke, in the order of the file. Times and pressures are unknown.
 
     Args:
-        unit_m: length of a user unit; None: by the drawing's own width in mm, cm or in, and its viewBox.
+        unit_m: length of a user unit. None: from the drawing's width (mm, cm or in) and its viewBox.
 
     Raises:
-        ContractError: no SVG, no unit, a `transform`, or a path that cannot be understood (it is named).
+        ContractError: the file is no SVG, has no unit, has a `transform`, or has an invalid path, which is named.
     """
     try:
         root = ElementTree.parse(path).getroot()
@@ -57,7 +57,7 @@ def _unit(root: ElementTree.Element, path: Path) -> float:
     try:
         width_m = parse_quantity(root.get("width", ""), "m")
     except UnitError as error:
-        raise ContractError(f"{path} does not say its width as a length ({error}) Give unit_m instead.") from error
+        raise ContractError(f"{path} has no width as a length ({error}) Give unit_m instead.") from error
     if len(box) != 4 or not box[2] > 0:
         raise ContractError(f"{path} has no viewBox of four numbers; give unit_m, the length of a user unit.")
     return width_m / box[2]
@@ -80,7 +80,7 @@ def flattened(d: str) -> list[FloatArray]:
     """The subpaths [K, 2] of an SVG path's data, in its own units, y down.
 
     Raises:
-        ValueError, IndexError: it cannot be understood.
+        ValueError, IndexError: the data is invalid.
     """
     tokens = _TOKEN.findall(d)
     if re.sub(r"[\s,]", "", d) != "".join(tokens):
@@ -108,7 +108,7 @@ def flattened(d: str) -> list[FloatArray]:
             at = paths[-1][0]
             paths[-1].append(at)
         else:
-            if paths[-1][-1] is not at:  # what follows Z begins another subpath where that one ended
+            if paths[-1][-1] is not at:  # after Z another subpath begins where the last one ended
                 paths.append([at])
             reflected = 2 * at - control if previous in ("CS" if kind in "CS" else "QT") and previous else at
             points, control = _segment(kind, numbers, origin, at, reflected)
@@ -121,7 +121,7 @@ def flattened(d: str) -> list[FloatArray]:
 def _segment(
     kind: str, numbers: FloatArray, origin: FloatArray, at: FloatArray, reflected: FloatArray
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Points after ``at``, and the last control point, which a smooth curve reflects."""
+    """Points after ``at``, and the last control point, which a following smooth curve reflects."""
     match kind:
         case "L":
             return [origin + numbers], at

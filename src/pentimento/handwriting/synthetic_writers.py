@@ -1,7 +1,9 @@
-"""Five hands that are made up, so that the pipeline has demonstrations where nobody recorded any.
+"""Five synthetic writers, which give the pipeline demonstrations where there are no recordings.
 
-Each draws by sigma-lognormal movements. A session has its own size, slant and tempo, a stroke its own number of
-movements and their own scatter; what all strokes of a hand share is their kind.
+Each draws by the sigma-lognormal model of handwriting (Plamondon 1995; O'Reilly & Plamondon 2009): a stroke is a sum of
+ballistic movements, each with a lognormal speed profile along an arc. Movements that overlap in time give smooth
+corners. A session has its own size, slant and tempo. A stroke has its own number of movements and their random
+variation. All strokes of a writer are of one kind.
 """
 
 from __future__ import annotations
@@ -23,22 +25,22 @@ Rng = np.random.Generator
 
 _RATE_HZ: Final = 200.0
 _JITTER_M: Final = 2e-5
-"""Of the tracker, standard deviation of each coordinate."""
+"""Standard deviation of the tracker's noise in each coordinate."""
 _PRESSED_M: Final = 6e-4
-"""Below the paper, at full pressure: a fibre tip gives way."""
+"""Depth of the tip below the paper at full pressure: a fibre tip is soft."""
 _RAMP_S: Final = 0.04
-"""Touching down and lifting off."""
+"""Duration of touch-down and of lift-off."""
 _SHEET_M: Final = (0.24, 0.18)
 
 
 @dataclass(frozen=True)
 class SyntheticConfig:
-    """How much the made-up hands draw."""
+    """How much the synthetic writers draw."""
 
     sessions: int
-    """Of each hand."""
+    """Sessions of each writer."""
     strokes: int
-    """In each session."""
+    """Strokes in each session."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -48,7 +50,7 @@ class SyntheticConfig:
 
 
 def synthetic_sessions(config: SyntheticConfig) -> list[Recording]:
-    """All sessions of all hands; each stroke depends on the seed, its hand, session and number only."""
+    """All sessions of all writers. Each stroke depends only on the seed, its writer, session and number."""
     return [
         _stroke(hand, number, session, index, config.seed)
         for number, hand in enumerate(HANDS)
@@ -58,8 +60,9 @@ def synthetic_sessions(config: SyntheticConfig) -> list[Recording]:
 
 
 def _stroke(hand: str, number: int, session: int, index: int, seed: int) -> Recording:
-    habit = np.random.default_rng([seed, 11, number, session])
-    size, slant, tempo = math.exp(habit.normal(0, 0.08)), habit.normal(0, 0.12), math.exp(habit.normal(0, 0.1))
+    of_session = np.random.default_rng([seed, 11, number, session])
+    size, slant = math.exp(of_session.normal(0, 0.08)), of_session.normal(0, 0.12)
+    tempo = math.exp(of_session.normal(0, 0.1))
     rng = np.random.default_rng([seed, 12, number, session, index])
     way = trajectory([_at_tempo(m, tempo) for m in HANDS[hand](rng)], _RATE_HZ)
     speed = np.linalg.norm(np.gradient(way[:, 1:], axis=0), axis=1)
@@ -74,7 +77,7 @@ def _stroke(hand: str, number: int, session: int, index: int, seed: int) -> Reco
 
 
 def _pressure(t: FloatArray, speed: FloatArray, rng: Rng) -> FloatArray:
-    """[K] firmer where the hand is slow, from the touch to the lift."""
+    """[K] higher where the pen is slow, with a ramp at touch-down and lift-off."""
     firm = rng.uniform(0.55, 0.75) + 0.25 * (0.5 - speed / max(float(speed.max()), 1e-12))
     ramp = np.minimum(np.minimum(t, t[-1] - t) / _RAMP_S, 1.0)
     return np.clip(firm * (0.3 + 0.7 * ramp), 0.0, 1.0)
@@ -85,7 +88,7 @@ def _at_tempo(movement: Movement, tempo: float) -> Movement:
 
 
 def _loops(rng: Rng) -> list[Movement]:
-    """Two or three loops like a row of `e`: half turns, those below longer than those above."""
+    """Two or three loops like a row of `e`: half turns, the lower ones longer than the upper ones."""
     wide, high, heading = rng.uniform(0.011, 0.014), rng.uniform(0.007, 0.009), rng.normal(-0.3, 0.15)
     movements = []
     for half in range(2 * int(rng.integers(2, 4)) + 1):
@@ -96,7 +99,7 @@ def _loops(rng: Rng) -> list[Movement]:
 
 
 def _zigzags(rng: Rng) -> list[Movement]:
-    """To and fro, three to five times, sharply."""
+    """Three to five sharp turns to and fro."""
     step, sharp = rng.uniform(0.009, 0.013), rng.uniform(1.15, 1.3)
     movements = []
     for leg in range(int(rng.integers(3, 6))):
@@ -108,14 +111,14 @@ def _zigzags(rng: Rng) -> list[Movement]:
 
 
 def _dots(rng: Rng) -> list[Movement]:
-    """A curl of about 2 mm, turned on the spot."""
+    """A curl of about 2 mm."""
     length, turn = rng.uniform(0.0035, 0.0055), rng.uniform(2.4, 3.2)
     first = _movement(rng, 0, 0.1, length, 0.0, turn)
     return [first, _movement(rng, 1, 0.1, length * rng.uniform(0.8, 1.1), turn, 2 * turn)]
 
 
 def _arcs(rng: Rng) -> list[Movement]:
-    """One long bow, to either side."""
+    """One long arc, to either side."""
     side, bend = (-1.0 if rng.random() < 0.5 else 1.0), rng.uniform(0.5, 0.9)
     half = rng.uniform(0.018, 0.028)
     first = _movement(rng, 0, 0.16, half, side * bend, 0.0)
@@ -130,7 +133,7 @@ def _hatching(rng: Rng) -> list[Movement]:
 
 
 def _movement(rng: Rng, place: int, apart_s: float, length_m: float, from_rad: float, to_rad: float) -> Movement:
-    """The one at this place of a row, with the scatter of hands in time."""
+    """The movement at this place of a sequence, with random timing."""
     mu, sigma = math.log(0.16) + rng.normal(0, 0.04), 0.22 * math.exp(rng.normal(0, 0.08))
     return Movement(length_m, place * apart_s, mu, sigma, from_rad, to_rad)
 
@@ -138,11 +141,11 @@ def _movement(rng: Rng, place: int, apart_s: float, length_m: float, from_rad: f
 HANDS: Final[dict[str, Callable[[Rng], list[Movement]]]] = {
     "loops": _loops, "zigzags": _zigzags, "dots": _dots, "arcs": _arcs, "hatching": _hatching,
 }  # fmt: skip
-"""By name: the movements of one stroke."""
+"""Writers by name: a function that draws the movements of one stroke."""
 
 
-_REACH = 3.0
-"""Standard deviations of ln t after which a movement is over: what is left is a thousandth of it."""
+_DURATION_SIGMAS = 3.0
+"""Standard deviations of ln t after which a movement ends: a thousandth of its length is left."""
 
 
 class Movement(NamedTuple):
@@ -151,17 +154,17 @@ class Movement(NamedTuple):
     length_m: float
     begins_s: float
     mu: float
-    """Mean of ln(t in seconds since its beginning)."""
+    """Mean of ln(seconds since its beginning)."""
     sigma: float
     """Standard deviation of the same."""
     from_rad: float
     to_rad: float
-    """Its heading at the beginning and at the end, between which it turns as it goes."""
+    """Heading at the end. The heading turns linearly with the travelled length."""
 
 
 def trajectory(movements: Sequence[Movement], rate_hz: float) -> FloatArray:
-    """[K, 3] t_s, x_m, y_m from the origin until the last movement is over."""
-    over = max(m.begins_s + math.exp(m.mu + _REACH * m.sigma) for m in movements)
+    """[K, 3] t_s, x_m, y_m from the origin to the end of the last movement."""
+    over = max(m.begins_s + math.exp(m.mu + _DURATION_SIGMAS * m.sigma) for m in movements)
     t = np.arange(math.ceil(over * rate_hz) + 1) / rate_hz
     place = np.zeros((len(t), 2))
     for movement in movements:
@@ -170,7 +173,7 @@ def trajectory(movements: Sequence[Movement], rate_hz: float) -> FloatArray:
 
 
 def _along(movement: Movement, t: FloatArray) -> FloatArray:
-    """[K, 2] the way that one movement adds; exact, since share and heading are functions of one another."""
+    """[K, 2] displacement of one movement. It is exact, since the heading is a linear function of the share."""
     since = np.maximum(t - movement.begins_s, 1e-12)
     share = 0.5 * (1 + erf((np.log(since) - movement.mu) / (movement.sigma * math.sqrt(2))))
     turn = movement.to_rad - movement.from_rad

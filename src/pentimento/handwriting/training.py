@@ -1,4 +1,4 @@
-"""Training of TrajVAE: pretrained on all sessions, then fine-tuned on a few strokes of one hand (thesis 5.3.3)."""
+"""Training of TrajVAE: pretrained on all writers, then fine-tuned on a few strokes of one (thesis 5.3.3)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Log = Callable[[str, float, int], None]
 
 @dataclass(frozen=True)
 class Course:
-    """One training run by Adam, its rate falling to 0 along half a cosine."""
+    """One training run with Adam. The rate falls to 0 along half a cosine."""
 
     steps: int
     batch: int
@@ -32,17 +32,18 @@ class TrajVAEConfig:
     """How TrajVAE is built and trained."""
 
     points: int
-    """Of each stroke, at equal steps of arc length (thesis: 32)."""
+    """Points of each stroke, at equal arc length (thesis: 32)."""
     latent: int
     """Size of the latent space (thesis: 64)."""
     width: int
-    """Of both hidden layers."""
+    """Width of both hidden layers."""
     divergence: float
-    """Weight of the Kullback-Leibler divergence; the error beside it is a share of the strokes' size, squared."""
+    """Weight of the Kullback-Leibler divergence, relative to the squared error in units of the strokes' size."""
     pretraining: Course
     fine_tuning: Course
     variation: float
-    """Strokes are sheared and scaled by about this share, anew at each step: no hand repeats itself."""
+    """Augmentation: standard deviation of a random linear map of each stroke around the identity, drawn at each step.
+    """
     seed: int
 
     def __post_init__(self) -> None:
@@ -52,7 +53,7 @@ class TrajVAEConfig:
 
 
 def pretrain(strokes: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
-    """A model of all strokes together; ``log("loss", value, step)`` is called now and then."""
+    """A model of all strokes. ``log("loss", value, step)`` is called every 50 steps."""
     scale_m = float(sizes_m(strokes.xy_m).square().mean().sqrt())
     known = strokes.height_known > 0
     height_scale_m = float(strokes.height_m[known].square().mean().sqrt()) if known.any() else 1.0
@@ -64,10 +65,10 @@ def pretrain(strokes: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
 
 
 def fine_tune(model: TrajVAE, strokes: Strokes, known: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
-    """A copy of the model, adapted to these strokes while it rehearses those that it was pretrained on, ``known``.
+    """A copy of the model, fine-tuned on these strokes with rehearsal of the pretraining strokes ``known``.
 
-    A few strokes alone would teach a hand and take away what all hands share (Robins 1995, Catastrophic forgetting,
-    rehearsal and pseudorehearsal).
+    Without rehearsal, a few strokes would make the model forget what all writers share (Robins 1995, Catastrophic
+    forgetting, rehearsal and pseudorehearsal).
     """
     own = deepcopy(model)
     _train(own, (strokes, known), config, config.fine_tuning, config.seed + 1, log)
@@ -77,7 +78,7 @@ def fine_tune(model: TrajVAE, strokes: Strokes, known: Strokes, config: TrajVAEC
 def _train(
     model: TrajVAE, sources: tuple[Strokes, ...], config: TrajVAEConfig, course: Course, seed: int, log: Log
 ) -> None:
-    """Minimise the sum of the sources' mean losses, by a batch of each a step."""
+    """Minimise the sum of the sources' mean losses, with one batch of each per step."""
     generator = torch.Generator().manual_seed(seed)
     adam = torch.optim.Adam(model.parameters(), lr=course.rate)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, course.steps)
@@ -97,7 +98,7 @@ def _train(
 
 
 def _varied(strokes: Strokes, variation: float, generator: torch.Generator) -> Strokes:
-    """Each stroke under a linear map near the identity, turned so that it ends on the x axis again."""
+    """Each stroke under a random linear map near the identity, rotated so that it ends on the x axis again."""
     change = torch.eye(2) + variation * torch.randn(len(strokes.xy_m), 2, 2, generator=generator)
     xy = strokes.xy_m @ change
     angle = torch.atan2(xy[:, -1, 1], xy[:, -1, 0])

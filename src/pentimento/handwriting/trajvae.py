@@ -1,4 +1,4 @@
-"""TrajVAE: strokes in the standard frame as points of a latent space (thesis 5.3.3; Kingma & Welling 2014)."""
+"""TrajVAE: a variational autoencoder of strokes in the standard frame (thesis 5.3.3; Kingma & Welling 2014)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pentimento.planning.strokes.latent import Array, Layer, StyleDecoder
 
 
 class Strokes(NamedTuple):
-    """B demonstrated strokes in the standard frame."""
+    """B demonstrations in the standard frame."""
 
     xy_m: Tensor  # [B, N, 2]
-    height_m: Tensor  # [B, N] of the tip over the paper, 0 where it is not known
+    height_m: Tensor  # [B, N] of the tip over the paper, 0 where unknown
     height_known: Tensor  # [B] 0 or 1
 
     def pick(self, index: Tensor) -> Strokes:
@@ -24,10 +24,10 @@ class Strokes(NamedTuple):
 
 
 class TrajVAE(nn.Module):
-    """A stroke → a normal distribution over latents; a latent → a stroke. Both are three-layer perceptrons."""
+    """A stroke → a normal distribution of its latent; a latent → a stroke. Both are three-layer perceptrons."""
 
     def __init__(self, points: int, latent: int, width: int, scale_m: float, height_scale_m: float) -> None:
-        """Scales are those by which places and heights are divided inside."""
+        """``scale_m`` and ``height_scale_m`` normalise places and heights."""
         super().__init__()
         self.points, self.latent, self.width = points, latent, width
         self.scale_m, self.height_scale_m = scale_m, height_scale_m
@@ -45,16 +45,16 @@ class TrajVAE(nn.Module):
         return mean, log_deviation.clamp(-6.0, 2.0).exp()
 
     def decode(self, latent: Tensor) -> tuple[Tensor, Tensor]:
-        """Places [B, N, 2] and heights [B, N], metres, in the standard frame: from the origin to the x axis."""
+        """Places [B, N, 2] and heights [B, N], metres, in the standard frame."""
         flat = self.decoder(latent)
         modes = flat[:, : 2 * self.points].reshape(-1, self.points, 2)
         xy = torch.einsum("bkd,kn->bnd", modes, self.waves)
         return xy * self.scale_m, flat[:, 2 * self.points :] * self.height_scale_m
 
     def loss(self, strokes: Strokes, divergence: float, generator: torch.Generator) -> Tensor:
-        """Mean squared error of places and known heights, over strokes relative to their size, and the divergence.
+        """Mean squared error of places and known heights, plus the weighted divergence.
 
-        Relative, since a curl of 3 mm has as much shape as a bow of 50 mm.
+        Errors of places are relative to the stroke's size, since a curl of 3 mm has as much shape as an arc of 50 mm.
 
         Args:
             divergence: weight of the Kullback-Leibler divergence of the latents from the standard normal distribution.
@@ -66,25 +66,26 @@ class TrajVAE(nn.Module):
         places = (xy - strokes.xy_m).square().sum(-1).mean(-1) / size.square()
         heights = ((height - strokes.height_m) / self.height_scale_m).square().mean(-1) * strokes.height_known
         kl = 0.5 * (mean.square() + deviation.square() - 2 * deviation.log() - 1).sum(-1)
-        return (places + _HEIGHTS * heights + divergence * kl).mean()
+        return (places + _HEIGHT_WEIGHT * heights + divergence * kl).mean()
 
 
-_HEIGHTS = 0.02
-"""Weight of heights beside places: planning chooses its own (thesis 5.3.3), so places come first."""
+_HEIGHT_WEIGHT = 0.02
+"""Weight of heights relative to places. It is small, since planning chooses its own heights (thesis 5.3.3)."""
 
 
 def _waves(points: int) -> Tensor:
-    """Cosines [modes, N] of falling height, of which paths are sums: a hand's line is smooth, noise is not."""
+    """Cosines [modes, N] of decreasing amplitude. Paths are sums of them, which favours smooth lines."""
     mode, n = torch.arange(points)[:, None], torch.arange(points)
     cosines = torch.cos(torch.pi * mode * (n + 0.5) / points)
-    return cosines / (1 + mode * _CALM)
+    return cosines / (1 + mode * _DECAY)
 
 
-_CALM = 0.5
+_DECAY = 0.5
+"""Decrease of the amplitude with the mode: mode k has 1 / (1 + k · decay)."""
 
 
 def sizes_m(xy_m: Tensor) -> Tensor:
-    """[B] root mean square distance of strokes' points from their middle."""
+    """[B] root mean square distance of a stroke's points from their mean."""
     return (xy_m - xy_m.mean(1, keepdim=True)).square().sum(-1).mean(-1).sqrt()
 
 
@@ -95,8 +96,9 @@ def _perceptron(inputs: int, width: int, outputs: int) -> nn.Sequential:
 
 
 def decoder_of(model: TrajVAE, strokes: Strokes, hand: str) -> StyleDecoder:
-    """The model's decoder with the latents of the strokes that the hand was learned from. Heights are left out:
-    planning chooses its own (thesis 5.3.3).
+    """The model's decoder in numpy, with the latents of these demonstrations of a writer.
+
+    Heights are left out, since planning chooses its own (thesis 5.3.3).
     """
     with torch.no_grad():
         mean, deviation = model.encode(strokes)
@@ -110,7 +112,7 @@ def decoder_of(model: TrajVAE, strokes: Strokes, hand: str) -> StyleDecoder:
 
 
 def generic_decoder(model: TrajVAE) -> StyleDecoder:
-    """Nobody's: latents from the standard normal distribution, where no hand is known."""
+    """The decoder without a writer: latents from the standard normal distribution."""
     nobody = Strokes(torch.zeros(1, model.points, 2), torch.zeros(1, model.points), torch.zeros(1))
     decoder = decoder_of(model, nobody, "nobody")
     mean = torch.zeros(1, model.latent)

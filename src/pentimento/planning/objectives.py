@@ -1,4 +1,4 @@
-"""Objectives of a plan: the print objective (thesis 4.3), and weighted sums (thesis 4.3.5, eq. 4.5)."""
+"""Objectives of plans: the print objective (thesis 4.3), weighted sums (eq. 4.5), and the clay objective (eq. 7.7)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float32]
 
 
 class Objective(Protocol):
-    """What a plan lowers."""
+    """A function of an image that a plan minimises."""
 
     def __call__(self, image: Array) -> tuple[float, Array]:
         """The value for an image [H, W, 3] in linear light, and its gradient [H, W, 3]."""
@@ -25,15 +25,16 @@ class Objective(Protocol):
 class PrintObjective:
     """Mean squared difference in sRGB between an image and a target, averaged over viewing distances.
 
-    From farther off, the eye averages light over squares before it compares: 1 px is the thesis's (4.3), larger squares
-    see tone where a pixel sees only a black line on white.
+    A viewing distance is modelled as the side of a square over which light is averaged before the comparison. The
+    thesis (4.3) compares single pixels (1 px). Larger squares compare tone, where single pixels compare black lines
+    with grey.
     """
 
     def __init__(self, target: Array, distances_px: tuple[int, ...]) -> None:
-        """Hold what there is to see of ``target``, [H, W, 3] in linear light.
+        """Average ``target`` [H, W, 3] (linear light) over each distance.
 
         Raises:
-            ConfigError: the picture is smaller than a distance's square.
+            ConfigError: the picture is smaller than a viewing distance.
         """
         height, width = target.shape[:2]
         if max(distances_px) > min(height, width):
@@ -63,22 +64,22 @@ class Term(NamedTuple):
 
 
 class WeightedObjective:
-    """Σ wᵢ · lᵢ over terms; the thesis's weights are 0 or 1, any from 0 on will do. A weight of 0 is not computed."""
+    """Σ wᵢ · lᵢ over terms, wᵢ ≥ 0 (the thesis uses 0 and 1). Terms of weight 0 are not computed."""
 
     def __init__(self, terms: tuple[Term, ...]) -> None:
-        """Hold the terms.
+        """Keep the terms of weight above 0.
 
         Raises:
             ValueError: no weight is above 0, one is below, or two terms share a name.
         """
         names = [term.name for term in terms]
         if len(set(names)) < len(names):
-            raise ValueError(f"Two of the objectives {names} share a name: their values could not be told apart.")
+            raise ValueError(f"Two of the objectives {names} share a name; give each its own.")
         if not all(term.weight >= 0 for term in terms):
             raise ValueError(f"The weights of {names} are {[term.weight for term in terms]}: each must be 0 or more.")
         self._terms = tuple(term for term in terms if term.weight > 0)
         if not self._terms:
-            raise ValueError(f"No objective of {names} has a weight above 0: there is nothing to plan for.")
+            raise ValueError(f"No objective of {names} has a weight above 0; give one of them a weight.")
 
     def __call__(self, image: Array) -> tuple[float, Array]:
         """The sum for an image [H, W, 3] in linear light, and its gradient."""
@@ -90,7 +91,7 @@ class WeightedObjective:
         return total, gradient
 
     def values(self, image: Array) -> dict[str, float]:
-        """Each term's value by name, not weighted: what to log."""
+        """Each term's value by name, not weighted, for the log."""
         return {term.name: term.objective(image)[0] for term in self._terms}
 
 
@@ -101,12 +102,12 @@ _MM = 1e3
 
 @dataclass(frozen=True)
 class Weights:
-    """Of the two errors in the objective (thesis eq. 7.7)."""
+    """Weights of the two errors in the clay objective (thesis eq. 7.7)."""
 
     error_3d: float
     """Per mm²."""
     visual: float
-    """Per squared slope: a slope of 1 rises as steeply as it goes on."""
+    """Per squared slope (dimensionless, rise over run)."""
 
     def __post_init__(self) -> None:
         if not (self.error_3d >= 0 and self.visual >= 0 and self.error_3d + self.visual > 0):
@@ -114,16 +115,16 @@ class Weights:
 
 
 class ClayObjective:
-    """w_3D ‖S' − S‖² + w_viz ‖∇S' − ∇S‖², means over pixels; S' the goal, ∇ central differences.
+    """w_3D ‖S' − S‖² + w_viz ‖∇S' − ∇S‖², means over pixels. S' is the goal, ∇ are central differences.
 
-    Slopes, not colours, are what a light makes visible, whatever light it is.
+    Slopes are compared, since it is slopes that shading makes visible, under any light.
     """
 
     def __init__(self, goal_m: Array, window_m: Window, weights: Weights) -> None:
-        """Hold the goal, heights [H, W] in metres over ``window_m``.
+        """Take the goal, heights [H, W] in metres over ``window_m`` (canvas frame).
 
         Raises:
-            ContractError: the goal has a hole, or fewer than 3 pixels a side, or the window does not fit it.
+            ContractError: the goal has a hole or fewer than 3 pixels a side, or does not fit the window.
         """
         if goal_m.ndim != 2 or min(goal_m.shape) < 3:
             raise ContractError(f"A goal is a height map of at least 3 x 3 pixels, not of shape {goal_m.shape}.")
@@ -154,7 +155,7 @@ class ClayObjective:
         return total
 
     def __call__(self, height_m: Array) -> tuple[float, Array]:
-        """The objective of one map [H, W], and its gradient [H, W] by the heights, per metre."""
+        """The objective of one map [H, W], and its gradient [H, W] with respect to the heights, per metre."""
         difference = height_m - self.goal_m
         gradient = (2 * self.weights.error_3d * _MM**2 / difference.size) * difference
         right, up = _slopes(difference, self.pixels_per_m)
@@ -163,7 +164,7 @@ class ClayObjective:
 
 
 def _slopes(height_m: Array, pixels_per_m: float) -> tuple[Array, Array]:
-    """Slope along x [..., H, W − 2] and along y [..., H − 2, W]; row 0 is the top, so y falls with the row."""
+    """Slope along x [..., H, W − 2] and along y [..., H − 2, W]. Row 0 is the top, so y decreases with the row."""
     half = 0.5 * pixels_per_m
     return (
         half * (height_m[..., :, 2:] - height_m[..., :, :-2]),
@@ -172,7 +173,7 @@ def _slopes(height_m: Array, pixels_per_m: float) -> tuple[Array, Array]:
 
 
 def _slopes_back(right: Array, up: Array, shape: tuple[int, ...], pixels_per_m: float) -> Array:
-    """The gradient [H, W] of the mean squares of both slopes by the heights."""
+    """The gradient [H, W] of the mean squares of both slopes with respect to the heights."""
     gradient = np.zeros(shape, right.dtype)
     of_right, of_up = (pixels_per_m / slope.size * slope for slope in (right, up))  # 2 · half / size
     gradient[:, 2:] += of_right

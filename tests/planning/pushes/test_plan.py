@@ -8,7 +8,7 @@ import pytest
 from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.config import ends
 from pentimento.planning.pushes.initialise import best_action, candidates
-from pentimento.planning.pushes.plan import PushPlan, foreseen, plan
+from pentimento.planning.pushes.plan import PushPlan, plan, predicted
 from pentimento.planning.pushes.refine import cross_entropy, descend
 from pentimento.planning.pushes.rollout import EnsembleRollout
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
@@ -55,10 +55,10 @@ def test_the_same_seed_and_item_make_the_same_plan_and_others_another() -> None:
 
 def test_a_plan_says_what_it_expects() -> None:
     made = planned()
-    again = foreseen(made.actions, flat(), REACHABLE)
-    np.testing.assert_array_equal(made.foreseen_m, again.foreseen_m)
-    assert made.foreseen_m.shape == (len(made.actions) + 1, *flat().shape)
-    np.testing.assert_array_equal(made.foreseen_m[0], flat())
+    again = predicted(made.actions, flat(), REACHABLE)
+    np.testing.assert_array_equal(made.predicted_m, again.predicted_m)
+    assert made.predicted_m.shape == (len(made.actions) + 1, *flat().shape)
+    np.testing.assert_array_equal(made.predicted_m[0], flat())
 
 
 def test_a_begun_plan_is_gone_on_with_and_useless_actions_are_left_out() -> None:

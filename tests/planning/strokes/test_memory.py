@@ -82,7 +82,7 @@ def darkness(image: Array, strokes: Strokes) -> Array:
     return 1 - image[row, column].mean(-1)
 
 
-def test_foreseen_is_what_execution_records() -> None:
+def test_planned_covariates_equal_those_recorded_in_execution() -> None:
     rng = np.random.default_rng(2)
     count = 9
     arrays = (
@@ -234,10 +234,12 @@ def test_beyond_the_fit_values_are_held_and_named() -> None:
     values = inherited(row_of_strokes(5), BRUSH, short, START)
     np.testing.assert_allclose(values["ink_since_reload_m"], [0.0, 0.04, 0.06, 0.06, 0.0], rtol=1e-5)
     np.testing.assert_allclose(values["humidity"], np.full(5, 0.45), rtol=1e-6)
-    said = beyond_fit(planned_covariates(row_of_strokes(5), BRUSH, short, START, names=fitted), fitted)
-    assert len(said) == 2
-    assert said[0].startswith("ink_since_reload_m runs from 0 to 0.12") and "for 2 of 5 strokes" in said[0]
-    assert said[1].startswith("humidity is not known of planned strokes: 0.45 is taken")
+    warnings = beyond_fit(planned_covariates(row_of_strokes(5), BRUSH, short, START, names=fitted), fitted)
+    assert len(warnings) == 2
+    assert (
+        warnings[0].startswith("ink_since_reload_m runs from 0 to 0.12") and "2 of 5 strokes are clipped" in warnings[0]
+    )
+    assert warnings[1].startswith("A plan does not determine humidity; its mean over the fitted strokes, 0.45")
 
 
 def test_all_strokes_are_seen_when_the_last_is_made() -> None:

@@ -118,10 +118,10 @@ def test_a_file_holds_a_hand(tmp_path: Path) -> None:
 
 def test_what_is_no_hand_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "ann.npz"
-    with pytest.raises(ContractError, match="holds no hand"):
+    with pytest.raises(ContractError, match="holds no decoder"):
         read_decoder(path)
     path.write_bytes(b"PK nonsense")
-    with pytest.raises(ContractError, match="holds no hand"):
+    with pytest.raises(ContractError, match="holds no decoder"):
         read_decoder(path)
     odd = hand()
     write_decoder(path, StyleDecoder("ann", odd.layers[1:], 0.01, odd.latent_mean, odd.latent_deviation))

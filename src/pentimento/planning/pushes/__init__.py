@@ -1,1 +1,1 @@
-"""The sculptor: pushes planned so that clay comes nearer to a goal, in 3D and in what the eye sees (thesis 7.3.5)."""
+"""Plans of pushes and pinches that sculpt clay towards a goal."""

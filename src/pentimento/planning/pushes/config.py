@@ -1,4 +1,4 @@
-"""What may be asked of an end-effector: the bounds of actions, and the place of each push in the area."""
+"""Settings of the push planner, and the bounds of an end-effector's actions."""
 
 from __future__ import annotations
 
@@ -15,38 +15,40 @@ from pentimento.planning.objectives import Weights
 FloatArray = NDArray[np.float64]
 
 X, Y, THETA, LENGTH, DEPTH = range(5)
-"""Columns of an action."""
+"""Columns of an action [5]; see ``planning.pushes.rollout``."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Which actions an end-effector may be asked for: ranges are (least, most)."""
+    """Bounds of the actions of an end-effector. Ranges are (minimum, maximum)."""
 
     window_m: tuple[float, float, float, float]
-    """Pushes start and end within it, canvas frame."""
+    """x_min, y_min, x_max, y_max, canvas frame. Pushes start and end within it."""
     length_m: tuple[float, float]
     depth_m: tuple[float, float]
     width_m: float
-    """Of the mark that it leaves, roughly: where candidates are looked for, not what the model says."""
+    """Approximate width of its mark. It scales the search for candidates; the model does not use it."""
     travels: bool
-    """A push ends its length away from its start; a pinch closes around it."""
+    """True for a push, which ends its length away from its start. False for a pinch, which closes around it."""
 
     def __post_init__(self) -> None:
         x_min, y_min, x_max, y_max = check_window(self.window_m)
-        for name, (minimum, most) in (("length_m", self.length_m), ("depth_m", self.depth_m)):
-            if not 0 <= minimum <= most:
-                raise ValueError(f"{name} is {minimum} to {most}; it must be 0 or more, and the least first.")
+        for name, (minimum, maximum) in (("length_m", self.length_m), ("depth_m", self.depth_m)):
+            if not 0 <= minimum <= maximum:
+                raise ValueError(f"{name} is {minimum} to {maximum}; give two values of 0 or more, smaller first.")
         if self.travels and self.length_m[1] > min(x_max - x_min, y_max - y_min):
             raise ValueError(f"Pushes of {self.length_m[1]:g} m do not fit a window {list(self.window_m)} m.")
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Actions [K, 5], uniform over everything."""
+        """Random actions [count, 5], uniform over all bounds."""
         low = (*self.window_m[:2], -np.pi, self.length_m[0], self.depth_m[0])
         high = (*self.window_m[2:], np.pi, self.length_m[1], self.depth_m[1])
         return self.keep_within(rng.uniform(low, high, (count, 5)))
 
     def keep_within(self, actions: FloatArray) -> FloatArray:
-        """The nearest allowed lengths and depths [K, 5], and each push moved as a whole to where it fits."""
+        """Actions [K, 5] with lengths and depths clipped to their bounds, and each push moved as a whole into the
+        window.
+        """
         kept = np.array(actions, dtype=np.float64)
         kept[:, LENGTH] = np.clip(kept[:, LENGTH], *self.length_m)
         kept[:, DEPTH] = np.clip(kept[:, DEPTH], *self.depth_m)
@@ -59,14 +61,14 @@ class Reach:
 
 
 def ends(actions: FloatArray) -> FloatArray:
-    """Where pushes [K, 5] end, [K, 2], canvas frame."""
+    """End points [K, 2] of pushes [K, 5], canvas frame."""
     heading = np.stack([np.cos(actions[:, THETA]), np.sin(actions[:, THETA])], axis=1)
     return np.asarray(actions[:, :2] + actions[:, LENGTH, None] * heading)
 
 
 @dataclass(frozen=True)
 class PushRates:
-    """Adam's step for each number of an action, at its largest: half a cosine lowers all alike."""
+    """Adam's largest step for each column of an action. A half cosine scales all by one factor."""
 
     place_m: float
     theta_rad: float
@@ -83,29 +85,29 @@ class SculptorConfig:
 
     weights: Weights
     caution: float
-    """For the disagreement of an ensemble; see ``rollout.EnsembleRollout``."""
+    """Weight of the ensemble's variance; see ``rollout.EnsembleRollout``."""
     horizon: int
-    """Actions planned ahead."""
+    """Largest number of actions that are planned ahead."""
     candidates: int
-    """So many are tried for each new action."""
+    """Candidates tried for each new action."""
     rounds: int
-    """So many times as many again are tried, each round nearer about the best of the last."""
+    """Rounds in which as many candidates again are tried, each round closer to the best of the last."""
     guided: float
-    """Share of the first candidates that start where there is too much material; the others start anywhere."""
+    """Share of the first candidates that end where there is too much material. The others are uniform."""
     refine: Literal["gradient", "cross_entropy", "none"]
-    """How a plan is improved as a whole, once its actions were chosen one by one."""
+    """How all actions are improved together after they were chosen one by one."""
     iterations: int
-    """Of that."""
+    """Iterations of ``refine``."""
     rates: PushRates
-    """Of ``gradient``."""
+    """Learning rates of ``gradient``."""
     samples: int
-    """Plans drawn in each iteration of ``cross_entropy``."""
+    """Sequences sampled in each iteration of ``cross_entropy``."""
     elite: float
-    """Share of the samples that the next iteration is drawn around."""
+    """Share of the samples to which the next iteration's distribution is fitted."""
     min_gain: float
-    """No action follows one that lowers the value by less than this share of what it was."""
+    """An action is added only if it lowers the value by more than this share."""
     edge_m: float
-    """Pushes start and end this far from the area's edge."""
+    """Distance that pushes keep from the area's edge."""
     seed: int
 
     def __post_init__(self) -> None:

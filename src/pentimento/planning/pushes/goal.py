@@ -1,4 +1,4 @@
-"""A goal for the material at hand: a relief scaled and shifted to what is there (thesis 7.3.5, eq. 7.3 and 7.4)."""
+"""Goals for sculpting: a relief, scaled and shifted to the present clay (thesis 7.3.5, eq. 7.3 and 7.4); letters."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ _MM = 1e3
 _GOLDEN = (np.sqrt(5) - 1) / 2
 _ROUNDING_M = 1e-9
 _HALVINGS = 40
-"""Of an interval by a half, or by a golden section's .618: to a micrometre of metres, at least."""
-_TOO_MUCH_M = 1e3
+"""Steps of bisection, or of golden section (0.618 each), which narrow an interval of metres to a micrometre."""
+_MAX_HEIGHT_M = 1e3
+"""A relief of this height is taken as unbounded growth."""
 
 
 class GoalError(PentimentoError):
-    """Something cannot be a goal for this material."""
+    """An input cannot become a goal for this material."""
 
 
 @dataclass(frozen=True)
 class GoalFit:
-    """A goal, and how it came about: Ŝ = α S_t + β within the border."""
+    """A goal and its fit: Ŝ = α S_t + β within the border."""
 
     height_m: Array
     """[H, W] above the table."""
@@ -37,27 +38,29 @@ class GoalFit:
     """Metres per unit of the relief; 0 for a flat one."""
     beta_m: float
     raised: int
-    """Pixels that lay below the floor and were raised to it."""
+    """Number of pixels below the floor, which were raised to it."""
     material_share: float
-    """Its volume over that of the clay."""
+    """Volume of the goal over that of the clay."""
 
 
 @dataclass(frozen=True)
 class GoalSettings:
-    """How a relief becomes a goal: the weights of (7.4), and its bounds."""
+    """Weights of (7.4) and bounds of the fit."""
 
     volume: float
-    """w_0, for as much material as there is: of the squared imbalance in mean height, mm²."""
+    """w_0, of the squared volume error, as mean height in mm²."""
     floor: float
-    """w_1, for nothing below the floor: of the mean depth below it, mm."""
+    """w_1, of the mean depth below the floor, mm."""
     definition: float
-    """w_2, for a strong relief: of its range, mm."""
+    """w_2, of the relief's range, mm, which the fit maximises."""
     kept: float
-    """Share of what is pressed away that comes up elsewhere; 1 keeps the volume (7.4), foam swallows most of it."""
+    """Share of the displaced volume that rises at other places. 1 conserves the volume (7.4); foam absorbs most of it.
+    """
     reach_m: float
-    """The floor lies so far below the clay's mean height, for tools reach no deeper, and nowhere below the table."""
+    """Depth of the floor below the clay's mean height, as deep as the tools reach. The floor is never below the table.
+    """
     border: float
-    """Share of the area along each edge that stays as it is."""
+    """Share of the area along each edge that stays unchanged."""
 
     def __post_init__(self) -> None:
         above_zero(self, "volume", "floor")
@@ -66,29 +69,29 @@ class GoalSettings:
         if self.kept > 1:
             raise ValueError(f"kept is {self.kept}; it is a share, at most 1.")
         if self.border >= 0.5:
-            raise ValueError(f"border is {self.border}; below .5, something is left to sculpt.")
+            raise ValueError(f"border is {self.border}; it must be below 0.5, or nothing is left to sculpt.")
 
 
 def fit_goal(relief: FloatArray, height_m: Array, settings: GoalSettings) -> GoalFit:
-    """The goal Ŝ [H, W] that a relief [H, W], up is more, asks for of clay [H, W], metres above the table.
+    """The goal Ŝ [H, W] of a relief [H, W] (any unit, larger is higher) for clay [H, W], metres above the table.
 
-    Ŝ = S_0[M] + (α S_t + β)[1 − M], M the border, with α and β that minimise
+    Ŝ = S_0[M] + (α S_t + β)[1 − M], M the border, where α and β minimise
 
         w_0 (mean (Ŝ − S_0)⁺ − kept · mean (S_0 − Ŝ)⁺)² + w_1 mean (floor − Ŝ)⁺ − w_2 α range(S_t),  α ≥ 0.
 
-    Where all is kept, the first term is (mean Ŝ − mean S_0)²: (7.4) as printed has no square, so that less material
-    would always be better, and counts depths; these are heights. What still lies below the floor is raised to it. A
-    flat relief asks for smooth clay.
+    With kept = 1 the first term is (mean Ŝ − mean S_0)². (7.4) as printed has no square, so that less material would
+    always be better, and it has depths in place of heights. Pixels still below the floor are raised to it. The goal of
+    a flat relief is smooth clay.
 
     Raises:
-        GoalError: shapes differ, holes, heights that are no metres, or w_2 outweighs w_1 so that α has no bound.
+        GoalError: shapes differ, a map has holes, heights are not metres, or w_2 outweighs w_1 so that α is unbounded.
     """
     relief = np.asarray(relief, dtype=np.float64)
     _check(relief, height_m, settings)
     inside = ~border_mask(height_m.shape, settings.border)
     wanted, clay = relief[inside], height_m[inside].astype(np.float64)
     low, extent = float(wanted.min()), float(np.ptp(wanted))
-    share = (wanted - low) / extent if extent > 0 else np.zeros_like(wanted)  # 0 to 1, so that alpha is a height
+    share = (wanted - low) / extent if extent > 0 else np.zeros_like(wanted)  # 0 to 1, so that α is a height
     floor_m = max(float(clay.mean()) - settings.reach_m, 0.0)
     height, shift = _fitted(share, clay, floor_m, settings)
     goal = np.array(height_m, dtype=np.float64)
@@ -101,7 +104,7 @@ def fit_goal(relief: FloatArray, height_m: Array, settings: GoalSettings) -> Goa
 
 
 def border_mask(shape: tuple[int, ...], share: float) -> NDArray[np.bool_]:
-    """True [H, W] along the edges, for this share of each side."""
+    """[H, W] True within this share of each side along the edges."""
     mask = np.ones(shape, dtype=bool)
     rows, columns = (round(share * side) for side in shape)
     mask[rows : shape[0] - rows, columns : shape[1] - columns] = False
@@ -109,7 +112,7 @@ def border_mask(shape: tuple[int, ...], share: float) -> NDArray[np.bool_]:
 
 
 def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalSettings) -> tuple[float, float]:
-    """α and β, metres, for a relief from 0 to 1 upon this clay."""
+    """α and β, metres, for a relief from 0 to 1 on this clay."""
 
     def imbalance(goal: FloatArray) -> float:
         risen = goal - clay
@@ -122,7 +125,7 @@ def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalS
         return float(square + _MM * (settings.floor * below - settings.definition * height))
 
     def best_shift(height: float) -> float:
-        # It lies no lower than balance, and above it only as far as the relief would dip below the floor.
+        # The optimum is the shift that conserves the volume, or above it where the relief passes the floor.
         low, high = float((clay - height * share).min()), float((clay - height * share).max())
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
@@ -131,20 +134,20 @@ def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalS
 
     if np.ptp(share) == 0:
         return 0.0, best_shift(0.0)
-    most = float(clay.mean()) - floor_m
-    while cost(2 * most, best_shift(2 * most)) < cost(most, best_shift(most)):
-        most *= 2
-        if most > _TOO_MUCH_M:
+    largest = float(clay.mean()) - floor_m
+    while cost(2 * largest, best_shift(2 * largest)) < cost(largest, best_shift(largest)):
+        largest *= 2
+        if largest > _MAX_HEIGHT_M:
             raise GoalError(
                 f"A definition of {settings.definition:g} outweighs a floor of {settings.floor:g}: the relief would "
                 "grow without end. Raise floor, or lower definition."
             )
-    height = _minimum(lambda height: cost(height, best_shift(height)), 0.0, 2 * most)
+    height = _minimum(lambda height: cost(height, best_shift(height)), 0.0, 2 * largest)
     return height, best_shift(height)
 
 
 def _minimum(cost: Callable[[float], float], low: float, high: float) -> float:
-    """Where a convex function is least, by golden section."""
+    """The minimiser of a convex function, by golden section."""
     for _ in range(_HALVINGS):
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
         if cost(left) <= cost(right):
@@ -162,7 +165,7 @@ def _check(relief: FloatArray, height_m: Array, settings: GoalSettings) -> None:
     for name, values in (("relief", relief), ("clay", height_m)):
         holes = int((~np.isfinite(values)).sum())
         if holes:
-            raise GoalError(f"The {name} has {holes} holes (NaN) or infinite heights; fill them before it is fitted.")
+            raise GoalError(f"The {name} has {holes} holes (NaN) or infinite heights; fill them first.")
     mean_m = float(height_m.mean(dtype=np.float64))
     if not 0 < mean_m < 1:
         raise GoalError(
@@ -172,22 +175,22 @@ def _check(relief: FloatArray, height_m: Array, settings: GoalSettings) -> None:
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _THIN = 1
-"""Strokes of a seventh of the letter's height: about as wide as a ball's groove where the letter fills a slab."""
+"""Thickness of OpenCV's strokes, px: a seventh of the letter's height, about the width of a ball's groove in a slab."""
 _DRAWN_PX = 512
 _MARGIN_PX = 32
 
 
 def sunken_letters(text: str, shape: tuple[int, int], share: float, soften_px: float) -> FloatArray:
-    """Letters at −1 in a plate at 0, [H, W]: as large as fits ``share`` of the area's sides, in its middle.
+    """A relief [H, W] of letters at −1 in a plate at 0, in OpenCV's plain font: centred, filling ``share`` of a side.
 
     Args:
-        soften_px: width of the Gaussian that the letters' edges are softened by.
+        soften_px: standard deviation of the Gaussian that blurs the letters' edges.
 
     Raises:
-        GoalError: there is nothing to draw, or a character that these letters lack.
+        GoalError: the text is empty, or has a character that the font lacks.
     """
     if not text.strip() or not all(" " <= character <= "~" for character in text):
-        raise GoalError(f"The letters {text!r} cannot be drawn; give one or more of A to Z, digits and plain signs.")
+        raise GoalError(f"The text {text!r} cannot be drawn; give printable ASCII characters.")
     scale = cv2.getFontScaleFromHeight(_FONT, _DRAWN_PX, _THIN)
     (width, height), below = cv2.getTextSize(text, _FONT, scale, _THIN)
     drawn = np.zeros((height + below + height // 2 + 2 * _MARGIN_PX, width + 2 * _MARGIN_PX), np.uint8)

@@ -1,4 +1,4 @@
-"""Greedy sampling: actions chosen one by one, each the best of many tried upon what the ones before leave (7.3.5)."""
+"""Greedy search for the next action: the best of many candidates on the present clay (thesis 7.3.5)."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 _ALONG = 0.5
-"""Share of the guided candidates that travel along what is too high; the others head anywhere."""
+"""Share of the guided candidates that travel along the ridge of excess material. The others head anywhere."""
 _SPREAD = 0.4
-"""Of a guided candidate's depth about the height there is too much of, as a standard deviation of its logarithm."""
+"""Standard deviation of the logarithm of a guided candidate's depth, relative to the excess height."""
 _PARENTS = 8
-"""So many of the best candidates are varied in each round."""
+"""Number of best candidates that are varied in each round."""
 
 
 def best_action(
     states_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig, rng: np.random.Generator
 ) -> tuple[FloatArray, float]:
-    """The action [5] that lowers the value most upon the members' clay [M, H, W], of all tried, and that value.
+    """The action [5] of all candidates with the lowest value on the members' clay [M, H, W], and that value.
 
     It may be worse than no action: compare with ``foresight.value(states_m)``.
     """
@@ -48,10 +48,11 @@ def best_action(
 def candidates(
     height_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig, rng: np.random.Generator
 ) -> FloatArray:
-    """Actions [K, 5] to try on clay [H, W]: some end where it is too high, as deep as that, the others anywhere.
+    """Candidates [K, 5] on clay [H, W]: guided ones end where the clay is too high, as deep as the excess; others are
+    uniform.
 
-    A push is deepest at its end, so that is where it takes away most. A pinch raises what is between its fingers and
-    presses what is below them: it is tried wherever the height is wrong.
+    A push is deepest at its end, where it removes most. A pinch raises the clay between its fingers and presses the
+    clay below them, so it is tried wherever the height is wrong.
     """
     guided = round(config.guided * config.candidates)
     anywhere = reach.draw(config.candidates - guided, rng)
@@ -79,7 +80,9 @@ def candidates(
 
 
 def _varied(parents: FloatArray, count: int, share: float, reach: Reach, rng: np.random.Generator) -> FloatArray:
-    """Actions [count, 5] about the parents; ``share`` 1 for half a mark's width, π/8, and a quarter of a range."""
+    """Variations [count, 5] of the parents. A ``share`` of 1 has standard deviations of half a mark's width, π/8 and a
+    quarter of each range.
+    """
     spread = np.array(
         [
             0.5 * reach.width_m,
@@ -94,7 +97,7 @@ def _varied(parents: FloatArray, count: int, share: float, reach: Reach, rng: np
 
 
 def _places(wanted: FloatArray, count: int, rng: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns drawn in proportion to ``wanted``, evenly spread over its whole."""
+    """Rows and columns in proportion to ``wanted``, by stratified sampling."""
     total = np.cumsum(wanted.ravel())
     drawn = (np.arange(count) + rng.random(count)) / count * total[-1]
     flat = np.minimum(np.searchsorted(total, drawn, side="right"), wanted.size - 1)

@@ -1,4 +1,4 @@
-"""Plans of pushes: chosen one by one, then improved as a whole; no action that helps nothing (thesis 7.3.5)."""
+"""Plans of pushes: chosen greedily one by one, then improved together (thesis 7.3.5)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PushPlan:
-    """Actions and what is expected of them."""
+    """Actions and their predicted effect."""
 
     actions: FloatArray
-    """[N, 5], in the order of execution; N of 0 where the models know of none that helps."""
-    foreseen_m: Array
-    """[N + 1, H, W]: the clay before the first and after each action, the mean over the members."""
+    """[N, 5], in the order of execution. N is 0 where no action lowers the value."""
+    predicted_m: Array
+    """[N + 1, H, W]: mean over the members of the clay before the first and after each action, metres."""
     values: FloatArray
-    """[N + 1]: the foresight's value of each of these."""
+    """[N + 1]: the value of each of these; see ``EnsembleRollout``."""
 
 
 def plan(
@@ -37,12 +37,13 @@ def plan(
     item: tuple[int, ...],
     begun: FloatArray | None = None,
 ) -> PushPlan:
-    """Up to ``count`` actions, and no more than the horizon, that bring clay [H, W] nearer to the goal.
+    """Up to ``count`` actions, at most the horizon, that bring clay [H, W] nearer to the goal.
 
     Args:
-        item: what is planned, such as the goal's number and the number of actions made: with the seed, it alone
-            decides what chance brings.
-        begun: [N, 5] of an earlier plan, to go on from; those that no longer help are left out.
+        item: what is planned, such as the goal's number and the number of executed actions. Seed and item alone seed
+        the
+            random generator.
+        begun: [N, 5] actions of an earlier plan to continue from. Those that no longer help are removed.
     """
     rng = np.random.default_rng([config.seed, *item])
     wanted = min(count, config.horizon)
@@ -53,11 +54,11 @@ def plan(
             actions, _ = descend(actions, height_m, foresight, reach, config)
         elif config.refine == "cross_entropy":
             actions, _ = cross_entropy(actions, height_m, foresight, reach, config, rng)
-    return foreseen(actions, height_m, foresight)
+    return predicted(actions, height_m, foresight)
 
 
-def foreseen(actions: FloatArray, height_m: Array, foresight: EnsembleRollout) -> PushPlan:
-    """What the models expect of actions [N, 5] upon clay [H, W]."""
+def predicted(actions: FloatArray, height_m: Array, foresight: EnsembleRollout) -> PushPlan:
+    """The predicted effect of actions [N, 5] on clay [H, W]."""
     states = foresight.start(height_m)
     means, values = [states.mean(axis=0)], [foresight.value(states)]
     for action in actions:
@@ -76,7 +77,7 @@ def _extended(
     wanted: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """The actions, and greedily chosen ones after them while they help."""
+    """The actions, followed by greedily chosen ones while these help."""
     states = foresight.roll_out(height_m, actions)
     value = foresight.value(states)
     while len(actions) < wanted:
@@ -89,7 +90,7 @@ def _extended(
 
 
 def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, config: SculptorConfig) -> FloatArray:
-    """Those of the actions that lower the value, each upon what the kept ones before it leave."""
+    """The actions that lower the value, each tried on the clay that the kept ones before it leave."""
     states = foresight.start(height_m)
     value, kept = foresight.value(states), []
     for action in actions:

@@ -1,4 +1,4 @@
-"""Gradient descent through a sequence of actions (thesis 7.3.5)."""
+"""Improvement of a whole sequence of actions: gradient descent, or the cross-entropy method (thesis 7.3.5)."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ FloatArray = NDArray[np.float64]
 def descend(
     actions: FloatArray, height_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig
 ) -> tuple[FloatArray, float]:
-    """Actions [N, 5] moved down the value of what they make of clay [H, W], within reach, and that value.
+    """Gradient descent on the value of actions [N, 5] on clay [H, W], within reach.
 
-    They are where the value was least on the way, so never worse than they were.
+    Returns:
+        The actions with the lowest value of all iterations, so never worse than the given ones, and that value.
     """
     rates = config.rates
     own = np.array([rates.place_m, rates.place_m, rates.theta_rad, rates.length_m, rates.depth_m])
-    moved = actions / own  # Adam steps each number by its own rate
+    moved = actions / own  # in units of the learning rates
     adam = Adam([moved])
     best, minimum = actions, np.inf
     for iteration in range(config.iterations + 1):
@@ -37,9 +38,9 @@ def descend(
 
 
 _SHARE = 0.15
-"""Of each number's range: the first iteration's standard deviation; of an angle, of half a turn."""
+"""Standard deviation of the first iteration, as a share of each column's range (of an angle: of half a turn)."""
 _MEMORY = 0.5
-"""Share of mean and deviation that an iteration leaves as they were: few elites alone would shrink it too soon."""
+"""Share of the last mean and deviation that is kept. Without it, a small elite would shrink the deviation too soon."""
 
 
 def cross_entropy(
@@ -50,9 +51,13 @@ def cross_entropy(
     config: SculptorConfig,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, float]:
-    """The best sequence [N, 5] of all drawn about the given one, which is among them, and its value.
+    """The cross-entropy method (Rubinstein 1999), for models without gradients.
 
-    Each iteration draws ``samples`` sequences from independent normals and moves those to the best ``elite`` of them.
+    Each iteration samples ``samples`` sequences from independent normal distributions and fits these to the best
+    ``elite`` of them.
+
+    Returns:
+        The best sequence [N, 5] of all samples and the given one, and its value.
     """
     x_min, y_min, x_max, y_max = reach.window_m
     ranges = [x_max - x_min, y_max - y_min, np.pi, np.ptp(reach.length_m), np.ptp(reach.depth_m)]
@@ -67,7 +72,7 @@ def cross_entropy(
         if values[order[0]] < minimum:
             best, minimum = drawn[order[0]], float(values[order[0]])
         elite = drawn[order[:kept]]
-        # Headings are kept within a turn: near its seam, take each elite's nearest turn to the mean's.
+        # Headings wrap at ±π: unwrap each elite's heading to the turn nearest to the mean's.
         elite[..., 2] = mean[:, 2] + np.remainder(elite[..., 2] - mean[:, 2] + np.pi, 2 * np.pi) - np.pi
         mean = _MEMORY * mean + (1 - _MEMORY) * elite.mean(axis=0)
         deviation = _MEMORY * deviation + (1 - _MEMORY) * elite.std(axis=0)

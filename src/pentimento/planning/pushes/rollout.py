@@ -1,8 +1,8 @@
-"""The sculptor's seam: what pushes will do to the clay, in values and in gradients.
+"""The interface to push models, and sequences of actions through an ensemble of them, with gradients.
 
-It does not say how that is computed: the workshop's push models are PyTorch's, a robot's are exported graphs. Heights
-are above the table, metres, float32 [H, W] over ``window_m`` (canvas frame, row 0 is the top), without holes. An action
-is x_m, y_m, theta_rad, length_m (pinch: closing), depth_m, float64 [5], as in the ``pushes`` contract.
+A push model is in PyTorch (workshop) or an exported graph (robot). Heights are above the table, metres, float32 [H, W]
+over ``window_m`` (canvas frame, row 0 is the top), without holes. An action is x_m, y_m, theta_rad, length_m (pinch:
+closing), depth_m, float64 [5], as in the ``pushes`` contract.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 Pull = Callable[[Array], tuple[Array, FloatArray]]
-"""From ∂loss/∂height after [H, W] to ∂loss/∂height before [H, W] and ∂loss/∂action [5]: ``step``, backwards. Called at
-most once."""
+"""The pull-back of ``PushModel.step``: from ∂loss/∂height after [H, W] to ∂loss/∂height before [H, W] and ∂loss/∂action
+[5]. It may be called once."""
 
 
 class PushModel(Protocol):
@@ -28,42 +28,42 @@ class PushModel(Protocol):
 
     @property
     def window_m(self) -> FloatArray:
-        """[4], canvas frame: what the heights cover."""
+        """[4] x_min, y_min, x_max, y_max of the height maps, canvas frame."""
 
     @property
     def end_effector(self) -> str:
-        """Name of the end-effector that it was fitted on."""
+        """Name of the end-effector that the model was fitted to."""
 
     def after(self, height_m: Array, actions: FloatArray) -> Array:
-        """Heights [K, H, W] after each of K alternative actions [K, 5] upon one height [H, W]; K from 0."""
+        """Heights [K, H, W] after each of K alternative actions [K, 5] on one height map [H, W]. K may be 0."""
 
     def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
-        """The height [H, W] after an action [5] upon a height [H, W], and the way back for gradients."""
+        """The height [H, W] after an action [5] on a height map [H, W], and the pull-back."""
 
 
 _MM = 1e3
 
 
 class EnsembleRollout:
-    """What plans are judged by: the objective of what the members of an ensemble expect, and how far they disagree.
+    """Predicted clay of each member of an ensemble after a sequence of actions, and the value of that prediction.
 
-    The value is the objective of the members' mean, plus ``caution`` times their variance in mm² weighed like the 3D
-    error (thesis 7.6.2 asks for such an account of uncertainty). With a caution of 1 its 3D part is the expected 3D
-    error, since E‖S' − S‖² = ‖S' − ES‖² + Var S; with 0, or one member, it is the thesis's (7.7).
+    The value is the objective of the members' mean, plus ``caution`` times their variance in mm² with the weight of the
+    3D error (thesis 7.6.2 asks for such a treatment of uncertainty). With a caution of 1, its 3D part is the expected
+    3D error, since E‖S' − S‖² = ‖S' − ES‖² + Var S. With 0, or one member, the value is the thesis's (7.7).
     """
 
     def __init__(self, members: Sequence[PushModel], objective: ClayObjective, caution: float) -> None:
-        """Hold members of one end-effector and one window.
+        """Take members of one end-effector and one window.
 
         Raises:
-            ValueError: no member, or members that differ in end-effector or window.
+            ValueError: there is no member, or members differ in end-effector or window.
         """
         if len(members) == 0:
             raise ValueError("There is no push model to plan with; give at least one.")
         for member in members[1:]:
             if member.end_effector != members[0].end_effector or not np.allclose(member.window_m, members[0].window_m):
                 raise ValueError(
-                    "The members of an ensemble differ in end-effector or window; train them on one table."
+                    "The members of an ensemble differ in end-effector or window; train them on the same table."
                 )
         self.members = tuple(members)
         self.objective = objective
@@ -74,17 +74,17 @@ class EnsembleRollout:
         return np.repeat(height_m[None], len(self.members), axis=0)
 
     def values_after(self, states_m: Array, actions: FloatArray) -> FloatArray:
-        """The value [K] after each of K alternative actions [K, 5] upon the members' clay [M, H, W]."""
+        """The value [K] after each of K alternative actions [K, 5] on the members' clay [M, H, W]."""
         after = np.stack([m.after(state, actions) for m, state in zip(self.members, states_m, strict=True)])
         values = self.objective.values(after.mean(axis=0))
         if len(self.members) > 1 and self.caution > 0:
-            values = values + self._price * np.var(after, axis=0).mean(axis=(-2, -1), dtype=np.float64)
+            values = values + self._variance_cost * np.var(after, axis=0).mean(axis=(-2, -1), dtype=np.float64)
         return values
 
     def value(self, states_m: Array) -> float:
         """The value of the members' clay [M, H, W]."""
         disagreement = float(np.var(states_m, axis=0).mean(dtype=np.float64))
-        return float(self.objective.values(states_m.mean(axis=0))) + self._price * disagreement
+        return float(self.objective.values(states_m.mean(axis=0))) + self._variance_cost * disagreement
 
     def act(self, states_m: Array, action: FloatArray) -> Array:
         """The members' clay [M, H, W] after an action [5]."""
@@ -106,18 +106,18 @@ class EnsembleRollout:
         of_mean = self.objective(mean)[1] / len(states)
         gradient = np.zeros_like(actions)
         for state, back in zip(states, backs, strict=True):
-            of_spread = (2 * self._price / states.size) * (state - mean)
+            of_spread = (2 * self._variance_cost / states.size) * (state - mean)
             gradient += back((of_mean + of_spread).astype(np.float32))
         return self.value(states), gradient
 
     @property
-    def _price(self) -> float:
-        """Of a variance of 1 m²."""
+    def _variance_cost(self) -> float:
+        """Cost of a variance of 1 m²."""
         return self.caution * self.objective.weights.error_3d * _MM**2
 
 
 def _through(member: PushModel, height_m: Array, actions: FloatArray) -> tuple[Array, Callable[[Array], FloatArray]]:
-    """One member's clay after the actions, and the way back: from a cotangent [H, W] to the actions' [N, 5]."""
+    """One member's clay after the actions, and the pull-back from a cotangent [H, W] to the actions' [N, 5]."""
     pulls = []
     for action in actions:
         height_m, pull = member.step(height_m, action)
