@@ -46,7 +46,7 @@ def page(results: Results) -> str:
         machine_line(results["machine"]),
         "## Bars",
         bar_table([*bars(results), *planning.bars(results["planner"], results["plan"])]),
-        f"Peers' figures were measured on another machine: {WHERE}. The bars in seconds were set for that kind of machine.",
+        f"Peers' figures were measured on another machine: {WHERE}. The bars in seconds refer to such a machine.",
         "## Beside the dense reference",
         _REFERENCE,
         _reference_table(results),

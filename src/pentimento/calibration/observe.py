@@ -1,7 +1,7 @@
 """From a raw photo to the canvas: finding the camera, and rectifying what it saw.
 
 The camera is taken to be a pinhole over a flat table, so one homography relates canvas and frame. What a
-real lens adds to that is small, shows in the reprojection error, and is a cause for the gap finder.
+real lens adds to that is small, shows in the reprojection error, and is a cause for the diagnosis.
 """
 
 from __future__ import annotations
