@@ -50,9 +50,9 @@ def graphs() -> Graphs:
 @cache
 def styles() -> Graphs:
     """A bundle of style graphs alone, for pictures of 32 x 32 px."""
-    facts, made = style_graphs("style", (32, 32), 1e-4)
-    entries = {n: GraphEntry(n, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in made.items()}
-    contents = {name: graph.content for name, graph in made.items()}
+    facts, exported = style_graphs("style", (32, 32), 1e-4)
+    entries = {n: GraphEntry(n, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in exported.items()}
+    contents = {name: graph.content for name, graph in exported.items()}
     manifest = replace(open_bundle(small_bundle()[0]).manifest, graphs=entries, styles={"style": facts})
     return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents))
 
@@ -169,11 +169,11 @@ def test_goal_networks_equal_pytorch(graphs: Graphs) -> None:
         states = planner.text_encoder(torch.from_numpy(words))[0]
         latents = planner.vae.encode(torch.from_numpy(pictures)).latent_dist.mode()
         noisy = torch.cat([latents, latents], 1)
-        told = planner.unet(noisy, 400, encoder_hidden_states=states).sample
+        expected = planner.unet(noisy, 400, encoder_hidden_states=states).sample
         decoded = planner.vae.decode(latents).sample
     np.testing.assert_allclose(networks.read(words), states, atol=1e-5)
     np.testing.assert_allclose(networks.encode(pictures), latents, atol=1e-4)
-    np.testing.assert_allclose(networks.predict(noisy.numpy(), 400, states.numpy()), told, atol=1e-4)
+    np.testing.assert_allclose(networks.predict(noisy.numpy(), 400, states.numpy()), expected, atol=1e-4)
     np.testing.assert_allclose(networks.decode(latents.numpy()), decoded, atol=1e-4)
     assert schedule.alphas_cumprod[-1] == 0 and schedule.prediction == "sample"
 

@@ -59,9 +59,9 @@ def graph(opset: int = OPSET, ir_version: int = IR_VERSION, domain: str = "") ->
     ports = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 2]) for name in ("x", "y")]
     one = numpy_helper.from_array(np.ones((1, 2), np.float32), "one")
     node = helper.make_node("Add", ["x", "one"], ["y"], domain=domain)
-    made = helper.make_graph([node], "graph", ports[:1], ports[1:], [one])
+    inner = helper.make_graph([node], "graph", ports[:1], ports[1:], [one])
     sets = [helper.make_opsetid("", opset)] + ([helper.make_opsetid(domain, 1)] if domain else [])
-    return helper.make_model(made, opset_imports=sets, ir_version=ir_version)
+    return helper.make_model(inner, opset_imports=sets, ir_version=ir_version)
 
 
 def write_tiny_bundle(folder: Path) -> Path:

@@ -16,32 +16,15 @@ from pentimento.robots.calibration import Calibration, write_calibration
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
+from tests.robots.small_plotter import small_plotter
 
-RIG = """
-name = "small"
-driver = "grbl"
-canvas = ["100 mm", "100 mm"]
-[canvas_to_robot]
-origin = ["20 mm", "20 mm", "-10 mm"]
-turn = ["0 deg", "0 deg", "0 deg"]
-[reach]
-low = ["0 mm", "0 mm", "-14 mm"]
-high = ["380 mm", "280 mm", "0 mm"]
-[travel]
-height = "5 mm"
-speed = "80 mm/s"
-[machine]
-port = "{port}"
-baud = 115200
-pen = "z"
-"""
 UP_MM, PAPER_MM = -5.0, -10.0
 
 
 def opened(folder: Path, port: str) -> RobotHandle:
     """The plotter at a port, with a current touch calibration."""
     rig_file = folder / "small.toml"
-    rig_file.write_text(RIG.format(port=port))
+    rig_file.write_text(small_plotter(port))
     touch = Calibration("touch", load_rig(rig_file).digest, time.time(), "a test", 0.0, {"surface": [0.0, 0.0, 0.0]})
     write_calibration(folder / "calibration", touch)
     return open_robot(

@@ -253,10 +253,10 @@ def test_guard_refuses_an_invalid_wait(seconds: float) -> None:
 def test_guard_refuses_an_envelope_too_wide_for_the_tool() -> None:
     """The round brush's press of 4 mm would crush a marker."""
     fake, robot = recorded()
-    with pytest.raises(EnvelopeViolation, match=r"marker bears 0\.001 m"):
+    with pytest.raises(EnvelopeViolation, match=r"marker tolerates 0\.001 m"):
         robot.change_tool(load_tool("marker"))
     fast = dataclasses.replace(BRUSH, max_speed_m_s=0.5)
-    with pytest.raises(EnvelopeViolation, match=r"bears 0\.12 m/s"):
+    with pytest.raises(EnvelopeViolation, match=r"tolerates 0\.12 m/s"):
         GuardedRobot(fake, fast).change_tool(load_tool("round_brush"))
     assert fake.calls == []
     robot.change_tool(load_tool("round_brush"))

@@ -64,8 +64,12 @@ def scene() -> Scene:
     return scene_with(TorchBrush(MODEL, MARKER, CONFIG.path_points), MARKER, SQUARE_M, target)
 
 
+Logged = tuple[Painting, list[tuple[str, float, int]]]
+"""A painting and what was logged."""
+
+
 @pytest.fixture(scope="module")
-def painted() -> tuple[Painting, list[tuple[str, float, int]]]:
+def painted() -> Logged:
     blank = np.full((40, 40, 3), 0.9, np.float32)
     strokes, palette = plan(blank, scene(), 12, INK, unheard)
     logged: list[tuple[str, float, int]] = []
@@ -77,19 +81,19 @@ def painted() -> tuple[Painting, list[tuple[str, float, int]]]:
 
 
 def test_paint_executes_every_stroke_and_photographs_every_batch(
-    painted: tuple[Painting, list[tuple[str, float, int]]],
+    painted: Logged,
 ) -> None:
     painting, logged = painted
     assert len(painting.executed) == 12 and isinstance(painting.executed[0], PlannedStroke)
     assert len(painting.photos) == 1 + 3 == len(painting.deviation)
-    assert [(name, made) for name, _, made in logged] == [("deviation", 5), ("deviation", 10), ("deviation", 12)]
+    assert [(name, count) for name, _, count in logged] == [("deviation", 5), ("deviation", 10), ("deviation", 12)]
     assert painting.deviation[0] == 0 and [value for _, value, _ in logged] == painting.deviation[1:]
     dark = [(photo.mean(-1) < 128).sum() for photo in painting.photos]
     assert dark[0] == 0 and (np.diff(dark) >= 0).all() and dark[-1] > 0
 
 
 def test_paint_reduces_the_objective(
-    painted: tuple[Painting, list[tuple[str, float, int]]],
+    painted: Logged,
 ) -> None:
     objective = objective_for(scene(), INK)
     before, after = (objective(as_linear(photo))[0] for photo in (painted[0].photos[0], painted[0].photos[-1]))

@@ -77,7 +77,10 @@ def test_robot_process_lift_interrupts_a_move(apart: tuple[RobotProcess, Path, l
     assert time.monotonic() - started_s < WITHIN_S and _last(log)[0] == "up" and str(failed[0]) == "halted."
 
 
-def test_robot_process_lifts_when_its_commander_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("end", "within_s"), [(signal.SIGKILL, WITHIN_S), (signal.SIGSTOP, SILENT_S + WITHIN_S)], ids=["killed", "hangs"]
+)
+def test_robot_process_lifts_when_its_commander_ends(tmp_path: Path, end: signal.Signals, within_s: float) -> None:
     log = tmp_path / "log"
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.control.slow_robot", str(log)],
@@ -85,24 +88,9 @@ def test_robot_process_lifts_when_its_commander_is_killed(tmp_path: Path) -> Non
     )  # fmt: skip
     assert process.stdout is not None and process.stdout.readline() == "drawing\n"
     _waits_for(log, "down", 10)
-    killed_s = time.monotonic()
-    process.send_signal(signal.SIGKILL)
-    assert _waits_for(log, "up", 10) - killed_s < WITHIN_S
-    process.wait()
-    process.stdout.close()
-
-
-def test_robot_process_lifts_when_its_commander_hangs(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.control.slow_robot", str(log)],
-        cwd=ROOT, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT / "src")},
-    )  # fmt: skip
-    assert process.stdout is not None and process.stdout.readline() == "drawing\n"
-    _waits_for(log, "down", 10)
-    stopped_s = time.monotonic()
-    process.send_signal(signal.SIGSTOP)
-    assert _waits_for(log, "up", 10) - stopped_s < SILENT_S + WITHIN_S
+    ended_s = time.monotonic()
+    process.send_signal(end)
+    assert _waits_for(log, "up", 10) - ended_s < within_s
     process.kill()
     process.wait()
     process.stdout.close()

@@ -24,6 +24,7 @@ from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
 from tests.bundle.tiny_bundle import CANVAS_M
 from tests.control.painting_bundle import write_painting_bundle
+from tests.robots.small_plotter import small_plotter
 
 WITHOUT_TORCH = """
 import sys
@@ -209,7 +210,7 @@ def test_run_refuses_uncalibrated_hardware(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "small.toml"
-    rig.write_text(SMALL_PLOTTER)
+    rig.write_text(small_plotter(canvas_mm=(60, 40)))
     arguments = ["run", str(bundle), "--robot", str(rig), "--goal-image", str(picture), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--execute", "--calibration", str(tmp_path / "none")]) == 1
     assert "calibrat" in capsys.readouterr().err
@@ -227,7 +228,7 @@ def test_run_applies_the_rigs_limits(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "small.toml"
-    rig.write_text(SMALL_PLOTTER + '[limits]\nmax_speed = "1 mm/s"\n')
+    rig.write_text(small_plotter(canvas_mm=(60, 40)) + '[limits]\nmax_speed = "1 mm/s"\n')
     arguments = ["run", str(bundle), "--robot", str(rig), "--goal-image", str(picture), "--out", str(tmp_path / "out")]
     assert main(arguments) == 1
     assert "speed" in capsys.readouterr().err
@@ -253,23 +254,3 @@ def test_run_rejects_invalid_arguments(arguments: list[str], capsys: pytest.Capt
     with pytest.raises(SystemExit):
         main(["run", *arguments])
     assert "usage" in capsys.readouterr().err
-
-
-SMALL_PLOTTER = """
-name = "small"
-driver = "grbl"
-canvas = ["60 mm", "40 mm"]
-[canvas_to_robot]
-origin = ["20 mm", "20 mm", "-10 mm"]
-turn = ["0 deg", "0 deg", "0 deg"]
-[reach]
-low = ["0 mm", "0 mm", "-14 mm"]
-high = ["380 mm", "280 mm", "0 mm"]
-[travel]
-height = "5 mm"
-speed = "80 mm/s"
-[machine]
-port = "/dev/null"
-baud = 115200
-pen = "z"
-"""

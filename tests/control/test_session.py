@@ -18,10 +18,12 @@ from pentimento.planning.strokes.bezier import to_planned
 from tests.bundle.line_brush import POINTS, journaled_sheet, sheet
 from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, session_of
 
+Painted = tuple[Path, PaintingState, PaintingState]
+"""A folder, the first state and the last one."""
+
 
 @pytest.fixture(scope="module")
-def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PaintingState, PaintingState]:
-    """A folder, the first state and the last one."""
+def painted(tmp_path_factory: pytest.TempPathFactory) -> Painted:
     folder = tmp_path_factory.mktemp("painting")
     robot = sheet()
     planned = begun(robot, folder)
@@ -29,7 +31,7 @@ def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PaintingSta
 
 
 def test_session_executes_all_strokes_and_reduces_the_error(
-    painted: tuple[Path, PaintingState, PaintingState],
+    painted: Painted,
 ) -> None:
     folder, planned, done = painted
     assert (
@@ -38,14 +40,14 @@ def test_session_executes_all_strokes_and_reduces_the_error(
     assert error_of(done, folder) < 0.6
 
 
-def test_session_result_is_close_to_the_predicted_plan(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_result_is_close_to_the_predicted_plan(painted: Painted) -> None:
     folder, planned, done = painted
     plan = to_float(read_image(folder / "plan.png"))
     blank, now = to_float(planned.canvas), to_float(done.canvas)
     assert np.square(plan - now).mean() < 0.35 * np.square(blank - now).mean()
 
 
-def test_session_records_each_stroke_in_order(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_records_each_stroke_in_order(painted: Painted) -> None:
     folder, _, done = painted
     found = read_table(folder / RECORD, CONTRACT)
     rows = found.table.to_pylist()
@@ -59,7 +61,7 @@ def test_session_records_each_stroke_in_order(painted: tuple[Path, PaintingState
 
 
 def test_session_writes_canvas_preview_next_and_goal_pictures(
-    painted: tuple[Path, PaintingState, PaintingState],
+    painted: Painted,
 ) -> None:
     folder, _, done = painted
     assert np.array_equal(read_image(folder / CANVAS), done.canvas)
@@ -68,7 +70,7 @@ def test_session_writes_canvas_preview_next_and_goal_pictures(
     assert read_image(folder / GOAL).shape == done.canvas.shape
 
 
-def test_session_of_a_finished_painting_executes_no_stroke(painted: tuple[Path, PaintingState, PaintingState]) -> None:
+def test_session_of_a_finished_painting_executes_no_stroke(painted: Painted) -> None:
     folder, _, done = painted
     robot = sheet()
     assert resume(session_of(robot, folder)).executed == done.executed
@@ -98,9 +100,7 @@ def test_session_resumes_on_the_same_canvas_after_stop(tmp_path: Path) -> None:
     assert starts == sorted(starts)
 
 
-def test_session_replans_after_a_persons_turn(
-    tmp_path: Path, painted: tuple[Path, PaintingState, PaintingState]
-) -> None:
+def test_session_replans_after_a_persons_turn(tmp_path: Path, painted: Painted) -> None:
     robot = sheet()
     planned = len(begun(robot, tmp_path).remaining)
     control = Control()

@@ -111,15 +111,15 @@ class GuardedRobot:
 
     def change_tool(self, tool: Tool) -> None:
         """Refuses a tool that tolerates less press or speed than the envelope allows."""
-        bears = (
+        tolerated = (
             ("a press", self._envelope.max_press_depth_m, tool.press_range_m[1], "m"),
             ("a speed", self._envelope.max_speed_m_s, tool.speed_range_m_s[1], "m/s"),
         )
-        for what, allowed, borne, unit in bears:
-            if allowed > borne * (1 + 1e-9):
+        for what, allowed, limit, unit in tolerated:
+            if allowed > limit * (1 + 1e-9):
                 raise EnvelopeViolation(
-                    f"The safety envelope allows {what} of {allowed:g} {unit} and the {tool.name} bears "
-                    f"{borne:g} {unit}; build the envelope with envelope_for for this tool."
+                    f"The safety envelope allows {what} of {allowed:g} {unit} and the {tool.name} tolerates "
+                    f"{limit:g} {unit}; build the envelope with envelope_for for this tool."
                 )
         with self._passing("change of tool"):
             self._robot.change_tool(tool)

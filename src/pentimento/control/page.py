@@ -10,6 +10,8 @@ import hmac
 import json
 import secrets
 import threading
+from collections.abc import Callable
+from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
@@ -35,6 +37,18 @@ _CONTENT_TYPES = {
     ".css": "text/css",
     ".png": "image/png",
 }
+
+
+@dataclass(frozen=True)
+class Response:
+    """An HTTP response."""
+
+    status: HTTPStatus
+    content_type: str
+    content: bytes
+
+
+_NOT_FOUND = Response(HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n")
 
 
 class Page:
@@ -76,29 +90,29 @@ class Page:
         self._server.server_close()
         self._thread.join()
 
-    def get(self, path: str) -> tuple[HTTPStatus, str, bytes]:
-        """Status, content type and content of a path below the token."""
+    def get(self, path: str) -> Response:
+        """The response to a GET of a path below the token."""
         if path == "state.json":
-            return HTTPStatus.OK, "application/json", json.dumps(self._state).encode()
+            return Response(HTTPStatus.OK, "application/json", json.dumps(self._state).encode())
         if path == CANVAS and self._canvas is not None:
-            return HTTPStatus.OK, "image/png", encode_png(self._canvas)
+            return Response(HTTPStatus.OK, "image/png", encode_png(self._canvas))
         if path in _FILES:
             file = self._folder / path
             if file.is_file():
-                return HTTPStatus.OK, "image/png", file.read_bytes()
+                return Response(HTTPStatus.OK, "image/png", file.read_bytes())
         asset = {"": "page.html", "page.js": "page.js", "page.css": "page.css"}.get(path)
         if asset is not None:
             content = (resources.files("pentimento.control") / "web" / asset).read_bytes()
-            return HTTPStatus.OK, _CONTENT_TYPES[Path(asset).suffix], content
-        return HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n"
+            return Response(HTTPStatus.OK, _CONTENT_TYPES[Path(asset).suffix], content)
+        return _NOT_FOUND
 
-    def post(self, path: str, body: bytes) -> tuple[HTTPStatus, str, bytes]:
+    def post(self, path: str, body: bytes) -> Response:
         """Pass on the command in the body."""
         command = next((known for known in COMMANDS if known.encode() == body), None)
         if path != "command" or command is None:
-            return HTTPStatus.BAD_REQUEST, "text/plain", f"Send one of: {', '.join(COMMANDS)}.\n".encode()
+            return Response(HTTPStatus.BAD_REQUEST, "text/plain", f"Send one of: {', '.join(COMMANDS)}.\n".encode())
         self._control.send(command)
-        return HTTPStatus.NO_CONTENT, "text/plain", b""
+        return Response(HTTPStatus.NO_CONTENT, "text/plain", b"")
 
     def below_token(self, path: str) -> str | None:
         """The part of a path below the token; None where the token is wrong."""
@@ -115,32 +129,30 @@ def _handler(page: Page) -> type[BaseHTTPRequestHandler]:
         server_version, sys_version = "pentimento", ""
 
         def do_GET(self) -> None:
-            self._answer(page.get)
+            self._respond(page.get)
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "0")
             small = length.isdigit() and int(length) <= _MAX_BYTES
             body = self.rfile.read(int(length)) if small else b""
-            self._answer(lambda path: page.post(path, body))
+            self._respond(lambda path: page.post(path, body))
 
         def log_message(self, format: str, *args: Any) -> None:
             """No log: the terminal shows the progress of the painting."""
 
-        def _answer(self, respond: Any) -> None:
+        def _respond(self, respond: Callable[[str], Response]) -> None:
             path = page.below_token(self.path)
-            if path is None or not page.is_own_host(self.headers.get("Host", "")):
-                status, kind, content = HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n"
-            else:
-                status, kind, content = respond(path)
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(content)))
+            own_host = page.is_own_host(self.headers.get("Host", ""))
+            response = _NOT_FOUND if path is None or not own_host else respond(path)
+            self.send_response(response.status)
+            self.send_header("Content-Type", response.content_type)
+            self.send_header("Content-Length", str(len(response.content)))
             self.send_header("Cache-Control", "no-store")
             self.send_header("Content-Security-Policy", _CONTENT_POLICY)
             self.send_header("X-Content-Type-Options", "nosniff")
             self.send_header("Referrer-Policy", "no-referrer")
             self.send_header("X-Frame-Options", "DENY")
             self.end_headers()
-            self.wfile.write(content)
+            self.wfile.write(response.content)
 
     return Handler

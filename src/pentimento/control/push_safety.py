@@ -226,7 +226,7 @@ class GuardedSculptingRobot:
             if getattr(self._envelope, name) > getattr(limits, name) * (1 + 1e-9):
                 raise EnvelopeViolation(
                     f"The push envelope's {name} is {getattr(self._envelope, name):g} and the {end_effector.name} "
-                    f"bears {getattr(limits, name):g}; build the envelope with push_envelope_for for this end-effector."
+                    f"tolerates {getattr(limits, name):g}; build the envelope with push_envelope_for for it."
                 )
         if (end_effector.kind, end_effector.opening_m) != (self._envelope.kind, self._envelope.opening_m):
             raise EnvelopeViolation(
