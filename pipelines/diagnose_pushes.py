@@ -47,14 +47,16 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         table = read_table(arguments.pushes, CONTRACT).table
-        found = write_push_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
+        found = write_push_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
         (samples, _), network = load_pushes(table), read_push_model(arguments.base)
         unseen = arguments.base / "held_out_actions.json"
         held_out = np.array(json.loads(unseen.read_text()))
         if not np.isin(held_out, samples.action_id).any():
             raise ContractError(f"None of the actions in {unseen} is among the pushes: train the base on them.")
         predicted = averaged(predict(network, samples).numpy(), samples.pixels_per_m)
-        fitted = validate_correction(found, load_pushes(table, PIXELS_PER_M)[0], predicted, held_out, config.seed)
+        fitted = validate_correction(
+            found, load_pushes(table, PIXELS_PER_M)[0], predicted, held_out=held_out, seed=config.seed
+        )
         write_push_model(network, out)
         shutil.copyfile(unseen, out / unseen.name)
         if fitted.correction is not None:

@@ -157,7 +157,7 @@ def _goal(wanted: Wanted, height: Array, setting: Setting, config: Sculpt, robot
     soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
     depth_model = None if setting.depth_model is None else Path(setting.depth_model)
     shape = (height.shape[0], height.shape[1])
-    relief = relief_of(wanted.source, shape, setting.share, soften_px, depth_model)
+    relief = relief_of(wanted.source, shape, setting.share, soften_px=soften_px, depth_model=depth_model)
     return fit_goal(relief, height, replace(setting.fit, reach_m=wanted.reach_m))
 
 
@@ -206,7 +206,7 @@ def _metrics(
     }
     letter = wanted.source.removeprefix("letter:")
     if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
-        metrics["read"] = classify_sculpture(reader, made.heights_m[-1], fit.height_m, setting.fit.border)
+        metrics["read"] = classify_sculpture(reader, made.heights_m[-1], fit.height_m, border=setting.fit.border)
         metrics["read"]["right"] = metrics["read"]["clay"] == letter
     return metrics
 

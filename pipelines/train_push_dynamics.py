@@ -47,8 +47,8 @@ def main(arguments: argparse.Namespace) -> None:
 
         context = (str(samples.material[0]), str(samples.tool[0]))
         kind: Literal["push", "pinch"] = "push" if samples.kind[0] == "push" else "pinch"
-        model = train(in_pose(training, crop), kind, [context], crop, config, log)
-        metrics = scores(model, training, held_out, samples) | {
+        model = train(in_pose(training, crop), kind, [context], crop=crop, config=config, log=log)
+        metrics = scores(model, training, held_out, everything=samples) | {
             "pushes": {
                 "training": len(training.before),
                 "held_out": len(held_out.before),
@@ -78,7 +78,9 @@ def _error_by_action(model: PushModel, samples: PushSamples) -> tuple[list[int],
 def _picture(model: PushModel, held_out: PushSamples) -> np.ndarray:
     """Held-out pushes, spread over the recording."""
     some = held_out.pick(np.unique(np.linspace(0, len(held_out.before) - 1, _SHOWN).round().astype(int)))
-    return comparison(some.before, some.after, predict(model, some).numpy(), some.known, some.pixels_per_m)
+    return comparison(
+        some.before, some.after, predict(model, some).numpy(), known=some.known, pixels_per_m=some.pixels_per_m
+    )
 
 
 if __name__ == "__main__":

@@ -130,7 +130,14 @@ class World:
         crop = crop_for(parts[0], config)
         kind: Literal["push", "pinch"] = "push" if parts[0].kind[0] == "push" else "pinch"
         contexts = [(key, str(part.tool[0])) for key, part in trained_on.items()]
-        model = train(together([in_pose(part, crop) for part in parts]), kind, contexts, crop, config, lambda *_: None)
+        model = train(
+            together([in_pose(part, crop) for part in parts]),
+            kind,
+            contexts,
+            crop=crop,
+            config=config,
+            log=lambda *_: None,
+        )
         target.mkdir(parents=True, exist_ok=True)
         write_push_model(model, target)
         return model
@@ -138,7 +145,7 @@ class World:
     def single(self, name: str, losses: str, visual_weight: float) -> dict[str, Any]:
         training, held_out = self.samples(name)
         model = self.fit(f"{losses}_{name}", {name: training}, visual_weight)
-        return scores(model, training, held_out, held_out)
+        return scores(model, training, held_out, everything=held_out)
 
     def transfer(self) -> dict[str, Any]:
         """L_3D of each material's model on each material."""
@@ -246,7 +253,7 @@ def _nearest(network: Param2Deform, few: PoseSamples, pixels_per_m: float, visua
     with torch.no_grad():
         for number in range(len(network.tool)):
             change = network(few.state, few.length_m, few.depth_m, torch.full_like(few.context, number))
-            errors.append(float(loss(change - few.change, few.known, pixels_per_m, visual_weight)))
+            errors.append(float(loss(change - few.change, few.known, pixels_per_m, visual_weight=visual_weight)))
     return errors.index(min(errors))
 
 
@@ -272,7 +279,7 @@ def _fit_context(
             some = some.mirrored(torch.rand(len(some.state), generator=generator) < 0.5)
             optimizer.zero_grad()
             change = network(some.state, some.length_m, some.depth_m, some.context)
-            torch.autograd.backward(loss(change - some.change, some.known, pixels_per_m, visual_weight))
+            torch.autograd.backward(loss(change - some.change, some.known, pixels_per_m, visual_weight=visual_weight))
             optimizer.step()
             schedule.step()
 

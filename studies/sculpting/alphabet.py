@@ -51,7 +51,7 @@ def main(arguments: argparse.Namespace) -> None:
             continue
         height, _ = seen_m(robot.scan())
         soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
-        relief = relief_of(f"letter:{letter}", (height.shape[0], height.shape[1]), setting.share, soften_px)
+        relief = relief_of(f"letter:{letter}", (height.shape[0], height.shape[1]), setting.share, soften_px=soften_px)
         reach_m = REACH_M[number]
         fit = fit_goal(relief, height, replace(setting.fit, reach_m=reach_m, kept=arguments.kept))
         made = sculpt(
@@ -62,7 +62,7 @@ def main(arguments: argparse.Namespace) -> None:
         objective = ClayObjective(fit.height_m, scan.window_m, given.planner.weights)
         said: dict[str, Any] = goal_errors(objective, made.heights_m, made.first.predicted_m[-1])
         said |= {
-            "read": classify_sculpture(reader, made.heights_m[-1], fit.height_m, setting.fit.border),
+            "read": classify_sculpture(reader, made.heights_m[-1], fit.height_m, border=setting.fit.border),
             "letter": letter,
         }
         said |= {"actions": made.actions.tolist(), "stopped": made.stopped, "reach_m": reach_m}

@@ -67,7 +67,9 @@ def model_of(material: str, tool: str, given: Settings, models: Path, window_m: 
         samples, _ = load_pushes(pa.Table.from_pylist(rows))
         crop = crop_for(samples, given.training)
         context = [(material, tool)]
-        model = train(in_pose(samples, crop), end_effector.kind, context, crop, given.training, _unheard)
+        model = train(
+            in_pose(samples, crop), end_effector.kind, context, crop=crop, config=given.training, log=_unheard
+        )
         models.mkdir(parents=True, exist_ok=True)
         with atomic_folder(folder) as out:
             write_push_model(model, out)

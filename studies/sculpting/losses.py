@@ -37,7 +37,7 @@ def main(arguments: argparse.Namespace) -> None:
     members = model_of(arguments.material, arguments.tool, given, arguments.models, scan.window_m)
     height, _ = seen_m(scan)
     soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
-    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px)
+    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px=soften_px)
     fit = fit_goal(relief, height, replace(setting.fit, reach_m=REACH_M, kept=arguments.kept))
     # Both go on to the end: what fifty actions do is the question, not when to stop.
     execution, config = replace(given.execution, patience=ACTIONS), replace(given.planner, min_gain=0.0)

@@ -47,7 +47,7 @@ def main(arguments: argparse.Namespace) -> None:
     members = model_of(arguments.material, setting.end_effector, given, arguments.models, scan.window_m)
     height, _ = seen_m(scan)
     soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
-    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px)
+    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px=soften_px)
     fit = fit_goal(relief, height, setting.fit)
     objective = ClayObjective(fit.height_m, scan.window_m, replace(given.planner.weights, visual=VISUAL))
     foresight = EnsembleRollout(members, objective, given.planner.caution)

@@ -151,6 +151,6 @@ def test_relief_of_dispatches_on_source(tmp_path: Path) -> None:
         "shape:dome",
         *(str(tmp_path / n) for n in ("ramp.npy", "ramp.png", "photo.png", "box.ply")),
     ):
-        assert relief_of(source, (32, 32), 0.8, 1.0).shape == (32, 32)
+        assert relief_of(source, (32, 32), 0.8, soften_px=1.0).shape == (32, 32)
     with pytest.raises(GoalError, match=r"no goal .nothing\.stl"):
-        relief_of("nothing.stl", (32, 32), 0.8, 1.0)
+        relief_of("nothing.stl", (32, 32), 0.8, soften_px=1.0)

@@ -50,7 +50,9 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
         from pentimento.diagnosis.pushes.write import write_push_diagnosis
     checked = read_table(arguments.rows, CONTRACT)
     outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
-    write_push_diagnosis(checked.table, arguments.out, arguments.seed, _progress, outside, _left_out(checked))
+    write_push_diagnosis(
+        checked.table, arguments.out, arguments.seed, log=_progress, outside=outside, left_out=_left_out(checked)
+    )
     print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
     print(f"The report is {arguments.out / 'report.html'}.")
 

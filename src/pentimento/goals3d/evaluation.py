@@ -110,7 +110,9 @@ def goal_errors(objective: ClayObjective, heights_m: Array, planned_m: Array) ->
     return errors
 
 
-def classify_sculpture(classifier: LetterClassifier, height_m: Array, goal_m: Array, border: float) -> dict[str, Any]:
+def classify_sculpture(
+    classifier: LetterClassifier, height_m: Array, goal_m: Array, *, border: float
+) -> dict[str, Any]:
     """Classification of the clay [H, W], and of the goal itself."""
     clay, goal = classifier.classify(height_m, border), classifier.classify(goal_m, border)
     return {"clay": clay.letter, "probability": clay.probability, "goal": goal.letter}

@@ -35,7 +35,7 @@ _BLUR = 0.01
 
 
 def relief_of(
-    source: str, shape: tuple[int, int], share: float, soften_px: float, depth_model: Path | None = None
+    source: str, shape: tuple[int, int], share: float, *, soften_px: float, depth_model: Path | None = None
 ) -> FloatArray:
     """Relief [H, W] of a source, centred in the area and blurred to what tools can form.
 

@@ -51,14 +51,14 @@ def test_learned_residual_predicts_systematic_lip_of_new_pushes(
 ) -> None:
     plain, clean, causes = session
     measured, model = lipped
-    _, learned = learn_residual(measured, model, KNOWN, causes, 0)
+    _, learned = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     noise = error(clean, plain, NEW)
     assert error(model, learned, NEW) - noise < 0.5 * (error(model, measured, NEW) - noise)
 
 
 def test_learned_residual_keeps_scores_of_base(session: Session, lipped: tuple[MeasuredPushes, AnalyticPush]) -> None:
     measured, model = lipped
-    _, learned = learn_residual(measured, model, KNOWN, session[2], 0)
+    _, learned = learn_residual(measured, model, KNOWN, candidates=session[2], seed=0)
     before, after = (linearise(model, m.pick(KNOWN)) for m in (measured, learned))
     unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
     free = unit > 1e-6 * unit.max()  # excludes profile offsets that no contact reaches
@@ -74,7 +74,7 @@ def test_learned_residual_excludes_systematic_cause() -> None:
     lost = identity(VolumeLoss, measured.scene)
     model = fit(first_model(measured.scene), measured.pick(KNOWN))
     full = model.plus(lost)
-    _, learned = learn_residual(measured, model, KNOWN, [lost], 0)
+    _, learned = learn_residual(measured, model, KNOWN, candidates=[lost], seed=0)
     column = full.columns_of(VolumeLoss.cause)[0]
     before, after = (linearise(full, m.pick(KNOWN)).slope.sum(0)[column] for m in (measured, learned))
     assert after == pytest.approx(before, rel=0.1)
@@ -82,7 +82,7 @@ def test_learned_residual_excludes_systematic_cause() -> None:
 
 def test_learned_residual_does_not_fit_noise(session: Session) -> None:
     measured, model, causes = session
-    _, learned = learn_residual(measured, model, KNOWN, causes, 0)
+    _, learned = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     for rows in (KNOWN, NEW):
         assert error(model, learned, rows) < 1.03 * error(model, measured, rows)
 
@@ -91,7 +91,7 @@ def test_learned_residual_of_new_pushes_matches_cross_fit(
     session: Session, lipped: tuple[MeasuredPushes, AnalyticPush]
 ) -> None:
     measured, model = lipped
-    learned_residual, learned = learn_residual(measured, model, KNOWN, session[2], 0)
+    learned_residual, learned = learn_residual(measured, model, KNOWN, candidates=session[2], seed=0)
     np.testing.assert_allclose(learned_residual.of(measured.pick(NEW)).learned_mm, learned.learned_mm[NEW], atol=1e-5)
 
 
@@ -102,7 +102,9 @@ def test_learned_residual_is_robust_to_execution_noise(lipped: tuple[MeasuredPus
     by = noise_derivatives(model, measured.scene)
     apart = np.einsum("bk,kbhw->bhw", beside_m, by).astype(np.float32)
     scattered = replace(measured, after=measured.after + apart)
-    calm, found = (learn_residual(each, model, KNOWN, [], 0)[1].learned_mm[NEW] for each in (measured, scattered))
+    calm, found = (
+        learn_residual(each, model, KNOWN, candidates=[], seed=0)[1].learned_mm[NEW] for each in (measured, scattered)
+    )
     assert np.square(apart[NEW] * 1e3).sum() > np.square(calm).sum()
     assert np.square(found - calm).sum() < 0.3 * np.square(calm).sum()
 
@@ -112,7 +114,7 @@ def test_refitting_to_more_pushes_improves_prediction(
 ) -> None:
     plain, clean, causes = session
     measured, model = lipped
-    learned_residual, learned = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    learned_residual, learned = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], candidates=causes, seed=0)
     more, known = learned_residual.refitted(learned, KNOWN)
     np.testing.assert_array_equal(known.learned_mm[KNOWN], learned.learned_mm[KNOWN])
     np.testing.assert_allclose(more.of(measured.pick(NEW)).learned_mm, known.learned_mm[NEW], atol=1e-5)

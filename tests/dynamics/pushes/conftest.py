@@ -32,6 +32,11 @@ def trained() -> Trained:
     losses: list[float] = []
     contexts = [("foam", "ball")]
     model = train(
-        in_pose(training, crop), "push", contexts, crop, CONFIG, lambda name, value, step: losses.append(value)
+        in_pose(training, crop),
+        "push",
+        contexts,
+        crop=crop,
+        config=CONFIG,
+        log=lambda name, value, step: losses.append(value),
     )
     return Trained(model, crop, training, held_out, losses)

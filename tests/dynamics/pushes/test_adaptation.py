@@ -24,7 +24,9 @@ def conditioned(trained: Trained) -> PushModel:
     samples = in_pose(trained.training, trained.crop)
     both = together([samples, softer(samples, 0.3)])
     config = dataclasses.replace(CONFIG, members=1, epochs=6)
-    return train(both, "push", [("firm", "ball"), ("soft", "ball")], trained.crop, config, lambda *_: None)
+    return train(
+        both, "push", [("firm", "ball"), ("soft", "ball")], crop=trained.crop, config=config, log=lambda *_: None
+    )
 
 
 def test_joined_parts_have_their_own_context(trained: Trained) -> None:

@@ -28,7 +28,9 @@ LEVEL = np.zeros((SIDE, SIDE))
 
 def test_local_places_match_contract_frames() -> None:
     samples = blank(5, 1)
-    along, across = local_places(samples.window_m, (PIXELS, PIXELS), samples.action, samples.pixels_per_m)
+    along, across = local_places(
+        samples.window_m, (PIXELS, PIXELS), action=samples.action, pixels_per_m=samples.pixels_per_m
+    )
     pixels = np.array([[3, 50], [40, 7]])  # column, row
     for b, (x, y, theta, *_) in enumerate(samples.action):
         places = pixel_to_canvas(pixels, samples.window_m[b], samples.pixels_per_m)
@@ -49,7 +51,9 @@ def test_distance_from_path_beside_and_beyond_ends() -> None:
 
 def test_surface_at_start_matches_robot_reading() -> None:
     samples = played(actions=8, repeats=2)
-    along, across = local_places(samples.window_m, (PIXELS, PIXELS), samples.action, samples.pixels_per_m)
+    along, across = local_places(
+        samples.window_m, (PIXELS, PIXELS), action=samples.action, pixels_per_m=samples.pixels_per_m
+    )
     assert surface_at_start(samples.before, along, across) == pytest.approx(samples.surface_m, abs=1e-6)
 
 
@@ -83,8 +87,10 @@ def test_history_sums_earlier_pushes_since_smoothing() -> None:
     expected = np.zeros((PIXELS, PIXELS))
     for other in np.flatnonzero((reset == reset[row]) & (samples.covariates["order"] < row)):
         one = samples.action[other : other + 1]
-        along, across = local_places(samples.window_m[:1], (PIXELS, PIXELS), one, samples.pixels_per_m)
-        expected += swept_m(along, across, one[:, 3], one[:, 4], HALF_WIDTH_M)[0]
+        along, across = local_places(
+            samples.window_m[:1], (PIXELS, PIXELS), action=one, pixels_per_m=samples.pixels_per_m
+        )
+        expected += swept_m(along, across, length_m=one[:, 3], depth_m=one[:, 4], half_width_m=HALF_WIDTH_M)[0]
     assert np.allclose(scene.worked[row], expected, atol=1e-7) and expected.any()
 
 
@@ -104,7 +110,15 @@ def resistances(before: np.ndarray, worked_m: np.ndarray, length_m: float, depth
     x = (np.arange(SIDE) + 0.5) * PIXEL_M - 0.02
     along, across = np.meshgrid(x, (np.arange(SIDE)[::-1] + 0.5) * PIXEL_M - 0.03)
     surface, u, v, worked = (m[None].astype(np.float32) for m in (before, along, across, worked_m))
-    return resistance_of(surface, u, v, worked, np.array([[0.0, 0.0, 0.0, length_m, depth_m]]), PIXEL_M, HALF_M)[:, 0]
+    return resistance_of(
+        surface,
+        u,
+        v,
+        worked=worked,
+        action=np.array([[0.0, 0.0, 0.0, length_m, depth_m]]),
+        pixel_m=PIXEL_M,
+        half_width_m=HALF_M,
+    )[:, 0]
 
 
 def resistance(before: np.ndarray, length_m: float, depth_m: float) -> np.ndarray:

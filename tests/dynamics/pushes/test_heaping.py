@@ -34,7 +34,9 @@ def deposit(
     tip_depth = depth_m * (np.linspace(0, 1, 9) if length_m else np.ones(9))[None]
     knots = np.stack([np.array([0.15, 1.6]) * HALF_WIDTH_M, np.zeros(2)])
     fixed = np.array([RADIUS_M, 1.0, 0.0, 0.0002, HALF_WIDTH_M])
-    found = heaped(Sweep(before, along, across, motion, tip_depth, knots, fixed), 3.0, facing, stand_off)[0]
+    found = heaped(
+        Sweep(before, along, across, motion, tip_depth, knots, fixed), 3.0, facing=facing, stand_off=stand_off
+    )[0]
     stations = np.linspace(0, length_m, 200)
     ramp = stations / length_m if length_m else np.ones(200)
     away = (along[0][..., None] - stations) ** 2 + across[0][..., None] ** 2

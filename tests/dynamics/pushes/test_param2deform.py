@@ -123,7 +123,7 @@ def tool(along: float, across: float, power: float, sinking: float = 1.0) -> Und
 
 
 def clearance(length: float, depth: float, of: Underside) -> Tensor:
-    return clearance_mm(X, Y, torch.tensor([length]), torch.tensor([depth]), of)[0]
+    return clearance_mm(X, Y, length_mm=torch.tensor([length]), depth_mm=torch.tensor([depth]), tool=of)[0]
 
 
 def exhaustive_clearance(length: float, depth: float, of: Underside) -> Tensor:
@@ -177,9 +177,10 @@ def test_clearance_gradients_match_finite_differences() -> None:
     numbers = torch.tensor([12.0, 5.0, 8.0, 6.0, 2.6, 0.9], dtype=torch.float64, requires_grad=True)
 
     def lowest(of: Tensor) -> Tensor:
-        return clearance_mm(*where, of[0:1], of[1:2], Underside(of[2:3], of[3:4], of[4:5], of[5:6]))
+        underside = Underside(of[2:3], of[3:4], of[4:5], of[5:6])
+        return clearance_mm(*where, length_mm=of[0:1], depth_mm=of[1:2], tool=underside)
 
     assert torch.autograd.gradcheck(lowest, (numbers,), eps=1e-6, atol=1e-5)
     still = torch.zeros(1, requires_grad=True)
-    clearance_mm(X, Y, still, still * 0, tool(8.0, 8.0, 2.0)).sum().backward()
+    clearance_mm(X, Y, length_mm=still, depth_mm=still * 0, tool=tool(8.0, 8.0, 2.0)).sum().backward()
     assert torch.isfinite(still.grad).all()  # type: ignore[arg-type]

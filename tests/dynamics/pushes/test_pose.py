@@ -62,7 +62,7 @@ def test_crop_rows_run_left_to_right_and_columns_ahead() -> None:
 def test_to_canvas_places_change_at_push(theta: float) -> None:
     along, across = CROP.places_m().double().unbind(-1)
     change = torch.exp(-((along - 0.015) ** 2 / 2e-4 + (across + 0.005) ** 2 / 1e-4))[None]
-    on_canvas = to_canvas(change, WINDOW, action(0.1, 0.08, theta), SHAPE, CROP)[0].numpy()
+    on_canvas = to_canvas(change, WINDOW, action(0.1, 0.08, theta), shape=SHAPE, crop=CROP)[0].numpy()
     column, row = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
     xy = pixel_to_canvas(np.stack([column, row], -1), WINDOW[0].numpy(), 500.0)
     local = canvas_to_stroke(xy, 0.1, 0.08, theta)
@@ -75,7 +75,7 @@ def test_to_canvas_places_change_at_push(theta: float) -> None:
 def test_pose_round_trip_preserves_smooth_map() -> None:
     smooth = canvas(lambda x, y: np.exp(-((x - 0.1) ** 2 + (y - 0.08) ** 2) / 2e-4))
     given = action(0.09, 0.08, 0.4)
-    back = to_canvas(to_pose(smooth, WINDOW, given, CROP), WINDOW, given, SHAPE, CROP)
+    back = to_canvas(to_pose(smooth, WINDOW, given, CROP), WINDOW, given, shape=SHAPE, crop=CROP)
     middle = (slice(None), slice(34, 46), slice(44, 56))
     torch.testing.assert_close(back[middle], smooth[middle], atol=0.02, rtol=0)
 
@@ -97,7 +97,7 @@ def test_pose_gradients_match_finite_differences() -> None:
     at = action(0.0112, 0.0097, 0.31).requires_grad_(True)
     assert torch.autograd.gradcheck(lambda s, a: to_pose(s, window, a, crop), (state, at), eps=1e-7, atol=1e-4)
     assert torch.autograd.gradcheck(
-        lambda c, a: to_canvas(c, window, a, (10, 10), crop), (change, at), eps=1e-7, atol=1e-4
+        lambda c, a: to_canvas(c, window, a, shape=(10, 10), crop=crop), (change, at), eps=1e-7, atol=1e-4
     )
 
 

@@ -36,7 +36,8 @@ def test_training_is_reproducible(trained: Trained) -> None:
     short = dataclasses.replace(CONFIG, epochs=1)
     samples = in_pose(trained.training, trained.crop)
     first, second = (
-        train(samples, "push", [("foam", "ball")], trained.crop, short, lambda *_: None).state_dict() for _ in range(2)
+        train(samples, "push", [("foam", "ball")], crop=trained.crop, config=short, log=lambda *_: None).state_dict()
+        for _ in range(2)
     )
     assert all(torch.equal(first[name], second[name]) for name in first)
 

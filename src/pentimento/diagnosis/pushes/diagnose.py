@@ -124,10 +124,10 @@ def _discover(
     for _ in range(_PASSES):
         before = {mechanism.cause for mechanism in model.mechanisms}
         unfound = [mechanism for cause, mechanism in observable.items() if cause not in before]
-        learned_residual, weighted = learn_residual(weighted, model, rows, unfound, seed=seed)
+        learned_residual, weighted = learn_residual(weighted, model, rows, candidates=unfound, seed=seed)
         weighted = equalised(weighted, model)
         noise = floor_in_search(model, weighted, rows, seed)
-        found = search(base, weighted.pick(rows), noise, vocabulary, seed=seed, log=log)
+        found = search(base, weighted.pick(rows), noise, vocabulary=vocabulary, seed=seed, log=log)
         if found.found == before:
             break
         base, model = found.base, found.model

@@ -277,7 +277,7 @@ class Slopes:
         residuals = _in_batches(lambda some: _weighted_residual(model, self.measured.pick(some)), len(self.measured))
         slope = np.concatenate([_slope(*pair) for pair in zip(self.batches, residuals, strict=True)])
         energy = np.concatenate([np.square(error).sum(1) for error in residuals])
-        rows = _a_pixel((self.curvature, slope, energy), self.measured)
+        rows = _per_pixel(Statistics(self.curvature, slope, energy), self.measured)
         return Statistics(*(by_action(values, self.measured.action) for values in rows))
 
 
@@ -297,12 +297,11 @@ def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
     return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
 
 
-def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
     """The same for each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], divided by its number of measured pixels;
     mm²."""
     parts = _in_batches(lambda some: _row_statistics(model, measured.pick(some)), len(measured))
-    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return curvature, slope, energy
+    return Statistics(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
 def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
@@ -334,9 +333,9 @@ def _stage(name: str) -> int:
     return next((stage for stage, names in enumerate((CONTACT, HEAP, KEPT)) if name in names), 3)
 
 
-def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
     slopes, rest = _weighted_slopes(model, measured), _weighted_residual(model, measured)
-    return _a_pixel((_curvature(slopes), _slope(slopes, rest), np.square(rest).sum(1)), measured)
+    return _per_pixel(Statistics(_curvature(slopes), _slope(slopes, rest), np.square(rest).sum(1)), measured)
 
 
 def _weighted_slopes(model: AnalyticPush, measured: MeasuredPushes) -> Array:
@@ -359,8 +358,7 @@ def _slope(slopes: Array, rest: Array) -> Array:
     return np.einsum("bpn,bn->bp", slopes, rest)
 
 
-def _a_pixel(sums: tuple[Array, Array, Array], measured: MeasuredPushes) -> tuple[Array, Array, Array]:
+def _per_pixel(sums: Statistics, measured: MeasuredPushes) -> Statistics:
     """Sums over each row's pixels, divided by its number of measured pixels."""
     pixels = measured.valid.sum((1, 2)).astype(np.float64)
-    curvature, slope, energy = sums
-    return curvature / pixels[:, None, None], slope / pixels[:, None], energy / pixels
+    return Statistics(sums.curvature / pixels[:, None, None], sums.slope / pixels[:, None], sums.energy / pixels)

@@ -77,7 +77,7 @@ class LearnedPushResidual:
 
 
 def learn_residual(
-    measured: MeasuredPushes, model: AnalyticPush, rows: Array, candidates: Sequence[Mechanism], seed: int
+    measured: MeasuredPushes, model: AnalyticPush, rows: Array, *, candidates: Sequence[Mechanism], seed: int
 ) -> tuple[LearnedPushResidual, MeasuredPushes]:
     """Cross-fit the residual model to the pushes ``rows``; all pushes get its prediction in place of an earlier one.
 

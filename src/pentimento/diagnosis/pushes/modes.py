@@ -6,7 +6,7 @@ volume.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,12 +60,22 @@ class AllModes(Mechanism):
 MODES = tuple(quantity.name for quantity in AllModes.quantities)
 
 
-def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> tuple[Array, Array, float]:
-    """Amount of each mode in each row's residual, in typical sizes, [B, M]; the modes' energies [B, M]; the mean error
-    of the rows. Energies and error are in mm²."""
+class ModeScores(NamedTuple):
+    """Amounts of the modes in the residuals of B rows."""
+
+    amounts: Array
+    """[B, M], in typical sizes."""
+    energy: Array
+    """[B, M] of one typical size of each mode, mm²."""
+    error: float
+    """Mean squared error of the rows, mm²."""
+
+
+def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> ModeScores:
+    """Amounts of the modes in the residuals of a model."""
     curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
     energy = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
-    return slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean())
+    return ModeScores(slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean()))
 
 
 def structured_residual(

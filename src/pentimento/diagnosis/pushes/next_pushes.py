@@ -72,11 +72,11 @@ def proposal_for(diagnosis: PushDiagnosis, seen: PushScreening, seed: int) -> Pu
     wanted = {cause for question in asked for cause in question}
     wanted |= {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
     kept = tuple(mechanism for mechanism in seen.full.mechanisms if mechanism.cause in wanted)
-    return propose(replace(seen.full, mechanisms=kept), seen.measured, asked, seed)
+    return propose(replace(seen.full, mechanisms=kept), seen.measured, asked, seed=seed)
 
 
 def propose(
-    model: AnalyticPush, measured: MeasuredPushes, asked: Sequence[Question], seed: int, pairs: int = PAIRS
+    model: AnalyticPush, measured: MeasuredPushes, asked: Sequence[Question], *, seed: int, pairs: int = PAIRS
 ) -> PushProposal:
     """The ``pairs`` of pushes that contribute most to the questions, given the pushes executed so far.
 
@@ -85,12 +85,12 @@ def propose(
         measured: the pushes so far; actions and speeds stay within their ranges.
     """
     columns = columns_of(model)
-    so_far = linearise_rows(model, measured)[0].sum(0)
+    so_far = linearise_rows(model, measured).curvature.sum(0)
     rng = np.random.default_rng([seed, 14])
     drawn = _SEQUENCES * pairs
     action, settings = _drawn_pairs(measured, drawn, rng)
     candidates = as_measured(action, settings, model, measured)
-    candidate_curvature = linearise_rows(model, candidates)[0].reshape(_SEQUENCES, pairs, 2, *so_far.shape)
+    candidate_curvature = linearise_rows(model, candidates).curvature.reshape(_SEQUENCES, pairs, 2, *so_far.shape)
     best = greedy_exchange(so_far, candidate_curvature.sum(2), columns, asked)
     of_turn = np.array([sequence * pairs + turn for turn, sequence in enumerate(best)])
     rows = (2 * of_turn[:, None] + np.arange(2)).ravel()
@@ -136,22 +136,35 @@ def as_measured(
     half_width = measured.scene.half_width_m
 
     def scene(pushes: Array, before: Array, worked: Array, rows: Array) -> PushScene:
-        along, across = local_places(windows[rows], shape, pushes, k)
+        along, across = local_places(windows[rows], shape, action=pushes, pixels_per_m=k)
         columns = {name: values[rows] for name, values in known.items()}
         level = before - surface_at_start(before, along, across)[:, None, None].astype(np.float32)
         history = measured.scene.history_known
-        return push_scene(level, along, across, worked, pushes, history, columns, 1 / k, half_width)
+        return push_scene(
+            level,
+            along,
+            across,
+            worked=worked,
+            action=pushes,
+            history_known=history,
+            covariates=columns,
+            pixel_m=1 / k,
+            half_width_m=half_width,
+        )
 
     first, second = np.arange(0, len(action), 2), np.arange(1, len(action), 2)
     # The first push in the window of the second: it may start outside, where the surface is level.
-    along, across = local_places(windows[second], shape, action[first], k)
+    along, across = local_places(windows[second], shape, action=action[first], pixels_per_m=k)
     seen = push_scene(
-        flat[first], along, across, flat[first], action[first], measured.scene.history_known,
-        {name: values[first] for name, values in known.items()}, 1 / k, half_width,
+        flat[first], along, across, worked=flat[first], action=action[first],
+        history_known=measured.scene.history_known, covariates={name: v[first] for name, v in known.items()},
+        pixel_m=1 / k, half_width_m=half_width,
     )  # fmt: skip
     left, worked = flat.copy(), flat.copy()
     left[second] = model.change(seen)
-    worked[second] = swept_m(along, across, action[first, 3], action[first, 4], half_width)
+    worked[second] = swept_m(
+        along, across, length_m=action[first, 3], depth_m=action[first, 4], half_width_m=half_width
+    )
     everything = scene(action, left, worked, np.arange(len(action)))
     samples = measured.samples.pick(like)._replace(
         before=left, after=left, known=np.ones(left.shape, bool), action=action, window_m=windows,
@@ -233,7 +246,7 @@ def screen(diagnosis: PushDiagnosis) -> PushScreening:
     statistics, columns = linearise(full, measured), columns_of(full)
     covariates = varying_covariates(measured)
     models = {"base": diagnosis.base, "extended": diagnosis.extended}
-    scores = {name: robust_deviations(mode_scores(model, measured)[0]) for name, model in models.items()}
+    scores = {name: robust_deviations(mode_scores(model, measured).amounts) for name, model in models.items()}
     strengths = {name: mode_strength(values, covariates) for name, values in scores.items()}
     residuals = {name: np.where(measured.valid, residual(model, measured), np.nan) for name, model in models.items()}
     return PushScreening(

@@ -34,6 +34,7 @@ def write_push_diagnosis(
     table: pa.Table,
     out: Path,
     seed: int,
+    *,
     log: Callable[[str], None],
     outside: pa.Table | None = None,
     left_out: str | None = None,
@@ -127,7 +128,7 @@ class ValidatedCorrection(NamedTuple):
 
 
 def validate_correction(
-    diagnosis: PushDiagnosis, samples: PushSamples, predicted: Array, held_out: Array, seed: int
+    diagnosis: PushDiagnosis, samples: PushSamples, predicted: Array, *, held_out: Array, seed: int
 ) -> ValidatedCorrection:
     """Fit the established causes to the network's training pushes, and validate the correction on held-out ones.
 

@@ -155,7 +155,7 @@ def heap(model: AnalyticPush, scene: PushScene, contact: Contact) -> Contact:
 def _heaped(model: AnalyticPush, scene: PushScene, sweep: Sweep, contact: Contact) -> Contact:
     number = _numbers(model)
     width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
-    return contact._replace(heaped_m=heaped(sweep, width_px, number["facing"], number["stand_off"]))
+    return contact._replace(heaped_m=heaped(sweep, width_px, facing=number["facing"], stand_off=number["stand_off"]))
 
 
 def _sweep(model: AnalyticPush, scene: PushScene) -> Sweep:

@@ -54,13 +54,27 @@ class Correction:
         rows, (height, width) = len(actions), height_m.shape
         scale = width / float(window_m[2] - window_m[0])
         windows = np.tile(np.asarray(window_m, dtype=np.float64), (rows, 1))
-        along, across = local_places(windows, (height, width), np.asarray(actions, dtype=np.float64), scale)
+        along, across = local_places(
+            windows, (height, width), action=np.asarray(actions, dtype=np.float64), pixels_per_m=scale
+        )
         heights = np.broadcast_to(height_m, (rows, height, width))
         level = surface_at_start(heights, along, across)
         columns = {name: np.full(rows, value) for name, value in self.covariates.items()}
         before, pushes = (heights - level[:, None, None]).astype(np.float32), np.asarray(actions, dtype=np.float64)
         worked = np.zeros_like(before)
-        return self.of(push_scene(before, along, across, worked, pushes, False, columns, 1 / scale, self.half_width_m))
+        return self.of(
+            push_scene(
+                before,
+                along,
+                across,
+                worked=worked,
+                action=pushes,
+                history_known=False,
+                covariates=columns,
+                pixel_m=1 / scale,
+                half_width_m=self.half_width_m,
+            )
+        )
 
 
 class CorrectedClay:

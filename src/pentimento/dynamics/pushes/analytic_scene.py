@@ -90,6 +90,7 @@ def push_scene(
     before: Array,
     along: Array,
     across: Array,
+    *,
     worked: Array,
     action: Array,
     history_known: bool,
@@ -98,7 +99,9 @@ def push_scene(
     half_width_m: float,
 ) -> PushScene:
     """A scene with these maps and values (see ``PushScene``) and the resistance of its surfaces."""
-    resistance = resistance_of(before, along, across, worked, action, pixel_m, half_width_m)
+    resistance = resistance_of(
+        before, along, across, worked=worked, action=action, pixel_m=pixel_m, half_width_m=half_width_m
+    )
     return PushScene(
         before, along, across, action, worked, history_known, covariates, resistance, pixel_m, half_width_m
     )  # fmt: skip
@@ -120,17 +123,20 @@ def scene_of(samples: PushSamples, half_width_m: float | None = None, denoised: 
             f"{pinches} of {len(samples.kind)} rows are pinches, and the analytic model knows the geometry of pushes "
             "alone: keep the rows whose kind is push."
         )
-    along, across = local_places(samples.window_m, samples.before.shape[1:], samples.action, samples.pixels_per_m)
+    along, across = local_places(
+        samples.window_m, samples.before.shape[1:], action=samples.action, pixels_per_m=samples.pixels_per_m
+    )
     width = usual_half_width_m(samples) if half_width_m is None else half_width_m
     _near_start(along, across)
     worked, known = _worked(samples, width)
     before = ((samples.before if denoised is None else denoised) - samples.surface_m[:, None, None]).astype(np.float32)
     return push_scene(
-        before, along, across, worked, samples.action, known, samples.covariates, 1 / samples.pixels_per_m, width
+        before, along, across, worked=worked, action=samples.action, history_known=known,
+        covariates=samples.covariates, pixel_m=1 / samples.pixels_per_m, half_width_m=width,
     )  # fmt: skip
 
 
-def local_places(window_m: Array, shape: tuple[int, ...], action: Array, pixels_per_m: float) -> tuple[Array, Array]:
+def local_places(window_m: Array, shape: tuple[int, ...], *, action: Array, pixels_per_m: float) -> tuple[Array, Array]:
     """Places of the pixel centres of windows [B, 4] in the frames of pushes [B, 5]: along and across, float32[B, H, W].
 
     Row 0 is the top (y_max); across is positive to the left of the travel.
@@ -186,7 +192,7 @@ def usual_half_width_m(samples: PushSamples) -> float:
     return float(max(np.median(half), _MIN_HALF_WIDTH_M))
 
 
-def swept_m(along: Array, across: Array, length_m: Array, depth_m: Array, half_width_m: float) -> Array:
+def swept_m(along: Array, across: Array, *, length_m: Array, depth_m: Array, half_width_m: float) -> Array:
     """Depth of a round tool at places [B, H, W] of a flat surface, for pushes of these lengths and depths [B]."""
     length, depth = length_m[:, None, None], depth_m[:, None, None]
     station = np.clip(along, 0.0, length)
@@ -208,8 +214,10 @@ def _worked(samples: PushSamples, half_width_m: float) -> tuple[Array, bool]:
             continue
         actions = samples.action[earlier]
         windows = np.repeat(samples.window_m[row : row + 1], len(earlier), axis=0)
-        along, across = local_places(windows, worked.shape[1:], actions, samples.pixels_per_m)
-        worked[row] = swept_m(along, across, actions[:, 3], actions[:, 4], half_width_m).sum(0)
+        along, across = local_places(windows, worked.shape[1:], action=actions, pixels_per_m=samples.pixels_per_m)
+        worked[row] = swept_m(
+            along, across, length_m=actions[:, 3], depth_m=actions[:, 4], half_width_m=half_width_m
+        ).sum(0)
     return worked, True
 
 
@@ -227,7 +235,7 @@ def smoothed_periods(samples: PushSamples) -> Array | None:
 
 
 def resistance_of(
-    before: Array, along: Array, across: Array, worked: Array, action: Array, pixel_m: float, half_width_m: float
+    before: Array, along: Array, across: Array, *, worked: Array, action: Array, pixel_m: float, half_width_m: float
 ) -> Array:
     """Force on a ball whose radius is the footprint's half-width, float32[2, B, STATIONS, depths].
 

@@ -74,7 +74,7 @@ def mean_footprint(training: PushSamples, samples: PushSamples, crop: Crop) -> T
     footprint = (seen.change * weight).sum(0) / weight.sum(0).clamp(min=1.0)
     before, window, action = _tensors(samples)
     shape = (before.shape[1], before.shape[2])
-    return before + to_canvas(footprint.expand(len(action), -1, -1), window, action, shape, crop)
+    return before + to_canvas(footprint.expand(len(action), -1, -1), window, action, shape=shape, crop=crop)
 
 
 def score(predicted: Tensor, samples: PushSamples, crop: Crop) -> PushScores:
@@ -130,7 +130,7 @@ def floor(samples: PushSamples, crop: Crop) -> Floor | None:
 
 
 def scores(
-    model: PushModel, training: PushSamples, held_out: PushSamples, everything: PushSamples, context: int = 0
+    model: PushModel, training: PushSamples, held_out: PushSamples, *, everything: PushSamples, context: int = 0
 ) -> dict[str, Any]:
     """Content of metrics.json: held-out scores of the model and of trivial baselines, and the noise floor of all
     repeated actions.
@@ -253,6 +253,7 @@ def comparison(
     before_m: NDArray[Any],
     measured_m: NDArray[Any],
     predicted_m: NDArray[Any],
+    *,
     known: NDArray[np.bool_],
     pixels_per_m: float,
 ) -> NDArray[np.uint8]:

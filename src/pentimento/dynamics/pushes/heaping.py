@@ -39,7 +39,7 @@ _MIN_WEIGHT = np.float32(0.02)
 """Lower bound of the direction and stand-off factors of the deposit."""
 
 
-def heaped(sweep: Sweep, width_px: float, facing: float, stand_off: float) -> Array:
+def heaped(sweep: Sweep, width_px: float, *, facing: float, stand_off: float) -> Array:
     """Height of the deposit around the grooves of B pushes, float32[B, H, W] metres; material is conserved.
 
     Args:

@@ -141,10 +141,14 @@ class Param2Deform(nn.Module):
             reach[:, 0], reach[:, 1], 1 + numbers[:, 2].clamp(-1.5, 2.0).exp(), numbers[:, 3].clamp(-1.0, 1.0).exp()
         )
         if self.apart is None:
-            lowest = clearance_mm(self.x_mm, self.y_mm, 1e3 * length_m, 1e3 * depth_m, underside)
+            lowest = clearance_mm(
+                self.x_mm, self.y_mm, length_mm=1e3 * length_m, depth_mm=1e3 * depth_m, tool=underside
+            )
         else:
             apart = _FIRST_APART_MM * self.apart[context].clamp(-1.0, 1.0).exp()[:, None, None]
-            left = clearance_mm(self.x_mm + apart, self.y_mm, 500.0 * length_m, 1e3 * depth_m, underside)
+            left = clearance_mm(
+                self.x_mm + apart, self.y_mm, length_mm=500.0 * length_m, depth_mm=1e3 * depth_m, tool=underside
+            )
             lowest = torch.minimum(left, left.flip(2))
         clearance = (lowest - state_mm).clamp(-_MAX_HEIGHT * _SCALE_MM, 2 * _SCALE_MM)
         return clearance.clamp(max=0.0), clearance
@@ -199,7 +203,7 @@ class Underside(NamedTuple):
     """Depth that the tip reaches, as a share of the commanded depth."""
 
 
-def clearance_mm(x_mm: Tensor, y_mm: Tensor, length_mm: Tensor, depth_mm: Tensor, tool: Underside) -> Tensor:
+def clearance_mm(x_mm: Tensor, y_mm: Tensor, *, length_mm: Tensor, depth_mm: Tensor, tool: Underside) -> Tensor:
     """[B, H, W]: lowest height of the tool's underside over each place, relative to the surface at the start.
 
     Where the surface is higher, the tool presses it down. The station of the lowest pass is exact for power 2, and on

@@ -62,7 +62,7 @@ def within(window_m: Tensor, action: Tensor, crop: Crop) -> Tensor:
     return (_in_image(window_m, action, crop).abs() <= 1).all(-1)
 
 
-def to_canvas(change: Tensor, window_m: Tensor, action: Tensor, shape: tuple[int, int], crop: Crop) -> Tensor:
+def to_canvas(change: Tensor, window_m: Tensor, action: Tensor, *, shape: tuple[int, int], crop: Crop) -> Tensor:
     """A change [B, side, side] in the crops of actions, on the canvas's pixels [B, H, W]; 0 beyond the crops."""
     height, width = shape
     x_min, y_min, x_max, y_max = window_m[:, :, None, None].unbind(1)

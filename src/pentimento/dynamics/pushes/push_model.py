@@ -67,7 +67,7 @@ class PushModel(torch.nn.Module):
         if context is None:
             context = torch.zeros(len(action), dtype=torch.int64)
         change = self.change(seen, action[:, 3], action[:, 4], context).mean(0)
-        return before_m + to_canvas(change, window_m, action, (before_m.shape[1], before_m.shape[2]), crop)
+        return before_m + to_canvas(change, window_m, action, shape=(before_m.shape[1], before_m.shape[2]), crop=crop)
 
 
 def write_push_model(model: PushModel, folder: Path) -> None:
@@ -102,7 +102,9 @@ class TorchClay:
     """Networks of one context over one window; their predictions are averaged. Implements
     ``planning.pushes.rollout.PushModel``, with gradients by autograd."""
 
-    def __init__(self, networks: tuple[Param2Deform, ...], crop: Crop, context: int, window_m: FloatArray, tool: str):
+    def __init__(
+        self, networks: tuple[Param2Deform, ...], crop: Crop, *, context: int, window_m: FloatArray, tool: str
+    ):
         self._networks, self._crop, self._context = networks, crop, context
         self._window_m, self._tool = np.asarray(window_m, dtype=np.float64), tool
 
@@ -147,18 +149,22 @@ class TorchClay:
         contexts = torch.full_like(action[:, 0], self._context, dtype=torch.int64)
         changes = [network(seen, action[:, 3], action[:, 4], contexts) for network in self._networks]
         change = torch.stack(changes).mean(0)
-        return height + to_canvas(change, window, action, (height.shape[1], height.shape[2]), self._crop)
+        return height + to_canvas(change, window, action, shape=(height.shape[1], height.shape[2]), crop=self._crop)
 
 
 def planned_clay(model: PushModel, window_m: FloatArray, context: int = 0) -> TorchClay:
     """The mean of the members in one context."""
-    return TorchClay(_networks(model), model.facts.crop, context, window_m, model.facts.contexts[context][1])
+    return TorchClay(
+        _networks(model), model.facts.crop, context=context, window_m=window_m, tool=model.facts.contexts[context][1]
+    )
 
 
 def planned_members(model: PushModel, window_m: FloatArray, context: int = 0) -> tuple[TorchClay, ...]:
     """Each member alone; their disagreement measures the model's uncertainty."""
     crop, tool = model.facts.crop, model.facts.contexts[context][1]
-    return tuple(TorchClay((network,), crop, context, window_m, tool) for network in _networks(model))
+    return tuple(
+        TorchClay((network,), crop, context=context, window_m=window_m, tool=tool) for network in _networks(model)
+    )
 
 
 def _networks(model: PushModel) -> tuple[Param2Deform, ...]:

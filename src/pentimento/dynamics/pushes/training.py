@@ -90,7 +90,7 @@ def split_by_action(samples: PushSamples, held_out: float, seed: int) -> tuple[P
     return samples.pick(~in_held_out), samples.pick(in_held_out)
 
 
-def loss(difference_m: Tensor, known: Tensor, pixels_per_m: float, visual_weight: float) -> Tensor:
+def loss(difference_m: Tensor, known: Tensor, pixels_per_m: float, *, visual_weight: float) -> Tensor:
     """L_3D + ``visual_weight`` · L_viz, mean over [B, H, W] differences, mm²."""
     total = height_errors(difference_m, known)
     if visual_weight:
@@ -102,6 +102,7 @@ def train(
     samples: PoseSamples,
     kind: Literal["push", "pinch"],
     contexts: Sequence[tuple[str, str]],
+    *,
     crop: Crop,
     config: TrainingConfig,
     log: Log,
@@ -131,7 +132,18 @@ def train(
                 enable_progress_bar=False,
                 enable_model_summary=False,
             )
-            trainer.fit(_Fit(member, samples, crop, config, config.seed + number, number * config.epochs, log), loader)
+            trainer.fit(
+                _Fit(
+                    member,
+                    samples,
+                    crop,
+                    config=config,
+                    seed=config.seed + number,
+                    first_step=number * config.epochs,
+                    log=log,
+                ),
+                loader,
+            )
     return model.eval()
 
 
@@ -145,7 +157,7 @@ def fit_tool(network: Param2Deform, samples: PoseSamples, crop: Crop, config: Tr
         some = samples.pick(torch.randperm(len(samples.state), generator=generator)[: 2 * config.batch])
         optimizer.zero_grad()
         pressed = network.pressed(some.state, some.length_m, some.depth_m, some.context)
-        torch.autograd.backward(loss(pressed - some.change, some.known, crop.pixels_per_m, 0.0))
+        torch.autograd.backward(loss(pressed - some.change, some.known, crop.pixels_per_m, visual_weight=0.0))
         optimizer.step()
 
 
@@ -155,6 +167,7 @@ class _Fit(lightning.LightningModule):
         network: Param2Deform,
         samples: PoseSamples,
         crop: Crop,
+        *,
         config: TrainingConfig,
         seed: int,
         first_step: int,
@@ -170,7 +183,7 @@ class _Fit(lightning.LightningModule):
         some = self.samples.pick(batch[0])
         some = some.mirrored(torch.rand(len(some.state), generator=self.mirrors) < 0.5)
         change = self.network(some.state, some.length_m, some.depth_m, some.context)
-        value = loss(change - some.change, some.known, self.crop.pixels_per_m, self.config.visual_weight)
+        value = loss(change - some.change, some.known, self.crop.pixels_per_m, visual_weight=self.config.visual_weight)
         self.losses.append(float(value.detach()))
         return value
 
