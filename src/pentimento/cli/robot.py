@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from pentimento.cli import Command, count, given, option, seed, words
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
@@ -107,7 +108,7 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     print(residual_sentence(found))
 
 
-_CALIBRATION = {"type": Path, "default": Path("calibration"), "metavar": "FOLDER"}
+_CALIBRATION: dict[str, Any] = {"type": Path, "default": Path("calibration"), "metavar": "FOLDER"}
 
 COMMANDS = (
     Command(
