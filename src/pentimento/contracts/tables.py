@@ -5,9 +5,10 @@ returned with the reason. One bad row is always borne; more than that and more t
 an error, because then the recording is wrong and not the row. A writer bears none.
 """
 
+import hashlib
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import TableContract, arrow_field, columns_markdown, row_faults, type_name
 
 SHARD_BYTES: Final = 256 * 2**20
+_MAX_LISTED = 8
+"""Row numbers that a message lists."""
 MAX_BAD_SHARE: Final = 0.01
 
 
@@ -214,3 +217,26 @@ def _fits_struct(actual: pa.DataType, wanted: pa.DataType) -> bool:
     types: dict[str, Any] = {actual.field(i).name: actual.field(i).type for i in range(actual.num_fields)}
     fields = [wanted.field(i) for i in range(wanted.num_fields)]
     return len(types) == len(fields) and all(f.name in types and _fits(types[f.name], f.type) for f in fields)
+
+
+def row_list(numbers: Sequence[int]) -> str:
+    """Row numbers for a message, such as "Rows 1, 4 (counted from 0)"."""
+    listed = ", ".join(str(number) for number in numbers[:_MAX_LISTED])
+    more = f" and {len(numbers) - _MAX_LISTED} more" if len(numbers) > _MAX_LISTED else ""
+    return f"{'Row' if len(numbers) == 1 else 'Rows'} {listed}{more} (counted from 0)"
+
+
+def reason_list(bad: Mapping[int, str]) -> str:
+    """The three most frequent reasons of bad rows, by row number, for a message."""
+    return "; ".join(
+        f"{count} × {reason.rstrip('.')}" if count > 1 else reason.rstrip(".")
+        for reason, count in Counter(bad.values()).most_common(3)
+    )
+
+
+def row_fingerprint(row: Mapping[str, Any], command: str) -> bytes:
+    """Digest of a row's session, command (the column ``command``), window and both images: equal for copies."""
+    digest = hashlib.sha256(repr([row["session"], row[command], row["window_m"]]).encode())
+    digest.update(row["before"]["bytes"])
+    digest.update(row["after"]["bytes"])
+    return digest.digest()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-from collections import Counter
 from collections.abc import Sized
 from typing import NamedTuple
 
@@ -12,10 +10,9 @@ import numpy as np
 import pyarrow as pa
 
 from pentimento.contracts.errors import ContractError, PentimentoError
-from pentimento.contracts.tables import MAX_BAD_SHARE
+from pentimento.contracts.tables import MAX_BAD_SHARE, reason_list, row_fingerprint, row_list
 from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share, load_samples
 
-_LISTED = 8
 _MANY_UNMARKED = 0.1
 """Share of rows without a visible mark from which the verdict mentions it."""
 _VISIBLE_SHARE, _MIN_MARKED = 0.08, 0.0004
@@ -40,10 +37,12 @@ class UsableRows(NamedTuple):
         """What was left out, as sentences."""
         lines = []
         if self.bad:
-            lines.append(f"{_rows(list(self.bad))} cannot be used and {_are(self.bad)} left out: {_why(self.bad)}.")
+            lines.append(
+                f"{row_list(list(self.bad))} cannot be used and {_are(self.bad)} left out: {reason_list(self.bad)}."
+            )
         if self.copies:
             copies = "is an exact copy of another" if len(self.copies) == 1 else "are exact copies of others"
-            lines.append(f"{_rows(list(self.copies))} {copies} and left out; a copy is no repeat of an action.")
+            lines.append(f"{row_list(list(self.copies))} {copies} and left out; a copy is no repeat of an action.")
         if self.unmarked > _MANY_UNMARKED * self.table.num_rows:
             lines.append(
                 f"{self.unmarked} of {self.table.num_rows} rows show no mark of their paint near the path; check "
@@ -75,7 +74,7 @@ def usable_rows(table: pa.Table) -> UsableRows:
         if _inside(row) < _MIN_INSIDE:
             bad[number] = "its path lies outside its window"
             continue
-        fingerprint = _fingerprint(row)
+        fingerprint = row_fingerprint(row.to_pylist()[0], "path")
         if fingerprint in seen:
             copies.append(number)
             continue
@@ -83,8 +82,8 @@ def usable_rows(table: pa.Table) -> UsableRows:
         unmarked += not _shows_a_mark(samples)
     if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
         raise ContractError(
-            f"{len(bad)} of {table.num_rows} rows of the strokes table cannot be used ({_rows(list(bad))}): "
-            f"{_why(bad)}. Repair the recording; at most 1 % of the rows is left out."
+            f"{len(bad)} of {table.num_rows} rows of the strokes table cannot be used ({row_list(list(bad))}): "
+            f"{reason_list(bad)}. Repair the recording; at most 1 % of the rows is left out."
         )
     left_out = {*bad, *copies}
     kept = [number for number in range(table.num_rows) if number not in left_out]
@@ -104,26 +103,5 @@ def _inside(row: pa.Table) -> float:
     return float(((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)).mean())
 
 
-def _fingerprint(row: pa.Table) -> bytes:
-    one = row.select(["session", "path", "window_m", "before", "after"]).to_pylist()[0]
-    digest = hashlib.sha256(repr([one["session"], one["path"], one["window_m"]]).encode())
-    digest.update(one["before"]["bytes"])
-    digest.update(one["after"]["bytes"])
-    return digest.digest()
-
-
-def _rows(numbers: list[int]) -> str:
-    listed = ", ".join(str(number) for number in numbers[:_LISTED])
-    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
-    return f"{'Row' if len(numbers) == 1 else 'Rows'} {listed}{more} (counted from 0)"
-
-
 def _are(rows: Sized) -> str:
     return "is" if len(rows) == 1 else "are"
-
-
-def _why(bad: dict[int, str]) -> str:
-    return "; ".join(
-        f"{count} × {reason.rstrip('.')}" if count > 1 else reason.rstrip(".")
-        for reason, count in Counter(bad.values()).most_common(3)
-    )

@@ -8,9 +8,7 @@ of an earlier row, are left out. More unusable rows than the contract allows are
 
 from __future__ import annotations
 
-import hashlib
 import math
-from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +18,7 @@ from numpy.typing import NDArray
 from pentimento.contracts import frames
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
-from pentimento.contracts.tables import MAX_BAD_SHARE
+from pentimento.contracts.tables import MAX_BAD_SHARE, reason_list, row_fingerprint, row_list
 from pentimento.planning.pushes.holes import fill_holes
 
 _MAX_LENGTH_M = 1.0
@@ -29,8 +27,6 @@ _MAX_HOLES = 0.5
 """Maximum share of holes in a scan."""
 _NOT_COVARIATES = ("action_id", "height_per_unit_m")
 """Numeric columns that are not covariates."""
-_MAX_LISTED = 8
-"""Row numbers that an error message lists."""
 
 
 class PushSamples(NamedTuple):
@@ -86,9 +82,9 @@ class Repairs(NamedTuple):
         """The repairs as sentences for the report."""
         sentences = []
         if self.bad:
-            sentences.append(f"{_rows(list(self.bad))} cannot be used and left out: {_reasons(self.bad)}.")
+            sentences.append(f"{row_list(list(self.bad))} cannot be used and left out: {reason_list(self.bad)}.")
         if self.copies:
-            sentences.append(f"{_rows(list(self.copies))} repeat an earlier row exactly and are left out.")
+            sentences.append(f"{row_list(list(self.copies))} repeat an earlier row exactly and are left out.")
         if self.tilted:
             sentences.append(f"The table's reported tilt was taken off the scans of {self.tilted} rows.")
         if self.holes:
@@ -129,7 +125,7 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
         except PentimentoError as error:
             bad[number] = str(error)
             continue
-        fingerprint = _fingerprint(row)
+        fingerprint = row_fingerprint(row, "action")
         if fingerprint in seen:
             copies.append(number)
             continue
@@ -137,8 +133,8 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
         loaded[number] = sample
     if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
         raise ContractError(
-            f"{len(bad)} of {table.num_rows} rows of the pushes table cannot be used ({_rows(list(bad))}): "
-            f"{_reasons(bad)}. Repair the recording; at most 1 % of the rows is left out."
+            f"{len(bad)} of {table.num_rows} rows of the pushes table cannot be used ({row_list(list(bad))}): "
+            f"{reason_list(bad)}. Repair the recording; at most 1 % of the rows is left out."
         )
     samples = _stacked(list(loaded.values()), table.take(list(loaded)))
     tilted = sum(sample.tilted for sample in loaded.values())
@@ -253,23 +249,3 @@ def _covariates(table: pa.Table) -> dict[str, NDArray[np.float64]]:
             if np.isfinite(values).any():
                 covariates[field.name] = values
     return covariates
-
-
-def _fingerprint(row: dict[str, Any]) -> bytes:
-    digest = hashlib.sha256(repr([row["session"], row["action"], row["window_m"]]).encode())
-    digest.update(row["before"]["bytes"])
-    digest.update(row["after"]["bytes"])
-    return digest.digest()
-
-
-def _rows(numbers: list[int]) -> str:
-    listed = ", ".join(str(number) for number in numbers[:_MAX_LISTED])
-    more = f" and {len(numbers) - _MAX_LISTED} more" if len(numbers) > _MAX_LISTED else ""
-    return f"{'Row' if len(numbers) == 1 else 'Rows'} {listed}{more} (counted from 0)"
-
-
-def _reasons(bad: dict[int, str]) -> str:
-    return "; ".join(
-        f"{count} × {reason.rstrip('.')}" if count > 1 else reason.rstrip(".")
-        for reason, count in Counter(bad.values()).most_common(3)
-    )
