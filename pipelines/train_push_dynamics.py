@@ -48,7 +48,7 @@ def main(arguments: argparse.Namespace) -> None:
         context = (str(samples.material[0]), str(samples.tool[0]))
         kind: Literal["push", "pinch"] = "push" if samples.kind[0] == "push" else "pinch"
         model = train(in_pose(training, crop), kind, [context], crop=crop, config=config, log=log)
-        metrics = scores(model, training, held_out, everything=samples) | {
+        metrics = scores(model, training, held_out, all_samples=samples) | {
             "pushes": {
                 "training": len(training.before),
                 "held_out": len(held_out.before),

@@ -53,8 +53,10 @@ CONFIG = TrainingConfig(
     held_out=0.25, seed=0,
 )  # fmt: skip
 _STEPS, _RATE, _RATE_OF_ALL = 150, 0.01, 3e-4
-_AT_ONCE = 20
-_OF_A_CONTEXT = ("tool", "context", "apart")
+"""Steps of each phase of the adaptation, and its learning rates: of the context's parameters, and of all."""
+_BATCH = 20
+"""Pushes of one adaptation step."""
+_CONTEXT_PARAMETERS = ("tool", "context", "apart")
 """Parameters of the network with a row for each context."""
 
 
@@ -145,7 +147,7 @@ class World:
     def single(self, name: str, losses: str, visual_weight: float) -> dict[str, Any]:
         training, held_out = self.samples(name)
         model = self.fit(f"{losses}_{name}", {name: training}, visual_weight)
-        return scores(model, training, held_out, everything=held_out)
+        return scores(model, training, held_out, all_samples=held_out)
 
     def transfer(self) -> dict[str, Any]:
         """L_3D of each material's model on each material."""
@@ -210,7 +212,7 @@ def _some(samples: PushSamples, size: int, seed: int) -> np.ndarray:
 
 
 def together(parts: Sequence[PoseSamples]) -> PoseSamples:
-    """Pushes of several contexts as one set; the k-th part is of context k."""
+    """Pushes of several contexts as one set; the k-th part belongs to context k."""
     columns = list(zip(*parts, strict=True))
     contexts = torch.cat([torch.full_like(part.context, number) for number, part in enumerate(parts)])
     state, change, known, length, depth = (torch.cat(column) for column in columns[:5])
@@ -218,13 +220,13 @@ def together(parts: Sequence[PoseSamples]) -> PoseSamples:
 
 
 def adapted(model: PushModel, few: PoseSamples, context: tuple[str, str], visual_weight: float, seed: int) -> PushModel:
-    """A model of one unseen context, from a few pushes in it.
+    """A model of one new context, from a few pushes in it.
 
-    It starts from the trained context that foretells them best; then the context's numbers and the last layer are
-    fitted, and at last everything, slowly: a material that gives way otherwise is more than another context.
+    It starts from the trained context that predicts them best. Then the context's parameters and the last layer are
+    fitted, and finally all parameters at a low rate, because another material differs in more than its context.
 
     Raises:
-        ContractError: no push.
+        ContractError: there is no push.
     """
     if not len(few.state):
         raise ContractError("There are no pushes to adapt to; record some in the new material.")
@@ -235,20 +237,20 @@ def adapted(model: PushModel, few: PoseSamples, context: tuple[str, str], visual
         longest_m=float(few.length_m.max()),
         deepest_m=float(few.depth_m.max()),
     )
-    made = PushModel(facts)
+    result = PushModel(facts)
     generator = torch.Generator().manual_seed(seed)
-    for old, new in zip(model.members, made.members, strict=True):
+    for old, new in zip(model.members, result.members, strict=True):
         assert isinstance(old, Param2Deform) and isinstance(new, Param2Deform)
         weights = old.state_dict()
         best = _nearest(old, few, pixels_per_m, visual_weight)
-        own = {name: weights[name][best : best + 1] for name in _OF_A_CONTEXT if name in weights}
-        new.load_state_dict(weights | own)
+        context_weights = {name: weights[name][best : best + 1] for name in _CONTEXT_PARAMETERS if name in weights}
+        new.load_state_dict(weights | context_weights)
         _fit_context(new, few, pixels_per_m, visual_weight, generator)
-    return made.eval().requires_grad_(False)
+    return result.eval().requires_grad_(False)
 
 
 def _nearest(network: Param2Deform, few: PoseSamples, pixels_per_m: float, visual_weight: float) -> int:
-    """The trained context that foretells the pushes best."""
+    """The trained context that predicts the pushes best."""
     errors = []
     with torch.no_grad():
         for number in range(len(network.tool)):
@@ -261,10 +263,10 @@ def _fit_context(
     network: Param2Deform, few: PoseSamples, pixels_per_m: float, visual_weight: float, generator: torch.Generator
 ) -> None:
     few = few._replace(context=torch.zeros_like(few.context))
-    own = [value for name, value in network.named_parameters() if name in _OF_A_CONTEXT]
+    context_parameters = [value for name, value in network.named_parameters() if name in _CONTEXT_PARAMETERS]
     last = list(network.merged[-1].parameters())
     steps: list[list[dict[str, Any]]] = [
-        [{"params": own, "lr": _RATE}, {"params": last, "lr": _RATE / 5}],
+        [{"params": context_parameters, "lr": _RATE}, {"params": last, "lr": _RATE / 5}],
         [{"params": list(network.parameters()), "lr": _RATE_OF_ALL}],
     ]
     for groups in steps:
@@ -275,7 +277,7 @@ def _fit_context(
         optimizer = torch.optim.Adam(groups)
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, _STEPS)
         for _ in range(_STEPS):
-            some = few.pick(torch.randperm(len(few.state), generator=generator)[:_AT_ONCE])
+            some = few.pick(torch.randperm(len(few.state), generator=generator)[:_BATCH])
             some = some.mirrored(torch.rand(len(some.state), generator=generator) < 0.5)
             optimizer.zero_grad()
             change = network(some.state, some.length_m, some.depth_m, some.context)

@@ -135,9 +135,7 @@ def test_scanner_noise_error_follows_slope(exact: tuple[AnalyticPush, MeasuredPu
     assert predicted[steep].mean() == pytest.approx(real[steep].mean(), rel=0.15)
 
 
-def test_floor_of_single_pushes_is_corrected_for_their_surface(
-    exact: tuple[AnalyticPush, MeasuredPushes],
-) -> None:
+def test_floor_of_single_pushes_is_corrected_for_their_surface(exact: tuple[AnalyticPush, MeasuredPushes]) -> None:
     model, measured = exact
     repeated = np.concatenate(rows_of_repeats(measured))
     single = np.setdiff1d(np.arange(len(measured)), repeated)

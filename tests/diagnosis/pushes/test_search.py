@@ -6,12 +6,7 @@ import numpy as np
 
 from pentimento.diagnosis.pushes.fit import action_losses, fit
 from pentimento.diagnosis.pushes.measured import measure
-from pentimento.diagnosis.pushes.search import (
-    _Thresholds,
-    _with_all,
-    could_be_the_base,
-    observable_causes,
-)
+from pentimento.diagnosis.pushes.search import _Thresholds, _with_all, could_be_the_base, observable_causes
 from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, first_model
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.height_offset import HeightOffset

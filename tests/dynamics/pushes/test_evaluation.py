@@ -59,7 +59,7 @@ def test_predicting_the_mean_reaches_noise_floor(trained: Trained) -> None:
 
 def test_no_floor_without_repeats(trained: Trained) -> None:
     assert floor(trained.training, trained.crop) is None
-    found = scores(trained.model, trained.training, trained.held_out, everything=trained.training)
+    found = scores(trained.model, trained.training, trained.held_out, all_samples=trained.training)
     assert "floor" not in found
     assert set(found["held_out"]) == {"model", "mean_footprint", "unchanged"}
 
@@ -74,7 +74,7 @@ def test_ratio_to_floor_uses_the_same_pushes(trained: Trained) -> None:
         {},
     )
     assert repeated(both).tolist() == [True] * 12 + [False] * len(others.before)
-    found = scores(trained.model, trained.training, both, everything=again)["held_out_repeats"]
+    found = scores(trained.model, trained.training, both, all_samples=again)["held_out_repeats"]
     assert found["floor"]["actions"] == 3
     error = score(predict(trained.model, again), again, trained.crop)
     assert found["over_floor"]["l_3d_mm2"] == pytest.approx(error.l_3d_mm2 / found["floor"]["l_3d_mm2"], rel=1e-4)

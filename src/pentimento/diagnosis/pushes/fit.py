@@ -37,42 +37,24 @@ from pentimento.dynamics.pushes.analytic_scene import PushScene, distance_from_p
 Array = NDArray[Any]
 _PRIOR_WEIGHT = 0.001
 """Cost of a parameter at one prior width from its start, relative to the error."""
-_PRIOR_WIDTH = {
-    "log_radius": 1.0,
-    "log_gain": 0.3,
-    "log_gain_by_depth": 0.2,
-    "log_edge": 1.0,
-    "log_aspect": 0.3,
-    "corners": 0.3,
-    "give_mm": 1.0,
-    "kept": 0.3,
-    "log_rims": 0.5,
-    "facing": 0.5,
-    "stand_off": 1.0,
-    "along_mm": 1.0,
-    "end_lift": 2.0,
-    "end_pull": 1.0,
-    "log_blur": 0.7,
+_PRIORS = {
+    "log_radius": (1.0, -2.0, 3.0),
+    "log_gain": (0.3, -1.5, 1.5),
+    "log_gain_by_depth": (0.2, -1.0, 1.0),
+    "log_edge": (1.0, -2.0, 1.5),
+    "log_aspect": (0.3, -1.5, 1.5),
+    "corners": (0.3, -0.5, 0.6),
+    "give_mm": (1.0, 0.0, 6.0),
+    "kept": (0.3, 0.05, 1.5),
+    "log_rims": (0.5, -1.5, 0.7),
+    "facing": (0.5, -1.0, 1.5),
+    "stand_off": (1.0, 0.0, 3.5),
+    "along_mm": (1.0, -3.0, 3.0),
+    "end_lift": (2.0, -6.0, 15.0),
+    "end_pull": (1.0, -6.0, 6.0),
+    "log_blur": (0.7, float(np.log(0.3)), float(np.log(4.0))),
 }
-"""Prior standard deviation of the base's parameters."""
-_RANGE = {
-    "log_radius": (-2.0, 3.0),
-    "log_gain": (-1.5, 1.5),
-    "log_gain_by_depth": (-1.0, 1.0),
-    "log_edge": (-2.0, 1.5),
-    "log_aspect": (-1.5, 1.5),
-    "corners": (-0.5, 0.6),
-    "give_mm": (0.0, 6.0),
-    "kept": (0.05, 1.5),
-    "log_rims": (-1.5, 0.7),
-    "facing": (-1.0, 1.5),
-    "stand_off": (0.0, 3.5),
-    "along_mm": (-3.0, 3.0),
-    "end_lift": (-6.0, 15.0),
-    "end_pull": (-6.0, 6.0),
-    "log_blur": (float(np.log(0.3)), float(np.log(4.0))),
-}
-"""Bounds of the base's parameters."""
+"""Prior standard deviation, lower and upper bound of the base's parameters."""
 _PROFILE_PRIOR_WIDTH_MM = 4.0
 """Prior standard deviation of a profile offset at one half-width of the footprint; it is proportional to the radius."""
 _PROFILE_RANGE_MM = (-5.0, 60.0)
@@ -205,7 +187,7 @@ def _prior(model: AnalyticPush, loss: float) -> Array:
     """Curvature [P, P] of the Gaussian prior on the base's parameters."""
     prior = np.zeros((len(model.vector), len(model.vector)))
     for i, name in enumerate(BASE):
-        width = _PROFILE_PRIOR_WIDTH_MM * KNOTS[PROFILE.index(name)] if name in PROFILE else _PRIOR_WIDTH[name]
+        width = _PROFILE_PRIOR_WIDTH_MM * KNOTS[PROFILE.index(name)] if name in PROFILE else _PRIORS[name][0]
         prior[i, i] = 1 / width**2
     return _PRIOR_WEIGHT * loss * prior
 
@@ -225,7 +207,7 @@ def _bounds(model: AnalyticPush) -> tuple[Array, Array]:
     """Lower and upper bounds of the model's parameters."""
     low, high = np.full(len(model.vector), -np.inf), np.full(len(model.vector), np.inf)
     for i, name in enumerate(BASE):
-        low[i], high[i] = _PROFILE_RANGE_MM if name in PROFILE else _RANGE[name]
+        low[i], high[i] = _PROFILE_RANGE_MM if name in PROFILE else _PRIORS[name][1:]
     # Unsigned quantities are bounded by zero; otherwise a zero effect would be fitted negative in half of the tables.
     quantities = [quantity for mechanism in model.mechanisms for quantity in mechanism.quantities]
     low[len(BASE) :][[not quantity.signed for quantity in quantities]] = 0.0

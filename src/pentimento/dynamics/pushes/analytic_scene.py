@@ -298,14 +298,7 @@ def _yield(resistance: Array, deepest: Array, depth: Array, give_m: float) -> No
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _forces(
-    before: Array,
-    along: Array,
-    across: Array,
-    worked: Array,
-    length: Array,
-    deepest: Array,
-    half: Array,
-    force: Array,
+    before: Array, along: Array, across: Array, worked: Array, length: Array, deepest: Array, half: Array, force: Array
 ) -> None:
     widest = np.float32(_MAX_RADIUS) * half
     stations, depths = force.shape[2], force.shape[3]

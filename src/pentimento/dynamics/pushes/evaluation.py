@@ -130,7 +130,7 @@ def floor(samples: PushSamples, crop: Crop) -> Floor | None:
 
 
 def scores(
-    model: PushModel, training: PushSamples, held_out: PushSamples, *, everything: PushSamples, context: int = 0
+    model: PushModel, training: PushSamples, held_out: PushSamples, *, all_samples: PushSamples, context: int = 0
 ) -> dict[str, Any]:
     """Content of metrics.json: held-out scores of the model and of trivial baselines, and the noise floor of all
     repeated actions.
@@ -148,7 +148,7 @@ def scores(
             "unchanged": asdict(score(unchanged(held_out), held_out, crop)),
         }
     }
-    noise_floor = floor(everything, crop)
+    noise_floor = floor(all_samples, crop)
     if noise_floor is not None:
         metrics["floor"] = asdict(noise_floor)
     again = repeated(held_out)
@@ -236,8 +236,8 @@ def earth_movers(one: Array, other: Array, seed: int = 0) -> float:
     rng = np.random.default_rng(seed)
     size = min(len(one), len(other))
     one, other = (c if len(c) == size else c[np.sort(rng.permutation(len(c))[:size])] for c in (one, other))
-    ways = np.linalg.norm(one[:, None] - other[None], axis=2)
-    return float(ways[linear_sum_assignment(ways)].mean())
+    distances = np.linalg.norm(one[:, None] - other[None], axis=2)
+    return float(distances[linear_sum_assignment(distances)].mean())
 
 
 def hillshade(height_m: NDArray[Any], pixels_per_m: float) -> NDArray[np.uint8]:

@@ -11,14 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import (
-    Mechanism,
-    Motion,
-    NotObservable,
-    Quantity,
-    column,
-    recorded,
-)
+from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, NotObservable, Quantity, column, recorded
 
 _TIME = ("t_start_s", "order")
 _TEMPERATURE = ("temperature_c",)
