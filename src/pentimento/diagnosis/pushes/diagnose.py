@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from pentimento.contracts.statistics import interval, resamples
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.pushes.establish import Decision, decide, is_superfluous, values_with_errors
 from pentimento.diagnosis.pushes.fit import action_losses, equalised, fit, fit_without
@@ -75,10 +76,9 @@ class PushDiagnosis:
             return None
         fall = self.base_losses - self.extended_losses
         gap = self.base_losses - self.floor.mse
-        drawn = np.random.default_rng(11).integers(0, len(gap), (_DRAWS, len(gap)))
+        drawn = resamples(len(gap), _DRAWS, [11])
         shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), _SMALLEST_GAP * gap.mean())
-        low, high = np.quantile(shares, [0.025, 0.975])
-        return float(fall.mean() / gap.mean()), (float(low), float(high))
+        return float(fall.mean() / gap.mean()), interval(shares)
 
 
 @dataclass(frozen=True)
@@ -152,12 +152,11 @@ class _Valuation:
         cause = mechanism.cause
         left = action_losses(fit_without(model, cause, self.base, self.discovery), self.test)
         fall = (left - action_losses(model, self.test)) / self.gap
-        drawn = np.random.default_rng([self.seed, 12]).choice(fall, (_DRAWS, len(fall))).mean(1)
-        low, high = np.quantile(drawn, [0.025, 0.975])
+        drawn = fall[resamples(len(fall), _DRAWS, [self.seed, 12])].mean(1)
         step = next(step for step in reversed(self.decision.search.steps) if step.chosen == cause)
         return Finding(
             cause, step.evidence[cause].p_adjusted, self.decision.confirmed_p[cause], float(fall.mean()),
-            (float(low), float(high)), values_with_errors(model, cause, self.discovery), step.rivals,
+            interval(drawn), values_with_errors(model, cause, self.discovery), step.rivals,
             misattributed=cause in self.decision.misattributed, missed_without=float(left.mean()),
         )  # fmt: skip
 
