@@ -13,7 +13,14 @@ import pytest
 from pentimento.cli.main import main
 from pentimento.contracts.pushes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
-from pentimento.diagnosis.pushes.next_pushes import as_measured, as_table, proposal_for, screen
+from pentimento.diagnosis.pushes.next_pushes import (
+    PushProposal,
+    PushScreening,
+    as_measured,
+    as_table,
+    proposal_for,
+    screen,
+)
 from pentimento.diagnosis.pushes.page import build_page
 from pentimento.dynamics.pushes.analytic import model_as_json, model_from_json
 from tests.diagnosis.pushes.conftest import Played
@@ -23,10 +30,10 @@ from tests.diagnosis.pushes.conftest import Played
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Output folder of the command for example pushes, a third of them repeated."""
     place = tmp_path_factory.mktemp("diagnosed")
-    table = example_table(40)
-    ids = pa.array(np.where(np.arange(40) < 30, np.arange(40), np.arange(40) - 10).astype(np.int32))
+    table = example_table(24)
+    ids = pa.array(np.where(np.arange(24) < 16, np.arange(24), np.arange(24) - 8).astype(np.int32))
     actions = table["action"].to_pylist()
-    actions[30:] = actions[20:30]
+    actions[16:] = actions[8:16]
     table = table.set_column(table.column_names.index("action_id"), table.schema.field("action_id"), ids)
     kind = table.schema.field("action")
     table = table.set_column(table.column_names.index("action"), kind, pa.array(actions, kind.type))
@@ -37,7 +44,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_command_detects_pushes_by_columns(out: Path) -> None:
     verdict = json.loads((out / "verdict.json").read_text())
-    assert verdict["schema"] == 1 and verdict["kind"] == "pushes" and verdict["actions"] == 30
+    assert verdict["schema"] == 1 and verdict["kind"] == "pushes" and verdict["actions"] == 16
     assert {"extended_model.json", "next_actions.parquet", "report.html", "figures"} <= {p.name for p in out.iterdir()}
     page = (out / "report.html").read_text()
     assert verdict["sentence"].split(".")[0] in page and "data:image/png" in page
@@ -60,9 +67,14 @@ def test_extended_model_round_trips(lossy: Played, tmp_path: Path) -> None:
     assert np.array_equal(again.change(scene), model.change(scene))
 
 
-def test_proposed_pushes_are_feasible_pairs(lossy: Played) -> None:
-    seen = screen(lossy.diagnosis)
-    proposal = proposal_for(lossy.diagnosis, seen, 0)
+@pytest.fixture(scope="module")
+def screened(lossy: Played) -> tuple[PushScreening, PushProposal]:
+    screening = screen(lossy.diagnosis)
+    return screening, proposal_for(lossy.diagnosis, screening, 0)
+
+
+def test_proposed_pushes_are_feasible_pairs(lossy: Played, screened: tuple[PushScreening, PushProposal]) -> None:
+    _, proposal = screened
     table = pq.ParquetFile(pa.BufferReader(_bytes(as_table(proposal)))).read()
     assert table.num_rows == 16 and table["smooth"].to_pylist() == [True, False] * 8
     action = np.array(table["action"].to_pylist())
@@ -76,11 +88,9 @@ def test_proposed_pushes_are_feasible_pairs(lossy: Played) -> None:
         assert after <= before + 1e-6
 
 
-def test_report_page_is_reproducible(lossy: Played) -> None:
-    seen = screen(lossy.diagnosis)
-    proposal = proposal_for(lossy.diagnosis, seen, 0)
+def test_report_page_is_reproducible(lossy: Played, screened: tuple[PushScreening, PushProposal]) -> None:
     verdict = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35}
-    one, other = (build_page(lossy.diagnosis, seen, proposal, verdict) for _ in range(2))
+    one, other = (build_page(lossy.diagnosis, *screened, verdict) for _ in range(2))
     assert one == other and b"volume_loss" in one["report.html"] and b"A note." in one["report.html"]
 
 
