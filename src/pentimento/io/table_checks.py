@@ -98,8 +98,6 @@ def _each(values: Any) -> list[str]:
     return list(dict.fromkeys(values.tolist()))
 
 
-Array = NDArray[np.float64]
-
 _SURE: Final = 3.3
 """Standard errors of a rank correlation (p < .001)."""
 _CONFOUNDED: Final = 0.5
