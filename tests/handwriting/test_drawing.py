@@ -1,4 +1,4 @@
-"""Marks of paths are those of the strokes that make the same paths, and gradients agree."""
+"""Marks of paths agree with those of Bézier strokes of the same paths, and so do gradients."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pentimento.robots.tools import load_tool
 from tests.planning.strokes.scenes import PARAMETERS, POINTS, strokes_at
 
 
-def test_paths_leave_what_bezier_strokes_of_the_same_path_leave() -> None:
+def test_path_marks_agree_with_bezier_marks() -> None:
     tool = load_tool("round_brush")
     brush = TorchPathBrush(base_model(PARAMETERS), tool, POINTS)
     strokes = strokes_at((0.04, 0.03), (0.06, 0.05))
@@ -34,7 +34,7 @@ def found_x(strokes: object) -> np.ndarray:
 
 
 @pytest.mark.parametrize("value", [0.3])
-def test_the_way_back_is_a_finite_difference(value: float) -> None:
+def test_path_gradient_agrees_with_finite_differences(value: float) -> None:
     tool = load_tool("round_brush")
     brush = TorchPathBrush(base_model(PARAMETERS), tool, POINTS)
     strokes = strokes_at((0.04, 0.03))

@@ -1,4 +1,4 @@
-"""The classifier of hands and the test of two sets: right where strokes differ, blind where they do not."""
+"""The classifier of writers and the two-sample test: correct where strokes differ, at chance where they do not."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def paths(strokes: Demonstrated) -> list[np.ndarray]:
     return list(strokes.strokes.xy_m.double().numpy())
 
 
-def test_hands_are_told_apart_by_sessions_that_were_not_learned(parts: tuple[Demonstrated, Demonstrated]) -> None:
+def test_classifier_recognises_writers_in_test_sessions(parts: tuple[Demonstrated, Demonstrated]) -> None:
     learned, held_out = parts
     who = StrokeClassifier(paths(learned), learned.hand, 0)
     for number, hand in enumerate(who.hands):
@@ -25,14 +25,14 @@ def test_hands_are_told_apart_by_sessions_that_were_not_learned(parts: tuple[Dem
     assert who.shares(straight)[who.hands.index("loops")] == 0
 
 
-def test_form_does_not_depend_on_pose_mirror_or_sampling() -> None:
+def test_features_are_invariant_to_pose_mirror_and_sampling() -> None:
     t = np.linspace(0, 1, 60)
     path = np.column_stack([0.03 * t, 0.01 * np.sin(5 * t)])
     moved = turned(path * np.array([1, -1]), 1.1) + np.array([0.2, 0.1])
     np.testing.assert_allclose(features([path]), features([moved]), atol=1e-9)
 
 
-def test_two_sets_differ_or_not() -> None:
+def test_difference_auc_detects_different_sets() -> None:
     rng = np.random.default_rng(0)
     t = np.linspace(0, np.pi, 20)
 
@@ -46,7 +46,7 @@ def test_two_sets_differ_or_not() -> None:
     assert difference_auc(arcs(60, 2e-4), arcs(60, 2e-5), 0, folds=2) > 0.95
 
 
-def test_the_map_keeps_neighbours() -> None:
+def test_flat_map_keeps_neighbours() -> None:
     rng = np.random.default_rng(0)
     latents = np.concatenate([rng.normal(0, 1, (15, 6)), rng.normal(8, 1, (15, 6))])
     hands = ["ann"] * 15 + ["bob"] * 15

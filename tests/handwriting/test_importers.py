@@ -1,4 +1,4 @@
-"""Importers: what a person recorded comes out in metres, y up; what cannot be read is refused in a sentence."""
+"""Importers: recordings in metres with y up; unreadable files are rejected with a message."""
 
 import json
 from dataclasses import replace
@@ -61,7 +61,9 @@ def motive(
     ("unit", "known", "sentence"),
     [("Furlongs", KNOWN, "length units"), ("Meters", OptiTrack("Sheet", "Pen", 0.1, (0, -1, 0), 1e-3), "'Sheet'")],
 )
-def test_a_take_without_unit_or_body_is_refused(tmp_path: Path, unit: str, known: OptiTrack, sentence: str) -> None:
+def test_read_optitrack_rejects_missing_unit_or_body(
+    tmp_path: Path, unit: str, known: OptiTrack, sentence: str
+) -> None:
     motive(tmp_path / "take.csv", np.zeros((3, 2)), np.zeros(3), unit)
     with pytest.raises(ContractError, match=sentence):
         read_optitrack(tmp_path / "take.csv", "s", "h", known)
@@ -93,7 +95,7 @@ def markers(path: Path, place: np.ndarray, height: np.ndarray, unit: str, lost: 
 
 @pytest.mark.parametrize("unit", ["mm", "m"])
 @pytest.mark.parametrize("format", ["optitrack", "c3d"])
-def test_a_leaning_pen_on_a_tilted_canvas_is_found_at_its_tip(
+def test_motion_capture_finds_the_tip_on_a_tilted_canvas(
     tmp_path: Path, format: Literal["optitrack", "c3d"], unit: str
 ) -> None:
     t = np.linspace(0, 1, 90)
@@ -113,7 +115,7 @@ def test_a_leaning_pen_on_a_tilted_canvas_is_found_at_its_tip(
     assert second.points[1, 0] - second.points[0, 0] == pytest.approx(1 / 200)
 
 
-def test_c3d_that_cannot_be_used_is_refused_in_a_sentence(tmp_path: Path) -> None:
+def test_read_c3d_rejects_unusable_files(tmp_path: Path) -> None:
     path = tmp_path / "take.c3d"
     markers(path, np.zeros((3, 2)), np.zeros(3), "ft")
     with pytest.raises(ContractError, match="'ft' for its unit"):
@@ -129,7 +131,7 @@ def test_c3d_that_cannot_be_used_is_refused_in_a_sentence(tmp_path: Path) -> Non
             read_c3d(path, "s", "h", MARKERS)
 
 
-def test_a_tablet_s_y_is_turned_up_and_its_unit_is_asked_for(tmp_path: Path) -> None:
+def test_read_tablet_turns_y_up_and_needs_a_unit(tmp_path: Path) -> None:
     path = tmp_path / "strokes.json"
     strokes = [[{"x": 10, "y": 20, "pressure": 0.3, "t": 0.0}, {"x": 30, "y": 60, "pressure": 0.4, "t": 0.1}], []]
     path.write_text(json.dumps({"unit": "mm", "y": "down", "strokes": strokes}))
@@ -147,7 +149,7 @@ def test_a_tablet_s_y_is_turned_up_and_its_unit_is_asked_for(tmp_path: Path) -> 
         read_tablet(path, "s", "h", None)
 
 
-def test_quickdraw_lines_are_drawings(tmp_path: Path) -> None:
+def test_read_quickdraw_reads_one_drawing_per_line(tmp_path: Path) -> None:
     path = tmp_path / "cats.ndjson"
     drawing = {"word": "cat", "drawing": [[[0, 100], [0, 50], [0, 40]], [[5, 6], [7, 9]]]}
     path.write_text(json.dumps(drawing) + "\n\n" + json.dumps(drawing) + "\n")
@@ -160,7 +162,7 @@ def test_quickdraw_lines_are_drawings(tmp_path: Path) -> None:
         read_quickdraw(path, "q", "h", 1e-3)
 
 
-def test_svg_paths_are_flattened_in_millimetres_with_y_up(tmp_path: Path) -> None:
+def test_read_svg_flattens_paths_with_y_up(tmp_path: Path) -> None:
     path = tmp_path / "drawing.svg"
     path.write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" viewBox="0 0 200 100"><g>'
@@ -181,7 +183,7 @@ def test_svg_paths_are_flattened_in_millimetres_with_y_up(tmp_path: Path) -> Non
         read_svg(path, "s", "h", 1e-3)
 
 
-def test_an_arc_is_an_arc() -> None:
+def test_svg_arc_is_circular() -> None:
     (arc,) = flattened("M 1 0 A 1 1 0 0 1 -1 0")
     np.testing.assert_allclose(np.linalg.norm(arc, axis=1), 1, atol=1e-9)
     assert arc[:, 1].max() == pytest.approx(1)  # sweep 1 turns towards +y, which is down
@@ -190,12 +192,12 @@ def test_an_arc_is_an_arc() -> None:
 
 
 @pytest.mark.parametrize("d", ["L 1 1", "M 0 0 C 1 1", "M 0 0 X 3", "M 0 0 L 1 1 Z 4 4", "M 0 0 L #"])
-def test_nonsense_is_no_path(d: str) -> None:
+def test_svg_rejects_invalid_path_data(d: str) -> None:
     with pytest.raises((ValueError, IndexError)):
         flattened(d)
 
 
-def test_sources_are_gathered_into_one_table(tmp_path: Path) -> None:
+def test_gather_builds_one_table(tmp_path: Path) -> None:
     path = tmp_path / "strokes.json"
     stroke = [{"x": x, "y": x * x / 40, "t": x / 100} for x in range(40)]
     path.write_text(json.dumps({"unit": "mm", "y": "down", "strokes": [stroke, stroke[:1], stroke]}))

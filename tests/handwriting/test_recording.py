@@ -22,7 +22,7 @@ def curve(seed: int) -> np.ndarray:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
-def test_it_runs_from_the_origin_to_the_x_axis_and_back_again(seed: int) -> None:
+def test_standard_frame_round_trip(seed: int) -> None:
     points = curve(seed)
     standard, transform = standardise(points, 32)
     assert standard.shape == (32, 5)
@@ -32,7 +32,7 @@ def test_it_runs_from_the_origin_to_the_x_axis_and_back_again(seed: int) -> None
     np.testing.assert_allclose(to_source(standard, transform)[:, 1:3], resample(points, 32)[:, 1:3], atol=1e-12)
 
 
-def test_a_pose_on_the_sheet_changes_the_transform_only() -> None:
+def test_pose_changes_the_transform_only() -> None:
     points = curve(3)
     moved = points.copy()
     moved[:, 1:3] = turned(points[:, 1:3], 0.7) + np.array([0.1, -0.05])
@@ -41,7 +41,7 @@ def test_a_pose_on_the_sheet_changes_the_transform_only() -> None:
     assert after[2] - before[2] == pytest.approx(0.7)
 
 
-def test_steps_are_even_and_a_closed_stroke_keeps_its_heading() -> None:
+def test_standardise_gives_even_steps_and_keeps_closed_heading() -> None:
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.column_stack([angle, np.cos(angle), np.sin(angle), angle * np.nan, angle * np.nan])
     circle[-1, 1:3] = circle[0, 1:3]
@@ -52,6 +52,6 @@ def test_steps_are_even_and_a_closed_stroke_keeps_its_heading() -> None:
 
 
 @pytest.mark.parametrize(("count", "points"), [(1, 50), (32, 1)])
-def test_no_stroke_no_frame(count: int, points: int) -> None:
+def test_standardise_rejects_points_and_empty_strokes(count: int, points: int) -> None:
     with pytest.raises(ContractError, match="stroke"):
         standardise(curve(1)[:points], count)

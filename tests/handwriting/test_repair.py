@@ -15,7 +15,7 @@ def line(count: int = 40, step_m: float = 5e-4) -> Recording:
     return recording("s", "h", xy, np.arange(count) / 200, None, np.full(count, 0.5))
 
 
-def test_a_whole_recording_stays_as_it_is() -> None:
+def test_repair_keeps_a_faultless_recording() -> None:
     repaired = repair(line(), LIMITS)
     assert not repaired.counts
     assert not repaired.removed.any()
@@ -23,7 +23,7 @@ def test_a_whole_recording_stays_as_it_is() -> None:
 
 
 @pytest.mark.parametrize(("missing", "strokes", "fault"), [(3, 1, "holes_bridged"), (9, 2, "holes_ending_a_stroke")])
-def test_a_short_hole_is_bridged_and_a_long_one_ends_the_stroke(missing: int, strokes: int, fault: str) -> None:
+def test_repair_bridges_short_holes_and_splits_at_long_ones(missing: int, strokes: int, fault: str) -> None:
     source = line()
     source.points[12 : 12 + missing, XY] = np.nan
     repaired = repair(source, LIMITS)
@@ -32,7 +32,7 @@ def test_a_short_hole_is_bridged_and_a_long_one_ends_the_stroke(missing: int, st
     assert sum(len(stroke.points) for stroke in repaired.strokes) == 40 - missing
 
 
-def test_a_spike_is_removed_and_a_jump_for_good_ends_the_stroke() -> None:
+def test_repair_removes_spikes_and_splits_at_jumps() -> None:
     spiked, jumped = line(), line()
     spiked.points[20:22, 2] += 0.05
     jumped.points[20:, 2] += 0.05
@@ -46,14 +46,14 @@ def test_a_spike_is_removed_and_a_jump_for_good_ends_the_stroke() -> None:
     assert apart.strokes[1].points[0, 0] == 0  # times count from each stroke's own start
 
 
-def test_a_fast_hand_is_no_jump() -> None:
+def test_repair_accepts_fast_smooth_movement() -> None:
     """Steps of 5 mm that rise and fall smoothly, as of a hand at 1 m/s."""
     step = 5e-3 * np.sin(np.linspace(0, np.pi, 60)) ** 2
     xy = np.column_stack([np.cumsum(step), np.zeros(60)])
     assert not repair(recording("s", "h", xy, np.arange(60) / 200), LIMITS).counts
 
 
-def test_repeated_times_and_impossible_pressure() -> None:
+def test_repair_drops_repeated_times_and_invalid_pressure() -> None:
     source = line()
     source.points[10, 0] = source.points[9, 0]
     source.points[30, 4] = 1.7
@@ -75,7 +75,7 @@ def test_repeated_times_and_impossible_pressure() -> None:
         ),  # millimetres taken for metres
     ],
 )
-def test_what_is_no_stroke_is_refused(xy: np.ndarray, fault: str) -> None:
+def test_repair_refuses_invalid_strokes(xy: np.ndarray, fault: str) -> None:
     limits = Limits(5, 10.0, 8.0, 1e-3, 0.6)
     repaired = repair(recording("s", "h", xy), limits)
     assert repaired.strokes == ()
@@ -83,7 +83,7 @@ def test_what_is_no_stroke_is_refused(xy: np.ndarray, fault: str) -> None:
     assert repaired.removed.all()
 
 
-def test_counts_are_summed_over_recordings() -> None:
+def test_repair_all_sums_counts() -> None:
     spiked = line()
     spiked.points[20, 2] += 0.05
     strokes, counts, repaired = repair_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)

@@ -1,4 +1,4 @@
-"""Made-up hands: movements keep their lengths, hands differ, and the same seed draws the same."""
+"""Synthetic writers: lengths of movements, differences between writers, and determinism."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from pentimento.handwriting.synthetic_writers import HANDS, Movement, SyntheticC
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, -3.0])
-def test_a_movement_goes_along_an_arc_of_its_length(turn: float) -> None:
+def test_movement_follows_an_arc_of_its_length(turn: float) -> None:
     way = trajectory([Movement(0.02, 0.05, np.log(0.2), 0.25, 0.3, 0.3 + turn)], 2000.0)
     drawn = np.linalg.norm(np.diff(way[:, 1:], axis=0), axis=1).sum()
     assert drawn == pytest.approx(0.02, rel=0.01)
@@ -16,13 +16,13 @@ def test_a_movement_goes_along_an_arc_of_its_length(turn: float) -> None:
     assert np.linalg.norm(way[-1, 1:]) == pytest.approx(abs(chord), rel=0.01)
 
 
-def test_its_speed_is_a_lognormal_bell() -> None:
+def test_movement_speed_is_lognormal() -> None:
     way = trajectory([Movement(0.02, 0.0, np.log(0.2), 0.25, 0.0, 0.0)], 5000.0)
     fastest = way[np.argmax(np.diff(way[:, 1])), 0]
     assert fastest == pytest.approx(np.exp(np.log(0.2) - 0.25**2), abs=1e-3)  # mode of a lognormal
 
 
-def test_sessions_are_their_seeds_and_hands_have_their_sizes() -> None:
+def test_synthetic_sessions_depend_on_seed_and_writer_only() -> None:
     config = SyntheticConfig(sessions=2, strokes=4, seed=5)
     one, other = synthetic_sessions(config), synthetic_sessions(SyntheticConfig(sessions=3, strokes=6, seed=5))
     assert len(one) == 2 * 4 * len(HANDS)

@@ -1,4 +1,4 @@
-"""TrajVAE learns strokes, adapts to a hand, and its file decodes as it does."""
+"""TrajVAE reconstructs strokes and adapts to a writer; the exported decoder agrees with it."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ Parts = tuple[Demonstrated, Demonstrated]
 def unheard(*_: object) -> None: ...
 
 
-def test_it_beats_the_mean_stroke_on_sessions_it_has_not_seen(model: TrajVAE, parts: Parts, curve: list[float]) -> None:
+def test_trajvae_beats_the_mean_stroke_on_test_sessions(model: TrajVAE, parts: Parts, curve: list[float]) -> None:
     learned, held_out = parts
     assert curve[-1] < 0.3 * curve[0]
     few, rest = learned.of("arcs").strokes.pick(torch.arange(10)), held_out.of("arcs").strokes
@@ -30,7 +30,7 @@ def test_it_beats_the_mean_stroke_on_sessions_it_has_not_seen(model: TrajVAE, pa
     assert nearest_mm(rest, rest) == 0
 
 
-def test_fine_tuning_on_a_few_strokes_comes_nearer_to_a_hand_that_was_not_learned(parts: Parts) -> None:
+def test_fine_tuning_lowers_the_error_for_a_new_writer(parts: Parts) -> None:
     learned, held_out = parts
     others = learned.pick(np.array([hand != "zigzags" for hand in learned.hand]))
     model = pretrain(others.strokes, CONFIG, unheard)
@@ -46,7 +46,7 @@ def test_fine_tuning_on_a_few_strokes_comes_nearer_to_a_hand_that_was_not_learne
     )
 
 
-def test_the_file_decodes_as_the_model(model: TrajVAE, parts: Parts) -> None:
+def test_decoder_agrees_with_the_model(model: TrajVAE, parts: Parts) -> None:
     strokes = parts[1].of("loops").strokes
     hand = decoder_of(model, strokes, "loops")
     latent = hand.sample(5, np.random.default_rng(0))
@@ -56,7 +56,7 @@ def test_the_file_decodes_as_the_model(model: TrajVAE, parts: Parts) -> None:
     assert hand.points == CONFIG.points
 
 
-def test_samples_of_a_hand_are_of_its_size_and_nobody_s_are_not(model: TrajVAE, parts: Parts) -> None:
+def test_samples_have_the_size_of_the_writers_strokes(model: TrajVAE, parts: Parts) -> None:
     for hand in ("dots", "arcs"):
         own = parts[0].of(hand).strokes
         decoder = decoder_of(model, own, hand)
@@ -66,7 +66,7 @@ def test_samples_of_a_hand_are_of_its_size_and_nobody_s_are_not(model: TrajVAE, 
     assert nobody.sample(3000, np.random.default_rng(2)).std() == pytest.approx(1, abs=0.02)
 
 
-def test_unknown_heights_ask_nothing_of_the_decoder(model: TrajVAE, parts: Parts) -> None:
+def test_unknown_heights_do_not_affect_the_loss(model: TrajVAE, parts: Parts) -> None:
     strokes = parts[0].strokes
     unknown = strokes._replace(height_known=torch.zeros_like(strokes.height_known))
     other = unknown._replace(height_m=unknown.height_m + 1.0)
@@ -74,13 +74,13 @@ def test_unknown_heights_ask_nothing_of_the_decoder(model: TrajVAE, parts: Parts
     assert float(one) == float(two)
 
 
-def test_errors_count_relative_to_size(model: TrajVAE) -> None:
+def test_stroke_size_scales_linearly(model: TrajVAE) -> None:
     line = torch.stack([torch.linspace(0, 0.03, 16), torch.zeros(16)], dim=-1)[None]
     strokes = Strokes(line, torch.zeros(1, 16), torch.zeros(1))
     assert float(sizes_m(3 * strokes.xy_m)) == pytest.approx(3 * float(sizes_m(strokes.xy_m)))
 
 
-def test_one_session_cannot_be_held_out(table: pa.Table) -> None:
+def test_split_rejects_a_single_session(table: pa.Table) -> None:
     once = demonstrated(table, 16)
     alone = replace(once, session=tuple(once.hand))
     with pytest.raises(ContractError, match="one session"):
@@ -89,7 +89,7 @@ def test_one_session_cannot_be_held_out(table: pa.Table) -> None:
         demonstrated(table.slice(0, 0), 16)
 
 
-def test_samples_scatter_as_the_few_strokes_do(model: TrajVAE, parts: Parts) -> None:
+def test_samples_vary_as_the_known_strokes_do(model: TrajVAE, parts: Parts) -> None:
     few = parts[0].of("arcs").strokes
     drawn = sampled_strokes(model, few, 40, np.random.default_rng(3))
     np.testing.assert_allclose(drawn[:, 0], 0, atol=1e-12)

@@ -7,7 +7,7 @@ import torch
 from pentimento.planning.adam import _BETAS, Adam
 
 
-def test_steps_are_those_of_another_implementation() -> None:
+def test_adam_agrees_with_torch() -> None:
     rng = np.random.default_rng(0)
     array = rng.normal(size=(4, 3)).astype(np.float32)
     other = torch.tensor(array.copy(), requires_grad=True)
@@ -22,13 +22,13 @@ def test_steps_are_those_of_another_implementation() -> None:
         np.testing.assert_allclose(array, other.detach().numpy(), atol=1e-6)
 
 
-def test_the_first_step_is_the_rate_against_the_sign() -> None:
+def test_first_adam_step_is_the_rate_against_the_sign() -> None:
     array = np.zeros(3, np.float32)
     Adam([array]).step([np.array([1e-3, -5.0, 0.0], np.float32)], [0.2])
     np.testing.assert_allclose(array, [-0.2, 0.2, 0.0], rtol=1e-4)
 
 
-def test_a_bowl_is_descended_each_array_at_its_own_rate() -> None:
+def test_adam_minimises_a_quadratic_at_separate_rates() -> None:
     arrays = [np.full(2, 3.0, np.float32), np.full(3, -2.0, np.float32)]
     adam = Adam(arrays)
     for step in range(200):

@@ -1,4 +1,4 @@
-"""The planner plans, in paints and in ink, where nothing heavy is installed."""
+"""Stroke planning, in paints and in ink, runs without the packages of the workshop."""
 
 import subprocess
 import sys
@@ -51,6 +51,6 @@ else:
 """
 
 
-def test_plans_need_nothing_heavy() -> None:
+def test_stroke_planning_needs_no_workshop_packages() -> None:
     done = subprocess.run([sys.executable, "-c", PLAN], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

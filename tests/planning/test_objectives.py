@@ -11,7 +11,7 @@ def picture(height: int, width: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).random((height, width, 3), np.float32)
 
 
-def test_a_fine_pattern_is_its_mean_from_afar() -> None:
+def test_print_objective_averages_fine_patterns_at_a_distance() -> None:
     stripes = np.zeros((32, 32, 3), np.float32)
     stripes[::2] = 1.0
     grey = np.full((32, 32, 3), 0.5, np.float32)
@@ -19,7 +19,7 @@ def test_a_fine_pattern_is_its_mean_from_afar() -> None:
     assert PrintObjective(grey, (1,))(stripes)[0] > 0.1
 
 
-def test_the_print_gradient_is_that_of_finite_differences() -> None:
+def test_print_gradient_agrees_with_finite_differences() -> None:
     image, target = (picture(24, 30, seed).astype(np.float64) for seed in (0, 1))
     objective = PrintObjective(target, (1, 4))
     way = np.random.default_rng(2).normal(size=image.shape)
@@ -27,12 +27,12 @@ def test_the_print_gradient_is_that_of_finite_differences() -> None:
     assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(float((objective(image)[1] * way).sum()), rel=1e-5)
 
 
-def test_a_viewing_distance_larger_than_the_picture_is_a_sentence() -> None:
+def test_print_objective_rejects_a_distance_larger_than_the_picture() -> None:
     with pytest.raises(ConfigError, match=r"41 px is larger than the picture of 40 x 60 px: .*distances_px"):
         PrintObjective(picture(40, 60, 0), (1, 41))
 
 
-def test_a_sum_weighs_values_and_gradients() -> None:
+def test_weighted_objective_weights_values_and_gradients() -> None:
     image, target = picture(32, 48, 0), picture(32, 48, 1)
     near, far = PrintObjective(target, (1,)), PrintObjective(target, (8,))
     both = WeightedObjective((Term("near", 0.5, near), Term("far", 3.0, far)))
@@ -42,7 +42,7 @@ def test_a_sum_weighs_values_and_gradients() -> None:
     np.testing.assert_allclose(gradient, 0.5 * near(image)[1] + 3 * far(image)[1], atol=1e-9)
 
 
-def test_a_term_without_weight_is_not_computed() -> None:
+def test_weighted_objective_skips_terms_of_weight_zero() -> None:
     def fails(image: np.ndarray) -> tuple[float, np.ndarray]:
         raise AssertionError
 
@@ -59,7 +59,7 @@ def test_a_term_without_weight_is_not_computed() -> None:
         ((1.0, 1.0), "aa", "share a name"),
     ],
 )
-def test_sums_that_mean_nothing_are_refused(weights: tuple[float, float], names: str, sentence: str) -> None:
+def test_weighted_objective_rejects_invalid_terms(weights: tuple[float, float], names: str, sentence: str) -> None:
     terms = (Term(n, w, PrintObjective(picture(4, 4, 0), (1,))) for n, w in zip(names, weights, strict=True))
     with pytest.raises(ValueError, match=sentence):
         WeightedObjective(tuple(terms))

@@ -33,11 +33,11 @@ def test_log2_and_exp2_are_accurate(dtype: type, bound: float) -> None:
     np.testing.assert_allclose(powers(y), np.exp2(y.astype(np.float64)), rtol=4 * bound)
 
 
-def test_whole_powers_are_exact_to_rounding() -> None:
+def test_integer_powers_are_exact_to_rounding() -> None:
     whole = np.arange(-40, 41).astype(np.float32)
     np.testing.assert_allclose(logs(np.exp2(whole)), whole, atol=5e-7)
     np.testing.assert_allclose(powers(whole), np.exp2(whole), rtol=5e-7)
 
 
-def test_what_is_too_small_does_not_wrap_around() -> None:
+def test_exp2_of_large_negative_does_not_wrap() -> None:
     assert 0 <= powers(np.array([-1e6], np.float32))[0] < 1e-37

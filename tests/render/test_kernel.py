@@ -42,14 +42,14 @@ def one_stroke(points: list[list[float]], radius: float, softness: float = 1.0) 
     return image[0, ..., 0]
 
 
-def test_a_straight_stroke_is_a_capsule_with_the_thesis_profile() -> None:
+def test_straight_stroke_is_a_capsule_with_the_thesis_profile() -> None:
     coverage = one_stroke([[8.0, 10.0], [20.0, 10.0]], radius=4.0, softness=0.5)
     columns, rows = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
     distance = np.hypot(columns - np.clip(columns, 8, 20), rows - 10)
     np.testing.assert_allclose(coverage, np.clip(1 - distance / 4, 0, 1) ** 0.5, atol=1e-12)
 
 
-def test_the_thesis_distance_taken_literally_would_draw_an_infinite_line() -> None:
+def test_thesis_distance_as_printed_gives_an_infinite_line() -> None:
     """(5.1) takes the least of the distance to the *line* and to both ends; (5.2) drops the projection's sign."""
     u, v, pixel = np.array([8.0, 10.0]), np.array([20.0, 10.0]), np.array([29.0, 10.0])
     edge = (v - u) / np.linalg.norm(v - u)
@@ -62,7 +62,7 @@ def test_the_thesis_distance_taken_literally_would_draw_an_infinite_line() -> No
     assert min(max((behind - u) @ edge / 12, 0), 1) == 0
 
 
-def test_a_point_is_a_disc() -> None:
+def test_single_point_is_a_disc() -> None:
     coverage = one_stroke([[15.0, 11.0]], radius=5.0)
     columns, rows = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
     np.testing.assert_allclose(coverage, np.clip(1 - np.hypot(columns - 15, rows - 11) / 5, 0, 1), atol=1e-12)
@@ -77,7 +77,7 @@ def test_later_strokes_cover_earlier_ones() -> None:
 
 
 @pytest.mark.parametrize("points", [1, 2, 9])
-def test_values_agree_with_the_reference(points: int) -> None:
+def test_render_agrees_with_the_reference(points: int) -> None:
     inputs = strokes(6, points, seed=points)
     dense = render_reference(*(x[0] for x in inputs))
     torch.testing.assert_close(render_strokes(*inputs)[0], dense, atol=1e-10, rtol=0)
@@ -85,7 +85,7 @@ def test_values_agree_with_the_reference(points: int) -> None:
     assert float((single - dense).abs().max()) <= 1e-5
 
 
-def test_gradients_agree_with_the_reference() -> None:
+def test_render_gradients_agree_with_the_reference() -> None:
     inputs = [x.requires_grad_(True) for x in strokes(6, 7, seed=3)]
     weight = torch.randn(1, *SHAPE, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     ours = torch.autograd.grad((render_strokes(*inputs) * weight).sum(), inputs)
@@ -94,7 +94,7 @@ def test_gradients_agree_with_the_reference() -> None:
         assert float((a - b).norm() / b.norm()) <= 1e-6, name
 
 
-def test_gradients_agree_with_finite_differences() -> None:
+def test_render_gradients_agree_with_finite_differences() -> None:
     inputs = [x.requires_grad_(True) for x in strokes(2, 3, seed=5)]
     assert torch.autograd.gradcheck(render_strokes, inputs, eps=1e-7, atol=1e-4, rtol=1e-3)
 
@@ -120,7 +120,7 @@ def test_pickup_agrees_with_the_reference(points: int) -> None:
         assert float((a - b).norm() / b.norm()) <= 1e-6, name
 
 
-def test_a_clean_tool_and_a_dry_canvas_pick_nothing_up() -> None:
+def test_no_pickup_by_clean_tools_or_from_dry_canvas() -> None:
     inputs = with_pickup(strokes(4, 5, seed=6), seed=6)
     plain = render_strokes(*inputs[:5], inputs[5][..., :3].contiguous())
     clean = render_strokes(*inputs[:6], torch.zeros_like(inputs[6]))
@@ -132,7 +132,7 @@ def test_a_clean_tool_and_a_dry_canvas_pick_nothing_up() -> None:
     torch.testing.assert_close(on_dry[..., :3], render_strokes(*one, dry[..., :3].contiguous()))
 
 
-def test_a_tool_carries_wet_paint_onwards_only() -> None:
+def test_pickup_carries_paint_forward_only() -> None:
     """Blue over a wet red patch in the middle: blue before the patch, tinged with red after it."""
     canvas = np.ones((1, 21, 81, 4))
     canvas[..., 3] = 0
@@ -147,7 +147,7 @@ def test_a_tool_carries_wet_paint_onwards_only() -> None:
     assert image[0, 10, 60, 3] == 1  # and what was laid is wet
 
 
-def test_tall_canvases_are_one_picture() -> None:
+def test_bands_leave_no_seam_in_tall_canvases() -> None:
     """Bands of rows are an implementation's matter: no seam, and all strokes' gradients are whole."""
     rng = np.random.default_rng(0)
     height, width, n = 150, 37, 5
@@ -169,7 +169,7 @@ def test_tall_canvases_are_one_picture() -> None:
 
 
 @pytest.mark.parametrize("carried", [False, True])
-def test_any_number_of_threads_gives_the_same_bits(carried: bool) -> None:
+def test_render_is_independent_of_threads(carried: bool) -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(0, 200, (2, 30, 6, 2)).astype(np.float32)
     shapes = (points.shape[:3],) * 3 + ((2, 30, 3), (2, 200, 70, 4 if carried else 3))
@@ -205,7 +205,7 @@ def test_single_precision_gradients_agree_with_the_reference() -> None:
         assert float((a[0] - b).norm() / b.norm()) <= 1e-4, name
 
 
-def test_constant_and_varying_profiles_are_one_formula() -> None:
+def test_constant_and_varying_profiles_agree() -> None:
     inputs = strokes(4, 6, seed=8)
     inputs[2] = torch.full_like(inputs[2], 0.8)
     inputs[3] = torch.full_like(inputs[3], 0.7)
@@ -214,7 +214,7 @@ def test_constant_and_varying_profiles_are_one_formula() -> None:
     torch.testing.assert_close(render_strokes(*inputs), constant, atol=1e-9, rtol=0)
 
 
-def test_batches_are_paintings_of_their_own() -> None:
+def test_batched_paintings_are_independent() -> None:
     first, second = strokes(3, 5, seed=1), strokes(3, 5, seed=2)
     together = render_strokes(*(torch.cat(pair) for pair in zip(first, second, strict=True)))
     torch.testing.assert_close(together[0], render_strokes(*first)[0])
@@ -249,21 +249,21 @@ def test_degenerate_strokes_stay_finite(points: list[list[float]], radius: float
     assert all(torch.isfinite(g).all() for g in gradients)
 
 
-def test_what_is_not_finite_is_named() -> None:
+def test_render_rejects_values_that_are_not_finite() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[0][0, 2, 1, 0] = np.nan
     with pytest.raises(RenderInputError, match=r"points\[0, 2, 1, 0\] is nan"):
         render(*inputs)
 
 
-def test_shapes_that_do_not_fit_are_named() -> None:
+def test_render_rejects_wrong_shapes() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[1] = inputs[1][:, :2]
     with pytest.raises(RenderInputError, match="radius must have shape"):
         render(*inputs)
 
 
-def test_absurd_values_are_named() -> None:
+def test_render_rejects_huge_values() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[1][0, 1, 2] = 1e30
     with pytest.raises(RenderInputError, match=r"radius\[0, 1, 2\] is 1e\+30"):
@@ -271,14 +271,14 @@ def test_absurd_values_are_named() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 65_536, 1, 3), (1, 1, 65_536, 3)])
-def test_canvases_with_longer_sides_than_fragments_can_tell_are_refused(shape: tuple[int, ...]) -> None:
+def test_render_rejects_canvases_over_65535_pixels(shape: tuple[int, ...]) -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     with pytest.raises(RenderInputError, match=f"{shape[1]} x {shape[2]} pixels; it takes sides up to 65535: render"):
         render(*inputs[:5], np.zeros(shape))
     render(*inputs[:5], np.zeros((1, min(shape[1], 65_535), min(shape[2], 65_535), 3)))
 
 
-def test_paths_of_more_segments_than_fragments_can_tell_are_refused() -> None:
+def test_render_rejects_paths_over_65535_segments() -> None:
     """Of 65 535 segments the last, which alone lays ink, is told from all others."""
     n = 65_536
     points = np.zeros((1, 1, n, 2))
@@ -293,7 +293,7 @@ def test_paths_of_more_segments_than_fragments_can_tell_are_refused() -> None:
         render(*longer, inputs[4], canvas)
 
 
-def test_ink_that_memory_cannot_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_render_rejects_ink_beyond_free_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel, "_free_bytes", lambda: 1_000_000)
     monkeypatch.setattr(kernel, "_ASK_ABOUT_BYTES", 0)
     inputs = [x.numpy() for x in strokes(300, 4, seed=0)]
@@ -303,7 +303,7 @@ def test_ink_that_memory_cannot_hold_is_refused(monkeypatch: pytest.MonkeyPatch)
     render(*(x[:, :3] for x in inputs[:5]), inputs[5])  # a few fit
 
 
-def test_no_strokes_leave_the_canvas_as_it_is() -> None:
+def test_render_of_no_strokes_keeps_the_canvas() -> None:
     inputs = [x.numpy() for x in strokes(2, 4, seed=0)]
     image, _ = render(*(x[:, :0] for x in inputs[:5]), inputs[5])
     np.testing.assert_array_equal(image, inputs[5])

@@ -1,4 +1,4 @@
-"""The compiled likeness against PyTorch's own pooling, powers and gradients."""
+"""The compiled reconstruction loss against PyTorch's pooling, powers and gradients."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def pooled(image: torch.Tensor, distance: int) -> torch.Tensor:
 
 @pytest.mark.parametrize("distance", [1, 2, 3, 4, 10, 37])
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float32, 2e-5), (np.float64, 1e-10)])
-def test_value_and_gradient_are_those_of_the_formula(distance: int, dtype: type, bound: float) -> None:
+def test_squared_error_agrees_with_torch(distance: int, dtype: type, bound: float) -> None:
     image, target = pictures(dtype)
     image[0, 0], image[5, 5] = 0.0, 0.001  # below the knee of sRGB's curve
     wanted = torch.tensor(image.astype(np.float64), requires_grad=True)
@@ -38,7 +38,7 @@ def test_value_and_gradient_are_those_of_the_formula(distance: int, dtype: type,
     assert np.linalg.norm(gradient - slope.numpy()) <= bound * np.linalg.norm(slope.numpy())
 
 
-def test_gradients_add_up_with_their_weights() -> None:
+def test_squared_error_adds_weighted_gradients() -> None:
     image, target = pictures(np.float64)
     once, both = np.zeros_like(image), np.zeros_like(image)
     squared_error(image, srgb_of(seen(target, 4)), 4, once, 1.0)
@@ -48,20 +48,20 @@ def test_gradients_add_up_with_their_weights() -> None:
 
 
 @pytest.mark.parametrize("distance", [1, 4])
-def test_pictures_of_other_sizes_are_refused(distance: int) -> None:
+def test_squared_error_rejects_other_sizes(distance: int) -> None:
     image, target = pictures(np.float32)
     with pytest.raises(RenderInputError, match="give both the same size"):
         squared_error(image, srgb_of(seen(target[:-9], distance)), distance, np.zeros_like(image), 1.0)
 
 
-def test_an_image_is_like_itself() -> None:
+def test_squared_error_of_equal_images_is_zero() -> None:
     image, _ = pictures(np.float32)
     gradient = np.zeros_like(image)
     assert squared_error(image, srgb_of(seen(image, 4)), 4, gradient, 1.0) < 1e-12
     assert np.abs(gradient).max() < 1e-8
 
 
-def test_what_lies_beside_the_pictures_in_memory_does_not_matter() -> None:
+def test_squared_error_is_independent_of_memory_layout() -> None:
     """A loop that is compiled twice, for arrays side by side and for others, rounds in two ways; plans then differ."""
     rng = np.random.default_rng(1)
     image, target = (rng.uniform(0, 1, (90, 120, 3)).astype(np.float32) for _ in range(2))

@@ -1,4 +1,4 @@
-"""What one stroke does to the error, against rendering once for each stroke."""
+"""Effects of single strokes on the error, against one rendering per stroke."""
 
 from collections.abc import Callable
 
@@ -51,7 +51,7 @@ def some(inputs: Inputs, index: np.ndarray | list[int]) -> Inputs:
 
 
 @pytest.mark.parametrize("distances", [(1,), (2,), (5,), (1, 4)])
-def test_leaving_out_and_laying_alone_are_what_rendering_says(distances: tuple[int, ...]) -> None:
+def test_stroke_effects_agree_with_rendering(distances: tuple[int, ...]) -> None:
     inputs, (canvas, target) = strokes(12, 3), pictures(4)
     without, alone = rise_without(*inputs, canvas, target, distances), fall_with(*inputs, canvas, target, distances)
     everyone, nobody = (error(image, target, distances) for image in (laid(inputs, canvas), canvas))
@@ -62,14 +62,14 @@ def test_leaving_out_and_laying_alone_are_what_rendering_says(distances: tuple[i
         assert alone[s] == pytest.approx(nobody - error(single, target, distances), rel=1e-9, abs=1e-9)
 
 
-def test_the_only_stroke_is_worth_as_much_alone_as_it_costs_to_leave_out() -> None:
+def test_single_stroke_has_equal_gain_and_contribution() -> None:
     inputs, (canvas, target) = strokes(1, 5), pictures(6)
     np.testing.assert_allclose(
         rise_without(*inputs, canvas, target, (1, 3)), fall_with(*inputs, canvas, target, (1, 3)), rtol=1e-9
     )
 
 
-def test_what_is_hidden_off_the_canvas_or_of_its_colour_changes_nothing() -> None:
+def test_invisible_strokes_have_no_effect() -> None:
     disc = np.array([[[40.0, 30.0]], [[40.0, 30.0]], [[-50.0, 30.0]]])  # the second covers the first
     radius, one = np.array([[5.0], [9.0], [4.0]]), np.ones((3, 1))
     color = np.array([[0.9, 0.1, 0.1], [0.2, 0.2, 0.2], [0.0, 0.0, 0.0]])
@@ -81,7 +81,7 @@ def test_what_is_hidden_off_the_canvas_or_of_its_colour_changes_nothing() -> Non
     assert without[1] == pytest.approx(-fall_with(*some(hard, [0]), canvas, target, (1, 2))[0])  # bares the first
 
 
-def test_no_strokes_no_worth_and_the_canvas_stays() -> None:
+def test_stroke_effects_keep_the_canvas() -> None:
     canvas, target = pictures(8)
     before = canvas.copy()
     assert rise_without(*strokes(0, 1), canvas, target, (1,)).shape == (0,)
@@ -91,7 +91,7 @@ def test_no_strokes_no_worth_and_the_canvas_stays() -> None:
 
 
 @pytest.mark.parametrize("worth", [rise_without, fall_with])
-def test_what_compiled_code_would_read_beyond_its_end_is_refused(worth: Callable[..., np.ndarray]) -> None:
+def test_stroke_effects_reject_wrong_shapes(worth: Callable[..., np.ndarray]) -> None:
     inputs, (canvas, target) = strokes(3, 1), pictures(2)
     with pytest.raises(RenderInputError, match=r"target of \(60, 90, 3\), float64: give both"):
         worth(*inputs, canvas, target[:60], (1,))

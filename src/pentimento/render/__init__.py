@@ -1,4 +1,4 @@
-"""The stroke renderer: one compiled kernel, forward and backward, that plans in the workshop and on the robot."""
+"""The stroke renderer: one compiled kernel, forward and backward, for planning in the workshop and on the robot."""
 
 from pentimento.render.kernel import Fragments, StrokeGradients, render, render_backward
 

@@ -1,4 +1,4 @@
-"""From the gradient of a band of the image to the gradients of the strokes that were laid on it."""
+"""Backward pass: from the gradient of a band of the image to the gradients of its strokes."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from pentimento.render.fastmath import exp2, log2
 
 Array = NDArray[Any]
 POINT_FIELDS = 5
-"""Of a path's point: x, y, radius, density, softness."""
+"""Fields of a path's point: x, y, radius, density, softness."""
 _LN2 = float(np.log(2))
 _READ = SEGMENT_FIELDS + 2
-"""What ``_gather`` prepares for each fragment: G − u in place of u, the segment's other fields, coverage, gradient."""
+"""Fields that ``_gather`` reads for each fragment: G − u, the segment's other fields, coverage, its gradient."""
 _PULLS = 10
-"""What ``_pull`` works out for each: (x, y) of the pull on u and v together and of that on v alone; for radius,
+"""Fields that ``_pull`` computes for each fragment: the gradient (x, y) of u and v together and of v alone; for radius,
 density and softness the gradient at the fragment and T times it."""
 SCRATCH = (_READ + _PULLS) * LANES
-"""Numbers of scratch. One flat array at offsets known to the compiler: it sees that nothing overlaps."""
+"""Size of the scratch array. It is one flat array at constant offsets, so that the compiler can rule out overlaps."""
 
 
 @compiled
@@ -54,7 +54,7 @@ def backward_band(
 ) -> tuple[Array, Array]:
     """Gradients of ``lay_band``; ``g_image`` [rows, W, C] becomes that of the canvas.
 
-    ``g_color`` [S, 3] and ``g_pickup`` [S] are added to. Returns which strokes left fragments, int64[T], and the
+    ``g_color`` [S, 3] and ``g_pickup`` [S] are added to. Returns the strokes with fragments, int64[T], and the
     gradients of their points, float[T, N, POINT_FIELDS].
     """
     n_points = points.shape[1]
@@ -65,10 +65,10 @@ def backward_band(
     scratch = np.zeros(SCRATCH, points.dtype)
     touched = np.flatnonzero(start[1:] - start[:-1])
     g_points = np.zeros((touched.size, n_points, POINT_FIELDS), points.dtype)
-    most = 0
+    largest = 0
     for s in touched:
-        most = max(most, start[s + 1] - start[s])
-    g_coverage = np.zeros(most + LANES, points.dtype)
+        largest = max(largest, start[s + 1] - start[s])
+    g_coverage = np.zeros(largest + LANES, points.dtype)
     for at in range(touched.size - 1, -1, -1):
         s = touched[at]
         first, end = start[s], start[s + 1]
@@ -121,7 +121,7 @@ def _gather(
 
 @inlined
 def _of_one_segment(segment: Array, first: int) -> bool:
-    """Whether LANES fragments are, as they mostly are where paths have few points: then all goes by whole vectors."""
+    """Whether LANES fragments belong to one segment, the common case where paths have few points. It is vectorised."""
     same = True
     for i in range(1, LANES):
         same &= segment[np.uintp(first + i)] == segment[np.uintp(first)]
@@ -189,9 +189,9 @@ def _pull(scratch: Array) -> None:
         g_soft = g_a * a * log_q * ln2
         g_q = g_a * soft * a / q if q_free > q_floor else zero
         g_r = g_q * d * per_r * per_r if r_free > floor else zero
-        # D is stationary in T wherever T is free, so the distance pulls on the ends by their share alone.
+        # D is stationary in T where T is not clamped, so the distance acts on the ends by their share alone.
         pull = g_q * per_r / d if d > zero else zero
-        # Radius, density and softness change with T, and T with both ends.
+        # Radius, density and softness depend on T, and T on both ends.
         g_t = (g_r * r_step + g_rho * rho_step + g_soft * c_step) * inverse
         g_t = g_t if (t_free > zero) & (t_free < one) & (inverse < shortest) else zero
         scratch[13 * LANES + i] = pull * wx - g_t * ex
@@ -217,7 +217,7 @@ def _add(segment: Array, first: int, end: int, scratch: Array, sums: Array) -> N
 
 @compiled
 def _spread(sums: Array, g_points: Array) -> None:
-    """From segments' sums to the gradients of the points [N, POINT_FIELDS] at their two ends."""
+    """Distribute segments' sums to the gradients of the points [N, POINT_FIELDS] at their two ends."""
     for k in range(sums.shape[0]):
         j = min(k + 1, g_points.shape[0] - 1)
         for m in range(2):

@@ -1,16 +1,16 @@
-"""How a stroke's fragments change the canvas, and the gradient of that.
+"""Compositing of a stroke's fragments onto the canvas, and its gradient.
 
-Without pickup, each fragment covers what is below it, in linear light:
+Without pickup, each fragment is alpha-composited in linear light:
 
     image ← below + a (colour − below)
 
-With pickup κ the tool stirs wet paint in where it crosses it, and carries it along from there. At a fragment g of the
+With pickup κ, the tool mixes in wet paint where it crosses it, and carries it along the path. At a fragment g of the
 path's segment k
 
     colour_g = colour + κ w_g (below_g − colour) + κ Σ_f a_f w_f (below_f − colour) / Σ_f a_f,
 
-the sums over the fragments f of segments 0 … k, a_f a fragment's coverage and w_f how wet the canvas was there, 0 to 1.
-Wetness is the canvas's fourth channel: strokes cover it like a colour whose value is 1, so what has just been painted
+with sums over the fragments f of segments 0 … k, the coverage a_f of a fragment and the wetness w_f of the canvas
+there, 0 to 1. Wetness is the canvas's fourth channel. Strokes are composited onto it with the value 1, so fresh paint
 is wet for the next stroke.
 """
 
@@ -24,13 +24,14 @@ from pentimento.render.coverage import compiled
 
 Array = NDArray[Any]
 _MIN_COVERAGE = 1e-12
+"""Floor under a sum of coverages, against division by zero."""
 
 
 @compiled
 def compose(
     color: Array, column: Array, row: Array, coverage: Array, below: Array, first: int, end: int, image: Array
 ) -> None:
-    """Lay the fragments first:end in one colour [3] on ``image`` [rows, W, 3]; keep what was ``below`` [F, 3]."""
+    """Composite the fragments first:end in one colour [3] onto ``image`` [rows, W, 3]; set ``below`` to the ground."""
     red, green, blue = color[0], color[1], color[2]
     for f in range(first, end):
         pixel, under, a = image[row[f], column[f]], below[f], coverage[f]
@@ -52,7 +53,7 @@ def compose_backward(
     g_coverage: Array,
     g_color: Array,
 ) -> None:
-    """Gradients of ``compose``: ``g_image`` [rows, W, 3] turns from that after to that before the stroke.
+    """Gradients of ``compose``: ``g_image`` [rows, W, 3] changes from the gradient after to that before the stroke.
 
     ``g_coverage[f − first]`` is set, ``g_color`` [3] added to.
     """
@@ -77,7 +78,7 @@ def compose_backward(
 def carried_colors(
     color: Array, segment: Array, coverage: Array, below: Array, first: int, end: int, carried: Array
 ) -> None:
-    """Fill ``carried`` [K, 4] with sums over what was passed after each segment: a w (below − colour), and a."""
+    """Fill ``carried`` [K, 4] with cumulative sums up to each segment: a w (below − colour), and a."""
     carried[:] = 0
     for f in range(first, end):
         sums, under, a = carried[segment[f]], below[f], coverage[f]
@@ -104,7 +105,7 @@ def compose_carrying(
     image: Array,
     carried: Array,
 ) -> None:
-    """Lay the fragments of a tool that picks up wet paint on ``image`` [rows, W, 4]; ``carried`` [K, 4] is scratch."""
+    """``compose`` for a tool that picks up wet paint, on ``image`` [rows, W, 4]. ``carried`` [K, 4] is scratch."""
     minimum, one = coverage.dtype.type(_MIN_COVERAGE), coverage.dtype.type(1.0)
     for f in range(first, end):
         below[f] = image[row[f], column[f]]
@@ -134,7 +135,7 @@ def compose_carrying_backward(
     carried: Array,
     g_carried: Array,
 ) -> float:
-    """Gradients of ``compose_carrying``, as ``compose_backward`` gives them; returns that of ``pickup``.
+    """Gradients of ``compose_carrying``, in the form of ``compose_backward``. Returns that of ``pickup``.
 
     ``carried`` and ``g_carried`` [K, 4] are scratch.
     """
@@ -150,7 +151,7 @@ def compose_carrying_backward(
             g_a += pixel[i] * ((one - stirred) * (color[i] - under[i]) + share * carried[k, i])
             stirring += a * pixel[i] * (under[i] - color[i])
             g_carried[k, i] += pixel[i] * a
-            g_color[i] -= a * stirred * pixel[i]  # of what follows below
+            g_color[i] -= a * stirred * pixel[i]  # of the direct term
             pixel[i] *= one - a * (one - stirred)
         g_pickup += stirring * under[3]
         pixel[3] = pixel[3] * (one - a) + stirring * pickup

@@ -1,8 +1,7 @@
-"""Where one stroke leaves ink, and how much: rows of pixels against segments, many columns at once.
+"""Coverage of pixels by one stroke: rows of pixels against segments, several columns at once.
 
-For each segment only the pixels that it can reach are looked at, in blocks of ``LANES`` columns that the compiler
-turns into vector instructions; a block may run over the end of what the segment reaches, where the formula says by
-itself that no ink falls.
+For each segment only the pixels within its reach are evaluated, in blocks of ``LANES`` columns that the compiler turns
+into vector instructions. A block may extend beyond the reach, where the formula gives no coverage.
 """
 
 from __future__ import annotations
@@ -16,24 +15,24 @@ from numpy.typing import NDArray
 from pentimento.render.fastmath import exp2, log2
 
 R_MIN = 0.05
-"""Floor under the radius [px]: thinner strokes fall between pixel centres and lose their gradient."""
+"""Floor under the radius [px]. Thinner strokes would fall between pixel centres and have no gradient."""
 Q_MIN = 1e-3
-"""Floor under 1 − D/R where there is ink: keeps the slope of (1 − D/R)^c finite at the rim for c < 1."""
+"""Floor under 1 − D/R where there is ink. It keeps the slope of (1 − D/R)^c finite at the rim for c < 1."""
 LENGTH_EPSILON = 1e-12
 """Floor under a segment's squared length [px²]."""
 LANES = 16
-"""Columns evaluated at once. A loop of 8 is unrolled before it can become a vector loop."""
+"""Columns evaluated at once. The compiler unrolls a loop of 8 before it can vectorise it."""
 SEGMENT_FIELDS = 11
 
 Array = NDArray[Any]
 compiled = njit(cache=True, fastmath=True, error_model="numpy", boundscheck=False, nogil=True)
 inlined = njit(forceinline=True, fastmath=True, error_model="numpy", boundscheck=False, nogil=True)
-"""For what is called once in a few pixels: passing arrays to a function costs more than a block of pixels."""
+"""For functions called once per few pixels: passing arrays to a function costs more than a block of pixels."""
 
 
 @compiled
 def is_constant(values: Array) -> bool:
-    """Whether all are the same."""
+    """Whether all values are equal."""
     same = True
     for value in values:
         same &= value == values[0]
@@ -58,7 +57,7 @@ def describe_segments(points: Array, radius: Array, density: Array, softness: Ar
 
 @inlined
 def _nearest(segment: Array, k: int, gy: float, first: int, columns: Array, rank: Array, winner: Array) -> None:
-    """Rank LANES columns by (D/R)²: no root and no power, right where density and softness are constant."""
+    """Rank LANES columns by (D/R)², without root and power. Correct where density and softness are constant."""
     zero, one, floor = rank.dtype.type(0.0), rank.dtype.type(1.0), rank.dtype.type(R_MIN)
     ux, ex, ey, inverse, r_u, r_step = segment[0], segment[2], segment[3], segment[4], segment[5], segment[6]
     along = gy * ey
@@ -97,7 +96,7 @@ def _darkest(segment: Array, k: int, gy: float, first: int, columns: Array, rank
 
 @inlined
 def _darken(density: float, softness: float, first: int, rank: Array) -> None:
-    """(D/R)² to −coverage for LANES columns; 1, no ink, stays 1."""
+    """Convert (D/R)² to −coverage for LANES columns. 1 (no ink) stays 1."""
     one, q_floor = rank.dtype.type(1.0), rank.dtype.type(Q_MIN)
     for i in range(LANES):
         c = np.uintp(first + i)
@@ -118,15 +117,15 @@ def cover(
     top: int,
     width: int,
 ) -> tuple[int, int, int]:
-    """Work out one stroke's coverage on a band of rows.
+    """Compute one stroke's coverage on a band of rows.
 
     Args:
         segments: [K, SEGMENT_FIELDS] as by ``describe_segments``.
-        constant: density and softness are the same everywhere on the stroke.
+        constant: density and softness are equal at all points of the stroke.
         columns: float[W + LANES], 0, 1, 2, …
-        rank: float[rows, W + LANES], all 1; afterwards −coverage where there is ink.
-        winner: int32, of the same shape; afterwards the segment that covers most.
-        left, right: int32[rows], filled with W and 0; afterwards the columns between which ink may lie.
+        rank: float[rows, W + LANES], all 1. On return −coverage where there is ink.
+        winner: int32 of the same shape. On return the segment with the largest coverage.
+        left, right: int32[rows], filled with W and 0. On return the columns between which ink may lie.
         top: the canvas row of the band's first row.
         width: W.
 
@@ -147,7 +146,7 @@ def cover(
         if r0 >= r1 or c0 >= c1:
             continue
         low, high = min(low, r0), max(high, r1)
-        # A long slanting segment reaches only a part of its box in each row: what its band of width 2·reach cuts out.
+        # In each row, a long slanting segment reaches only the part of its box within a band of width 2·reach.
         slanting = c1 - c0 > LANES and abs(ey) > floor
         slope = ex / ey if slanting else floor
         half = reach * np.sqrt(ex * ex + ey * ey) / abs(ey) if slanting else infinite

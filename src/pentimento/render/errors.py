@@ -1,4 +1,4 @@
-"""What the renderer refuses."""
+"""The renderer's error."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from pentimento.contracts.errors import PentimentoError
 
 
 class RenderInputError(PentimentoError):
-    """An input of the renderer has a wrong shape, a value that is not finite or absurdly large, or needs too much."""
+    """An input of the renderer has a wrong shape, a value that is not finite or too large, or needs too much memory."""

@@ -1,7 +1,7 @@
-"""log2 and exp2 that the compiler can put into vector loops.
+"""log2 and exp2 that the compiler can vectorise.
 
-The C library's are called element by element. For float32 these are polynomials over one octave, exact to 3e-7; for
-float64, where accuracy is wanted and speed is not, they are the C library's.
+The C library's functions are called element by element. For float32 these are polynomials over one octave with an error
+of 3e-7. For float64, where accuracy matters more than speed, they are the C library's.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _OPTIONS = {"fastmath": True, "error_model": "numpy"}
 
 
 def _coefficients(function: Callable[[Any], Any], degree: int) -> list[np.float32]:
-    """Of the polynomial that interpolates ``function`` over [0, 1] at Chebyshev's points, lowest power first."""
+    """Coefficients, lowest power first, of the Chebyshev interpolation of ``function`` on [0, 1]."""
     fitted = Chebyshev.interpolate(function, degree, domain=[0, 1]).convert(kind=Polynomial)
     return [np.float32(c) for c in fitted.coef]
 
@@ -41,12 +41,12 @@ def _from_bits(_context: Any, _x: Any) -> Any:
 
 
 def log2(x: float) -> float:
-    """Base-2 logarithm of a normal positive number, inside compiled code."""
+    """Base-2 logarithm of a normal positive number, in compiled code only."""
     raise NotImplementedError("log2 runs inside compiled code")
 
 
 def exp2(x: float) -> float:
-    """2 to the power x ≤ 127, inside compiled code; as x = −126 below it."""
+    """2 to the power x ≤ 127, in compiled code only. Below −126 the result is that of −126."""
     raise NotImplementedError("exp2 runs inside compiled code")
 
 

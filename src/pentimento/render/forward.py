@@ -1,4 +1,4 @@
-"""Strokes laid over one band of a canvas's rows, in order, with a record of what was under them."""
+"""Forward pass: strokes composited in order onto one band of a canvas's rows, with a record of the ground."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ Array = NDArray[Any]
 
 
 class Fragments(NamedTuple):
-    """Where ink fell in a band of rows, stroke after stroke, row after row. F fragments, C channels.
+    """Fragments in a band of rows, by stroke, then by row. F fragments, C channels.
 
-    The lists are LANES longer than they need to be, so that they can be read in whole blocks.
+    The lists are LANES longer than F, so that they can be read in whole blocks.
     """
 
     top: int
     """The canvas row of the band's first row."""
     start: Array
-    """int64[S + 1]: stroke s left the fragments start[s]:start[s + 1]."""
+    """int64[S + 1]: stroke s has the fragments start[s]:start[s + 1]."""
     column: Array
     """uint16[F + LANES]"""
     row: Array
     """uint16[F + LANES], of the band."""
     segment: Array
-    """uint16[F + LANES]: which segment covers most."""
+    """uint16[F + LANES]: the segment with the largest coverage."""
     coverage: Array
     """float[F + LANES]"""
     below: Array
     """float[F + LANES, C]: the canvas before the stroke."""
     evaluations: int
-    """Pixel-segment pairs that were evaluated to find them."""
+    """Number of evaluated pixel-segment pairs."""
 
 
 @compiled
 def reach_of_strokes(points: Array, radius: Array) -> Array:
-    """float64[S, 3] of strokes [S, N, 2]: rows between which each may leave ink, and about how many pixels of it."""
+    """float64[S, 3] of strokes [S, N, 2]: first and last row with possible ink, and the approximate area in pixels."""
     reach = np.empty((points.shape[0], 3))
     for s in range(points.shape[0]):
         low, high, widest = points[s, 0, 1], points[s, 0, 1], max(radius[s, 0], points.dtype.type(R_MIN))
@@ -55,9 +55,9 @@ def reach_of_strokes(points: Array, radius: Array) -> Array:
 
 @compiled
 def expected_fragments(reach: Array, top: int, rows: int, width: int) -> int:
-    """About how many fragments the rows top:top + rows will hold: rather more than fewer.
+    """An estimate from above of the number of fragments in the rows top:top + rows.
 
-    Memory that is never written to costs nothing; growing does.
+    Memory that is never written to costs nothing; reallocation does.
     """
     room = 0.0
     for s in range(reach.shape[0]):
@@ -80,9 +80,9 @@ def lay_band(
     image: Array,
     top: int,
 ) -> tuple[Array, Array, Array, Array, Array, Array, int]:
-    """Lay strokes on ``image`` [rows, W, C], in place; return the fields of ``Fragments`` after ``top``.
+    """Composite strokes onto ``image`` [rows, W, C], in place; return the fields of ``Fragments`` after ``top``.
 
-    ``reach`` is as by ``reach_of_strokes``. ``pickup`` [S] is empty where C = 3.
+    ``reach`` is the result of ``reach_of_strokes``. ``pickup`` [S] is empty where C = 3.
     """
     n_strokes, n_points, _ = points.shape
     rows, width, channels = image.shape
@@ -115,7 +115,7 @@ def lay_band(
         first = count
         for r in range(r0, r1):
             ranks, winners = rank[r], winner[r]
-            for c in range(left[r], right[r]):  # a pixel without ink is written over: no branch to mispredict
+            for c in range(left[r], right[r]):  # a pixel without ink is overwritten by the next, which avoids a branch
                 column[count], row[count], segment[count], coverage[count] = c, r, winners[c], -ranks[c]
                 count += ranks[c] < 1
             ranks[left[r] : right[r] + LANES] = 1

@@ -1,23 +1,23 @@
-"""Strokes onto canvases, compiled with Numba: exact values and exact gradients, work only where ink falls.
+"""Rendering of strokes onto canvases, compiled with Numba: exact values and gradients, work only where ink falls.
 
-The coverage of a stroke at a pixel G is the largest over its segments u → v of (thesis 5.1-5.5, corrected)
+The coverage of a pixel G by a stroke is the maximum over its segments u → v of (thesis 5.1-5.5, corrected)
 
     T = clamp((G − u)·(v − u) / max(|v − u|², ε), 0, 1)      where on the segment
     D = |G − u − T (v − u)|                                  distance to the segment
     R = max((1 − T) r_u + T r_v, R_MIN)                      radius there; density ρ and softness c likewise
     coverage = ρ · max(1 − D/R, Q_MIN)^c  if D < R else 0
 
-and strokes are laid over the canvas in their order, in linear light: image ← image + coverage · (colour − image).
-``composition`` says what a tool that picks up wet paint does.
+and strokes are composited in order, in linear light: image ← image + coverage · (colour − image). See ``composition``
+for tools that pick up wet paint.
 
-The thesis prints two slips that the formula above repairs: its (5.1) takes the least of the distances to the *line*
-and to both ends, which is the distance to an infinite line; its (5.2) drops the sign of the projection.
+The formula corrects two errors of the thesis as printed: its (5.1) takes the minimum of the distances to the *line* and
+to both ends, which is the distance to an infinite line; its (5.2) drops the sign of the projection.
 
-What a stroke leaves at a pixel is kept as a *fragment* (place, coverage, winning segment, colour below), so memory
-grows with inked area, never with strokes × canvas, and the backward pass visits just the pixels that have ink.
+Each pixel under a stroke is stored as a *fragment* (place, coverage, segment, colour below). Memory therefore grows
+with the inked area, not with strokes × canvas, and the backward pass visits only pixels with ink.
 
-A canvas is worked on in bands of rows that know nothing of one another and can be given to threads. The bands are the
-same for any number of threads, and so are the results, bit by bit.
+A canvas is divided into independent bands of rows, which threads can share. The bands are the same for any number of
+threads, so the results are equal bit by bit.
 
 Pixel coordinates are (column, row); the centre of pixel (r, c) is (c, r). See ``pentimento.contracts.frames``.
 """
@@ -40,10 +40,13 @@ from pentimento.render.threads import in_threads
 __all__ = ["Q_MIN", "R_MIN", "Fragments", "RenderInputError", "StrokeGradients", "render", "render_backward"]
 
 _BAND_ROWS = 64
+"""Rows of a band: the unit of work of a thread."""
 _LARGEST = 1e9
+"""Largest absolute value of an input. Larger ones are taken as errors."""
 _MAX = np.iinfo(np.uint16).max
-"""Of a canvas's rows, its columns and a path's segments: what a fragment's place is kept in."""
+"""Largest number of a canvas's rows and columns and of a path's segments: a fragment stores them as uint16."""
 _ASK_ABOUT_BYTES = 1 << 28
+"""Fragments of less memory are not checked against the free memory."""
 
 Array = NDArray[Any]
 
@@ -70,7 +73,7 @@ def render(
     pickup: Array | None = None,
     threads: int = 1,
 ) -> tuple[Array, tuple[tuple[Fragments, ...], ...]]:
-    """Lay strokes on canvases, in order.
+    """Composite strokes onto canvases, in order.
 
     Args:
         points: float[B, S, N, 2], path points in pixel coordinates (column, row).
@@ -78,18 +81,18 @@ def render(
         density: float[B, S, N], coverage at the centre of the path, 0 to 1.
         softness: float[B, S, N], the exponent c: 0 gives a hard disc, 1 a cone.
         color: float[B, S, 3], linear light.
-        canvas: float[B, H, W, 3], linear light; left as it is. With ``pickup`` float[B, H, W, 4]: the last channel is
-            how wet the canvas is, 0 to 1.
-        pickup: float[B, S], the share of what a stroke lays down that is wet paint which it has picked up on its way,
-            0 to 1. None: tools stay clean.
-        threads: how many work at once.
+        canvas: float[B, H, W, 3], linear light; it is not changed. With ``pickup`` float[B, H, W, 4]: the last channel
+            is the wetness of the canvas, 0 to 1.
+        pickup: float[B, S], the share of picked-up wet paint in the paint that a stroke lays down, 0 to 1. None: tools
+            stay clean.
+        threads: number of threads.
 
     Returns:
-        The images, of the canvas's shape, and for each painting the fragments that ``render_backward`` needs.
+        The images, of the canvas's shape, and the fragments of each painting for ``render_backward``.
 
     Raises:
-        RenderInputError: a shape does not fit, a value is not finite, a canvas's side or a path's segments are over
-            65,535, or memory would not hold the ink; the sentence names the first offender.
+        RenderInputError: a shape does not fit, a value is not finite, a canvas has more than 65,535 rows or columns, a
+            path more segments than that, or the fragments exceed the free memory. The message names the first one.
     """
     check_inputs(points, radius, density, softness, color, canvas, pickup, threads)
     reach = [reach_of_strokes(*painting) for painting in zip(points, radius, strict=True)]
@@ -152,7 +155,7 @@ def render_backward(
 
 
 def _bands(canvas: Array, pickup: Array | None) -> list[tuple[int, int]]:
-    """The rows top:end of each band; one where strokes carry paint along, and so across bands."""
+    """The rows top:end of each band. There is one band where strokes carry paint, since they carry it across bands."""
     height = canvas.shape[1]
     rows = _BAND_ROWS if pickup is None else height
     return [(top, min(top + rows, height)) for top in range(0, height, rows)]
@@ -168,7 +171,7 @@ def check_inputs(
     pickup: Array | None,
     threads: int,
 ) -> None:
-    """Refuse what compiled code would read beyond its end, or what would make no picture; see ``render``."""
+    """Refuse inputs that compiled code would read out of bounds, or that are invalid; see ``render``."""
     if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.size == 0:
         raise RenderInputError(
             f"The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got {points.shape} and {canvas.shape}."
@@ -202,7 +205,7 @@ def check_inputs(
             raise RenderInputError(f"The renderer's {name} must have shape {shape}, not {array.shape}.")
         if array.dtype != points.dtype:
             raise RenderInputError(f"The renderer's {name} is {array.dtype}, but points are {points.dtype}.")
-        if array.size and not max(array.max(), -array.min()) <= _LARGEST:  # a NaN compares as false
+        if array.size and not max(array.max(), -array.min()) <= _LARGEST:  # false for NaN
             index = tuple(int(i) for i in np.argwhere(~(np.abs(array) <= _LARGEST))[0])
             raise RenderInputError(
                 f"The renderer's {name}{list(index)} is {array[index]}: every value must be finite and within "
@@ -211,7 +214,7 @@ def check_inputs(
 
 
 def _check_memory(reach: list[Array], canvas: Array) -> None:
-    """Refuse what would make the system kill the process."""
+    """Refuse inputs whose fragments exceed the free memory."""
     height, width, channels = canvas.shape[1:]
     per_fragment = 3 * 2 + (1 + channels) * canvas.itemsize
     needed = sum(expected_fragments(painting, 0, height, width) for painting in reach) * per_fragment
@@ -228,7 +231,7 @@ def _check_memory(reach: list[Array], canvas: Array) -> None:
 
 
 def _free_bytes() -> int:
-    """Memory that can be had, with what the system only keeps as a cache of files where it says so (Linux)."""
+    """Available memory. On Linux it includes the file cache that the system can release."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
     except FileNotFoundError:

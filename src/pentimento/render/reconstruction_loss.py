@@ -1,7 +1,7 @@
-"""How far an image is from a target, and the gradient of that, compiled: what a planner asks at every iteration.
+"""Reconstruction loss between an image and a target, and its gradient, compiled for use at each iteration of a plan.
 
-From some distance the eye averages light over squares before it compares in sRGB. Images are [H, W, 3] in linear light;
-squares of ``distance`` pixels overlap by half, and an edge that fills none is left out.
+A viewing distance is modelled by averaging linear light over squares before the comparison in sRGB. Images are
+[H, W, 3] in linear light. Squares of ``distance`` pixels overlap by half. Incomplete squares at the edge are left out.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ def srgb_of(light: Array) -> Array:
 
 
 def squared_error(image: Array, target_srgb: Array, distance: int, gradient: Array, weight: float) -> float:
-    """Mean squared difference in sRGB between what is seen of ``image`` and ``target_srgb`` [h, w, 3].
+    """Mean squared difference in sRGB between ``image``, seen from a distance, and ``target_srgb`` [h, w, 3].
 
     ``weight`` times its gradient is added to ``gradient`` [H, W, 3].
 
     Raises:
-        RenderInputError: the image is not of the target's size; compiled code would read beyond its end.
+        RenderInputError: image and target differ in size; compiled code would read out of bounds.
     """
     light = seen(image, distance)
     if light.shape != target_srgb.shape or gradient.shape != image.shape:
@@ -69,10 +69,11 @@ def _srgb(light: Array) -> Array:
 
 @compiled
 def _compare(light: Array, target: Array, slope: Array) -> float:
-    """Sum of squared differences in sRGB; its derivative in the light goes to ``slope``; all are flat arrays.
+    """Sum of squared differences in sRGB. Its derivative with respect to light goes to ``slope``. All arrays are flat.
 
-    The loop runs over ``scratch``, light, target and slope of one chunk side by side: over the arrays themselves it
-    would be compiled twice, with sums in another order for arrays that seem to overlap, as neighbours in memory do.
+    The loop runs over ``scratch``, which holds light, target and slope of one chunk. Over the arrays themselves, it
+    would be compiled in two versions with different orders of summation, chosen by whether the arrays may overlap in
+    memory.
     """
     knee, low, high = light.dtype.type(_KNEE), light.dtype.type(12.92), light.dtype.type(1.055)
     offset, power, two = light.dtype.type(0.055), light.dtype.type(1 / 2.4), light.dtype.type(2.0)
@@ -82,7 +83,7 @@ def _compare(light: Array, target: Array, slope: Array) -> float:
         size = min(_CHUNK, light.size - start)
         scratch[:size] = light[start : start + size]
         scratch[_CHUNK : _CHUNK + size] = target[start : start + size]
-        scratch[size:_CHUNK] = 0  # black that should be black: no difference
+        scratch[size:_CHUNK] = 0  # black against black: no difference
         scratch[_CHUNK + size : 2 * _CHUNK] = 0
         part = light.dtype.type(0.0)  # single precision within a chunk, double over all
         for i in range(_CHUNK):

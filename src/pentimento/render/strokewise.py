@@ -1,14 +1,14 @@
-"""What each stroke by itself does to an error: laid alone on a canvas, or left out of a painting; compiled.
+"""Effect of single strokes on an error: laid alone on a canvas, or left out of a painting. Compiled.
 
-Strokes are laid in linear light, so a stroke's part in the light of a pixel is known from its fragment there, without
-rendering again. Laid alone it changes the light by a (colour − canvas); left out of a painting, by
+Strokes are composited in linear light, so a stroke's share in a pixel's light is known from its fragment there, without
+another rendering. Laid alone, it changes the light by a (colour − canvas). Left out of a painting, it changes it by
 
     Π (1 − a_j) · a (below − colour)      over the strokes j above it
 
-which one pass from the last fragment to the first finds for all strokes. The error is the squared difference of
-lightness from a target, averaged over viewing distances and channels and summed over pixels; lightness is the root of
-the light averaged over squares of ``distance`` pixels, near enough to sRGB's curve to compare strokes by. Beyond the
-canvas's edge it is dark.
+which one pass from the last fragment to the first computes for all strokes. The error is the squared difference of
+lightness from a target, averaged over viewing distances and channels and summed over pixels. Lightness is the square
+root of the light averaged over squares of ``distance`` pixels, an approximation of sRGB's curve. Beyond the canvas's
+edge it is 0.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ def rise_without(
     target: Array,
     distances: tuple[int, ...],
 ) -> Array:
-    """[S] by how much the error of the painting rises when a stroke is left out; negative where the stroke does harm.
+    """[S] rise of the painting's error when a stroke is left out. Negative where the stroke does harm.
 
     Args:
         points, radius, density, softness, color: float[S, N, 2], three times [S, N], and [S, 3], as for ``render``.
-        canvas: float[H, W, 3], linear light, before the first stroke; left as it is.
+        canvas: float[H, W, 3], linear light, before the first stroke. It is not changed.
         target: float[H, W, 3], linear light.
         distances: viewing distances [px], each 1 or more.
 
     Raises:
-        RenderInputError: ``render`` would not take the strokes and the canvas, or the target is not like the canvas.
+        RenderInputError: ``render`` refuses the strokes or the canvas, or the target differs from the canvas in shape
+            or precision.
     """
     _check(points, radius, density, softness, color, canvas, target)
     image = canvas.copy()
@@ -64,7 +65,7 @@ def fall_with(
     target: Array,
     distances: tuple[int, ...],
 ) -> Array:
-    """[S] by how much the error of the canvas falls when a stroke alone is laid on it; see ``rise_without``."""
+    """[S] fall of the canvas's error when a stroke alone is laid on it; see ``rise_without``."""
     _check(points, radius, density, softness, color, canvas, target)
     start, column, row, _, coverage, _ = _lay(points, radius, density, softness, color, canvas.copy())
     change = _laid_alone(start, column, row, coverage, color, canvas)
@@ -107,7 +108,7 @@ def _mean_rise(
 def _left_out(
     start: Array, column: Array, row: Array, coverage: Array, below: Array, color: Array, height: int, width: int
 ) -> Array:
-    """[F, 3] by how much the painting's light changes at each fragment when its stroke is left out."""
+    """[F, 3] change of the painting's light at each fragment when its stroke is left out."""
     shown = np.ones((height, width), coverage.dtype)
     change = np.empty((start[-1], 3), coverage.dtype)
     one = coverage.dtype.type(1.0)
@@ -122,7 +123,7 @@ def _left_out(
 
 @compiled
 def _laid_alone(start: Array, column: Array, row: Array, coverage: Array, color: Array, canvas: Array) -> Array:
-    """[F, 3] by how much the canvas's light changes at each fragment when its stroke alone is laid on it."""
+    """[F, 3] change of the canvas's light at each fragment when its stroke alone is laid on it."""
     change = np.empty((start[-1], 3), coverage.dtype)
     for s in range(len(start) - 1):
         for f in range(start[s], start[s + 1]):
@@ -133,7 +134,7 @@ def _laid_alone(start: Array, column: Array, row: Array, coverage: Array, color:
 
 @compiled
 def _seen(image: Array, distance: int) -> Array:
-    """[H, W, 3] light averaged over the square about each pixel, dark beyond the edge."""
+    """[H, W, 3] light averaged over the square around each pixel, 0 beyond the edge."""
     height, width, _ = image.shape
     before, share = distance // 2, image.dtype.type(1.0 / (distance * distance))
     seen = np.zeros_like(image)
@@ -155,7 +156,7 @@ def _seen(image: Array, distance: int) -> Array:
 def _rise_at_once(
     start: Array, column: Array, row: Array, change: Array, seen: Array, now: Array, wanted: Array, _distance: int
 ) -> Array:
-    """[S] rise of the error, summed over pixels and channels, seen pixel by pixel."""
+    """[S] rise of the error, summed over pixels and channels, at a viewing distance of one pixel."""
     zero = seen.dtype.type(0.0)
     rise = np.zeros(len(start) - 1)
     for s in range(len(start) - 1):
@@ -174,9 +175,9 @@ def _rise_at_once(
 def _rise_from_afar(
     start: Array, column: Array, row: Array, change: Array, seen: Array, now: Array, wanted: Array, distance: int
 ) -> Array:
-    """``_rise_at_once`` for light averaged over squares: each stroke's changes are spread over the squares they lie in.
+    """``_rise_at_once`` for larger viewing distances: each stroke's changes are averaged over squares.
 
-    ``laid`` holds one stroke's changes, with a margin of ``distance`` around the canvas, three numbers a pixel.
+    ``laid`` holds one stroke's changes, three numbers a pixel, with a margin of ``distance`` around the canvas.
     """
     height, width, _ = seen.shape
     zero, share = seen.dtype.type(0.0), seen.dtype.type(1.0 / (distance * distance))

@@ -1,4 +1,4 @@
-"""Work shared out among threads, for what leaves Python's lock while it runs: compiled functions, matrices, OpenCV."""
+"""A thread pool for functions that release Python's global lock: compiled functions, matrix products, OpenCV."""
 
 from __future__ import annotations
 
@@ -24,4 +24,4 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads)
 
 
-os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process has no threads but its own
+os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process does not inherit threads

@@ -18,18 +18,18 @@ X = np.tile(np.arange(40.0), (40, 1))
 INSIDE = ~border_mask(CLAY.shape, 0.1)
 
 
-def test_the_border_is_the_clay_as_it_is() -> None:
+def test_fit_goal_keeps_the_border() -> None:
     goal = fit_goal(X, CLAY, SETTINGS).height_m
     assert INSIDE.sum() == 32 * 32
     np.testing.assert_array_equal(goal[~INSIDE], CLAY[~INSIDE])
 
 
-def test_inside_it_is_the_relief_times_alpha_plus_beta() -> None:
+def test_fit_goal_is_affine_in_the_relief_inside_the_border() -> None:
     fit = fit_goal(X, CLAY, SETTINGS)
     np.testing.assert_allclose(fit.height_m[INSIDE], (fit.alpha * X + fit.beta_m)[INSIDE], atol=1e-6)
 
 
-def test_a_symmetric_relief_has_the_clays_volume_and_reaches_the_floor() -> None:
+def test_fit_goal_conserves_volume_and_reaches_the_floor() -> None:
     fit = fit_goal(X, CLAY, SETTINGS)
     assert fit.material_share == pytest.approx(1.0, abs=1e-3)
     # Closed form: the mean stays and the lowest column, half the range below it, is as deep as tools reach.
@@ -37,20 +37,20 @@ def test_a_symmetric_relief_has_the_clays_volume_and_reaches_the_floor() -> None
     assert fit.height_m[INSIDE].min() == pytest.approx(CLAY[INSIDE].mean() - 0.006, abs=1e-4)
 
 
-def test_scale_and_offset_of_the_relief_do_not_matter() -> None:
+def test_fit_goal_is_invariant_to_scale_and_offset_of_the_relief() -> None:
     one, other = fit_goal(X, CLAY, SETTINGS), fit_goal(1e-3 * X - 7.0, CLAY, SETTINGS)
     np.testing.assert_allclose(one.height_m, other.height_m, atol=1e-7)
     assert other.alpha == pytest.approx(1e3 * one.alpha, rel=1e-6)
 
 
-def test_the_table_bounds_what_tools_could_reach() -> None:
+def test_fit_goal_stays_above_the_table() -> None:
     deep = GoalSettings(volume=1.0, floor=100.0, definition=0.01, kept=1.0, reach_m=0.5, border=0.1)
     fit = fit_goal(X, CLAY, deep)
     assert fit.height_m.min() >= 0
     assert fit.height_m[INSIDE].min() < 0.002  # and goes down to it
 
 
-def test_a_spike_far_below_is_cut_where_the_rest_gains_by_it_and_counted() -> None:
+def test_fit_goal_raises_and_counts_pixels_below_the_floor() -> None:
     relief = X.copy()
     relief[20, 20] = -400.0
     strong = GoalSettings(volume=1.0, floor=1.0, definition=0.002, kept=1.0, reach_m=0.006, border=0.1)
@@ -59,13 +59,13 @@ def test_a_spike_far_below_is_cut_where_the_rest_gains_by_it_and_counted() -> No
     assert fit.height_m.min() >= CLAY[INSIDE].mean() - 0.006 - 1e-6
 
 
-def test_a_lower_weight_of_volume_buys_definition() -> None:
+def test_lower_volume_weight_raises_the_relief() -> None:
     dent = np.where(np.hypot(X - 20, X.T - 20) < 5, -1.0, 0.0)
     alphas = [fit_goal(dent, CLAY, GoalSettings(volume, 100.0, 5.0, 1.0, 0.006, 0.1)).alpha for volume in (100.0, 1.0)]
     assert alphas[1] > alphas[0] > 0
 
 
-def test_the_fit_is_where_the_cost_is_least() -> None:
+def test_fit_goal_minimises_the_cost() -> None:
     dent = np.where(np.hypot(X - 20, X.T - 20) < 9, -1.0, 0.01 * X)
     settings = GoalSettings(volume=2.0, floor=30.0, definition=3.0, kept=1.0, reach_m=0.004, border=0.1)
     fit = fit_goal(dent, CLAY, settings)
@@ -84,7 +84,7 @@ def test_the_fit_is_where_the_cost_is_least() -> None:
         assert cost(max(fit.alpha + d_alpha, 0), fit.beta_m + d_beta) >= minimum - 1e-6
 
 
-def test_clay_that_swallows_what_is_pressed_away_need_not_rise() -> None:
+def test_fit_goal_respects_the_kept_share_of_volume() -> None:
     dent = np.where(np.hypot(X - 20, X.T - 20) < 8, -1.0, 0.0)
     flat = np.full_like(CLAY, 0.04)
     for kept in (0.0, 0.3, 1.0):
@@ -94,7 +94,7 @@ def test_clay_that_swallows_what_is_pressed_away_need_not_rise() -> None:
         assert pressed > 5e-4
 
 
-def test_a_flat_relief_asks_for_smooth_clay() -> None:
+def test_flat_relief_gives_smooth_clay() -> None:
     fit = fit_goal(np.full(CLAY.shape, 3.0), CLAY, SETTINGS)
     assert fit.alpha == 0
     np.testing.assert_allclose(fit.height_m[INSIDE], CLAY[INSIDE].mean(), atol=1e-7)
@@ -110,7 +110,7 @@ def test_a_flat_relief_asks_for_smooth_clay() -> None:
         (X, CLAY, GoalSettings(1.0, 0.001, 50.0, 1.0, 0.006, 0.1), "without end"),
     ],
 )
-def test_what_cannot_be_a_goal_is_a_sentence(
+def test_fit_goal_rejects_invalid_inputs(
     relief: np.ndarray, clay: np.ndarray, settings: GoalSettings, sentence: str
 ) -> None:
     with pytest.raises(GoalError, match=sentence):

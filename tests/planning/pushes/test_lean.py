@@ -1,4 +1,4 @@
-"""The sculptor sculpts where nothing heavy is installed."""
+"""Push planning runs without the packages of the workshop."""
 
 import subprocess
 import sys
@@ -27,5 +27,5 @@ assert values[-1] < 0.7 * values[0], values
 """
 
 
-def test_a_bar_is_sunk_without_anything_heavy() -> None:
+def test_push_planning_needs_no_workshop_packages() -> None:
     subprocess.run([sys.executable, "-W", "error", "-c", SCULPT], cwd=ROOT, check=True, timeout=100)

@@ -1,4 +1,4 @@
-"""Plans: they help, they stop where nothing helps, and chance is in the seed alone."""
+"""Plans of pushes lower the value, stop where no action helps, and are deterministic."""
 
 from dataclasses import replace
 
@@ -31,29 +31,29 @@ def planned(config: object = CONFIG, item: tuple[int, ...] = (0,)) -> PushPlan:
     return plan(flat(), REACHABLE, REACH, config, 4, item)  # type: ignore[arg-type]
 
 
-def test_a_goal_that_pushes_can_make_is_made() -> None:
+def test_plan_reaches_a_goal_made_by_pushes() -> None:
     values = planned().values
     assert values[-1] < 0.25 * values[0]
     assert (np.diff(values) < 0).mean() > 0.5
 
 
-def test_where_the_goal_is_reached_nothing_is_done() -> None:
+def test_plan_is_empty_at_the_goal() -> None:
     assert len(plan(flat(), towards(flat()), REACH, CONFIG, 4, (0,)).actions) == 0
 
 
-def test_where_material_would_have_to_rise_nothing_is_done() -> None:
+def test_plan_is_empty_where_material_must_rise() -> None:
     goal = flat()
-    goal[20:28, 20:28] += 0.002  # pushes that raise anything lower more elsewhere
+    goal[20:28, 20:28] += 0.002  # pushes that raise anything lower more around it
     assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, min_gain=0.02), 4, (0,)).actions) == 0
 
 
-def test_the_same_seed_and_item_make_the_same_plan_and_others_another() -> None:
+def test_plan_depends_on_seed_and_item_only() -> None:
     np.testing.assert_array_equal(planned().actions, planned().actions)
     assert not np.array_equal(planned().actions, planned(item=(1,)).actions)
     assert not np.array_equal(planned().actions, planned(replace(CONFIG, seed=1)).actions)
 
 
-def test_a_plan_says_what_it_expects() -> None:
+def test_plan_contains_the_predicted_clay() -> None:
     made = planned()
     again = predicted(made.actions, flat(), REACHABLE)
     np.testing.assert_array_equal(made.predicted_m, again.predicted_m)
@@ -61,7 +61,7 @@ def test_a_plan_says_what_it_expects() -> None:
     np.testing.assert_array_equal(made.predicted_m[0], flat())
 
 
-def test_a_begun_plan_is_gone_on_with_and_useless_actions_are_left_out() -> None:
+def test_plan_continues_a_begun_plan_without_useless_actions() -> None:
     useless = np.array([[0.08, 0.02, 0.0, 0.01, 0.008]])  # where the goal is flat
     config = replace(CONFIG, horizon=2, iterations=0)
     kept = plan(flat(), REACHABLE, REACH, config, 2, (0,), np.concatenate([useless, MADE]))
@@ -69,7 +69,7 @@ def test_a_begun_plan_is_gone_on_with_and_useless_actions_are_left_out() -> None
     assert len(kept.actions) == 2
 
 
-def test_descent_repairs_a_push_that_is_off() -> None:
+def test_descent_corrects_displaced_pushes() -> None:
     off = MADE + np.array([0.003, -0.002, 0.2, -0.004, -0.002])
     before = REACHABLE.value(REACHABLE.roll_out(flat(), off))
     moved, value = descend(off, flat(), REACHABLE, REACH, replace(CONFIG, iterations=25))
@@ -77,7 +77,7 @@ def test_descent_repairs_a_push_that_is_off() -> None:
     assert value == pytest.approx(REACHABLE.value(REACHABLE.roll_out(flat(), moved)))
 
 
-def test_cross_entropy_repairs_it_without_gradients() -> None:
+def test_cross_entropy_corrects_displaced_pushes() -> None:
     off = MADE + np.array([0.003, -0.002, 0.2, -0.004, -0.002])
     before = REACHABLE.value(REACHABLE.roll_out(flat(), off))
     config = replace(CONFIG, iterations=12, samples=30)
@@ -87,13 +87,13 @@ def test_cross_entropy_repairs_it_without_gradients() -> None:
 
 
 @pytest.mark.parametrize("refine", ["gradient", "cross_entropy"])
-def test_refining_never_makes_a_plan_worse(refine: str) -> None:
+def test_refining_never_raises_the_value(refine: str) -> None:
     rough = planned(replace(CONFIG, refine="none"))
     fine = planned(replace(CONFIG, refine=refine, iterations=2))
     assert fine.values[-1] <= rough.values[-1] + 1e-12
 
 
-def test_guided_candidates_end_where_there_is_too_much() -> None:
+def test_guided_push_candidates_end_on_excess_material() -> None:
     goal = flat()
     goal[8:16, 8:40] -= 0.003  # a bar near the top: rows 8 to 16, so y from .067 to .083
     guided = candidates(
@@ -105,14 +105,14 @@ def test_guided_candidates_end_where_there_is_too_much() -> None:
     assert along.mean() > 0.5  # half of them, and of the others some
 
 
-def test_the_best_action_is_no_worse_than_any_candidate_of_the_first_round() -> None:
+def test_best_action_is_no_worse_than_first_round_candidates() -> None:
     states = REACHABLE.start(flat())
     first = candidates(flat(), REACHABLE, REACH, CONFIG, np.random.default_rng(5))
     _, value = best_action(states, REACHABLE, REACH, CONFIG, np.random.default_rng(5))
     assert value <= REACHABLE.values_after(states, first).min()
 
 
-def test_caution_prefers_what_the_members_agree_on() -> None:
+def test_caution_prefers_actions_of_low_ensemble_variance() -> None:
     goal = flat()
     goal[10:20, 10:20] -= 0.003
     goal[30:40, 30:40] -= 0.0031

@@ -1,4 +1,4 @@
-"""Sequences through models: values, gradients, and what disagreement costs."""
+"""Rollouts of action sequences: values, gradients, and the cost of ensemble variance."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ GOAL = (flat() + np.random.default_rng(0).normal(0, 5e-4, flat().shape)).astype(
 OBJECTIVE = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 2.0))
 
 
-def test_the_gradient_of_a_sequence_is_that_of_finite_differences() -> None:
+def test_rollout_gradient_agrees_with_finite_differences() -> None:
     foresight = EnsembleRollout([PressedClay(), PressedClay(radius_m=0.012)], OBJECTIVE, caution=2.0)
     _, gradient = foresight.value_and_gradient(flat(), PUSHES)
     way = np.random.default_rng(1).normal(0, 1, PUSHES.shape) * [1e-4, 1e-4, 1e-2, 1e-4, 1e-4]
@@ -20,14 +20,14 @@ def test_the_gradient_of_a_sequence_is_that_of_finite_differences() -> None:
     assert 0.5 * (high - low) == pytest.approx(float((gradient * way).sum()), rel=0.02)
 
 
-def test_alternatives_have_the_values_of_each_alone() -> None:
+def test_alternative_actions_have_the_values_of_single_actions() -> None:
     foresight = EnsembleRollout([PressedClay(), PressedClay(strength=0.8)], OBJECTIVE, caution=1.0)
     states = foresight.start(flat())
     alone = [foresight.value(foresight.act(states, push)) for push in PUSHES]
     np.testing.assert_allclose(foresight.values_after(states, PUSHES), alone, rtol=1e-5)
 
 
-def test_a_caution_of_1_is_the_expected_3d_error() -> None:
+def test_caution_of_one_gives_the_expected_3d_error() -> None:
     members = [PressedClay(), PressedClay(strength=0.6)]
     objective = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 0.0))
     states = EnsembleRollout(members, objective, caution=1.0).roll_out(flat(), PUSHES)
@@ -36,18 +36,18 @@ def test_a_caution_of_1_is_the_expected_3d_error() -> None:
     assert EnsembleRollout(members, objective, caution=0.0).value(states) < expected
 
 
-def test_one_member_has_nothing_to_disagree_with() -> None:
+def test_single_member_has_no_variance_cost() -> None:
     states = EnsembleRollout([PressedClay()], OBJECTIVE, caution=9.0).roll_out(flat(), PUSHES)
     assert EnsembleRollout([PressedClay()], OBJECTIVE, caution=9.0).value(states) == float(OBJECTIVE.values(states[0]))
 
 
-def test_no_action_leaves_the_clay() -> None:
+def test_rollout_without_actions_keeps_the_clay() -> None:
     foresight = EnsembleRollout([PressedClay()], OBJECTIVE, caution=0.0)
     np.testing.assert_array_equal(foresight.roll_out(flat(), np.zeros((0, 5)))[0], flat())
     assert foresight.value_and_gradient(flat(), np.zeros((0, 5)))[1].shape == (0, 5)
 
 
-def test_members_of_different_end_effectors_are_refused() -> None:
+def test_rollout_rejects_members_of_different_end_effectors() -> None:
     with pytest.raises(ValueError, match="end-effector"):
         EnsembleRollout([PressedClay(), PressedClay(end_effector="edge")], OBJECTIVE, 0.0)
     with pytest.raises(ValueError, match="no push model"):

@@ -16,7 +16,7 @@ def bent(count: int) -> Strokes:
     return strokes
 
 
-def test_paths_are_those_of_the_robots_strokes() -> None:
+def test_bezier_paths_agree_with_robot_strokes() -> None:
     strokes = bent(6)
     for s, path in enumerate(strokes.paths(12)):
         one = [array[s].astype(float) for array in strokes.arrays()[:-1]]
@@ -24,14 +24,14 @@ def test_paths_are_those_of_the_robots_strokes() -> None:
         np.testing.assert_allclose(path[:, 1:4], points[:, :3], atol=1e-7)
 
 
-def test_executed_paths_are_the_planned_ones_with_times() -> None:
+def test_to_planned_adds_times_only() -> None:
     strokes = bent(4)
     for path, planned in zip(strokes.paths(9), to_planned(strokes, load_tool("round_brush"), 9), strict=True):
         np.testing.assert_allclose(planned.path[:, 1:4], path[:, 1:4], atol=1e-7)
         assert (np.diff(planned.path[:, 0]) > 0).all()
 
 
-def test_picked_and_joined_strokes_are_copies() -> None:
+def test_pick_and_joined_copy() -> None:
     strokes = bent(5)
     halves = strokes.pick(slice(0, 2)).joined(strokes.pick(np.array([2, 3, 4])))
     assert same(halves, strokes)
@@ -40,7 +40,7 @@ def test_picked_and_joined_strokes_are_copies() -> None:
     assert same(no_strokes().joined(strokes), strokes)
 
 
-def test_what_strokes_inherit_goes_with_them_until_others_join() -> None:
+def test_pick_keeps_and_joined_drops_inherited_covariates() -> None:
     strokes = bent(3)
     strokes.inherited = {"order": np.arange(3, dtype=np.float32)}
     picked = strokes.pick(np.array([2, 0]))
@@ -49,7 +49,7 @@ def test_what_strokes_inherit_goes_with_them_until_others_join() -> None:
     assert picked.joined(strokes).inherited is None
 
 
-def test_strokes_within_bounds_stay_where_they_are() -> None:
+def test_keep_within_keeps_allowed_strokes() -> None:
     strokes = bent(6)
     kept = strokes.pick(slice(None))
     kept.keep_within(load_tool("round_brush"), (0.12, 0.08), 5e-3)

@@ -13,7 +13,7 @@ def clouds(seed: int, count: int = 5) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_clouds_far_apart_are_told_apart(seed: int) -> None:
+def test_kmeans_separates_distant_clusters(seed: int) -> None:
     centres, points = clouds(seed)
     found = weighted_kmeans(points, np.ones(len(points)), 5, np.random.default_rng(seed))
     distance = np.linalg.norm(found[:, None] - centres, axis=-1)
@@ -21,14 +21,14 @@ def test_clouds_far_apart_are_told_apart(seed: int) -> None:
     assert distance.min(1).max() < 0.5
 
 
-def test_one_centre_is_the_weighted_mean() -> None:
+def test_kmeans_with_one_centre_is_the_weighted_mean() -> None:
     rng = np.random.default_rng(0)
     points, weights = rng.normal(size=(30, 3)), rng.uniform(0.1, 2, 30)
     (centre,) = weighted_kmeans(points, weights, 1, rng)
     np.testing.assert_allclose(centre, weights @ points / weights.sum())
 
 
-def test_a_weight_of_two_is_the_point_twice() -> None:
+def test_kmeans_weight_two_equals_a_repeated_point() -> None:
     rng = np.random.default_rng(1)
     points = rng.normal(size=(20, 3))
     weights = rng.integers(1, 4, 20)
@@ -43,13 +43,13 @@ def test_a_weight_of_two_is_the_point_twice() -> None:
     assert one == pytest.approx(other, rel=0.1)
 
 
-def test_as_many_centres_as_points_are_the_points() -> None:
+def test_kmeans_with_as_many_centres_as_points_is_exact() -> None:
     points = np.random.default_rng(2).normal(size=(6, 3))
     found = weighted_kmeans(points, np.ones(6), 6, np.random.default_rng(0))
     np.testing.assert_allclose(found[np.lexsort(found.T)], points[np.lexsort(points.T)])
 
 
-def test_points_that_coincide_are_one_cluster() -> None:
+def test_kmeans_merges_coincident_points() -> None:
     points = np.repeat(np.array([[0.0, 0, 0], [50, 0, 0], [0, 50, 0]]), [9, 1, 4], axis=0)
     found = weighted_kmeans(points, np.ones(14), 3, np.random.default_rng(0))
     np.testing.assert_allclose(found[np.lexsort(found.T)], np.unique(points, axis=0)[[0, 1, 2]][[0, 2, 1]], atol=1e-9)

@@ -1,4 +1,4 @@
-"""Plans in a hand lower the objective, keep to the hand, and are the same each time."""
+"""Plans of shaped strokes lower the objective, stay near their demonstrations, and are deterministic."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def scene() -> Scene:
 
 
 @pytest.mark.parametrize("shapes", [hand(), BezierShapes(MARKER, POINTS)], ids=["hand", "bezier"])
-def test_a_plan_lowers_the_objective_and_is_the_same_again(shapes: Shapes) -> None:
+def test_plan_shapes_lowers_the_objective_deterministically(shapes: Shapes) -> None:
     heard: list[float] = []
     strokes = plan_shapes(WHITE, scene(), shapes, 0.35, config=CONFIG, log=lambda *value: heard.append(value[1]))
     drawn_m = np.linalg.norm(np.diff(strokes.placed()[0][..., 1:3], axis=1), axis=-1).sum()
@@ -54,11 +54,11 @@ def test_a_plan_lowers_the_objective_and_is_the_same_again(shapes: Shapes) -> No
         np.testing.assert_array_equal(one, other)
 
 
-def test_nothing_is_drawn_with_no_strokes() -> None:
+def test_plan_shapes_of_zero_length_is_empty() -> None:
     assert len(plan_shapes(WHITE, scene(), hand(), 0.0, config=CONFIG, log=unheard)) == 0
 
 
-def test_paints_and_other_numbers_of_points_are_refused() -> None:
+def test_plan_shapes_rejects_paints_and_other_point_counts() -> None:
     brush = load_tool("round_brush")
     with pytest.raises(ConfigError, match="takes paints"):
         plan_shapes(WHITE, replace(scene(), tool=brush), hand(), 0.1, config=CONFIG, log=unheard)
@@ -74,6 +74,6 @@ def test_paints_and_other_numbers_of_points_are_refused() -> None:
         ({"distances_px": ()}, "at least one"),
     ],
 )
-def test_numbers_out_of_range_are_one_sentence(change: dict[str, object], sentence: str) -> None:
+def test_shaped_plan_config_rejects_values_out_of_range(change: dict[str, object], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         replace(CONFIG, **change)

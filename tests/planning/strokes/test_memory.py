@@ -1,4 +1,4 @@
-"""What strokes inherit along a plan: as execution records it, by order and dips, and only where a model asks for it."""
+"""Inherited covariates of a plan: as execution records them, by order and dips, and only where a model needs them."""
 
 import numpy as np
 import pytest
@@ -108,7 +108,7 @@ def test_planned_covariates_equal_those_recorded_in_execution() -> None:
         np.testing.assert_allclose(seen[name], recorded, rtol=1e-4, atol=loose + 1e-6, err_msg=name)
 
 
-def test_ink_is_used_up_until_the_next_dip() -> None:
+def test_ink_depletes_until_the_next_dip() -> None:
     seen = planned_covariates(row_of_strokes(6), BRUSH, brush(), START, names=ALL)
     length = 0.04
     np.testing.assert_allclose(seen["ink_since_reload_m"], length * np.array([0.0, 1, 2, 3, 0, 1]), rtol=1e-5)
@@ -119,7 +119,7 @@ def test_ink_is_used_up_until_the_next_dip() -> None:
     np.testing.assert_allclose(dark[4:], dark[:2], rtol=1e-5)
 
 
-def test_order_and_paint_decide_where_dips_fall() -> None:
+def test_dips_depend_on_order_and_paint() -> None:
     """Three red and three blue strokes: sorted they need two dips, alternating six."""
     strokes = row_of_strokes(6)
     colors = np.stack([RED, RED, RED, BLUE, BLUE, BLUE])
@@ -136,7 +136,7 @@ def test_order_and_paint_decide_where_dips_fall() -> None:
     np.testing.assert_allclose(*plain, atol=1e-6)
 
 
-def test_a_plan_goes_on_from_what_tool_and_canvas_have_been_through() -> None:
+def test_covariates_continue_from_the_start_state() -> None:
     strokes = row_of_strokes(4)
     robot = VirtualRobot(Studio(load_world("round_brush"), 1))
     robot.load_palette(RED[None].astype(np.float64))
@@ -150,7 +150,7 @@ def test_a_plan_goes_on_from_what_tool_and_canvas_have_been_through() -> None:
         np.testing.assert_allclose(then[name], at_once[name][2:], rtol=1e-4, atol=1e-6)
 
 
-def test_an_extension_of_no_effect_changes_nothing() -> None:
+def test_mechanisms_of_zero_strength_change_nothing() -> None:
     strokes = row_of_strokes(6, apart_m=0.004)
     base = scene_with(TorchBrush(base_model(PARAMETERS), BRUSH, POINTS), BRUSH, SIZE_M, WHITE)
     assert inherit(strokes, base) == {} and base.gain is None
@@ -167,7 +167,7 @@ def test_an_extension_of_no_effect_changes_nothing() -> None:
         np.testing.assert_allclose(same, plain, atol=2e-5, rtol=0)
 
 
-def test_wet_paint_is_carried_over_and_dry_paint_is_not() -> None:
+def test_wet_paint_is_picked_up_and_dry_paint_is_not() -> None:
     strokes = row_of_strokes(2, apart_m=0.0)
     strokes.theta_rad[1] = np.pi / 2
     crossing = with_color(strokes, np.stack([BLUE, RED]))
@@ -180,7 +180,7 @@ def test_wet_paint_is_carried_over_and_dry_paint_is_not() -> None:
     assert blueness[1e3] > blueness[1e-3] + 0.01
 
 
-def test_paint_that_was_crossed_is_laid_on_blank_paper_until_the_next_dip() -> None:
+def test_picked_up_paint_is_carried_until_the_next_dip() -> None:
     """One red stroke; blue ones: across it, beside it, and beside it after a dip (the tool's fourth of a load)."""
     strokes = row_of_strokes(7)
     strokes.middle_m[1] = strokes.middle_m[0]
@@ -208,7 +208,7 @@ def test_paint_that_was_crossed_is_laid_on_blank_paper_until_the_next_dip() -> N
     assert (change[rows[1:5]] > 0.05).all() and (change[rows[5:]] < 1e-6).all()
 
 
-def test_gradients_reach_the_strokes_through_what_extends_the_model() -> None:
+def test_gradients_flow_through_mechanisms() -> None:
     strokes = row_of_strokes(5)
     mechanisms = (fading(), effect(SpeedDensity, {"speed_m_s": 0.05}, density_per_log_speed=0.3))
     image, back = render_and_back(strokes, WHITE, scene(*mechanisms))
@@ -218,7 +218,7 @@ def test_gradients_reach_the_strokes_through_what_extends_the_model() -> None:
     assert (gradients[2] != 0).all() and (gradients[-1] != 0).any()
 
 
-def test_what_strokes_carry_is_what_would_be_worked_out() -> None:
+def test_stored_covariates_equal_computed_ones() -> None:
     task = scene(fading())
     strokes = row_of_strokes(5)
     afresh = render_plan(strokes, WHITE, task)
@@ -228,7 +228,7 @@ def test_what_strokes_carry_is_what_would_be_worked_out() -> None:
     assert float(darkness(alone, strokes)[3]) == pytest.approx(float(darkness(afresh, strokes)[3]), abs=1e-6)
 
 
-def test_beyond_the_fit_values_are_held_and_named() -> None:
+def test_covariates_beyond_the_fit_are_clipped_and_reported() -> None:
     fitted = {"ink_since_reload_m": Span(0.0, 0.03, 0.06), "humidity": Span(0.3, 0.45, 0.6), "order": Span(0, 5, 9)}
     short = brush(fitted=fitted)
     values = inherited(row_of_strokes(5), BRUSH, short, START)
@@ -242,7 +242,7 @@ def test_beyond_the_fit_values_are_held_and_named() -> None:
     assert warnings[1].startswith("A plan does not determine humidity; its mean over the fitted strokes, 0.45")
 
 
-def test_all_strokes_are_seen_when_the_last_is_made() -> None:
+def test_t_after_is_the_end_of_the_last_stroke() -> None:
     names = ("t_start_s", "t_after_s")
     fitted = {"t_start_s": Span(0.0, 6.0, 12.0), "t_after_s": Span(2.0, 8.0, 14.0)}
     strokes, short = row_of_strokes(5), brush(fitted=fitted)
@@ -254,7 +254,7 @@ def test_all_strokes_are_seen_when_the_last_is_made() -> None:
     assert [sentence.split()[0] for sentence in beyond_fit(seen, fitted)] == ["t_start_s"]
 
 
-def test_times_are_those_of_the_executed_path() -> None:
+def test_commanded_times_agree_with_the_executed_path() -> None:
     strokes = row_of_strokes(3)
     strokes.length_m[:] = [0.008, 0.02, 0.055]
     paths = commanded(strokes, BRUSH, POINTS)
@@ -264,7 +264,7 @@ def test_times_are_those_of_the_executed_path() -> None:
     np.testing.assert_allclose(flat[..., 4], np.full((3, POINTS), np.pi / 2), rtol=1e-6)
 
 
-def test_time_darkens_what_comes_later() -> None:
+def test_drying_shift_depends_on_time() -> None:
     drying = effect(DryingShift, {"column": 0.0, "middle": 0.0, "half": 30.0}, density_per_half_session=-0.3)
     strokes = row_of_strokes(6)
     dark = darkness(render_plan(strokes, WHITE, scene(drying)), strokes)

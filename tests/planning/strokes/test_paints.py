@@ -55,7 +55,7 @@ def composed(covers: np.ndarray, colors: np.ndarray, order: np.ndarray) -> np.nd
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_with_sweeps_enough_the_picture_stays_and_paint_changes_fall(seed: int) -> None:
+def test_many_sweeps_keep_the_picture_and_lower_paint_changes(seed: int) -> None:
     covers, colors, paint = random_layers(seed)
     order = sweep_order(covers, colors, paint, sweeps=30)
     np.testing.assert_allclose(composed(covers, colors, order), composed(covers, colors, np.arange(30)))
@@ -63,7 +63,7 @@ def test_with_sweeps_enough_the_picture_stays_and_paint_changes_fall(seed: int) 
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_fewer_sweeps_change_the_picture_more_and_the_paint_less(seed: int) -> None:
+def test_fewer_sweeps_trade_error_for_paint_changes(seed: int) -> None:
     covers, colors, paint = random_layers(seed)
     as_laid = composed(covers, colors, np.arange(30))
     error, changes = [], []
@@ -78,18 +78,18 @@ def test_fewer_sweeps_change_the_picture_more_and_the_paint_less(seed: int) -> N
     assert changes == sorted(changes)
 
 
-def test_visible_shares_and_the_canvas_make_up_each_pixel() -> None:
+def test_visible_shares_sum_to_one_with_the_canvas() -> None:
     covers = np.random.default_rng(0).uniform(0, 1, (6, 10))
     np.testing.assert_allclose(visible(covers).sum(0) + np.prod(1 - covers, axis=0), 1)
 
 
-def test_an_overlap_shows_only_from_below_to_above_and_between_colours() -> None:
+def test_overlap_counts_between_different_colours_only() -> None:
     covers, colors = np.ones((3, 4)), np.array([[1.0, 1, 1], [0, 0, 0], [0, 0, 0]])
     shows = overlaps(covers, colors)
     np.testing.assert_allclose(shows, [[0, 0, 12], [0, 0, 0], [0, 0, 0]])  # the second lies hidden under the third
 
 
-def test_a_strokes_coverage_is_its_area() -> None:
+def test_coverage_sums_to_the_stroke_area() -> None:
     """ρ(1 − d/R)^c integrates to 2Rρ/(c + 1) across the path, and to 2πR²ρ/((c + 1)(c + 2)) round both ends."""
     places = np.random.default_rng(0).uniform((0.04, 0.03), (0.08, 0.05), (200, 2))
     covers = coverages(strokes_at(*((float(x), float(y)) for x, y in places)), scene(), 60)
@@ -108,7 +108,7 @@ def test_a_strokes_coverage_is_its_area() -> None:
         (PaletteChoice("given", None, None, FOUR), 4),
     ],
 )
-def test_every_palette_runs_from_light_to_dark_and_paints_the_plan(choice: PaletteChoice, count: int) -> None:
+def test_palettes_are_sorted_and_used_by_the_plan(choice: PaletteChoice, count: int) -> None:
     palette = plan(WHITE, scene(), 24, replace(CONFIG, palette=choice), unheard)[1]
     assert len(palette) <= count
     assert (np.diff(srgb_to_lab(palette)[:, 0]) <= 1e-9).all()
@@ -116,13 +116,13 @@ def test_every_palette_runs_from_light_to_dark_and_paints_the_plan(choice: Palet
         np.testing.assert_allclose(palette, sorted(FOUR, key=lambda c: -srgb_to_lab(np.array(c))[0]), atol=1e-6)
 
 
-def test_a_pictures_palette_is_its_colours() -> None:
+def test_picture_palette_has_the_pictures_colours() -> None:
     palette = picture_palette("chelsea", 5, 0)
     assert palette.shape == (5, 3)
     assert (palette[:, 0] > palette[:, 2]).mean() > 0.7  # a ginger cat
 
 
-def test_repainting_lowers_the_loss_and_never_raises_it() -> None:
+def test_repaint_never_raises_the_loss() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
     choice = PaletteChoice("given", None, None, ((0.8, 0.25, 0.25), (0.25, 0.66, 0.35)))
     paints = choose_paints(strokes, choice, 0)
@@ -134,7 +134,7 @@ def test_repainting_lowers_the_loss_and_never_raises_it() -> None:
     assert loss(again, WHITE) <= loss(after, WHITE)
 
 
-def test_ordering_keeps_each_strokes_colour() -> None:
+def test_in_order_keeps_colours() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
     paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]))
     ordered, sorted_paints = in_order(paints.dipped(strokes), paints, scene(), replace(CONFIG, sweeps=1))
@@ -142,7 +142,7 @@ def test_ordering_keeps_each_strokes_colour() -> None:
     np.testing.assert_allclose(ordered.color[:, 0], [0.8, 0.8, 0.1, 0.1], rtol=1e-5)
 
 
-def test_a_palette_that_does_not_fit_is_a_sentence() -> None:
+def test_palette_rejects_wrong_tool_and_fields() -> None:
     with pytest.raises(ConfigError, match=r"source is plan, but the marker brings its own ink: .*ink"):
         plan(WHITE, scene("marker"), 5, CONFIG, unheard)
     with pytest.raises(ConfigError, match=r"source is ink, but the round_brush brings none"):

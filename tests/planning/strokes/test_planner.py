@@ -37,7 +37,7 @@ from tests.planning.strokes.scenes import (
 )
 
 
-def test_a_plan_comes_closer_than_the_blank_canvas_and_than_its_start() -> None:
+def test_plan_lowers_the_loss() -> None:
     losses: list[float] = []
     strokes, palette = plan(WHITE, scene(), 40, CONFIG, lambda name, value, step: losses.append(value))
     final = loss(strokes, WHITE)
@@ -46,7 +46,7 @@ def test_a_plan_comes_closer_than_the_blank_canvas_and_than_its_start() -> None:
     assert palette.shape[0] <= 3
 
 
-def test_in_one_sweep_strokes_run_from_light_to_dark_in_palette_colours() -> None:
+def test_one_sweep_orders_strokes_from_light_to_dark() -> None:
     strokes, palette = plan(WHITE, scene(), 24, replace(CONFIG, sweeps=1), unheard)
     planned = to_planned(strokes, scene().tool, POINTS)
     paint = [int(np.abs(palette - stroke.color_srgb).sum(1).argmin()) for stroke in planned]
@@ -68,7 +68,7 @@ def test_planned_strokes_pass_the_safety_envelope() -> None:
         assert stroke.path[:, 1:3].min() >= 5e-3 - 1e-6
 
 
-def test_optimising_never_ends_worse_than_it_began() -> None:
+def test_optimise_never_raises_the_loss() -> None:
     strokes, _ = plan(WHITE, scene(), 12, CONFIG, unheard)
     before = loss(strokes, WHITE)
     optimise(strokes, WHITE, scene(), CONFIG, iterations=5, free_color=False, rate=80.0, log=unheard)  # too long steps
@@ -80,7 +80,7 @@ def test_optimising_never_ends_worse_than_it_began() -> None:
     assert same(strokes, kept)
 
 
-def test_a_plan_with_slack_stands_thin_strokes_better() -> None:
+def test_execution_noise_makes_plans_robust_to_thin_strokes() -> None:
     """Painted with two thirds of the width, the plan that left room for it is nearer to the target."""
     narrow = replace(PARAMETERS, thickness_at_contact_m=1.4e-3, thickness_per_press=0.7)
     thin = replace(scene(), brush=brush(parameters=narrow))
@@ -94,7 +94,7 @@ def test_a_plan_with_slack_stands_thin_strokes_better() -> None:
     assert thinly_painted(ExecutionNoise(0.15, 0.0)) < thinly_painted(ExecutionNoise(0.0, 0.0))
 
 
-def test_the_rate_falls_along_half_a_cosine() -> None:
+def test_half_cosine_decreases_between_its_ends() -> None:
     rates = [half_cosine(i, 8, 2.0, 0.5) for i in range(9)]
     assert rates[0] == pytest.approx(2.0)
     assert rates[4] == pytest.approx(1.25)
@@ -102,7 +102,7 @@ def test_the_rate_falls_along_half_a_cosine() -> None:
     assert (np.diff(rates) < 0).all()
 
 
-def test_rounds_share_out_every_stroke_and_the_last_gets_most() -> None:
+def test_round_shares_sum_to_the_count_and_increase() -> None:
     for count, rounds in ((340, 6), (7, 3), (2, 4), (5, 1)):
         shares = round_shares(count, rounds)
         assert sum(shares) == count
@@ -110,7 +110,7 @@ def test_rounds_share_out_every_stroke_and_the_last_gets_most() -> None:
         assert shares[-1] >= shares[0] >= 0
 
 
-def test_no_round_follows_one_that_gained_too_little() -> None:
+def test_rounds_stop_below_min_gain() -> None:
     """A blank canvas that is already the target asks for no stroke beyond the first round's."""
     blank = replace(scene(), target=WHITE)
     strokes, _ = plan(WHITE, blank, 40, replace(CONFIG, rounds=4, min_gain=1e-6), unheard)
@@ -119,14 +119,14 @@ def test_no_round_follows_one_that_gained_too_little() -> None:
 
 
 @pytest.mark.parametrize("initialisation", ["random", "error_guided", "saliency"])
-def test_every_initialisation_gives_the_strokes_asked_for(initialisation: str) -> None:
+def test_each_initialisation_plans_the_requested_strokes(initialisation: str) -> None:
     config = replace(CONFIG, initialisation=initialisation)
     strokes, _ = plan(WHITE, scene(), 12, config, unheard)
     assert len(strokes) == 12
     assert loss(strokes, WHITE) < 0.8 * loss(strokes.pick(slice(0, 0)), WHITE)
 
 
-def test_guided_and_relocated_strokes_end_lower_than_the_thesis_way() -> None:
+def test_guided_planning_beats_the_thesis_planner() -> None:
     """As many strokes and full-resolution iterations; the thesis's strokes start at random and stay what they are."""
     thesis = replace(
         CONFIG, initialisation="random", candidates=1, rounds=1, iterations_per_round=0, relocate_every=0,
@@ -142,7 +142,7 @@ def test_guided_and_relocated_strokes_end_lower_than_the_thesis_way() -> None:
     assert ends(ours) < 0.8 * ends(thesis)
 
 
-def test_the_same_seed_gives_the_same_plan_and_the_same_log() -> None:
+def test_plan_is_deterministic() -> None:
     logs: tuple[list[float], list[float]] = ([], [])
     (first, paints), (second, other) = (
         plan(WHITE, scene(), 10, CONFIG, lambda _name, value, _step, log=log: log.append(value)) for log in logs
@@ -152,13 +152,13 @@ def test_the_same_seed_gives_the_same_plan_and_the_same_log() -> None:
     assert logs[0] == logs[1] and len(logs[0]) > CONFIG.iterations_palette
 
 
-def test_a_marker_keeps_its_colour() -> None:
+def test_plan_keeps_the_markers_colour() -> None:
     strokes, palette = plan(WHITE, scene("marker"), 8, INK, unheard)
     assert np.abs(strokes.color).max() == 0
     np.testing.assert_array_equal(palette, [[0, 0, 0]])
 
 
-def test_replanning_finds_a_stroke_to_mend_a_moved_canvas() -> None:
+def test_replanning_compensates_displaced_strokes() -> None:
     """Half of the painting came out displaced: the rest, replanned, ends closer to the target than unplanned."""
     strokes, _ = plan(WHITE, scene(), 30, CONFIG, unheard)
     done, left = strokes.pick(slice(0, 15)), strokes.pick(slice(15, None))
@@ -173,7 +173,7 @@ def test_replanning_finds_a_stroke_to_mend_a_moved_canvas() -> None:
     assert error() < unplanned
 
 
-def test_the_palette_clusters_in_lab_and_weighs_by_area() -> None:
+def test_cluster_palette_finds_clusters_in_lab() -> None:
     rng = np.random.default_rng(0)
     centres = np.array([[0.9, 0.85, 0.8], [0.5, 0.2, 0.2], [0.1, 0.1, 0.3]])
     colors = np.repeat(centres, 20, axis=0) + rng.normal(0, 0.01, (60, 3))
@@ -183,7 +183,7 @@ def test_the_palette_clusters_in_lab_and_weighs_by_area() -> None:
     assert len(cluster_palette(np.repeat(centres, 5, axis=0), np.ones(15), 12, 0)[0]) == 3
 
 
-def test_the_target_keeps_the_canvas_proportions_and_orientation() -> None:
+def test_fit_to_canvas_keeps_proportions_and_orientation() -> None:
     photo = np.zeros((100, 400, 3), np.uint8)
     photo[:50, :, 0] = 255  # red above
     photo[:, 250:, 2] = 255  # blue right of the middle
@@ -195,7 +195,7 @@ def test_the_target_keeps_the_canvas_proportions_and_orientation() -> None:
     assert fitted[20, 5, 2] == 0
 
 
-def test_ink_tones_run_from_darkest_to_white() -> None:
+def test_fit_to_ink_maps_tones_from_darkest_to_white() -> None:
     ramp = np.repeat(np.linspace(0, 1, 50)[None, :, None], 3, axis=-1) ** 2 * np.ones((20, 1, 1))
     tones = fit_to_ink(ramp, darkest=0.4)
     assert tones.max() == pytest.approx(1)
@@ -203,7 +203,7 @@ def test_ink_tones_run_from_darkest_to_white() -> None:
     assert (np.diff(tones[0, :, 0]) >= 0).all()
 
 
-def test_a_photograph_of_one_tone_keeps_it() -> None:
+def test_fit_to_ink_keeps_a_single_tone() -> None:
     assert fit_to_ink(np.ones((4, 6, 3)), darkest=0.4).min() == pytest.approx(1)
     assert fit_to_ink(np.zeros((4, 6, 3)), darkest=0.4).max() == pytest.approx(((0.4 + 0.055) / 1.055) ** 2.4)
 
@@ -216,7 +216,7 @@ def test_a_photograph_of_one_tone_keeps_it() -> None:
         ("pixels_per_m", 0.0), ("edge_m", -0.1), ("distances_px", ()), ("distances_px", (4, 0)), ("seed", -1),
     ],
 )  # fmt: skip
-def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> None:
+def test_planner_config_rejects_values_out_of_range(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=rf"^{field} is "):
         replace(CONFIG, **{field: value})
     with pytest.raises(ValueError, match=r"^color is -1; "):
@@ -225,7 +225,7 @@ def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> Non
         ExecutionNoise(1.0, 0.0)
 
 
-def test_photographs_by_name_and_a_sentence_for_what_is_none(tmp_path: Path) -> None:
+def test_load_photograph_by_name_and_rejects_others(tmp_path: Path) -> None:
     assert load_photograph("chelsea").shape == (300, 451, 3)
     with pytest.raises(ImageError, match=r"no photograph .*astronaut"):
         load_photograph("no_such_cat")
@@ -237,25 +237,25 @@ def test_photographs_by_name_and_a_sentence_for_what_is_none(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("rounds", [2, 6])
-def test_few_strokes_are_planned_too(count: int, rounds: int) -> None:
+def test_plan_handles_few_strokes(count: int, rounds: int) -> None:
     strokes, palette = plan(WHITE, scene(), count, replace(CONFIG, rounds=rounds), unheard)
     assert len(strokes) == count and len(palette) <= count
     assert loss(strokes, WHITE) < loss(strokes.pick(slice(0, 0)), WHITE)
 
 
 @pytest.mark.parametrize("name", ["iterations_free", "iterations_palette", "iterations_per_round"])
-def test_a_stage_of_no_iterations_is_left_out(name: str) -> None:
+def test_plan_skips_stages_of_zero_iterations(name: str) -> None:
     strokes, palette = plan(WHITE, scene(), 12, replace(CONFIG, **{name: 0}), unheard)
     assert len(strokes) == 12 and len(palette) <= 3
     assert loss(strokes, WHITE) < 0.8 * loss(strokes.pick(slice(0, 0)), WHITE)
 
 
-def test_threads_change_no_bit() -> None:
+def test_plan_is_independent_of_threads() -> None:
     one, two = (plan(WHITE, replace(scene(), threads=threads), 10, CONFIG, unheard)[0] for threads in (1, 2))
     assert same(one, two)
 
 
-def test_a_descent_without_bounds_ends_where_its_steps_left_it() -> None:
+def test_descend_returns_the_last_iterate() -> None:
     """Unlike ``optimise``, which goes back to the least: not each of these descents ends there."""
     ends_above = []
     for steps in range(3, 13):

@@ -1,4 +1,4 @@
-"""Where strokes start, what each is worth, and how the idle ones move."""
+"""Where strokes start, their contributions, and relocation of useless ones."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def summed_error(strokes: Strokes, task: Scene) -> float:
     return float(np.square(np.sqrt(image) - np.sqrt(task.target)).mean(-1).sum())
 
 
-def test_a_contribution_is_what_leaving_the_stroke_out_costs() -> None:
+def test_contribution_is_the_error_of_leaving_the_stroke_out() -> None:
     strokes = strokes_at((0.03, 0.02), (0.04, 0.025), (0.08, 0.05), (0.09, 0.055), (0.03, 0.06), (0.035, 0.06))
     worth = contributions(strokes, WHITE, scene(), SHARP)
     everyone = summed_error(strokes, scene())
@@ -47,7 +47,7 @@ def test_a_contribution_is_what_leaving_the_stroke_out_costs() -> None:
         assert worth[s] == pytest.approx(summed_error(others, scene()) - everyone, rel=1e-3, abs=1e-3)
 
 
-def test_a_hidden_stroke_contributes_nothing() -> None:
+def test_hidden_stroke_has_no_contribution() -> None:
     twice = strokes_at((0.05, 0.04), (0.05, 0.04), (0.02, 0.02))
     twice.theta_rad[1] = twice.theta_rad[0]
     twice.press_m[0] = 0.3e-3  # thinner than the one over it
@@ -55,7 +55,7 @@ def test_a_hidden_stroke_contributes_nothing() -> None:
     assert abs(worth[0]) < 0.1 * worth[2]
 
 
-def test_no_stroke_is_left_that_does_harm() -> None:
+def test_without_harmful_removes_harmful_strokes() -> None:
     strokes = strokes_at((0.03, 0.02), (0.04, 0.06), (0.08, 0.05), (0.075, 0.025))
     blank = replace(scene(), target=WHITE)  # every stroke on it does harm
     assert len(without_harmful(strokes, WHITE, blank, SHARP)) == 0
@@ -68,8 +68,8 @@ def test_no_stroke_is_left_that_does_harm() -> None:
     assert len(strokes) == 4 and kept.inherited is None
 
 
-def test_relocation_lowers_the_loss_and_moves_only_idle_strokes() -> None:
-    """Ten strokes heaped on one place: most go elsewhere, and the picture is the better for it at once."""
+def test_relocate_lowers_the_loss_and_moves_useless_strokes_only() -> None:
+    """Of ten strokes at one place, half move, and the loss falls at once."""
     heap = strokes_at(*[(0.03, 0.03)] * 10)
     heap.theta_rad[:] = 0
     config = replace(CONFIG, relocate_share=0.5)
@@ -82,7 +82,7 @@ def test_relocation_lowers_the_loss_and_moves_only_idle_strokes() -> None:
     assert loss(moved_plan, WHITE) < 0.95 * loss(heap, WHITE)
 
 
-def test_nothing_moves_on_a_perfect_canvas() -> None:
+def test_relocate_moves_nothing_at_the_target() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.05))
     target = render_plan(strokes, WHITE, scene())
     config = replace(CONFIG, relocate_share=1.0)
@@ -94,7 +94,7 @@ def test_nothing_moves_on_a_perfect_canvas() -> None:
     assert np.array_equal(same.middle_m, strokes.middle_m)
 
 
-def test_guided_strokes_start_where_the_error_is() -> None:
+def test_guided_strokes_start_at_the_error() -> None:
     target = np.ones((40, 60, 3), np.float32)
     target[25:, 45:] = 0.1  # dark at the lower right: large x, small y
     task = replace(scene("marker"), target=target)
@@ -104,7 +104,7 @@ def test_guided_strokes_start_where_the_error_is() -> None:
     assert gains.sum() > 0
 
 
-def test_more_candidates_make_better_starts() -> None:
+def test_more_candidates_give_better_starts() -> None:
     def start(candidates: int) -> float:
         config = replace(CONFIG, candidates=candidates)
         losses = []
@@ -116,7 +116,7 @@ def test_more_candidates_make_better_starts() -> None:
     assert start(12) < start(1)
 
 
-def test_with_paints_new_strokes_take_one_of_them() -> None:
+def test_guided_strokes_use_the_given_paints() -> None:
     paints = np.array([[0.6, 0.05, 0.05], [0.05, 0.4, 0.1]])
     new, _ = guided(15, 0.3, scene(), CONFIG, paints, 0)
     distance = np.abs(new.color[:, None] - paints).max(-1)
@@ -124,7 +124,7 @@ def test_with_paints_new_strokes_take_one_of_them() -> None:
     assert set(distance.argmin(1)) == {0, 1}
 
 
-def test_what_differs_from_the_rest_is_salient() -> None:
+def test_saliency_is_high_where_colour_differs() -> None:
     picture = scene().target.astype(np.float64)  # a red disc on green
     map_ = saliency(picture)
     assert map_.mean() == pytest.approx(1)

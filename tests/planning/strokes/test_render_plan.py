@@ -59,7 +59,7 @@ def some_strokes() -> Strokes:
 
 @pytest.mark.parametrize("which", range(6), ids=["middle", "theta", "length", "bend", "press", "color"])
 @pytest.mark.parametrize("kind", ["plain", "dimmed", "picks_up", "fault"])
-def test_the_gradient_of_the_whole_chain_is_that_of_finite_differences(kind: str, which: int) -> None:
+def test_plan_gradient_agrees_with_finite_differences(kind: str, which: int) -> None:
     seen = Seen(brush(), kind == "dimmed", 0.3 if kind == "picks_up" else None)
     task = replace(scene(), brush=seen, target=scene().target.astype(np.float64))
     fault = Fault(np.full((5, 1), 0.8), np.full((5, 1, 2), 1e-3)) if kind == "fault" else None
@@ -77,7 +77,7 @@ def test_the_gradient_of_the_whole_chain_is_that_of_finite_differences(kind: str
     assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(float((slope * way).sum()), abs=1e-3 * size)
 
 
-def test_a_camera_dims_the_picture_and_not_the_plan() -> None:
+def test_camera_gain_multiplies_the_picture() -> None:
     task = scene()
     dimmed = replace(task, brush=Seen(task.brush, True, None))
     strokes = some_strokes()
@@ -86,13 +86,13 @@ def test_a_camera_dims_the_picture_and_not_the_plan() -> None:
     np.testing.assert_allclose(seen, plain * (1 - 2 * x[:, None]), rtol=1e-5)
 
 
-def test_no_strokes_leave_the_canvas() -> None:
+def test_rendering_no_strokes_keeps_the_canvas() -> None:
     none = some_strokes().pick(slice(0, 0))
     image, back = render_and_back(none, WHITE, scene())
     assert image is WHITE and all(len(gradient) == 0 for gradient in back(np.ones_like(WHITE)))
 
 
-def test_mishaps_narrow_and_shift_and_are_the_expected_ones_on_average() -> None:
+def test_faults_have_the_expected_mean() -> None:
     execution_noise, many = ExecutionNoise(0.4, 2e-3), 4000
     drawn, expected = faults(many, execution_noise, np.random.default_rng(0)), expected_fault(many, execution_noise)
     assert drawn.narrowing.min() >= 0.6 and drawn.narrowing.max() <= 1
@@ -101,14 +101,14 @@ def test_mishaps_narrow_and_shift_and_are_the_expected_ones_on_average() -> None
     np.testing.assert_allclose(drawn.shift_m.mean((0, 1)), expected.shift_m.mean((0, 1)), atol=2e-4)
 
 
-def test_a_shifted_stroke_leaves_its_mark_elsewhere() -> None:
+def test_fault_shift_moves_the_mark() -> None:
     stroke, away = strokes_at((0.05, 0.04)), np.array([0.01, -0.02], np.float32)
     shifted = render_plan(stroke, WHITE, scene(), Fault(np.ones((1, 1), np.float32), away[None, None]))
     there = strokes_at((0.06, 0.02))
     np.testing.assert_allclose(shifted, render_plan(there, WHITE, scene()), atol=1e-4)
 
 
-def test_coverage_does_not_hang_on_what_lies_around() -> None:
+def test_coverage_is_independent_of_other_strokes() -> None:
     strokes = some_strokes()
     together = coverages(strokes, scene(), 60)
     for s in range(len(strokes)):

@@ -47,7 +47,7 @@ def strokes_of(shapes: Shapes, count: int = 3, seed: int = 1) -> ShapedStrokes:
 
 
 @pytest.mark.parametrize("shapes", [hand(), BezierShapes(MARKER, 12)], ids=["hand", "bezier"])
-def test_gradients_are_those_of_finite_differences(shapes: Shapes) -> None:
+def test_shape_gradients_agree_with_finite_differences(shapes: Shapes) -> None:
     strokes = strokes_of(shapes)
     path, pull = strokes.placed()
     weights = np.random.default_rng(2).normal(size=path.shape).astype(np.float32)
@@ -66,7 +66,7 @@ def test_gradients_are_those_of_finite_differences(shapes: Shapes) -> None:
             assert gradient[place] == pytest.approx(slope, rel=0.03, abs=0.02 * float(np.abs(gradient).max()))
 
 
-def test_bezier_shapes_are_the_planner_s_bezier_strokes() -> None:
+def test_bezier_shapes_agree_with_bezier_strokes() -> None:
     shapes = BezierShapes(MARKER, 12)
     strokes = strokes_of(shapes)
     cos, sin = np.cos(strokes.theta_rad), np.sin(strokes.theta_rad)
@@ -78,7 +78,7 @@ def test_bezier_shapes_are_the_planner_s_bezier_strokes() -> None:
     np.testing.assert_allclose(strokes.placed()[0], known.paths(12), atol=1e-7)
 
 
-def test_strokes_stay_within_canvas_tool_and_reach() -> None:
+def test_shaped_strokes_stay_within_canvas_tool_and_reach() -> None:
     shapes = hand()
     strokes = strokes_of(shapes, 20)
     strokes.parameters += np.random.default_rng(4).normal(0, 5, strokes.parameters.shape).astype(np.float32)
@@ -96,7 +96,7 @@ def test_strokes_stay_within_canvas_tool_and_reach() -> None:
         assert planned.color_srgb.tolist() == [0, 0, 0]
 
 
-def test_a_hand_s_strokes_are_drawn_about_its_demonstrations() -> None:
+def test_decoder_samples_around_demonstrations() -> None:
     shapes = hand()
     drawn = shapes.sample(4000, np.random.default_rng(0))
     np.testing.assert_allclose(drawn.std(0), shapes.spread, rtol=0.05)
@@ -104,7 +104,7 @@ def test_a_hand_s_strokes_are_drawn_about_its_demonstrations() -> None:
     assert np.median(apart) == pytest.approx(0.1 * np.sqrt(5), rel=0.15)
 
 
-def test_a_file_holds_a_hand(tmp_path: Path) -> None:
+def test_decoder_file_round_trip(tmp_path: Path) -> None:
     path, known = tmp_path / "ann.npz", hand()
     write_decoder(path, known)
     first = path.read_bytes()
@@ -116,7 +116,7 @@ def test_a_file_holds_a_hand(tmp_path: Path) -> None:
     assert (found.hand, found.points) == ("ann", 12)
 
 
-def test_what_is_no_hand_is_refused(tmp_path: Path) -> None:
+def test_read_decoder_rejects_invalid_files(tmp_path: Path) -> None:
     path = tmp_path / "ann.npz"
     with pytest.raises(ContractError, match="holds no decoder"):
         read_decoder(path)

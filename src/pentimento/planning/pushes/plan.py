@@ -40,9 +40,8 @@ def plan(
     """Up to ``count`` actions, at most the horizon, that bring clay [H, W] nearer to the goal.
 
     Args:
-        item: what is planned, such as the goal's number and the number of executed actions. Seed and item alone seed
-        the
-            random generator.
+        item: what is planned, such as the goal's number and the number of executed actions. It seeds the random
+            generator together with ``config.seed``.
         begun: [N, 5] actions of an earlier plan to continue from. Those that no longer help are removed.
     """
     rng = np.random.default_rng([config.seed, *item])
