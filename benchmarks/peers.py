@@ -1,4 +1,4 @@
-"""What others' renderers take, forward + backward on one thread; measured on another machine, never run here."""
+"""What others' renderers take, forward + backward on one thread; measured elsewhere, never run here."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the diagnosis says of photographed robot strokes, as a page: `python -m studies.measured`.
+"""What the gap finder says of photographed robot strokes, as a page: `python -m studies.measured`.
 
 Reads `frida_strokes/*.parquet` in the folder that PENTIMENTO_MEASURED names; diagnoses each into
 `data/studies/measured/<set>/` unless that has a verdict already; writes `docs/measured_strokes.md` and two figures.
@@ -22,7 +22,7 @@ FIGURES_OF = ("brush_2022a", "sharpie_short")
 DOCS = Path("docs")
 
 _HEAD = """\
-# What the diagnosis says of measured strokes
+# What the gap finder says of measured strokes
 
 Written by `python -m studies.measured`; do not edit. The strokes were recorded by the authors of FRIDA and
 Spline-FRIDA and are not part of this repository. Errors are of sealed strokes that took no part in search or

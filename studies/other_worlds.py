@@ -1,4 +1,4 @@
-"""Worlds of simulators that the diagnosis was not made with: each is made, judged by its table alone, and kept."""
+"""Worlds of simulators that the finder was not made with: each is made, judged by its table alone, and kept."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class OtherWorld(Protocol):
 
     @property
     def truth(self) -> frozenset[str]:
-        """What the diagnosis should name."""
+        """What the finder should name."""
 
 
 W = TypeVar("W", bound=OtherWorld)

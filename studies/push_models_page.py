@@ -63,7 +63,7 @@ def _held_out(worlds: list[Parts]) -> str:
             )
     lines.append(
         "\nThe model knows neither dwell nor speeds, which differ between actions and not between repeats, nor what\n"
-        "was pressed before except by its shape: what is above the floor is what the diagnosis looks for."
+        "was pressed before except by its shape: what is above the floor is what the gap finder looks for."
     )
     return "\n".join(lines) + "\n"
 

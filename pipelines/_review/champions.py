@@ -2,7 +2,7 @@
 
 DVC keeps the files; a version is a link to them (`dvc://<md5>/<path>`) with the run that made it. A version becomes
 the champion where its figure on the same held-out data is not worse than the champion's, and the blind tests of the
-diagnosis, where they are about its kind of model, fall short in no more rows. A bundle becomes it where all of its
+gap finder, where they are about its kind of model, fall short in no more rows. A bundle becomes it where all of its
 models are champions. Otherwise the alias stays, and the version's tag `champion` says why.
 """
 

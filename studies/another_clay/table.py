@@ -1,4 +1,4 @@
-"""What the diagnosis names in worlds of the second clay, as a page: `python -m studies.another_clay.table`.
+"""What the gap finder names in worlds of the second clay, as a page: `python -m studies.another_clay.table`.
 
 Makes each world, gives its table alone to a process of its own, and writes `docs/another_clay.md`. A world that has a
 verdict in `data/studies/another_clay/` is not judged again.
@@ -48,18 +48,18 @@ WORLDS = (
 )
 
 _HEAD = """\
-# The diagnosis in another clay
+# The gap finder in another clay
 
 Written by `python -m studies.another_clay.table`; do not edit. The worlds of the [blind tests](blind_pushes.md) are the
 virtual studio's. These are of a second simulator: a ball that goes over into a cone ploughs a height field station by
 station and lays what is in its way around itself; faults follow laws of their own (creep during the rest, talus, play
-by each axis, hardening by the strain that the tool feels). The diagnosis sees only the table. *Hidden* is empty where
+by each axis, hardening by the strain that the tool feels). The finder gets the table alone. *Hidden* has nothing where
 what is hidden has no name in the vocabulary: there *told of* should have what it goes with.
 
 What a base that is wrong about shapes can look like, and how much such a cause must remove (`_min_error`, `signature`
 of `springback`), came of a first draft of this simulator with other numbers drawn. That a groove's start may close up
 came of three of these very worlds (*soft*, *a ball*, *stays as it was cut*), that fits heed signs of *sticks*. The
-other worlds changed nothing in the diagnosis.
+other worlds changed nothing in the finder.
 
 | world | hidden | named | rivals | gap closed | told of | s |
 |---|---|---|---|---|---|---|

@@ -10,7 +10,7 @@ _NAMES = {"stiff_when_cold": "stiffness_drift", "stiffens": "stiffness_drift"}
 
 @dataclass(frozen=True)
 class Effects:
-    """How strong each fault is; 0: there is none. Each is named as the diagnosis should name it, or told below."""
+    """How strong each fault is; 0: there is none. Each is named as the gap finder should name it, or told below."""
 
     height_offset: float = 0.0
     """Millimetres by which the tool goes lower than it is told."""
@@ -84,5 +84,5 @@ class World:
 
     @property
     def truth(self) -> frozenset[str]:
-        """What the diagnosis should name."""
+        """What the finder should name."""
         return frozenset(_NAMES.get(name, name) for name in self.effects.there - _NO_NAME)

@@ -1,4 +1,4 @@
-"""What the diagnosis names in worlds of the second simulator, as a page: `python -m studies.another_simulator.table`.
+"""What the gap finder names in worlds of the second simulator, as a page: `python -m studies.another_simulator.table`.
 
 Makes each world, gives its table alone to a process of its own, and writes `docs/another_simulator.md`. A world that
 has a verdict in `data/studies/another_simulator/` is not judged again.
@@ -45,12 +45,12 @@ WORLDS = (
 )
 
 _HEAD = """\
-# The diagnosis in another simulator
+# The gap finder in another simulator
 
 Written by `python -m studies.another_simulator.table`; do not edit. The worlds of the [blind tests](blind_tests.md)
 are the virtual studio's. These are of a second simulator, which draws discs, swept boxes and hairs as polygons, and
 whose faults follow laws of their own: a tractrix for hairs that drag, play that is taken up point by point, a pure
-delay, paint that thins hyperbolically. The diagnosis sees only the table. *Hidden* has `orientation_width` wherever the
+delay, paint that thins hyperbolically. The finder gets the table alone. *Hidden* has `orientation_width` wherever the
 tool is a broad box, for nothing in the table says so. *Pixels*: how many causes the likelihood of pixels names with
 the same base and candidates (BIC, forward).
 
@@ -58,7 +58,7 @@ Two worlds mix paint with what is below it in the numbers of the picture, not in
 
 The rule by which a displacement is tried on its own test's word came of an earlier draw of the late broad pen; that
 each session may mix its paint anew, and that strokes without times have no age, came of the worlds that are named so.
-The other worlds changed nothing in the diagnosis.
+The other worlds changed nothing in the finder.
 
 | world | hidden | named | rivals | gap closed | pixels | s |
 |---|---|---|---|---|---|---|

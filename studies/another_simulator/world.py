@@ -14,7 +14,7 @@ _BY_SPEED = frozenset({"latency", "speed_width", "speed_density"})
 
 @dataclass(frozen=True)
 class Effects:
-    """How strong each fault is; 0: there is none. Each is named as the diagnosis should name it."""
+    """How strong each fault is; 0: there is none. Each is named as the gap finder should name it."""
 
     path_scale: float = 0.0
     """Share by which paths are too long about their start, four fifths of that along y."""
@@ -76,7 +76,7 @@ class World:
 
     @property
     def truth(self) -> frozenset[str]:
-        """What the diagnosis should name: a broad edge is a cause, because no table names its tool; what goes with
+        """What the finder should name: a broad edge is a cause, for no table says which tool it is of; what goes with
         speed is none where no times were recorded.
         """
         hidden = frozenset() if self.timed else _BY_SPEED

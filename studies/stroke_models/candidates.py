@@ -48,7 +48,7 @@ STEPS, STEPS_OF_NUMBERS = 400, 800
 """In batches of 8: of a U-Net, and of a network that draws from numbers; small sets are seen more often."""
 NETWORK = replace(ANALYTIC, epochs=1, batch=8, learning_rate=0.003, held_out=0.15)
 DIAGNOSED = 120
-"""Strokes that the diagnosis gets at most."""
+"""Strokes that the gap finder gets at most."""
 
 NAMES = {
     "blank": "blank paper",
@@ -147,7 +147,7 @@ class Training:
         return self._base
 
     def extended(self) -> tuple[StrokeModel, dict[str, Any]]:
-        """What the diagnosis establishes on the training strokes, fitted jointly with Traj2Stroke; and what it said.
+        """What the gap finder establishes on the training strokes, fitted jointly with Traj2Stroke; and what it said.
 
         It is done once.
         """

@@ -111,7 +111,7 @@ def test_a_slab_without_room_is_named() -> None:
         ({"pushes": 0}, "pushes is 0"),
         ({"repeated": 50}, "more than pushes"),
         ({"returning": 1.5}, "at most 1"),
-        ({"per_smoothing": (5, 3)}, "least number"),
+        ({"per_smoothing": (5, 3)}, "min number"),
         ({"per_smoothing": (0, 3)}, "from 1"),
         ({"scan_pixels": 4}, "scan_pixels"),
         ({"edge_m": -0.1}, "edge_m"),

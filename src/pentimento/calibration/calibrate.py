@@ -1,7 +1,7 @@
-"""Calibrating a rig: the lens, where the canvas is in the picture, what its colours are, and where the surface is.
+"""Calibration of a rig: lens, canvas pose, colours, and surface height.
 
-Each function turns photographs or touches into a `Calibration` (robots/calibration.py) and moves nothing, but for
-`calibrate_touch`; `calibrate` asks the person for what each needs, and writes the result.
+Each function computes a `Calibration` (robots/calibration.py) from photographs or touches; only `calibrate_touch` moves
+the robot. `calibrate` guides a person through one calibration and writes the result.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ BOARD_PHOTOS: Final = 12
 _CHART_PX_PER_M = 1500.0
 
 TOUCH_FROM_M: Final = 0.003
-"""Above where the rig file has the surface: so far off may a ruler be."""
+"""Height above the rig file's surface at which the search starts; the rig file is measured with a ruler."""
 _TOUCH_STEP_M, _TOUCH_WITHIN_M = 5e-4, 5e-5
 _LINE_M, _LINES_APART_M = 0.006, 0.004
 _TOUCH_PX_PER_M = 2000.0
 _DARKER = 0.012
-"""Of the light of a line's place, so that it counts as a mark: several times what the camera's noise makes of it."""
+"""Min relative darkening that counts as a mark: several times that of the camera's noise."""
 
 
 def calibrate_lens(photos: Sequence[Photo], rig: Rig, now_unix_s: float) -> Calibration:
@@ -58,7 +58,7 @@ def calibrate_lens(photos: Sequence[Photo], rig: Rig, now_unix_s: float) -> Cali
 
 
 def calibrate_canvas(photo: Photo, lens: Lens | None, rig: Rig, now_unix_s: float) -> Calibration:
-    """Where the canvas is in the picture, from one photograph of the markers round it.
+    """The canvas's homography, from one photograph of the markers round it.
 
     With a lens, the homography holds for photographs that were straightened by it.
     """
@@ -86,11 +86,10 @@ def calibrate_colours(photo: Photo, camera: CameraCalibration, rig: Rig, now_uni
 def calibrate_touch(
     robot: Robot, tool: Tool, rig: Rig, marked: Callable[[FloatArray], bool], now_unix_s: float
 ) -> Calibration:
-    """Where the surface is, from the heights at which short lines begin to leave a mark, at five places.
+    """The surface, from the heights at which short lines begin to leave a mark, at five places.
 
     The robot holds the tool; one that dips is dipped into paint 0 at each place. Commands go through the guard.
-    `marked(path)` makes the line and says whether it is there. The result is what the rig's surface should be, in
-    place of the one that it has.
+    `marked(path)` draws the line and returns whether it left a mark. The result replaces the rig's surface.
 
     Raises CalibrationError where the tool touches too early or never; the robot's own errors pass through.
     """
@@ -119,9 +118,9 @@ def calibrate_touch(
 def marks_on_photos(
     robot: Robot, photograph: Callable[[], Photo], camera: CameraCalibration, lens: Lens | None
 ) -> Callable[[FloatArray], bool]:
-    """For calibrate_touch: makes a line and looks for it between a photograph before and one after.
+    """For calibrate_touch: draws a line and detects it by photographs before and after.
 
-    The paint has to be darker than the sheet.
+    The paint must be darker than the sheet.
     """
 
     def seen(window_m: FloatArray) -> FloatArray:
@@ -143,7 +142,7 @@ def marks_on_photos(
 
 
 def marks_seen_by_a_person(robot: Robot, ask_yes: Callable[[str], bool]) -> Callable[[FloatArray], bool]:
-    """For calibrate_touch without a camera: makes a line and asks whether it is there."""
+    """For calibrate_touch without a camera: draws a line and asks the person whether it left a mark."""
 
     def marked(path: FloatArray) -> bool:
         robot.move(path)
@@ -161,7 +160,7 @@ def lens_of(calibration: Calibration) -> Lens:
 
 
 def camera_of(calibration: Calibration) -> CameraCalibration:
-    """Where the canvas is in the picture, of a calibration."""
+    """The canvas's homography of a calibration."""
     width, height = _value(calibration, "canvas", "frame_size_px")
     homography = np.array(_value(calibration, "canvas", "camera_from_canvas"))
     return CameraCalibration(homography, calibration.residual, (width, height))
@@ -189,16 +188,16 @@ def calibrate(
     Kinds build on each other where the rig has a camera: lens, canvas, then colour and touch.
 
     Args:
-        photograph: the rig's camera as it is, uncorrected; None where it has none.
+        photograph: the rig's camera without corrections; None where it has none.
         robot: for the touch alone: guarded, and with its palette laid out where the tool dips.
         ask, ask_yes: put a request, or a question, to the person.
     """
-    found = _made(kind, rig, folder, photograph, robot, tool, ask, ask_yes, now_unix_s)
+    found = _calibrated(kind, rig, folder, photograph, robot, tool, ask, ask_yes, now_unix_s)
     write_calibration(folder, found)
     return found
 
 
-def _made(
+def _calibrated(
     kind: Kind,
     rig: Rig,
     folder: Path,
@@ -247,7 +246,7 @@ def _touch_places(canvas_size_m: tuple[float, float]) -> FloatArray:
 
 
 def _line(place_m: FloatArray, number: int, height_m: float, tool: Tool) -> FloatArray:
-    """The number-th of several short lines about a place, at one height: in rows of four, one above the other."""
+    """The number-th of several short lines around a place, at one height, in rows of four."""
     row, column = divmod(number, 4)
     apart_m = max(_LINES_APART_M, 1.2 * tool.nominal_width_m)
     corner = place_m + np.array([(column - 1.5) * (_LINE_M + apart_m), (row - 2.0) * apart_m])
@@ -257,7 +256,7 @@ def _line(place_m: FloatArray, number: int, height_m: float, tool: Tool) -> Floa
 
 
 def _masks(path: FloatArray, window_m: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Where the line's middle is in the window's image, and where nothing of it can be."""
+    """Masks of the window's image: the line's middle, and the pixels that the line cannot reach."""
     shape = image_shape(window_m, _TOUCH_PX_PER_M)
     ends = np.rint(canvas_to_pixel(path[[0, -1], 1:3], window_m, _TOUCH_PX_PER_M)).astype(int)
     drawn = []

@@ -1,7 +1,7 @@
-"""What colours the camera sees: found on a printed chart, and taken out of an image.
+"""Colour calibration: a map fitted on a printed chart, and its correction of images.
 
-In linear light a camera's colours are close to a linear map of the true ones: a matrix for its filters and white
-balance, a gain for exposure, an offset for stray light.
+In linear light a camera's colours are close to an affine map of the true ones: a matrix for filters, white balance and
+exposure, an offset for stray light.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLUMNS, ROWS = 6, 5
 _LEVELS = (0.15, 0.5, 0.85)
 _INNER = 0.5  # share of a patch's sides that is looked at, about its middle
 _CLIPPED = (1.5 / 255, 253.5 / 255)
-_FEWEST = 12
+_MIN_PATCHES = 12
 
 
 def _patches() -> FloatArray:
@@ -77,7 +77,7 @@ def patch_means(image: Image) -> FloatArray:
 
 
 def find_colours(image: Image, true_srgb: FloatArray = PATCHES_SRGB) -> ColourMap:
-    """The map from what the camera saw of the chart to its colours, by least squares on the patches.
+    """The map from the chart's photographed colours to its true ones, by least squares on the patches.
 
     `image` is sRGB [H, W, 3], rectified so that the chart fills it. `true_srgb` [30, 3]: as measured on the print,
     where somebody has. Patches at either end of the sensor's range are left out.
@@ -87,14 +87,14 @@ def find_colours(image: Image, true_srgb: FloatArray = PATCHES_SRGB) -> ColourMa
     seen = patch_means(image)
     seen_srgb = linear_to_srgb(seen)
     usable = np.all((seen_srgb > _CLIPPED[0]) & (seen_srgb < _CLIPPED[1]), axis=1)
-    if usable.sum() < _FEWEST:
+    if usable.sum() < _MIN_PATCHES:
         raise CalibrationError(
-            f"{usable.sum()} of the chart's {len(seen)} patches are neither black nor burnt out and {_FEWEST} are "
+            f"{usable.sum()} of the chart's {len(seen)} patches are neither black nor burnt out and {_MIN_PATCHES} are "
             "needed; change the exposure or the light."
         )
     true = srgb_to_linear(np.asarray(true_srgb, dtype=np.float64))
     design = np.column_stack((seen, np.ones(len(seen))))[usable]
-    # An error of a dark patch is seen more than one of a bright patch: weigh by the slope of sRGB.
+    # Errors of dark patches are more visible than those of bright ones: weights follow the slope of sRGB.
     weight = 1 / (0.05 + true[usable].mean(axis=1, keepdims=True))
     solution, *_ = np.linalg.lstsq(design * weight, true[usable] * weight, rcond=None)  # [4, 3]
     found = ColourMap(solution[:3].T, solution[3], 0.0)
@@ -106,7 +106,7 @@ def find_colours(image: Image, true_srgb: FloatArray = PATCHES_SRGB) -> ColourMa
 
 
 def true_colours(image: Image, colours: ColourMap) -> Image:
-    """An image sRGB [..., 3] with the camera's colours taken out; what lies beyond sRGB is cut."""
+    """An image sRGB [..., 3] with corrected colours, clipped to sRGB."""
     linear = srgb_to_linear(to_float(image).astype(np.float64))
     corrected = linear @ colours.matrix.T + colours.offset
     return to_uint8(linear_to_srgb(np.clip(corrected, 0.0, 1.0)))

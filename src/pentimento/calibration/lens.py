@@ -1,4 +1,4 @@
-"""The camera's lens: found on photographs of a ChArUco board, and taken out of a photograph.
+"""Lens calibration from photographs of a ChArUco board, and undistortion of photographs.
 
 Model of the lens after OpenCV: pinhole, three radial and two tangential terms. (Zhang, "A flexible new technique
 for camera calibration", 2000; ChArUco: OpenCV's documentation of `cv2.aruco`.)
@@ -26,12 +26,12 @@ SQUARES: Final = (9, 6)
 SQUARE_M: Final = 0.03
 _MARKER_SHARE = 0.7
 _DICTIONARY = "DICT_5X5_100"  # not that of the markers round the canvas
-_FEWEST_CORNERS, _FEWEST_PHOTOS = 12, 6
+_MIN_CORNERS, _MIN_PHOTOS = 12, 6
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """What the lens does to the frame."""
+    """Pinhole matrix and distortion of a camera."""
 
     matrix: FloatArray
     """[3, 3] pinhole: (column, row, 1) of a direction (x, y, 1)."""
@@ -49,7 +49,7 @@ def board_image(pixels_per_square: int) -> Image:
 
 
 def find_lens(photos: Sequence[Photo]) -> Lens:
-    """The lens that explains photographs of the board, held at different tilts all over the frame.
+    """The lens, fitted to photographs of the board at different tilts all over the frame.
 
     Raises CalibrationError if fewer than six photographs show twelve corners or more, or their sizes differ.
     """
@@ -64,14 +64,14 @@ def find_lens(photos: Sequence[Photo]) -> Lens:
     in_frame: list[NDArray[np.float32]] = []
     for photo in photos:
         corners, ids, _, _ = detector.detectBoard(cv2.cvtColor(photo.frame, cv2.COLOR_RGB2GRAY))
-        if ids is None or len(ids) < _FEWEST_CORNERS:
+        if ids is None or len(ids) < _MIN_CORNERS:
             continue
         on_board.append(np.asarray(board.getChessboardCorners(), dtype=np.float32)[np.asarray(ids).ravel()])
         in_frame.append(np.asarray(corners, dtype=np.float32).reshape(-1, 2))
-    if len(in_frame) < _FEWEST_PHOTOS:
+    if len(in_frame) < _MIN_PHOTOS:
         raise CalibrationError(
-            f"{len(in_frame)} of {len(photos)} photographs show {_FEWEST_CORNERS} corners of the board or more and "
-            f"{_FEWEST_PHOTOS} are needed; hold the board still, well lit, at different tilts, all over the frame."
+            f"{len(in_frame)} of {len(photos)} photographs show {_MIN_CORNERS} corners of the board or more and "
+            f"{_MIN_PHOTOS} are needed; hold the board still, well lit, at different tilts, all over the frame."
         )
     ((height, width),) = sizes
     residual, matrix, distortion, _, _ = cv2.calibrateCamera(on_board, in_frame, (width, height), None, None)
@@ -86,14 +86,14 @@ def find_lens(photos: Sequence[Photo]) -> Lens:
 
 
 def through_lens(lens: Lens, points_px: FloatArray) -> FloatArray:
-    """Where a camera of the same matrix without distortion would see points [N, 2] (column, row) of the frame."""
+    """Undistorted pixel coordinates of points [N, 2] (column, row) of the frame."""
     shaped = np.asarray(points_px, dtype=np.float64).reshape(-1, 1, 2)
     straight = cv2.undistortPoints(shaped, lens.matrix, lens.distortion, P=lens.matrix)
     return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
 
 def straightened(photo: Photo, lens: Lens) -> Photo:
-    """The photograph as a camera of the same matrix without distortion would have taken it."""
+    """The undistorted photograph, with the same camera matrix."""
     height, width = photo.frame.shape[:2]
     if (width, height) != lens.frame_size_px:
         raise CalibrationError(

@@ -1,7 +1,7 @@
-"""From a raw photo to the canvas: finding the camera, and rectifying what it saw.
+"""Registration of the camera to the canvas by markers, and rectification of photographs.
 
-The camera is taken to be a pinhole over a flat table, so one homography relates canvas and frame. What a
-real lens adds to that is small, shows in the reprojection error, and is a cause for the diagnosis.
+The camera model is a pinhole over a flat table: one homography relates canvas and frame. Lens distortion is small. It
+shows in the reprojection error, and is a cause of the diagnosis's vocabulary.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from pentimento.contracts.observations import Photo
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-_FEWEST_MARKERS = 4
+_MIN_MARKERS = 4
 _MODULES = 6  # of a marker's side: 4 of code between two of border
-_BESIDE_PX, _BESIDE = 0.5, 4.0  # a corner lies elsewhere beyond half a pixel and four times the usual: lenses bend
-_LOOKS = 3
+_OUTLIER_PX, _OUTLIER = 0.5, 4.0  # a corner is an outlier beyond half a pixel and four times the median miss
+_ROUNDS = 3  # of refinement and outlier rejection
 
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """Where the canvas is in the camera's frame."""
+    """Pose of the canvas in the camera's frame."""
 
     camera_from_canvas: FloatArray
     """Homography [3, 3]: (x_m, y_m, 1) in the canvas frame -> (column, row, 1) of the frame, up to scale."""
@@ -48,9 +48,8 @@ class CameraCalibration:
 def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     """Register the camera to the canvas by the ArUco markers round it.
 
-    The homography is the least-squares fit to all corners found. A corner that was found pixels beside its marker
-    is not mended by refining it, which looks only near by: all corners are looked for again from where the fit
-    expects them, and those that still lie elsewhere are left out of it.
+    The homography is the least-squares fit to all detected corners. Sub-pixel refinement is local and cannot correct a
+    corner that is off by pixels: all corners are refined again from their predicted places, and outliers are left out.
 
     Raises CalibrationError if fewer than four of the layout's markers are seen, or one is seen twice.
     """
@@ -59,10 +58,10 @@ def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     twice = sorted({marker for marker in ids if ids.count(marker) > 1})
     if twice:
         raise CalibrationError(f"The camera sees more than one of marker {twice}; take other prints out of its view.")
-    if len(ids) < _FEWEST_MARKERS:
+    if len(ids) < _MIN_MARKERS:
         missing = sorted(set(layout.ids) - set(ids))
         raise CalibrationError(
-            f"The camera sees {len(ids)} of {len(layout.ids)} markers and needs {_FEWEST_MARKERS}; "
+            f"The camera sees {len(ids)} of {len(layout.ids)} markers and needs {_MIN_MARKERS}; "
             f"uncover or light markers {missing}."
         )
     corners_m = layout.corners_m()
@@ -70,12 +69,12 @@ def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
     seen_px = np.concatenate([corners for marker, corners in found if marker in layout.ids])  # [4 K, 2]
     used = np.ones(len(seen_px), dtype=bool)
     inside_px = np.array(light.shape[::-1]) - 1
-    for _ in range(_LOOKS):
+    for _ in range(_ROUNDS):
         expected_px = _project(_homography(canvas_m[used], seen_px[used]), canvas_m)  # [4 K, 2]
         starts_px = np.clip(expected_px, 0, inside_px).reshape(-1, 4, 2)
         seen_px = np.concatenate([_refined(light, corners) for corners in starts_px])
         miss_px = np.linalg.norm(seen_px - expected_px, axis=1)
-        used = miss_px <= max(_BESIDE_PX, _BESIDE * float(np.median(miss_px)))
+        used = miss_px <= max(_OUTLIER_PX, _OUTLIER * float(np.median(miss_px)))
     homography = _homography(canvas_m[used], seen_px[used])
     miss_px = np.linalg.norm(_project(homography, canvas_m[used]) - seen_px[used], axis=1)
     height, width = photo.frame.shape[:2]
@@ -85,10 +84,10 @@ def calibrate_camera(photo: Photo, layout: MarkerLayout) -> CameraCalibration:
 def rectify(
     photo: Photo, calibration: CameraCalibration, window_m: Sequence[float] | FloatArray, pixels_per_m: float
 ) -> Image:
-    """The part of the canvas in `window_m` as the camera saw it: uint8 sRGB [H, W, 3], row 0 at the top.
+    """The part of the canvas in `window_m` of a photograph: uint8 sRGB [H, W, 3], row 0 at the top.
 
-    Each pixel is the mean, in linear light, of what the camera saw of its square: the frame is sampled on
-    a grid at least as fine as its own pixels and then averaged over areas.
+    Each pixel is the mean in linear light over its square: the frame is sampled on a grid at least as fine as its own
+    pixels, then averaged over areas.
 
     Raises CalibrationError if the calibration is of other frames or the window lies partly outside the
     frame.
@@ -135,8 +134,9 @@ def window_in_camera(calibration: CameraCalibration, window_m: Sequence[float] |
 
 
 def _homography(canvas_m: FloatArray, seen_px: FloatArray) -> FloatArray:
-    """Homography [3, 3] from canvas points [N, 2] to pixels [N, 2], by least squares: a method that takes sides
-    would take those corners of a bent picture that agree by chance.
+    """Homography [3, 3] from canvas points [N, 2] to pixels [N, 2], by least squares.
+
+    RANSAC would choose those corners of a distorted photograph that agree by chance.
     """
     found, _ = cv2.findHomography(canvas_m, seen_px, 0)
     if found is None:

@@ -1,4 +1,4 @@
-"""A camera over the canvas, by OpenCV, with what its calibrations found taken out of its pictures."""
+"""A camera over the canvas, by OpenCV, with its photographs corrected by the calibrations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pentimento.contracts.observations import Photo
 from pentimento.robots.calibration import Calibration, Kind
 
 _BUFFERED = 4
-"""Frames that a driver may hold back from before the question: they are thrown away."""
+"""Old frames that a driver may have buffered: they are discarded."""
 
 
 class Webcam:
@@ -31,7 +31,7 @@ class Webcam:
             raise CalibrationError(f"There is no camera {number}; see its cable and its number in the rig file.")
 
     def __call__(self) -> Photo:
-        """A frame of now. Raises CalibrationError if the camera gives none."""
+        """The present frame. Raises CalibrationError if the camera gives none."""
         for _ in range(_BUFFERED):
             self._capture.grab()
         given, frame = self._capture.read()
@@ -42,12 +42,12 @@ class Webcam:
         return Photo(seen, unknown, unknown, np.full(3, unknown), time.monotonic() - self._started_s)
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         self._capture.release()
 
 
 def corrected(camera: Callable[[], Photo], found: Mapping[Kind, Calibration]) -> Callable[[], Photo]:
-    """The camera, its pictures straightened by a lens calibration and in true colours by a colour calibration."""
+    """The camera with its photographs undistorted and colour-corrected by the calibrations."""
     lens = lens_of(found["lens"]) if "lens" in found else None
     colours = colours_of(found["colour"]) if "colour" in found else None
 

@@ -43,7 +43,7 @@ def record_stroke(
     Raises ContractError if the images differ in shape or do not fit the window.
     """
     if before.shape != after.shape:
-        raise ContractError(f"The image before is {before.shape} and after {after.shape}; rectify both alike.")
+        raise ContractError(f"The image before is {before.shape} and after {after.shape}; rectify both to one window.")
     pixels_per_m(before.shape, window_m)
     event = executed.event
     measured = executed.measured_path

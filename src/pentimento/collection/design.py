@@ -1,9 +1,9 @@
-"""What to draw to learn a tool: a design in which no cause of an error can hide behind another.
+"""Design of the strokes from which a tool is learned, such that the causes of the residual are not aliased.
 
-Place, heading, length, bend, press, speed, yaw, paint, dips, pauses and order are drawn jointly at random: in raster
-order with a dip for each row, causes imitate each other almost perfectly (docs/diagnosis.md §11). Some actions are
-repeated on other sheets, at the same place, on blank paper and freshly dipped, so that their repeats differ by noise
-and by slow drifts alone (rule 6). A share of the others is laid over paint of their sheet.
+Place, heading, length, bend, press, speed, yaw, paint, dips, pauses and order are drawn jointly at random. In raster
+order with a dip for each row, causes would be almost perfectly aliased (docs/diagnosis.md). Some actions are repeated
+on other sheets, at the same place, on blank paper and freshly dipped, so that repeats differ by noise and slow drifts
+only. A share of the others is laid over paint of their sheet.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ FloatArray = NDArray[np.float64]
 _TRIES = 300
 _STROKES_A_SHEET = 27
 _RECENT = 6
-"""Strokes back to which one aims that is to cross another: paint of all ages up to minutes."""
+"""Number of last strokes among which the one to cross is chosen, so that the paint's age is up to minutes."""
 _BESIDE_M = 0.002
 _DIP_EARLY = 0.12
-"""Of the single strokes: dipped for although the load would do, so that loads of all lengths occur."""
+"""Share of the single strokes with a dip before the load is used up, so that loads of all lengths occur."""
 _DIPPED, _ORDERED = 1, 2  # kinds of random choice, beside those of a stroke's own
 
 
 @dataclass(frozen=True)
 class CollectionConfig:
-    """What the robot draws to learn a tool."""
+    """Size and ranges of a stroke collection."""
 
     strokes: int
     """Rows, repeats included."""
     repeated: int
-    """So many actions are made ``times`` times; the noise floor is read off them."""
+    """Number of actions that are executed ``times`` times; the noise floor is estimated from them."""
     times: int
     crossing: float
     """Share of the other strokes that are laid over paint."""
@@ -54,7 +54,7 @@ class CollectionConfig:
     pixels_per_m: float
     """Resolution of the photographs."""
     settle_s: tuple[float, float]
-    """Shortest and longest pause between a stroke and its photograph; in between, each decade is as likely."""
+    """Min and max pause between a stroke and its photograph; log-uniform in between."""
     palette_srgb: tuple[tuple[float, float, float], ...]
     """Paints for a tool that dips; one is drawn for each dip."""
     yaw_spread_rad: float
@@ -78,7 +78,7 @@ class CollectionConfig:
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """One stroke to be made."""
+    """One stroke to execute."""
 
     action_id: int
     """Commands of one value repeat the same path and paint."""
@@ -108,52 +108,52 @@ def design_collection(
         here = [stroke for stroke, of in zip(again, sheets_of, strict=True) if sheet in of]
         slots: list[PlannedStroke | int] = [*here, *map(int, share)]
         order = np.random.default_rng([config.seed, sheet, _ORDERED]).permutation(len(slots))
-        made: list[FloatArray] = []
+        drawn: list[FloatArray] = []
         to_come = [stroke.path for stroke in here]
         for slot in (slots[i] for i in order):
             if isinstance(slot, int):
                 action, rng = slot, np.random.default_rng([config.seed, slot])
                 color, dip = load.for_single(rng)
-                target = made[-1 - int(rng.integers(min(_RECENT, len(made))))] if made else None
+                target = drawn[-1 - int(rng.integers(min(_RECENT, len(drawn))))] if drawn else None
                 if target is not None and rng.random() < config.crossing:
                     path = _clear_path(rng, canvas_size_m, tool, config, to_come, target)
                 else:
-                    path = _clear_path(rng, canvas_size_m, tool, config, to_come + made, None)
+                    path = _clear_path(rng, canvas_size_m, tool, config, to_come + drawn, None)
                 stroke = PlannedStroke(path, color, dip)
             else:
                 stroke, action = slot, singles + [s is slot for s in again].index(True)
                 rng = np.random.default_rng([config.seed, action, sheet])
                 to_come = [path for path in to_come if path is not slot.path]
                 load.refilled(slot.color_srgb)
-            made.append(stroke.path)
+            drawn.append(stroke.path)
             low, high = np.log(config.settle_s)
             commands.append(Command(action, sheet, stroke, float(np.exp(rng.uniform(low, high)))))
     return commands
 
 
 class _Load:
-    """What is on the tool: its paint, and how many strokes it has made since it was dipped."""
+    """The tool's paint, and the number of strokes since it was dipped."""
 
     def __init__(self, tool: Tool, palette_srgb: FloatArray, seed: int) -> None:
         self._tool, self._palette, self._seed = tool, palette_srgb, seed
-        self._made, self._dips = tool.strokes_per_dip, 0
+        self._strokes, self._dips = tool.strokes_per_dip, 0
         self._color: FloatArray = palette_srgb[0]
 
     def for_single(self, rng: np.random.Generator) -> tuple[FloatArray, bool]:
         """The colour of the next single stroke, and whether the tool is dipped for it."""
         if not self._tool.dips:
             return self._color, False
-        dip = bool(rng.random() < _DIP_EARLY) or self._made >= self._tool.strokes_per_dip
+        dip = bool(rng.random() < _DIP_EARLY) or self._strokes >= self._tool.strokes_per_dip
         if dip:
             chosen = np.random.default_rng([self._seed, self._dips, _DIPPED]).integers(len(self._palette))
             self.refilled(self._palette[chosen])
         else:
-            self._made += 1
+            self._strokes += 1
         return self._color, dip
 
     def refilled(self, color_srgb: FloatArray) -> None:
         """After a dip and the stroke for which it was."""
-        self._made, self._color = 1, color_srgb
+        self._strokes, self._color = 1, color_srgb
         self._dips += 1
 
 
@@ -164,7 +164,7 @@ def _repeated_actions(
     palette_srgb: FloatArray,
     config: CollectionConfig,
 ) -> list[PlannedStroke]:
-    """Strokes that keep clear of each other, so that each finds blank paper wherever it comes in a sheet's order."""
+    """Strokes that do not cross each other, so that each is on blank paper wherever it comes in a sheet's order."""
     strokes: list[PlannedStroke] = []
     for action in actions:
         rng = np.random.default_rng([config.seed, action])
@@ -182,13 +182,13 @@ def _clear_path(
     taken: Sequence[FloatArray],
     about: FloatArray | None,
 ) -> FloatArray:
-    """A random path inside the canvas that meets the boxes of the fewest of ``taken``: of none, if one is found soon.
+    """A random path inside the canvas that meets as few boxes of ``taken`` as possible.
 
     Its middle lies on the path ``about``, or anywhere.
     """
     low, high = np.full(2, config.edge_m), np.array(canvas_size_m) - config.edge_m
     boxes = np.array([window_around(path, tool.nominal_width_m / 2) for path in taken]).reshape(-1, 4)
-    best, fewest = None, np.inf
+    best, min_met = None, np.inf
     for _ in range(_TRIES if np.all(low < high) else 0):
         if about is None:
             middle = rng.uniform(low, high)
@@ -199,9 +199,9 @@ def _clear_path(
             continue
         box = window_around(path, tool.nominal_width_m / 2)
         met = int(np.all((box[:2] < boxes[:, 2:]) & (boxes[:, :2] < box[2:]), axis=1).sum())
-        if met < fewest:
-            best, fewest = path, met
-        if fewest == 0:
+        if met < min_met:
+            best, min_met = path, met
+        if min_met == 0:
             break
     if best is None:
         raise ContractError(

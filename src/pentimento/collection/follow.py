@@ -1,4 +1,4 @@
-"""Proposed strokes, made and photographed: the rows that a table of strokes goes on with."""
+"""Execution of proposed strokes: rows that continue a table of strokes."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from pentimento.robots.tools import Tool
 FloatArray = NDArray[np.float64]
 
 _SETTLE_S = 1.0
-"""At least so long after a stroke its photograph is taken, as in a collection."""
+"""Min time between a stroke and its photograph, as in a collection."""
 
 
 def tool_of(table: pa.Table) -> str:
-    """Name of the tool that made a table's strokes.
+    """Name of the tool of a table's strokes.
 
     Raises:
-        ContractError: there are several, or the strokes' place on the canvas is unknown, so that no robot can go on.
+        ContractError: there are several, or the strokes' places on the canvas are unknown.
     """
     names = sorted(set(table["tool"].to_pylist()))
     if not names:
@@ -51,11 +51,12 @@ def tool_of(table: pa.Table) -> str:
 def follow(
     robot: Robot, tool: Tool, actions: pa.Table, recorded: pa.Table, session: str, tool_age_m: float
 ) -> pa.Table:
-    """Make proposed actions (the columns of ``next_actions.parquet``) in their order on a new sheet: a session of rows
-    with the columns of ``recorded``.
+    """Execute proposed actions (the columns of ``next_actions.parquet``) in their order on a new sheet.
 
-    What is waited before an action is waited before the photograph of the stroke before it. Where the recording has no
-    times, strokes are made at the tool's usual speed. What is recorded there and the robot does not measure is null.
+    Returns a session of rows with the columns of ``recorded``.
+
+    The wait before an action comes before the photograph of the previous stroke. Where the recording has no times,
+    strokes have the tool's default speed. Recorded columns that the robot does not measure are null.
 
     Args:
         robot: behind its guard.
@@ -124,6 +125,6 @@ def _palette(tool: Tool, actions: pa.Table) -> FloatArray:
 
 
 def _pixels_per_m(recorded: pa.Table) -> float:
-    """Of the recording's photographs, so that the new ones are as fine."""
+    """Resolution of the recording's photographs, for the new ones."""
     row = recorded.slice(0, 1).to_pylist()[0]
     return pixels_per_m(decode_png(row["before"]["bytes"]).shape, row["window_m"])

@@ -1,9 +1,9 @@
-"""What to press to learn a material: a design in which no cause of an error can hide behind another.
+"""Design and collection of the pushes from which a material is learned (thesis 7.3.4), and figures of the recording.
 
-Place, direction, length, depth, speed, dwell and retract speed are drawn jointly at random. The material is
-smoothed after every few pushes, so that pushes meet fresh and worked material alike; a share of them is aimed at
-what was pressed before. Some actions are repeated, each time as the first push into freshly smoothed material, so
-that their repeats differ by noise and by slow drifts alone (docs/diagnosis.md §7, §11).
+Place, direction, length, depth, speed, dwell and retract speed are drawn jointly at random, so that the causes of the
+residual are not aliased (docs/diagnosis.md). The material is smoothed after every few pushes, so that pushes meet fresh
+and worked material; a share of them is aimed at earlier pushes. Some actions are repeated, each time as the first push
+into freshly smoothed material, so that repeats differ by noise and slow drifts only.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ _ORDERED = 1  # a kind of random choice, beside those of an action's own
 
 @dataclass(frozen=True)
 class PushCollectionConfig:
-    """What the robot presses to learn a material."""
+    """Size and ranges of a push collection."""
 
     pushes: int
     """Rows, repeats included."""
     repeated: int
-    """So many actions are made ``times`` times; the noise floor is read off them."""
+    """Number of actions that are executed ``times`` times; the noise floor is estimated from them."""
     times: int
     per_smoothing: tuple[int, int]
-    """Least and greatest number of pushes between two smoothings."""
+    """Min and max number of pushes between two smoothings."""
     returning: float
-    """Share of the other pushes that are aimed at what was pressed since the smoothing."""
+    """Share of the other pushes that are aimed at a push since the smoothing."""
     edge_m: float
     """Pushes, and a gripper's fingers, keep this far from the slab's edge."""
     scan_pixels: int
@@ -59,14 +59,12 @@ class PushCollectionConfig:
         if self.returning > 1:
             raise ValueError(f"returning is {self.returning}; it is a share of the pushes, at most 1.")
         if not 1 <= self.per_smoothing[0] <= self.per_smoothing[1]:
-            raise ValueError(
-                f"per_smoothing is {list(self.per_smoothing)}; give the least number, from 1, and the most."
-            )
+            raise ValueError(f"per_smoothing is {list(self.per_smoothing)}; give the min number, from 1, and the max.")
 
 
 @dataclass(frozen=True, eq=False)
 class PushCommand:
-    """One push to be made."""
+    """One push to execute."""
 
     action_id: int
     """Commands of one value repeat the same action, speeds and dwell."""
@@ -263,9 +261,9 @@ def _change_of_volume(first_m: Array, last_m: Array, known: Array) -> float:
 
 
 def repeat_floor_mm2(before_m: Array, after_m: Array, known: Array, action_id: Array) -> float | None:
-    """How far the changes [N, H, W] of repeated actions scatter about their mean: unbiased variance over the scan.
+    """Unbiased variance of the changes [N, H, W] of repeated actions, mean over the scan [mm²].
 
-    It holds the noise of both scans. None where no action is repeated.
+    It contains the noise of both scans. None where no action is repeated.
     """
     change_mm = 1000.0 * (after_m - before_m).astype(np.float64)
     scatters = []

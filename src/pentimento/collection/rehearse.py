@@ -1,7 +1,7 @@
-"""A collection before any of its strokes is made: its commands, drawn on its sheets as wide as the tool is said to be.
+"""A rehearsal: the commands of a collection drawn with the tool's nominal width, before execution.
 
-What strokes can tell apart is a property of their design (docs/diagnosis.md §11), and it is cheaper to change a design
-than to collect again. A rehearsal has every column that the recording will have and that follows from commands alone.
+Which causes are identifiable is a property of the design (docs/diagnosis.md), and it is cheaper to change a design than
+to collect again. A rehearsal has every column of the recording that follows from the commands.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 _PIXELS_PER_M = 1000.0
 _PAPER = 237
 _BETWEEN_S, _DIP_S, _SHEET_S = 4.0, 8.0, 20.0
-"""About what a robot needs to reach a stroke and to photograph it, to wipe and dip, to change the sheet."""
+"""Typical times of a robot to reach and photograph a stroke, to wipe and dip, and to change the sheet."""
 _SUBPIXEL = 4  # binary places of cv2's coordinates
 _LIGHTEST, _DEEPEST = 0.6, 1.4
 """Of the nominal width, at the ends of the tool's range of press."""
@@ -38,7 +38,7 @@ _LIGHTEST, _DEEPEST = 0.6, 1.4
 def rehearse(
     commands: Sequence[Command], tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig
 ) -> pa.Table:
-    """Rows of the ``strokes`` contract that the commands would leave if the tool did as it is told.
+    """Rows of the ``strokes`` contract for the commands, executed without error.
 
     Photographs show the commanded paths at the tool's nominal width, in full paint on blank sheets; times are about
     those of a robot.

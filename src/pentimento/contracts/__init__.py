@@ -1,4 +1,4 @@
-"""Contracts: tables, frames, units, colour and covariates - what a number or a column means.
+"""Contracts: the meaning of numbers and columns (tables, frames, units, colour, covariates).
 
 Everything else imports this package; it imports nothing else of the project.
 """

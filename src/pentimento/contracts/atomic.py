@@ -1,8 +1,7 @@
-"""Writing that either happens completely or leaves what was there: files and folders.
+"""Atomic writing of files and folders: a write either completes or leaves the old content.
 
-The new content is made beside the old under a hidden name on the same file system, flushed to the
-disk, and renamed over the old. Whatever goes wrong before the rename (an exception, a full disk, a
-killed process) leaves the old content in its place.
+The new content is written beside the old under a hidden name on the same file system, flushed to the disk, and renamed
+over the old. A failure before the rename (an exception, a full disk, a killed process) leaves the old content.
 """
 
 import os
@@ -29,7 +28,7 @@ def _sync(path: Path) -> None:
 def atomic_write(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old content or the new, never a part.
 
-    The parent folder is made if it is missing. Raises OSError; then the old file is untouched.
+    A missing parent folder is created. Raises OSError; then the old file is untouched.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -47,9 +46,9 @@ def atomic_write(path: Path, data: bytes) -> None:
 def atomic_folder(path: Path) -> Iterator[Path]:
     """A temporary sibling folder that becomes `path` (in place of an old one) when the block ends well.
 
-    When the block, the flush or the rename raises, the temporary folder is removed and the old folder
-    stays. A folder cannot be exchanged in one step: between two renames the old one bears the name
-    `.<name>.old`; if the machine dies just there, the next call puts it back first.
+    When the block, the flush or the rename raises, the temporary folder is removed and the old folder stays. A folder
+    cannot be exchanged in one step: between two renames the old one has the name `.<name>.old`. If the machine stops
+    there, the next call first restores it.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -74,7 +73,7 @@ def atomic_folder(path: Path) -> Iterator[Path]:
 
 
 def _exchange(new: Path, path: Path, old: Path) -> None:
-    """Rename `new` to `path`; what stood there becomes `old`, and comes back if the rename fails."""
+    """Rename `new` to `path`; the content there becomes `old`, and is restored if the rename fails."""
     if old.exists():
         shutil.rmtree(old)
     if not path.exists():

@@ -1,4 +1,4 @@
-"""The `copaintings` table: pairs of a partial and a full painting, for learning to go on painting."""
+"""The `copaintings` table: pairs of a partial and a full painting, for training the goal planner."""
 
 from typing import Any, Final
 

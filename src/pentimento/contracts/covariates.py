@@ -1,11 +1,10 @@
-"""Covariates with memory: what a stroke inherits from the strokes before it.
+"""Covariates with memory: the state that a stroke inherits from the strokes before it.
 
-`advance` is pure. Collection, painter, synthesis and runner all keep a `Memory` and ask it, before each
-stroke, for `covariates`: exactly the columns of the `strokes` contract. One memory is one session:
-one tool, one canvas.
+`advance` is pure. Collection, planning, synthesis and execution keep a `Memory` and compute from it, before each
+stroke, the `covariates`: columns of the `strokes` contract. One memory is one session: one tool, one canvas.
 
-The paint on the canvas is kept on a coarse grid (2 mm): how much of a cell is covered, and when it was
-last painted. That is enough for a median over the footprint of a stroke, and cheap to copy.
+The paint on the canvas is kept on a 2 mm grid: covered share, time and colour of the last paint in a cell. That is
+enough for a median over a stroke's footprint, and cheap to copy.
 """
 
 import math
@@ -28,14 +27,14 @@ CELL_M: Final = 0.002
 DEFAULT_MARK_WIDTH_M: Final = 0.004
 """Width of a mark where the tool's nominal width is not known."""
 PICKUP_COLUMNS: Final = ("carried_share", "carried_red", "carried_green", "carried_blue")
-"""What a tool has taken up since it was loaded, and the colour of that in linear light: its own where nothing was."""
+"""Paint picked up since the tool was loaded: amount, and colour in linear light (that of the load where none was)."""
 _SETTING_S: Final = 60.0
-"""Age at which paint is taken up half as readily as fresh paint."""
+"""Age at which half as much paint is picked up as of fresh paint."""
 
 
 @dataclass(frozen=True, eq=False)
 class StrokeEvent:
-    """A stroke as the memory sees it."""
+    """The properties of a stroke that change the memory."""
 
     path: FloatArray
     """[N, 5] in the canvas frame: t_s (NaN = unknown), x_m, y_m, z_m, yaw_rad; it draws where z <= 0."""
@@ -68,7 +67,7 @@ class Memory:
     color: FloatArray
     """[rows, columns, 3], linear light: of the paint that was last laid there; 0 where blank."""
     carried: FloatArray
-    """[4]: what the tool has taken up since it was loaded (`pickup_step`)."""
+    """[4]: state of the paint picked up since the tool was loaded (`pickup_step`)."""
 
 
 def fresh_memory(
@@ -98,13 +97,13 @@ def new_sheet(memory: Memory) -> Memory:
 
 
 def without_canvas(memory: Memory) -> Memory:
-    """The same tool and no look at the canvas: wet ages are NaN, and all else is told much faster."""
+    """The same memory without the canvas: wet ages are NaN, and all other covariates are computed much faster."""
     nothing = np.zeros((0, 0))
     return replace(memory, painted_at_s=nothing, ink=nothing, color=np.zeros((0, 0, 3)))
 
 
 def covariates(memory: Memory, stroke: StrokeEvent) -> dict[str, int | float | list[float]]:
-    """The strokes contract's columns with memory, for a stroke that is about to be made."""
+    """The columns with memory of the strokes contract, for the next stroke."""
     return _covariates(memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
 
 
@@ -151,10 +150,10 @@ def _after(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> Memory:
 
 
 def paint_pickup(memory: Memory, stroke: StrokeEvent) -> dict[str, float]:
-    """Columns `PICKUP_COLUMNS` for a stroke that is about to be made: which paint the tool carries in its middle."""
+    """The `PICKUP_COLUMNS` of the next stroke: paint picked up at the stroke's middle."""
     loaded = _dipped(memory) if stroke.dip else memory
-    told, _ = _pickup_step(loaded, memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
-    return dict(zip(PICKUP_COLUMNS, told.tolist(), strict=True))
+    picked_up, _ = _pickup_step(loaded, memory, stroke, _footprint(memory, stroke.path, stroke.t_start_s))
+    return dict(zip(PICKUP_COLUMNS, picked_up.tolist(), strict=True))
 
 
 def _pickup_step(
@@ -166,8 +165,8 @@ def _pickup_step(
     over = place * memory.ink
     crossed = (over[..., None] * memory.color).sum((0, 1)) / max(over.sum(), 1e-12)
     share = float(over.sum() / max(place.sum(), 1e-12))
-    own = srgb_to_linear(np.asarray(stroke.color_srgb, dtype=np.float64))
-    return pickup_step(loaded.carried, share, crossed, _wet_age_s(memory, footprint, stroke.t_start_s), own)
+    load = srgb_to_linear(np.asarray(stroke.color_srgb, dtype=np.float64))
+    return pickup_step(loaded.carried, share, crossed, _wet_age_s(memory, footprint, stroke.t_start_s), load)
 
 
 def _covariates(memory: Memory, stroke: StrokeEvent, footprint: Footprint) -> dict[str, int | float | list[float]]:
@@ -260,19 +259,19 @@ def _resampled(points: FloatArray, spacing_m: float) -> FloatArray:
 
 
 def pickup_step(
-    state: FloatArray, share: float, crossed: FloatArray, age_s: float, own: FloatArray
+    state: FloatArray, share: float, crossed: FloatArray, age_s: float, load: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What a tool carries in the middle of a stroke, [4] as `PICKUP_COLUMNS` says, and its state after it.
+    """The pickup columns [4] at the middle of a stroke, and the state after it.
 
     Args:
-        state: [4] taken up so far since the tool was loaded: how much, and that times its colour; zeros for none.
+        state: [4], amount picked up since the tool was loaded, and amount times colour; zeros for none.
         share: of the stroke's path that lies over paint.
         crossed: [3] linear light, of that paint.
         age_s: since it was painted; NaN = blank.
-        own: [3] linear light, of the paint that was loaded.
+        load: [3] linear light, of the paint that was loaded.
     """
     taken = share / (1.0 + max(age_s, 0.0) / _SETTING_S) if math.isfinite(age_s) else 0.0
     more = taken * np.concatenate([[1.0], crossed])
     middle = state + more / 2
-    mixed = middle[1:] / middle[0] if middle[0] > 0 else own
+    mixed = middle[1:] / middle[0] if middle[0] > 0 else load
     return np.concatenate([middle[:1], mixed]), state + more

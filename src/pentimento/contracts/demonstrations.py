@@ -1,4 +1,4 @@
-"""The `demonstrations` table: strokes that people drew, for the prior over trajectories."""
+"""The `demonstrations` table: strokes drawn by people, for the prior over trajectories."""
 
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ CONTRACT: Final = TableContract(
     description="One row for each stroke that a person drew; points in a standard frame and size.",
     columns=(
         needed("session", pa.string(), "one uninterrupted recording"),
-        needed("hand", pa.string(), "whose hand"),
+        needed("hand", pa.string(), "who drew it"),
         needed("index", pa.int32(), "order in the session"),
         needed(
             "points",

@@ -6,7 +6,7 @@ class PentimentoError(Exception):
 
 
 class ContractError(PentimentoError):
-    """Data does not mean what its contract says: a column, a shape, a window, a plan."""
+    """Data breaks its contract: a column, a shape, a window, a plan."""
 
 
 class UnitError(PentimentoError):

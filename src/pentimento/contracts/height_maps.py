@@ -104,5 +104,6 @@ def surface_at_m(height_m: npt.NDArray[np.float64], window_m: Window, x_m: float
         if heights.size:
             return float(np.median(heights))
     raise ContractError(
-        f"The scan has a hole of {2000 * _NEAR_M[-1]:g} mm at ({x_m:.6g}, {y_m:.6g}) m; push elsewhere, or scan again."
+        f"The scan has a hole of {2000 * _NEAR_M[-1]:g} mm at ({x_m:.6g}, {y_m:.6g}) m; push at another "
+        "place, or scan again."
     )

@@ -1,6 +1,6 @@
 """The ArUco markers printed on the table round the canvas.
 
-One side prints them and the other finds them; both read their places here.
+Printing and detection both read their places here.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the sensors give: a photograph of the canvas, a scan of the clay."""
+"""Sensor data: a photograph of the canvas, a scan of the clay."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,7 @@
-"""A plan: what a robot is going to paint, as JSON lines that a person can read.
+"""A plan: the strokes that a robot will paint, as readable JSON lines.
 
-The first line is the header; then follows one line a stroke. The header says how many, so that a
-file that was cut off is refused.
+The first line is the header, then one line a stroke. The header has the number of strokes, so that a truncated file is
+rejected.
 """
 
 import json
@@ -23,7 +23,7 @@ _UNITS: Final = "path: t_s, x_m, y_m, z_m, yaw_rad in the canvas frame; colours:
 
 @dataclass(frozen=True, eq=False)
 class PlannedStroke:
-    """One stroke to be made."""
+    """One stroke to execute."""
 
     path: npt.NDArray[np.float64]
     """[N, 5] commanded tip in the canvas frame: t_s from the stroke's start, x_m, y_m, z_m, yaw_rad."""
@@ -94,7 +94,7 @@ def read_plan(path: Path) -> Plan:
     except (OSError, UnicodeDecodeError) as error:
         raise ContractError(f"Plan {path} cannot be read: {error}.") from error
     if not lines:
-        raise ContractError(f"Plan {path} is empty; make it again.")
+        raise ContractError(f"Plan {path} is empty; write it again.")
     first = _parsed(lines[0], f"{path}, line 1")
     if first.get("kind") != "plan" or first.get("schema") != SCHEMA:
         raise ContractError(f"{path} is not a plan of schema {SCHEMA}; its first line must be a plan's header.")

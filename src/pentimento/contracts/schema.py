@@ -1,4 +1,4 @@
-"""What a table's columns mean: name, Arrow type, unit, frame, one sentence; and what makes a row bad.
+"""Table contracts: each column's name, Arrow type, unit, frame and description, and the checks of a row.
 
 Images are stored as Hugging Face's `Image` feature stores them (bytes and an optional path), paths as
 a list of float32[5], vectors as fixed-size lists.
@@ -50,7 +50,7 @@ class TableContract:
     description: str
 
     def column(self, name: str) -> Column | None:
-        """The column of that name, or None where the contract does not speak of it."""
+        """The column of that name, or None where the contract has none."""
         return next((column for column in self.columns if column.name == name), None)
 
 
@@ -104,7 +104,7 @@ def type_name(kind: pa.DataType) -> str:
 
 
 def row_faults(table: pa.Table, contract: TableContract) -> list[str | None]:
-    """For each row of a table of the contract's types: why it is bad, or None.
+    """For each row of a table of the contract's types: the reason why it is bad, or None.
 
     Bad are: null, NaN or infinity in a required column (except where NaN means unknown), an infinity or
     a partly unknown vector in an optional one, an empty path, a path whose times run backwards, text that

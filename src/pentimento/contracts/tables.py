@@ -1,8 +1,8 @@
-"""Reading and writing contract tables: Parquet shards with a README card.
+"""Reading and writing contract tables: Parquet shards with a README data card.
 
-A reader checks the schema, then each row. Rows that break the contract are quarantined: left out, and
-returned with the reason. One bad row is always borne; more than that and more than 1 % of the rows is
-an error, because then the recording is wrong and not the row. A writer bears none.
+A reader checks the schema, then each row. Rows that break the contract are quarantined: left out, and returned with the
+reason. One bad row is always accepted. More than one and more than 1 % of the rows is an error, because then the
+recording is wrong. A writer accepts none.
 """
 
 import hashlib

@@ -1,7 +1,7 @@
-"""Units are parsed at the edge ("12 mm"); inside there are only SI floats.
+"""Quantities with units ("12 mm") are parsed at the interface; inside there are only SI floats.
 
-`parse_quantity` is the one door: it takes text from a parameter or tool file and returns a float
-in the SI unit that the caller names, so that a slip of dimension is an error and not a factor 1000.
+`parse_quantity` takes text from a parameter or tool file and returns a float in the SI unit that the caller names, so
+that a wrong dimension is an error.
 """
 
 import math

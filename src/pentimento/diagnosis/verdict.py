@@ -266,7 +266,7 @@ def _not_observable(reasons: dict[str, str]) -> list[str]:
 
 
 def _of_a_given_model(diagnosis: DiagnosisResult, mse: float | None) -> list[str]:
-    """How it stands to the diagnosis's base, which differs from it in nothing but how free it is."""
+    """How it stands to the finder's base, which differs from it in nothing but how free it is."""
     if mse is None:
         return []
     base = float(diagnosis.base_losses.mean())

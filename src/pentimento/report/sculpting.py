@@ -37,7 +37,7 @@ class SculptureInputs:
     held_out: bytes
     """PNG: held-out pushes as measured and as foretold."""
     verdict: str
-    """The diagnosis of what an analytic model gets wrong about the material: one sentence."""
+    """The gap finder's, on what an analytic model gets wrong about the material: one sentence."""
 
 
 def read_sculpture(material: str, folder: Path, weights: Path, gap: Path) -> SculptureInputs:

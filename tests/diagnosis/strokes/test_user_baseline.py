@@ -1,4 +1,4 @@
-"""A given stroke model's error on sealed strokes, beside the diagnosis's own base."""
+"""A given stroke model's error on sealed strokes, beside the finder's own base."""
 
 from dataclasses import replace
 

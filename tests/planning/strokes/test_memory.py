@@ -142,7 +142,9 @@ def test_covariates_continue_from_the_start_state() -> None:
     robot.load_palette(RED[None].astype(np.float64))
     memory, session = START.memory, Session("s", robot.clock_s)
     for stroke in to_planned(strokes.pick(slice(0, 2)), BRUSH, POINTS):
-        memory, _ = execute_stroke(robot, BRUSH, stroke, RED[None].astype(np.float64), memory, session)
+        memory, _ = execute_stroke(
+            robot, BRUSH, stroke, palette_srgb=RED[None].astype(np.float64), memory=memory, session=session
+        )
     rest = Start(memory, robot.clock_s, made=2)
     at_once = planned_covariates(strokes, BRUSH, brush(), START, names=ALL)
     then = planned_covariates(strokes.pick(slice(2, None)), BRUSH, brush(), rest, ALL)

@@ -1,1 +1,1 @@
-"""The diagnosis: what a simulation gets wrong, and why."""
+"""The gap finder: what a simulation gets wrong, and why."""

@@ -50,7 +50,7 @@ def build_page(
         survey: what is drawn.
         proposal: the next strokes.
         verdict: as ``verdict.json``.
-        given: a stroke model to be shown beside the diagnosis's own base.
+        given: a stroke model to be shown beside the finder's own base.
     """
     album = Album()
     sections = [

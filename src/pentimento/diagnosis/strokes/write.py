@@ -50,7 +50,7 @@ def write_diagnosis(
         log: gets a line now and then.
         outside: another table, on which the share of the gap that is closed is measured, too.
         left_out: a sentence on rows that were left out before.
-        given: a stroke model whose error on sealed strokes is told beside that of the diagnosis's own base.
+        given: a stroke model whose error on sealed strokes is told beside that of the finder's own base.
 
     Raises:
         ContractError: too few rows, or more than 1 % of them cannot be used (it names them).

@@ -5,7 +5,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from pentimento.dynamics.strokes.mechanisms.orientation_width import FEWEST_POINTS, OrientationWidth, direction, swept
+from pentimento.dynamics.strokes.mechanisms.orientation_width import MIN_POINTS, OrientationWidth, direction, swept
 from pentimento.dynamics.strokes.simulation import StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
@@ -95,7 +95,7 @@ def test_a_broad_edge_that_is_drawn_broadside_leaves_square_ends() -> None:
     assert 0 < ahead < 0.8 * 0.003 < 1.6 * 0.003 < aside
 
 
-@pytest.mark.parametrize(("points", "oblong"), [(24, 0.002), (FEWEST_POINTS - 1, 0.6)])
+@pytest.mark.parametrize(("points", "oblong"), [(24, 0.002), (MIN_POINTS - 1, 0.6)])
 def test_a_patch_that_is_a_little_oblong_or_of_few_points_is_wider_and_reaches_less_far(
     points: int, oblong: float
 ) -> None:

@@ -1,4 +1,4 @@
-"""The vocabulary of causes: what a stroke model alone may get wrong, one module each."""
+"""The vocabulary of causes of a stroke model's residual, one module each."""
 
 from pentimento.dynamics.strokes.mechanisms.backlash import Backlash
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag

@@ -1,6 +1,6 @@
-"""An offset against the motion along each axis, that turns over as the axis does.
+"""An offset against the motion along each axis, which changes sign when the axis reverses.
 
-It turns as a rod does that springs before it slides (Dahl 1976): by the way that the axis has gone, not at once.
+It changes with the distance travelled since the reversal, as in the Dahl friction model (1976), not at once.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeCo
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
 _MIN_WAY_M = 5e-5
-"""By which an axis of hardly any play turns over."""
+"""Min distance of the reversal, for an axis of hardly any play."""
 _FROM_THE_START = 0.5
-"""Share of the offset."""
+"""Share of the offset at a stroke's start."""
 
 
 class Backlash(Mechanism):
-    """See above. Which way an axis came before a stroke is not recorded: half of its offset is there from the start."""
+    """See the module. The motion before a stroke is not recorded: half of the offset applies from the start."""
 
     cause = "backlash"
     site = "trajectory"

@@ -10,7 +10,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class BristleLag(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "bristle_lag"
     site = "trajectory"

@@ -1,4 +1,4 @@
-"""Press depth varies linearly over the canvas, and with it all that a press does to the mark."""
+"""Press depth varies linearly over the canvas, and with it the effects of press on the mark."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeCo
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
 _WIDTH_PER_PRESS = 0.5
-"""Half-width for each metre of press, of a tool that was always pressed alike, so that no model can know it."""
+"""Half-width for each metre of press, for a tool with constant press, whose model cannot know it."""
 
 
 class CanvasTilt(Mechanism):
-    """See above. Where strokes were all pressed alike, the mark is wider or narrower, and that is all."""
+    """See the module. Where all strokes have the same press, only the mark's width changes."""
 
     cause = "canvas_tilt"
     site = "width"

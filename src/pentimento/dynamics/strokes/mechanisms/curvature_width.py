@@ -10,7 +10,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class CurvatureWidth(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "curvature_width"
     site = "width"

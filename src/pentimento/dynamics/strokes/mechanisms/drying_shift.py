@@ -1,13 +1,12 @@
-"""Darkness and colour drift over the session, and as a stroke dries until it is seen.
+"""Darkness and colour drift over the session, and while a stroke dries until its photograph.
 
 With the session's time at u in [-1, 1], and two drynesses: a soon one, to which paint of the usual age is halfway, and
 a late one, to which the oldest is halfway, each less what paint of the usual age has of it,
 
     density' = density * exp(a u + b soon + c late),   colour' = colour * exp(d u + e soon + f late).
 
-How long paint takes to dry is not recorded; most strokes are seen at once and few late, and between their ages lies all
-that can be. Where it is not known when a stroke will be seen, as of one that is only planned, it is taken to be of the
-usual age.
+The drying time is not recorded. Most strokes are photographed at once and few late; the two drynesses span the ages in
+between. A stroke whose photograph's time is unknown, such as a planned one, has the usual age.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ _SHORTEST_S = 0.1
 
 
 class DryingShift(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "drying_shift"
     site = "density"
@@ -83,9 +82,7 @@ def _dryness(age_s: Tensor, half_s: float) -> Tensor:
 
 
 def _age_s(context: StrokeContext) -> Tensor:
-    """From the end of each stroke until it was seen, [B, S]; NaN where unknown: also of strokes that took nobody knows
-    how long, which are seen the later after their start the slower they are.
-    """
+    """From a stroke's end to its photograph, [B, S]; NaN where unknown, also for strokes of unknown duration."""
     known = context.covariates
     if "t_after_s" not in known or "t_start_s" not in known:
         return torch.full_like(context.path[..., 0, 0], torch.nan)

@@ -1,4 +1,4 @@
-"""What mechanisms read off a commanded path: length, direction, speed, curvature. Paths are [B, S, N, 5]."""
+"""Functions that mechanisms share: length, direction, speed and curvature of paths [B, S, N, 5], and softer edges."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pentimento.dynamics.strokes.simulation import NotObservable, StrokeContext,
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
 SESSION = ("order", "tool_age_m", "t_before_s", "t_start_s", "t_after_s")
-"""Columns that tell how far a session has gone."""
+"""Columns that increase over a session."""
 SHAPE = ("length_m", "press_m", "heading_cos", "heading_sin", "place_x_m", "place_y_m")
-"""What paths say of their shape; where they are told from their start, place and heading say how they bend."""
-_SHORTEST_M = 1e-9
-_SLOWEST_M_S = 1e-4
-_FARTHEST_IN = 0.45  # of the stroke's length
+"""Covariates of a path's shape. For paths in their own frame, place and heading describe the bend."""
+_MIN_LENGTH_M = 1e-9
+_MIN_SPEED_M_S = 1e-4
+_MAX_SHORTENING = 0.45  # of the stroke's length, at each end
 _ONE_POINT_M = 1e-3
 _ONE_PRESS_M = 1e-4
 _ONE_DIRECTION = 1e-4  # 1 - the length of the mean direction
@@ -46,19 +46,18 @@ def at_lengths(place_m: Tensor, arc: Tensor, field: Tensor) -> Tensor:
 def moved_ends(
     points_m: Tensor, radius_m: Tensor, path: Tensor, start_m: float | Tensor, end_m: float | Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Points [B, S, N, 2] and radii [B, S, N] of a mark whose ends lie further out, by two lengths, than its path's.
+    """Points [B, S, N, 2] and radii [B, S, N] of a mark whose ends lie further out than its path's, by two lengths.
 
-    The points behind an end give way: were it moved alone past its neighbour, a stroke would fold back on itself and
-    be no shorter for it. How wide the mark is at a place stays: only its ends are elsewhere. No end is moved in by more
-    than to the middle of the stroke.
+    All points move smoothly, so that a shortened stroke does not fold back on itself. The width at a place does not
+    change. No end moves in beyond about the middle of the stroke.
 
     Args:
         path: [B, S, N, 5].
     """
     along, arc = tangent(path), arc_m(path)
     length = arc[..., -1:]
-    share = arc / length.clamp(min=_SHORTEST_M)
-    start, end = (torch.maximum(torch.as_tensor(moved), -_FARTHEST_IN * length) for moved in (start_m, end_m))
+    share = arc / length.clamp(min=_MIN_LENGTH_M)
+    start, end = (torch.maximum(torch.as_tensor(moved), -_MAX_SHORTENING * length) for moved in (start_m, end_m))
     forward = end * share**2 - start * (1 - share) ** 2
     place = (arc + forward).clamp(min=torch.zeros_like(length), max=length)
     return points_m + forward[..., None] * along, at_lengths(place, arc, radius_m[..., None])[..., 0]
@@ -68,7 +67,7 @@ def tangent(path: Tensor) -> Tensor:
     """Unit direction of motion at each point, [B, S, N, 2]; zero where the path does not move."""
     step = path[..., 1:3].diff(dim=-2)
     around = torch.cat([step[..., :1, :], step[..., 1:, :] + step[..., :-1, :], step[..., -1:, :]], dim=-2)
-    return around / around.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST_M)
+    return around / around.norm(dim=-1, keepdim=True).clamp(min=_MIN_LENGTH_M)
 
 
 def speed_m_s(path: Tensor) -> Tensor:
@@ -80,7 +79,7 @@ def speed_m_s(path: Tensor) -> Tensor:
 def bending_per_m(path: Tensor) -> Tensor:
     """Curvature at each point [1/m], positive where the path turns left (to +y from +x), [B, S, N]."""
     step = path[..., 1:3].diff(dim=-2)
-    length = step.norm(dim=-1).clamp(min=_SHORTEST_M)
+    length = step.norm(dim=-1).clamp(min=_MIN_LENGTH_M)
     heading = step / length[..., None]
     cross = heading[..., :-1, 0] * heading[..., 1:, 1] - heading[..., :-1, 1] * heading[..., 1:, 0]
     inner = torch.asin(cross.clamp(-0.999, 0.999)) / ((length[..., 1:] + length[..., :-1]) / 2)
@@ -88,15 +87,14 @@ def bending_per_m(path: Tensor) -> Tensor:
 
 
 def trailing(points_m: Tensor, distance_m: Tensor) -> Tensor:
-    """Where something is that follows points [B, S, N, 2] on an elastic leash, [B, S, N, 2].
+    """Points [B, S, N, 2] that follow ``points_m`` with a lag of ``distance_m`` [B, S, 1], cutting corners.
 
-    It starts with them and falls back by ``distance_m`` [B, S, 1], cutting corners; along a straight segment it relaxes
-    exponentially towards the leader less the distance, exact from point to point. Below 0 it runs ahead by the mirror
-    image of that, so that an estimate may come out on either side of no effect.
+    The lag starts at 0 and, along a straight segment, relaxes exponentially to the distance; the solution is exact at
+    the points. A negative distance gives the mirror image, so that an estimate may have either sign.
     """
     step = points_m.diff(dim=-2)
-    length = step.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST_M)
-    distance = distance_m.abs().clamp(min=_SHORTEST_M)[..., None]
+    length = step.norm(dim=-1, keepdim=True).clamp(min=_MIN_LENGTH_M)
+    distance = distance_m.abs().clamp(min=_MIN_LENGTH_M)[..., None]
     behind = distance * step / length
     forgotten = torch.exp(-length / distance)
     trail = [points_m[..., 0, :]]
@@ -107,15 +105,16 @@ def trailing(points_m: Tensor, distance_m: Tensor) -> Tensor:
 
 
 def delayed(points_m: Tensor, times_s: Tensor, late_s: Tensor) -> Tensor:
-    """Where something is that goes through points [B, S, N, 2] later than at their times [B, S, N], [B, S, N, 2]. It
-    waits at the first of them; where it is early, below 0, at the last.
+    """Points [B, S, N, 2] of a motion through ``points_m`` at ``times_s`` [B, S, N], delayed by ``late_s``.
+
+    It waits at the first point; where the delay is negative, at the last.
     """
     then_s = torch.minimum(torch.maximum(times_s - late_s, times_s[..., :1]), times_s[..., -1:])
     return at_lengths(then_s, times_s, points_m)
 
 
 def recorded(context: StrokeContext, *names: str) -> tuple[int, Tensor]:
-    """The number of the first of these columns that is there for every stroke and varies, and the column, [B, S].
+    """The number of the first of these columns that is known for every stroke and varies, and the column, [B, S].
 
     Raises:
         NotObservable: none of them.
@@ -145,7 +144,7 @@ def varies(values: Tensor) -> bool:
 
 def log_speed(context: StrokeContext, reference_m_s: float) -> Tensor:
     """log(speed / reference) of each stroke, [B, S, 1]; 0 where the speed is unknown."""
-    logs = torch.log(speed_m_s(context.path).clamp(min=_SLOWEST_M_S) / reference_m_s)
+    logs = torch.log(speed_m_s(context.path).clamp(min=_MIN_SPEED_M_S) / reference_m_s)
     return torch.where(torch.isfinite(logs), logs, 0.0)[..., None]
 
 
@@ -155,7 +154,7 @@ def usual_speed(context: StrokeContext) -> dict[str, float]:
     Raises:
         NotObservable: times are unknown, or all strokes are equally fast.
     """
-    logs = torch.log(speed_m_s(context.path).clamp(min=_SLOWEST_M_S))
+    logs = torch.log(speed_m_s(context.path).clamp(min=_MIN_SPEED_M_S))
     if not bool(torch.isfinite(logs).all()):
         raise NotObservable("the paths have no times, so that speeds are unknown")
     if float(logs.max() - logs.min()) < 0.05:
@@ -178,17 +177,13 @@ def place(context: StrokeContext) -> dict[str, float]:
 
 
 def in_own_frames(context: StrokeContext) -> bool:
-    """Whether strokes are told from their own start, as if all began at one point: where they lie on the canvas is not
-    known then.
-    """
+    """Whether strokes are recorded in their own frames, all starting at one point, so that their places are unknown."""
     starts = context.path[..., 0, 1:3].flatten(0, -2)
     return len(starts) > 1 and float((starts.amax(0) - starts.amin(0)).max()) < _ONE_POINT_M
 
 
-def turned_alike(context: StrokeContext) -> bool:
-    """Whether strokes are told from their own start and all along one direction: how they are turned on the canvas is
-    not known then.
-    """
+def headings_unknown(context: StrokeContext) -> bool:
+    """Whether strokes are recorded in their own frames and along one direction, so that their headings are unknown."""
     chords = (context.path[..., -1, 1:3] - context.path[..., 0, 1:3]).flatten(0, -2)
     lengths = chords.norm(dim=-1)
     directions = chords[lengths > _ONE_POINT_M] / lengths[lengths > _ONE_POINT_M, None]
@@ -200,15 +195,15 @@ def canvas_directions(context: StrokeContext) -> dict[str, float]:
     """No reference, for effects along the canvas's axes.
 
     Raises:
-        NotObservable: it is not known how the strokes are turned on the canvas.
+        NotObservable: the strokes' headings on the canvas are unknown.
     """
-    if turned_alike(context):
+    if headings_unknown(context):
         raise NotObservable("it is unknown how the strokes are turned on the canvas")
     return {}
 
 
 def press_varies(context: StrokeContext) -> bool:
-    """Whether the tool is pressed deeper at some points than at others, so that a model can know what that does."""
+    """Whether the press depth varies, so that its effect is identifiable."""
     return float(context.path[..., 3].max() - context.path[..., 3].min()) > _ONE_PRESS_M
 
 
@@ -226,16 +221,19 @@ def pixel_places(view: View, image: Tensor) -> Tensor:
     return torch.stack([x[:, None, :].expand(-1, height, -1), y[:, :, None].expand(-1, -1, width)], dim=-1)
 
 
-_HARDEST = 0.05
+_MIN_SOFTNESS = 0.05
 
 
 def bleed(mark: Mark, softening: Tensor, spreading: Tensor) -> Mark:
-    """The mark with a softness ``exp(softening)`` times as large, and everything ``exp(spreading)`` times as wide."""
-    softer = mark.softness.clamp(min=_HARDEST) * torch.exp(softening)
+    """The mark with ``exp(softening)`` times the softness and ``exp(spreading)`` times the width.
+
+    Softening keeps the line of half darkness in place.
+    """
+    softer = mark.softness.clamp(min=_MIN_SOFTNESS) * torch.exp(softening)
     wider = mark.radius_m * _half_reach(mark.softness) / _half_reach(softer) * torch.exp(spreading)
     return mark._replace(radius_m=wider, softness=softer)
 
 
 def _half_reach(softness: Tensor) -> Tensor:
     """Share of the radius at which a stroke is half as dark as on its path: (1 - D/R)^c = 1/2."""
-    return 1 - torch.exp2(-1 / softness.clamp(min=_HARDEST))
+    return 1 - torch.exp2(-1 / softness.clamp(min=_MIN_SOFTNESS))

@@ -1,4 +1,4 @@
-"""Brightness changes linearly over the picture."""
+"""Brightness changes linearly over the photograph."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeCo
 
 
 class IlluminationGradient(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "illumination_gradient"
     site = "camera"
@@ -28,12 +28,12 @@ class IlluminationGradient(Mechanism):
         return place(context)
 
     def composite(self, color: Tensor, pickup: Tensor | None, context: StrokeContext) -> tuple[Tensor, Tensor | None]:
-        # Photographs of before and after share the error: what lies below has it already, the new paint has not.
+        # Both photographs have the error: the ground shows it already, the new paint does not.
         at = context.path[..., 1:3].mean(-2)
         return color * torch.exp(self._gain(at, self.values[:2])), pickup
 
     def camera(self, image: Tensor, view: View) -> Tensor:
-        # And if only the picture after the stroke has it, all of it has.
+        # An error of the photograph after the stroke alone acts on all of it.
         return image * torch.exp(self._gain(pixel_places(view, image), self.values[2:]))
 
     def _gain(self, xy_m: Tensor, values: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ _COLUMNS = ("ink_since_reload_m", "since_reload")
 
 
 class InkDepletion(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "ink_depletion"
     site = "density"

@@ -1,4 +1,4 @@
-"""The tip trails its command by a time, so by speed times time along the path."""
+"""The tip lags its command by a constant time, and so by speed times time along the path."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class Latency(Mechanism):
-    """See above: late by one time wherever it is, and so by little where the tip starts and stops."""
+    """See the module. The lag in space is small where the tip starts and stops."""
 
     cause = "latency"
     site = "trajectory"

@@ -1,8 +1,7 @@
-"""Points are displaced along the radius from the picture's middle, by the cube of their distance.
+"""Points are displaced along the radius from the photograph's centre, by the cube of their distance.
 
-A photograph that is rectified by markers keeps its places at these: the rectification takes up a part that grows with
-the distance itself (a straight line through the cube), which is a quantity of its own, as it hangs on where the
-markers lie.
+Rectification by markers keeps the markers' places. It thereby absorbs a part that is linear in the distance, which
+depends on the markers' places and is a quantity of its own.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class LensDistortion(Mechanism):
-    """See above (the first radial term of Brown 1971)."""
+    """See the module; the first radial term of Brown (1971)."""
 
     cause = "lens_distortion"
     site = "camera"
@@ -30,5 +29,5 @@ class LensDistortion(Mechanism):
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         at = relative_place(mark.points_m, self.reference)
-        cubic, picked_up = self.values
-        return mark._replace(points_m=mark.points_m + at * (cubic * at.square().sum(-1, keepdim=True) - picked_up))
+        cubic, absorbed = self.values
+        return mark._replace(points_m=mark.points_m + at * (cubic * at.square().sum(-1, keepdim=True) - absorbed))

@@ -1,10 +1,10 @@
 """Width depends on the heading relative to the tool's yaw: the contact patch is oblong.
 
-With h the heading less the yaw and e the length of (cos, sin), the patch's oblongness, the half-width changes by the
-factor exp(a), a = cos cos 2h + sin sin 2h, where e is small, and what the patch covers ahead and behind, at the
-stroke's ends, by exp(-a). Where it is not, the ends are no longer round but slanted or square, too: the mark is what a
-rod sweeps (``rod``) whose half-extents are exp(e) and exp(-e) times the half-width.
-Forked ends do not grow smoothly out of a round one, so they come in by the share e^2 / (e^2 + e0^2).
+With h the heading minus the yaw and e the length of (cos, sin), the patch's elongation: for small e the half-width
+changes by the factor exp(a), a = cos cos 2h + sin sin 2h, and the patch's extent ahead and behind, at the stroke's
+ends, by exp(-a). For large e the ends are slanted or square: the mark is the area that a rod sweeps (``swept``) with
+the half-extents exp(e) and exp(-e) times the half-width. Forked ends do not grow smoothly out of a round one; their
+share is e^2 / (e^2 + e0^2).
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from pentimento.dynamics.strokes.mechanisms.geometry import arc_m, at_lengths, c
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
-_ONE_HEADING = 0.02
+_MIN_SPREAD = 0.02
 """Spread (1 - mean resultant length) of doubled headings below which all strokes run the same way."""
 _LITTLE = 0.1
-"""e0: below it a mark is rather a plain one that is wider or narrower, above it what a rod sweeps."""
+"""e0: below it the mark is mostly one of another width, above it mostly what a rod sweeps."""
 
 
 class OrientationWidth(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "orientation_width"
     site = "width"
@@ -36,14 +36,14 @@ class OrientationWidth(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        # Where all strokes run alike, headings differ along bent ones alone, and stand for how far their ends are.
-        if _spread_of_headings(context) < _ONE_HEADING:
+        # Where all strokes have one direction, headings differ only along bends and measure the distance from the ends.
+        if _spread_of_headings(context) < _MIN_SPREAD:
             raise NotObservable("all strokes run the same way against the tool's yaw")
         return canvas_directions(context)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        """See ``Mechanism``. Marks of fewer points than forked ends take keep their round ones."""
-        # Where bristles trail, what counts is the way of the patch, not the command's.
+        """See ``Mechanism``. Marks with too few points for forked ends keep round ones."""
+        # With bristle lag the patch's direction counts, not the command's.
         along, yaw = direction(mark.points_m), context.path[..., 4]
         cos, sin = self.values
         twice = 2 * (torch.atan2(along[..., 1], along[..., 0]) - yaw)
@@ -53,10 +53,10 @@ class OrientationWidth(Mechanism):
             mark.points_m, mark.radius_m * torch.exp(wider), context.path, beyond_m[..., :1], beyond_m[..., -1:]
         )
         widened = mark._replace(points_m=points, radius_m=radius)
-        if mark.radius_m.shape[-1] < FEWEST_POINTS:
+        if mark.radius_m.shape[-1] < MIN_POINTS:
             return widened
         square = cos.square() + sin.square()
-        # At no effect any rod will do: its share is 0, and only its slope must be finite.
+        # Without effect the rod's share is 0; only its gradient must be finite.
         cos = torch.where(square > 0, cos, 1.0)
         oblong = (cos.square() + sin.square()).sqrt()
         broadside = yaw + torch.atan2(sin, cos) / 2
@@ -68,7 +68,7 @@ class OrientationWidth(Mechanism):
 
 
 def _spread_of_headings(context: StrokeContext) -> float:
-    """Of the way from start to end against the yaw, a half turn being none: 0 alike, 1 all over."""
+    """Circular spread of the chords' doubled directions against the yaw: 0 all equal, 1 uniform."""
     chords = (context.path[..., -1, 1:3] - context.path[..., 0, 1:3]).flatten(0, -2)
     twice = 2 * (torch.atan2(chords[:, 1], chords[:, 0]) - context.path[..., 0, 4].flatten())
     return 1 - float(torch.stack([torch.cos(twice).mean(), torch.sin(twice).mean()]).norm())
@@ -76,12 +76,19 @@ def _spread_of_headings(context: StrokeContext) -> float:
 
 _FORK = 5
 """Points that the branches at an end take: corner, joint, joint, corner, and back to the joint."""
-FEWEST_POINTS = 2 * _FORK + 1
+MIN_POINTS = 2 * _FORK + 1
 """That a mark must have for both forks and something between them."""
 
 
 def swept(mark: Mark, axis: Tensor, half_length_m: Tensor, half_thickness_m: Tensor) -> Mark:
     """The mark of a rod whose middle follows a mark's points [B, S, N, 2], with as many points; its radius is unused.
+
+    A renderer draws discs along a line. The area that a rod sweeps is a union of discs, too: those that touch its
+    outline at two places or more (the medial axis; Blum 1967). For a rod of half-length a and half-thickness b that
+    moves from S along the unit vector t, at the angle psi to its own axis u, they lie on the path from S + a t on, with
+    the half-width b + a |sin psi|; before that on two straight branches to the corners S - a u and S + a u, where their
+    half-width is b. A stroke shorter than the rod has a segment along u in its middle instead. On bent paths this is
+    approximate.
 
     Args:
         axis: unit vector along the rod at each point, either way round, [B, S, N, 2].

@@ -1,7 +1,7 @@
-"""Ink spreads beyond the contact patch, by how much the surface or the air drinks.
+"""Ink spreads beyond the contact patch, depending on the surface and the air's humidity.
 
-Surfaces are told apart, not ordered: each beyond the first has numbers of its own against the mean of all strokes, as
-far as there are numbers. Of the air, what counts is the humidity, in standard deviations.
+Surfaces are categories: each after the first has its own contrasts against the mean of all strokes, up to a maximum
+number of surfaces. Humidity enters in standard deviations.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _CONTRASTS = 5
 
 
 class PaperBleed(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "paper_bleed"
     site = "density"
@@ -33,7 +33,7 @@ class PaperBleed(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        # Not told which surfaces there are, or how humid it is, it is as if that were the same for all.
+        # Where surface or humidity is not recorded, it is taken to be the same for all strokes.
         shares, air, reasons = {}, {}, []
         try:
             _, surface = recorded(context, "surface_level")
@@ -60,9 +60,9 @@ class PaperBleed(Mechanism):
             return context.path.new_zeros(*context.path.shape[:2], _CONTRASTS)
         surface = column(context, "surface_level")[..., None]
         shares = torch.tensor([self.reference[f"share_{k + 1}"] for k in range(_CONTRASTS)], dtype=surface.dtype)
-        told_apart = (surface == torch.arange(1, _CONTRASTS + 1)).to(surface.dtype) - shares
-        # A plan's sheet is none of those that were measured: it is as they are on average.
-        return torch.where(surface == surface.round(), told_apart, 0.0)
+        contrasts = (surface == torch.arange(1, _CONTRASTS + 1)).to(surface.dtype) - shares
+        # A planned stroke's sheet is none of the measured ones: it has their mean.
+        return torch.where(surface == surface.round(), contrasts, 0.0)
 
     def _air(self, context: StrokeContext) -> Tensor:
         """[B, S, 1]."""

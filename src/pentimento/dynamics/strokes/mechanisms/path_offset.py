@@ -8,7 +8,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class PathOffset(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "path_offset"
     site = "trajectory"

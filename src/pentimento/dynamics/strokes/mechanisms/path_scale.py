@@ -1,17 +1,17 @@
-"""The executed path is scaled about its start against the command (the thesis's m).
+"""The executed path is the command scaled about its start (the thesis's m).
 
-Of strokes of which it is not known how they are turned on the canvas, one factor for both axes can be told: ``x``.
+Where headings on the canvas are unknown, only one factor for both axes is identifiable: ``x``.
 """
 
 from __future__ import annotations
 
-from pentimento.dynamics.strokes.mechanisms.geometry import SHAPE, turned_alike
+from pentimento.dynamics.strokes.mechanisms.geometry import SHAPE, headings_unknown
 from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class PathScale(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "path_scale"
     site = "trajectory"
@@ -24,7 +24,7 @@ class PathScale(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        return {"one_factor": float(turned_alike(context))}
+        return {"one_factor": float(headings_unknown(context))}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         factor = self.values[:1] if self.reference.get("one_factor") else self.values

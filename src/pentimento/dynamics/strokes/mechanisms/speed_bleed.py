@@ -1,4 +1,4 @@
-"""How far ink runs changes with the tip's speed: the edge is softer or harder and, of a thick film, further out."""
+"""Ink spreads depending on the tip's speed: the edge is softer or harder and, for a thick film, further out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class SpeedBleed(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "speed_bleed"
     site = "density"

@@ -1,4 +1,4 @@
-"""Less paint is laid the faster the tip moves, or more: it is paler and, of a film, its rim softer and further in."""
+"""The amount of paint depends on the tip's speed: less is paler and, for a film, softer and narrower at the rim."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class SpeedDensity(Mechanism):
-    """See above. How much paler and how much narrower depends on how thick the paint lies, which is not recorded."""
+    """See the module. The ratio of the two effects depends on the film's thickness, which is not recorded."""
 
     cause = "speed_density"
     site = "density"
@@ -25,7 +25,7 @@ class SpeedDensity(Mechanism):
 
     @property
     def coherent(self) -> bool:
-        """What is paler for less paint is softer at the rim; sharper, it has rather bled less."""
+        """A mark that is paler for lack of paint has a softer rim; a sharper rim indicates less bleed."""
         density, softening, _ = self.values
         return bool(density * softening <= 0)
 

@@ -10,7 +10,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class SpeedWidth(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "speed_width"
     site = "width"

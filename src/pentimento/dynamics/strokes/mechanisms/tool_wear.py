@@ -1,4 +1,4 @@
-"""A tool's tip spreads, or is worn away, over its life and the session: evenly, or at first more than later."""
+"""A tool's tip spreads, or wears off, over its life and the session: linearly, or faster at first."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _COLUMNS = ("tool_age_m", "t_start_s", "order")
 
 
 class ToolWear(Mechanism):
-    """See above. A spread tip's rim is softer."""
+    """See the module. A spread tip's rim is softer."""
 
     cause = "tool_wear"
     site = "width"

@@ -1,8 +1,8 @@
-"""Paint that is still wet below is stirred in and carried along.
+"""Wet paint below a stroke is stirred in and picked up.
 
-Of paint of the age t, the share (p + q t / t0) / (1 + t / t0) mixes: p of the freshest, q of what has long been there,
-t0 the usual age of paint that strokes cross. What the tool has taken up since it was loaded (``paint_pickup``), A,
-makes the share 1 - exp(-k A) of the paint that it lays down, also where nothing lies below.
+Of paint of the age t the share (p + q t / t0) / (1 + t / t0) mixes: p of the freshest, q of old paint, t0 being the
+median age of the paint that strokes cross. The paint A that the tool has picked up since it was loaded
+(``paint_pickup``) is the share 1 - exp(-k A) of the paint that it lays down, also on blank paper.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Qua
 
 
 class WetMixing(Mechanism):
-    """See above."""
+    """See the module."""
 
     cause = "wet_mixing"
     site = "composite"
