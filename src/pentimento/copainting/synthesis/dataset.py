@@ -125,7 +125,7 @@ def keep_pairs(files: Sequence[Path], minimum: float, out: Path) -> dict[str, An
     pairs = sum(len(shares) for shares in kept.values())
     if not pairs:
         raise ContractError(
-            f"No painting scores {minimum:.3g} with its caption or more (best of {len(scores)}: {max(scores):.3g}); "
+            f"No painting scores {minimum:.3g} or more with its caption (best of {len(scores)}: {max(scores):.3g}); "
             "lower synthesize_copaintings.threshold."
         )
     return {
