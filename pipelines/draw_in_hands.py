@@ -1,4 +1,4 @@
-"""Draw one photograph in every hand and with Bézier strokes, in the studio, and see who is taken to have drawn it."""
+"""Draw one photograph in each handwriting style and with Bézier strokes, in the studio, and classify the writer."""
 
 import argparse
 from dataclasses import asdict, dataclass
@@ -44,7 +44,7 @@ from pipelines._tracking import Run, tracked_run
 Image = NDArray[np.uint8]
 
 BEZIER, NOBODY = "bezier", "nobody"
-"""Drawings beside those in hands: with Bézier strokes, and with latents that no hand is known of."""
+"""Baselines: Bézier strokes, and latents from the standard normal distribution without a writer."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class DrawInHands:
     darkest: float
     """The lightness (0 to 1) of the target's darkest tone."""
     ink_m: float
-    """Length of line in each drawing, about: by it, not by strokes, hands are comparable."""
+    """Approximate length of line in each drawing. Writers are compared at equal length of line."""
     seed: int
     """Of the studio and of the classifier."""
     planner: ShapedPlanConfig
@@ -73,7 +73,7 @@ class DrawInHands:
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: a folder a drawing, all of them side by side, and metrics.json with the confusion matrix."""
+    """Write `--out`: a folder for each drawing, all of them side by side, and metrics.json with a confusion matrix."""
     config = load_section(Path("params.yaml"), "draw_in_hands", DrawInHands)
     single_threaded()
     inputs = {
@@ -104,7 +104,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "drawings.png", np.hstack([target, *(drawing.photo for drawing in made.values())]))
         metrics = {
             "error": _errors(made, scene, blank, config),
-            "likeness_of_meaning": _meanings(made, target, blank, arguments.judge),
+            "semantic_similarity": _meanings(made, target, blank, arguments.judge),
             "strokes": {name: len(drawing.planned) for name, drawing in made.items()},
             "ink_m": {name: _length_m(drawing) for name, drawing in made.items()},
             "taken_for": _taken_for(who, made, held_out),
@@ -157,7 +157,7 @@ def _errors(made: dict[str, Drawing], scene: Scene, blank: Image, config: DrawIn
 
 
 def _meanings(made: dict[str, Drawing], target: Image, blank: Image, judge: Path) -> dict[str, float]:
-    """Cosine of each photograph with the target in the eyes of an encoder that guided nothing here."""
+    """Cosine similarity of each photograph with the target, by an encoder that guided nothing here."""
     photos = {name: drawing.photo for name, drawing in made.items()} | {"blank": blank}
     images = torch.stack([_tensor(image) for image in (target, *photos.values())])
     seen = embed_all(Encoder.load(judge), images)
@@ -169,9 +169,9 @@ def _tensor(image: Image) -> torch.Tensor:
 
 
 def _taken_for(who: StrokeClassifier, made: dict[str, Drawing], held_out: Demonstrated) -> dict[str, Any]:
-    """Shares of strokes, by the path that the robot measured, that are taken for each hand's; rows: who drew.
+    """Confusion matrix: share of strokes (measured paths) that is classified as each writer's. Rows: who drew.
 
-    Beside them how people's own strokes of a session that was not learned from are taken.
+    ``people`` is the same for the writers' own strokes of the test sessions.
     """
     executed = {name: who.shares(drawing.measured_m) for name, drawing in made.items()}
     people = {hand: who.shares(_paths(held_out.of(hand))) for hand in who.hands}
@@ -181,7 +181,7 @@ def _taken_for(who: StrokeClassifier, made: dict[str, Drawing], held_out: Demons
         "executed": executed,
         "people": people,
         "diagonal": float(np.mean(diagonal)),
-        "diagonal_least": min(diagonal),
+        "diagonal_min": min(diagonal),
         "diagonal_people": float(np.mean([people[hand][k] for k, hand in enumerate(who.hands)])),
         "chance": 1 / len(who.hands),
     }

@@ -1,4 +1,4 @@
-"""Gather strokes that people drew: recordings of several kinds, or hands that are made up, in one table."""
+"""Gather demonstrations in one table: recordings of people in several formats, or synthetic writers."""
 
 import argparse
 from dataclasses import asdict, dataclass
@@ -26,7 +26,7 @@ class GatherDemonstrations:
     points: int
     """Of each stroke in the table, at equal steps of arc length (thesis 5.3.2: 32)."""
     sources: list[Source]
-    """Recordings; without any, the made-up hands draw."""
+    """Recordings. Without any, the synthetic writers draw."""
     made_up: SyntheticConfig
     limits: Limits
 

@@ -1,4 +1,4 @@
-"""Train TrajVAE on all sessions but each hand's last; fine-tune it there on a few strokes: one file a hand."""
+"""Train TrajVAE on all sessions but each writer's last, then fine-tune it on a few strokes of that: a decoder each."""
 
 import argparse
 from dataclasses import asdict, dataclass
@@ -32,7 +32,7 @@ class TrainTrajVAE:
     """Section `train_trajvae` of params.yaml."""
 
     few: int
-    """Strokes of a hand's last session that it is fine-tuned on (thesis 5.3.3: fewer than 20)."""
+    """Strokes of a writer's last session for fine-tuning (thesis 5.3.3: fewer than 20)."""
     mapped: int
     """Strokes in the map of the latent space, at most."""
     model: TrajVAEConfig
@@ -42,7 +42,7 @@ class TrainTrajVAE:
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: a decoder for each hand and for nobody, pictures of samples and of latents, metrics.json."""
+    """Write `--out`: a decoder for each writer and one without, pictures of samples and of latents, metrics.json."""
     config = load_section(Path("params.yaml"), "train_trajvae", TrainTrajVAE)
     single_threaded()
     with (
@@ -72,7 +72,7 @@ def main(arguments: argparse.Namespace) -> None:
 def _adapted(
     model: TrajVAE, known: Strokes, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
 ) -> tuple[StyleDecoder, dict[str, float]]:
-    """The hand from the first strokes of a session that the model has not seen, and errors on the rest of it, mm."""
+    """The decoder fine-tuned on the first strokes of an unseen session, and errors on the rest of it, mm."""
     count = len(session.hand)
     if count <= config.few:
         raise ContractError(
@@ -91,7 +91,7 @@ def _adapted(
 
 
 def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path) -> dict[str, float]:
-    """Draw the map; how well latents keep hands apart, beside the coordinates themselves and chance."""
+    """Draw the map. Return how well latents separate writers, compared with coordinates and chance."""
     every = max(-(-len(learned.hand) // config.mapped), 1)
     shown = learned.pick(np.arange(0, len(learned.hand), every))
     with torch.no_grad():

@@ -24,7 +24,7 @@ def write(folder: Path) -> tuple[Path, Path, Path]:
     drawings, weights, demonstrations = (folder / name for name in ("drawings", "weights", "demonstrations"))
     executed = {"ann": [0.9, 0.1], "b<o>b": [0.3, 0.7], "bezier": [1.0, 0.0], "nobody": [0.5, 0.5]}
     told: dict[str, Any] = {
-        "hands": ["ann", "b<o>b"], "executed": executed, "people": {}, "diagonal": 0.8, "diagonal_least": 0.7,
+        "hands": ["ann", "b<o>b"], "executed": executed, "people": {}, "diagonal": 0.8, "diagonal_min": 0.7,
         "diagonal_people": 0.99, "chance": 0.5,
     }  # fmt: skip
     drawn = {

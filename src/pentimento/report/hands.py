@@ -103,7 +103,7 @@ def _taken_for(inputs: HandInputs) -> str:
     caption = (
         "Whose hand each executed stroke is taken for, by a classifier that has learned from demonstrations only and "
         f"looks at the path that the robot measured. On the diagonal {percent(told['diagonal'])} on average, "
-        f"{percent(told['diagonal_least'])} at least; chance is {percent(told['chance'])}, and people’s own strokes of "
+        f"{percent(told['diagonal_min'])} at least; chance is {percent(told['chance'])}, and people’s own strokes of "
         f"a session that it has not seen reach {percent(told['diagonal_people'])}."
     )
     return table(("", *(f"taken for “{escape(hand)}”" for hand in hands)), rows, caption)
