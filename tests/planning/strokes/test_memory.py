@@ -147,7 +147,7 @@ def test_covariates_continue_from_the_start_state() -> None:
         )
     rest = Start(memory, robot.clock_s, made=2)
     at_once = planned_covariates(strokes, BRUSH, brush(), START, names=ALL)
-    then = planned_covariates(strokes.pick(slice(2, None)), BRUSH, brush(), rest, ALL)
+    then = planned_covariates(strokes.pick(slice(2, None)), BRUSH, brush(), rest, names=ALL)
     for name in ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "order"):
         np.testing.assert_allclose(then[name], at_once[name][2:], rtol=1e-4, atol=1e-6)
 
