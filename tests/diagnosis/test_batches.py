@@ -1,4 +1,4 @@
-"""Rows a few at a time."""
+"""Processing rows in batches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pentimento.diagnosis.batches import in_batches
 
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("count", [1, 4, 8, 9])
-def test_each_row_is_looked_at_once_and_in_its_order(count: int, threads: int) -> None:
+def test_batches_cover_each_row_once_and_in_order(count: int, threads: int) -> None:
     seen = in_batches(lambda some: np.arange(count)[some], count, 4, threads)
     assert max(map(len, seen)) <= 4
     assert np.concatenate(seen).tolist() == list(range(count))

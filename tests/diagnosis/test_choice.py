@@ -1,4 +1,4 @@
-"""Of causes that explain the same the simplest is taken, unless one does what the other cannot."""
+"""Choice among causes that explain the data equally well."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -31,7 +31,7 @@ from tests.diagnosis.strokes.test_learned_residual import photographed
         (0.80, "speed_bleed", ()),
     ],
 )
-def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
+def test_chooses_fewest_quantities_among_nearly_equal_causes(
     by_the_simple: float, chosen: str, rivals: tuple[str, ...]
 ) -> None:
     """`speed_bleed` can do what `speed_width` does, and soften the edge."""
@@ -52,13 +52,11 @@ def test_of_causes_that_explain_nearly_the_same_the_simplest_is_taken(
         (-0.02, 0.3, {"speed_bleed", "speed_density"}),  # surely paler, and by nothing to speak of
     ],
 )
-def test_of_two_causes_with_one_form_what_one_has_beyond_the_other_decides(
-    paler: float, softer: float, left: set[str]
-) -> None:
-    refits, made = refitted(SpeedDensity, [paler, softer, 0.05], (SpeedBleed, SpeedDensity))
-    losses = {cause: action_losses(refit, made) for cause, refit in refits.items()}
-    error = float(action_losses(fit(refits["speed_bleed"].without("speed_bleed"), made), made).mean())
-    assert set(prune_unlikely(losses, error, refits, made)) == left
+def test_extra_quantity_decides_between_nested_causes(paler: float, softer: float, left: set[str]) -> None:
+    refits, observed = refitted(SpeedDensity, [paler, softer, 0.05], (SpeedBleed, SpeedDensity))
+    losses = {cause: action_losses(refit, observed) for cause, refit in refits.items()}
+    error = float(action_losses(fit(refits["speed_bleed"].without("speed_bleed"), observed), observed).mean())
+    assert set(prune_unlikely(losses, error, refits, observed)) == left
 
 
 @pytest.mark.parametrize(
@@ -68,16 +66,16 @@ def test_of_two_causes_with_one_form_what_one_has_beyond_the_other_decides(
         (1.6, ("speed_bleed",)),
     ],
 )
-def test_a_cause_that_does_what_another_does_and_no_more_is_no_rival(softer: float, rivals: tuple[str, ...]) -> None:
-    refits, made = refitted(SpeedBleed, [softer, 0.2], (SpeedWidth, SpeedBleed))
+def test_prunes_rival_without_additional_effect(softer: float, rivals: tuple[str, ...]) -> None:
+    refits, observed = refitted(SpeedBleed, [softer, 0.2], (SpeedWidth, SpeedBleed))
     step = Step({}, "speed_width", ("speed_bleed",))
-    assert prune_redundant(step, refits, made).rivals == rivals
+    assert prune_redundant(step, refits, observed).rivals == rivals
 
 
-def test_causes_of_other_forms_stay_rivals() -> None:
-    refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, ToolWear))
+def test_keeps_rivals_of_another_form() -> None:
+    refits, observed = refitted(SpeedWidth, [0.4], (SpeedWidth, ToolWear))
     step = Step({}, "speed_width", ("tool_wear",))
-    assert prune_redundant(step, refits, made).rivals == ("tool_wear",)
+    assert prune_redundant(step, refits, observed).rivals == ("tool_wear",)
 
 
 TRAILING: tuple[type[Mechanism], ...] = (BristleLag, Latency)
@@ -85,46 +83,48 @@ TRAILING: tuple[type[Mechanism], ...] = (BristleLag, Latency)
 
 @pytest.mark.parametrize("worse_by", [1e-7, 1e-5])  # of errors of 1e-4: within what they scatter by, and surely beyond
 @pytest.mark.parametrize(("hidden", "other", "value"), [(Latency, "bristle_lag", 0.05), (BristleLag, "latency", 0.003)])
-def test_of_two_causes_by_which_a_mark_trails_what_goes_with_speed_decides_and_not_the_error(
+def test_displacement_by_speed_decides_between_lag_and_latency(
     hidden: type[Mechanism], other: str, value: float, worse_by: float
 ) -> None:
-    refits, made = refitted(hidden, [value], TRAILING)
+    refits, observed = refitted(hidden, [value], TRAILING)
     scatter = 1e-6 * np.random.default_rng(4).standard_normal(60)
     losses = {hidden.cause: 1e-4 + worse_by + scatter, other: np.full(60, 1e-4)}
     step = Step({}, other, (hidden.cause,) if worse_by < 1e-6 else ())
-    settled = prefer_same_family(step, losses, 3e-4, refits, made, 0, lambda line: None)
+    settled = prefer_same_family(step, losses, 3e-4, refits, observed, 0, lambda line: None)
     assert (settled.chosen, settled.rivals) == (hidden.cause, ())
-    kept = prefer_same_family(replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, made, 0, print)
+    kept = prefer_same_family(
+        replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, observed, 0, print
+    )
     assert (kept.chosen, kept.rivals) == (hidden.cause, ())
 
 
-def test_a_cause_that_removes_little_takes_nobodys_place_whatever_it_leaves() -> None:
-    refits, made = refitted(Latency, [0.05], TRAILING)
+def test_same_family_cause_with_small_effect_replaces_nothing() -> None:
+    refits, observed = refitted(Latency, [0.05], TRAILING)
     losses = {"latency": np.full(60, 2.5e-4), "bristle_lag": np.full(60, 1e-4)}
     step = Step({}, "bristle_lag", ())
-    assert prefer_same_family(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+    assert prefer_same_family(step, losses, 3e-4, refits, observed, 0, lambda line: None) == step
 
 
-def test_causes_that_go_with_the_same_are_left_to_their_errors() -> None:
-    refits, made = refitted(SpeedWidth, [0.4], (SpeedWidth, SpeedBleed))
+def test_causes_with_equal_covariates_are_compared_by_error_only() -> None:
+    refits, observed = refitted(SpeedWidth, [0.4], (SpeedWidth, SpeedBleed))
     losses = {"speed_width": np.full(60, 1e-4), "speed_bleed": np.full(60, 1e-4)}
     step = Step({}, "speed_bleed", ("speed_width",))
-    assert prefer_same_family(step, losses, 3e-4, refits, made, 0, lambda line: None) == step
+    assert prefer_same_family(step, losses, 3e-4, refits, observed, 0, lambda line: None) == step
 
 
 def refitted(
     hidden: type[Mechanism], values: list[float], kinds: Sequence[type[Mechanism]]
 ) -> tuple[dict[str, Model], Measured]:
-    """Each of the kinds fitted to sixty strokes that the hidden cause made, and those strokes."""
+    """Each of the kinds fitted to sixty strokes with the hidden cause, and those strokes."""
     measured = load_measured(example_table(60))
     base = first_model(measured)
     truth = hidden(torch.tensor(values, dtype=torch.float64), identity(hidden, measured.context).reference)
     after = predicted(base.plus(truth), measured)
-    made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
-    return {kind.cause: fit(base.plus(identity(kind, made.context)), made) for kind in kinds}, made
+    observed = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
+    return {kind.cause: fit(base.plus(identity(kind, observed.context)), observed) for kind in kinds}, observed
 
 
-def test_for_a_further_cause_rows_that_were_not_searched_must_speak_clearly() -> None:
+def test_further_causes_need_stronger_confirmation_than_the_first() -> None:
     p = {"volume_loss": 0.3, "height_offset": 0.3, "springback": 0.001}
     assert unconfirmed(["volume_loss", "height_offset", "springback"], p, 0.1) == ["height_offset"]
     assert unconfirmed(["springback", "volume_loss"], p, 0.1) == ["volume_loss"]

@@ -54,14 +54,14 @@ HELD = np.arange(NUISANCES)
 INDEX = {f"c{i}": np.array([NUISANCES + i]) for i in range(CANDIDATES)}
 
 
-def test_projection_leaves_nothing_to_the_nuisances() -> None:
+def test_projected_scores_are_orthogonal_to_nuisances() -> None:
     statistics = world(0)
     scores = projected_scores(statistics, HELD, np.array([3, 4]))
     refit = np.linalg.solve(statistics.curvature.sum(0)[:3, :3], statistics.curvature.sum(0)[:3, 3:5])
     np.testing.assert_allclose(scores, statistics.slope[:, 3:5] - statistics.slope[:, :3] @ refit, atol=1e-4)
 
 
-def test_without_an_effect_p_is_uniform_even_though_pixels_share_errors() -> None:
+def test_p_is_uniform_under_the_null_with_clustered_errors() -> None:
     single = [score_tests(world(seed), HELD, INDEX, 199, seed)["c1"][0] for seed in range(150)]
     assert kstest(single, "uniform").pvalue > 0.01
     any_name = [
@@ -70,7 +70,7 @@ def test_without_an_effect_p_is_uniform_even_though_pixels_share_errors() -> Non
     assert np.mean(any_name) < 0.12
 
 
-def test_evidence_is_each_candidates_own_whatever_numbers_it_has() -> None:
+def test_evidence_belongs_to_candidates_of_any_number_of_quantities() -> None:
     """The first candidate matters; it is found as the second of one number, and as a part of the first of two."""
     statistics, blocks = world(4, effect=0.8), np.arange(ACTIONS) // 3
     single = evidence_for(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
@@ -81,7 +81,7 @@ def test_evidence_is_each_candidates_own_whatever_numbers_it_has() -> None:
     assert paired["both"].gain == pytest.approx(single["c0"].gain, rel=0.1)
 
 
-def test_pixelwise_likelihood_would_find_effects_everywhere() -> None:
+def test_pixelwise_likelihood_rejects_the_null_everywhere() -> None:
     """The trap that the action as a unit avoids: the same worlds, each pixel taken for an independent witness."""
     found = 0
     for seed in range(40):
@@ -92,13 +92,13 @@ def test_pixelwise_likelihood_would_find_effects_everywhere() -> None:
     assert found > 20
 
 
-def test_an_effect_is_found_and_only_it() -> None:
+def test_finds_the_true_effect_and_no_other() -> None:
     found = [score_tests(world(seed, effect=0.8), HELD, INDEX, 499, seed) for seed in range(20)]
     assert np.mean([tests["c0"][1] < 0.02 for tests in found]) > 0.9
     assert np.mean([min(tests[f"c{i}"][1] for i in (1, 2, 3)) < 0.02 for tests in found]) < 0.2
 
 
-def test_a_cause_that_few_actions_show_is_found_beside_many() -> None:
+def test_finds_cause_that_few_actions_show() -> None:
     """Paint is crossed in few strokes: divided by its own spread, over several numbers, such a score says nothing."""
     found: dict[int, list[bool]] = {1: [], 2: []}
     for seed in range(20):
@@ -127,7 +127,7 @@ def beside_what_scatters(seed: int, effect: float) -> tuple[Statistics, dict[str
     return at_fitted_nuisances(columns, y), {"both": np.array([NUISANCES, NUISANCES + CANDIDATES])}
 
 
-def test_a_quiet_number_is_heard_beside_one_that_scatters_where_scores_are_measured_by_their_scatter_too() -> None:
+def test_scatter_metric_finds_quantity_beside_a_noisy_one() -> None:
     by_error, by_scatter = [], []
     for seed in range(20):
         statistics, candidate = beside_what_scatters(seed, 0.4)
@@ -136,7 +136,7 @@ def test_a_quiet_number_is_heard_beside_one_that_scatters_where_scores_are_measu
     assert np.mean(np.array(by_scatter) < 0.02) > 0.8 > 0.4 > np.mean(np.array(by_error) < 0.02)
 
 
-def test_without_an_effect_p_is_uniform_when_scores_are_measured_in_both_ways() -> None:
+def test_p_is_uniform_under_the_null_with_both_metrics() -> None:
     worlds = (beside_what_scatters(seed, 0.0) for seed in range(150))
     p = [score_tests(world, HELD, candidate, 199, 0, BOTH)["both"][0] for world, candidate in worlds]
     assert kstest(p, "uniform").pvalue > 0.01
@@ -155,7 +155,7 @@ def published(seed: int, effect: float) -> WildboottestCL:
 
 
 @pytest.mark.parametrize("effect", [0.0, 0.3])
-def test_scores_are_those_of_a_published_wild_cluster_bootstrap(effect: float) -> None:
+def test_scores_equal_those_of_wildboottest(effect: float) -> None:
     """Action by action they are its restricted scores over the candidate's information, for any signs."""
     for seed in range(4):
         boot, statistics = published(seed, effect), world(seed, effect)
@@ -166,7 +166,7 @@ def test_scores_are_those_of_a_published_wild_cluster_bootstrap(effect: float) -
         np.testing.assert_allclose(ours, information * np.square(boot.numer), rtol=1e-3, atol=1e-9)
 
 
-def test_p_is_that_of_a_published_wild_cluster_bootstrap() -> None:
+def test_p_equals_that_of_wildboottest() -> None:
     """It divides each draw by its own standard error, we all draws by one: for 60 actions nearly the same."""
     ours, theirs = [], []
     for seed, effect in enumerate(np.tile([0.0, 0.0, 0.15, 0.3], 3)):
@@ -182,17 +182,17 @@ def test_p_is_that_of_a_published_wild_cluster_bootstrap() -> None:
     assert min(theirs) < 0.01 and max(theirs) > 0.5
 
 
-def test_the_adjusted_p_is_never_below_the_single_one() -> None:
+def test_adjusted_p_is_at_least_the_single_p() -> None:
     for p, adjusted in score_tests(world(3, effect=0.3), HELD, INDEX, 499, 0).values():
         assert adjusted >= p
 
 
-def test_held_out_gain_is_what_the_effect_costs() -> None:
+def test_held_out_gain_equals_the_effects_error() -> None:
     effect = 1.0
     statistics = world(5, effect=effect)
     gains = held_out_gains(statistics, HELD, INDEX["c0"], np.arange(ACTIONS), 0)
     true = effect**2 * statistics.curvature[:, 3, 3].mean()
     assert gains.mean() == pytest.approx(true, rel=0.5)
     assert interval_of_mean(gains, 499, 0)[0] > 0
-    idle = held_out_gains(world(5), HELD, INDEX["c1"], np.arange(ACTIONS), 0)
-    assert abs(idle.mean()) < 0.15 * true
+    inactive = held_out_gains(world(5), HELD, INDEX["c1"], np.arange(ACTIONS), 0)
+    assert abs(inactive.mean()) < 0.15 * true

@@ -1,4 +1,4 @@
-"""Parts for finding, confirming and testing."""
+"""Discovery, confirmation and test split."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ def measured() -> Measured:
     return load_measured(example_table(80))
 
 
-def test_every_row_is_in_one_part_and_no_action_in_two(measured: Measured) -> None:
+def test_splits_partition_rows_and_keep_actions_together(measured: Measured) -> None:
     parts = split(measured, 0)
     np.testing.assert_array_equal(np.sort(np.concatenate(parts)), np.arange(len(measured)))
     actions = [set(measured.action[rows]) for rows in parts]
@@ -31,7 +31,7 @@ class Rows(NamedTuple):
 
 
 @pytest.mark.parametrize("pairs", [0, 5, 8, 30])
-def test_a_fifth_is_sealed_repeated_actions_first_and_a_fifth_confirms(pairs: int) -> None:
+def test_test_split_takes_repeated_actions_first(pairs: int) -> None:
     row = np.arange(80)
     rows = Rows(np.where(row < 2 * pairs, row // 2, row), row // 10)
     actions = [np.unique(rows.action[part]) for part in split(rows, 0)]
@@ -41,12 +41,12 @@ def test_a_fifth_is_sealed_repeated_actions_first_and_a_fifth_confirms(pairs: in
         assert (actions[2] < pairs).sum() == min(pairs, fifth)
 
 
-def test_the_seed_decides(measured: Measured) -> None:
+def test_split_depends_on_the_seed(measured: Measured) -> None:
     once, again, other = split(measured, 0), split(measured, 0), split(measured, 1)
     assert all((a == b).all() for a, b in zip(once, again, strict=True))
     assert any(len(a) != len(b) or (a != b).any() for a, b in zip(once, other, strict=True))
 
 
-def test_too_few_actions_are_refused_with_what_it_takes(measured: Measured) -> None:
+def test_rejects_too_few_actions_with_the_required_number(measured: Measured) -> None:
     with pytest.raises(ContractError, match="at least 12"):
         split(measured.pick(np.arange(8)), 0)

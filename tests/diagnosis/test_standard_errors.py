@@ -1,4 +1,4 @@
-"""Intervals hold the truth as often as is promised, in worlds of the mechanisms' own form."""
+"""Coverage of confidence intervals, for worlds of the mechanisms' own functional form."""
 
 from dataclasses import replace
 
@@ -29,13 +29,13 @@ def photographed(truth: Model, measured: Measured, seed: int) -> Measured:
     amounts = rng.normal(0, 0.3, (len(measured), len(MODES))) * typical
     columns = {f"modulation_{mode}": amounts[:, m] for m, mode in enumerate(MODES)}
     swaying = truth.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
-    told = replace(measured, covariates=measured.covariates | columns)
-    after = linear_to_srgb(predicted_linear(ink(swaying, told), told))
+    with_columns = replace(measured, covariates=measured.covariates | columns)
+    after = linear_to_srgb(predicted_linear(ink(swaying, with_columns), with_columns))
     after = np.clip(after + rng.normal(0, 0.015, after.shape), 0, 1).astype(np.float32)
     return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
 
 
-def test_95_percent_intervals_hold_the_truth() -> None:
+def test_95_percent_intervals_cover_the_truth() -> None:
     whole = load_measured(example_table(96))
     start = fit(first_model(whole), whole)
     held = total = 0
@@ -57,7 +57,7 @@ def test_95_percent_intervals_hold_the_truth() -> None:
 
 
 @pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), (1.0, 300.0, 1e-3)])
-def test_scatter_is_what_leaving_out_each_action_changes_in_any_units(units: tuple[float, ...]) -> None:
+def test_covariance_equals_leave_one_out_changes_in_any_units(units: tuple[float, ...]) -> None:
     """Of least squares that is exact, also where one action alone decides one of the numbers."""
     rng = np.random.default_rng(3)
     columns = rng.normal(size=(12, 5, 3)) * units

@@ -1,4 +1,4 @@
-"""A step on a linear problem, whose answer is known."""
+"""Levenberg-Marquardt steps on linear problems with known solution."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def linear(seed: int) -> tuple[np.ndarray, np.ndarray, Statistics]:
     return columns, missed, Statistics(curvature, slope, np.square(missed).sum(1))
 
 
-def test_without_damping_it_goes_to_the_least_and_keeps_its_promise() -> None:
+def test_undamped_step_reaches_the_minimum_and_predicted_decrease() -> None:
     columns, missed, statistics = linear(0)
     none, hold = np.zeros(NUMBERS), np.zeros((NUMBERS, NUMBERS))
     there = damped_step(none, none, statistics, 0.0, hold, *FREE)
@@ -28,7 +28,7 @@ def test_without_damping_it_goes_to_the_least_and_keeps_its_promise() -> None:
     assert predicted_decrease(there, none, statistics, hold) == pytest.approx(fall, rel=1e-6)
 
 
-def test_what_holds_numbers_pulls_them_to_their_start() -> None:
+def test_prior_pulls_parameters_to_their_start() -> None:
     _, _, statistics = linear(1)
     hold = 1e6 * np.eye(NUMBERS)
     away = np.arange(NUMBERS, dtype=float)
@@ -42,7 +42,7 @@ def test_damping_shortens_the_step() -> None:
     assert lengths[0] > lengths[1] > 5 * lengths[2] > 0
 
 
-def test_within_bounds_it_goes_where_a_bounded_solver_goes() -> None:
+def test_bounded_step_equals_a_bounded_solver() -> None:
     columns, missed, statistics = linear(3)
     none, hold = np.zeros(NUMBERS), np.zeros((NUMBERS, NUMBERS))
     free = damped_step(none, none, statistics, 0.0, hold, *FREE)

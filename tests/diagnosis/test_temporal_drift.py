@@ -1,4 +1,4 @@
-"""A state that nobody recorded is told from noise by neighbours in time, and what repeats hold of it is no noise."""
+"""Temporal drift is separated from noise, and from the variance of repeats."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def found_in(scores: Array, action: NDArray[np.int64], seed: int = 0) -> Tempora
 
 
 @pytest.mark.parametrize("period", [15.0, 40.0])
-def test_a_state_is_found_in_its_mode_with_what_it_is_worth(period: float) -> None:
+def test_finds_drift_in_its_mode_with_its_error(period: float) -> None:
     rng = np.random.default_rng(1)
     scores = NOISE * rng.standard_normal((ROWS, 2))
     scores[:, 1] += state(period)
@@ -44,19 +44,19 @@ def test_a_state_is_found_in_its_mode_with_what_it_is_worth(period: float) -> No
     assert np.corrcoef(found.amount, state(period))[0, 1] > 0.8
 
 
-def test_whatever_the_rows_order_in_the_table() -> None:
+def test_drift_does_not_depend_on_the_row_order_in_the_table() -> None:
     rng = np.random.default_rng(2)
     scores, action = NOISE * rng.standard_normal((ROWS, 2)), actions(rng)
     scores[:, 1] += state(20)
     shuffled = rng.permutation(ROWS)
     energy = np.full(scores.shape, ENERGY)
     found = temporal_drift(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
-    told = found_in(scores, action)
-    assert found is not None and told is not None and found.mse == pytest.approx(told.mse, rel=1e-9)
-    assert found.amount == pytest.approx(told.amount)
+    unshuffled = found_in(scores, action)
+    assert found is not None and unshuffled is not None and found.mse == pytest.approx(unshuffled.mse, rel=1e-9)
+    assert found.amount == pytest.approx(unshuffled.amount)
 
 
-def test_repeats_that_follow_one_another_hold_nothing_of_it() -> None:
+def test_consecutive_repeats_contain_no_drift() -> None:
     rng = np.random.default_rng(3)
     scores = NOISE * rng.standard_normal((ROWS, 2))
     scores[:, 1] += state(60)
@@ -65,15 +65,15 @@ def test_repeats_that_follow_one_another_hold_nothing_of_it() -> None:
     assert found.mse_of_repeats < 0.15 * found.mse
 
 
-def test_what_an_action_has_to_itself_does_not_wander() -> None:
-    """Repeats that follow one another miss alike where the model is wrong about their action."""
+def test_action_specific_misfit_is_no_drift() -> None:
+    """Consecutive repeats share the model's error about their action."""
     rng = np.random.default_rng(4)
     action = actions(rng, back_to_back=True)
     own = rng.standard_normal((ROWS, 2))[action]
     assert found_in(own + NOISE * rng.standard_normal((ROWS, 2)), action) is None
 
 
-def test_noise_does_not_wander() -> None:
+def test_noise_is_no_drift() -> None:
     found = []
     for seed in range(40):
         rng = np.random.default_rng([5, seed])
@@ -81,7 +81,7 @@ def test_noise_does_not_wander() -> None:
     assert sum(one is not None for one in found) <= 2
 
 
-def test_what_is_worth_next_to_nothing_is_no_state() -> None:
+def test_tiny_drift_is_not_reported() -> None:
     rng = np.random.default_rng(7)
     scores = NOISE * rng.standard_normal((ROWS, 2))
     scores[:, 1] += state(20)
@@ -91,7 +91,7 @@ def test_what_is_worth_next_to_nothing_is_no_state() -> None:
     )
 
 
-def test_where_nothing_is_missed_nothing_wanders() -> None:
+def test_zero_residual_has_no_drift() -> None:
     rng = np.random.default_rng(8)
     nothing = np.zeros((ROWS, 2))
     assert (

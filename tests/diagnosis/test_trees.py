@@ -1,4 +1,4 @@
-"""Boosted trees: they say of an action what they learnt from others, and take one thread."""
+"""Cross-fitted trees predict held-out actions and use one thread."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ def drawn(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return features, np.where(features[:, 0] > 0.3, 1.0, 0.0) + 0.1 * rng.normal(size=1200), np.arange(1200) % 3
 
 
-def test_what_was_not_grown_on_is_told_and_believed() -> None:
+def test_held_out_predictions_recover_the_signal() -> None:
     features, missing, fold = drawn(0)
-    _, said, share = cross_fitted(features, missing, np.ones(1200), fold, 40)
-    assert np.corrcoef(said, missing)[0, 1] > 0.95 and share > 0.95
+    _, predictions, share = cross_fitted(features, missing, np.ones(1200), fold, 40)
+    assert np.corrcoef(predictions, missing)[0, 1] > 0.95 and share > 0.95
 
 
-def test_elsewhere_they_say_what_they_learnt_of_others() -> None:
+def test_pixels_without_a_fold_get_the_mean_of_all_folds() -> None:
     features, missing, fold = drawn(0)
-    grown, said, _ = cross_fitted(features, missing, np.ones(1200), fold, 40)
-    np.testing.assert_allclose(predict_held_out(grown, features, fold), said)
-    beyond = predict_held_out(grown, np.abs(features) + 1.0, fold)
+    trees, predictions, _ = cross_fitted(features, missing, np.ones(1200), fold, 40)
+    np.testing.assert_allclose(predict_held_out(trees, features, fold), predictions)
+    beyond = predict_held_out(trees, np.abs(features) + 1.0, fold)
     assert beyond.min() > 0.8
     unknown = np.arange(1200) < 30
-    assert not predict_held_out(grown, features, np.where(unknown, -1, fold))[unknown].any()
+    assert not predict_held_out(trees, features, np.where(unknown, -1, fold))[unknown].any()
 
 
-def test_noise_is_hardly_believed() -> None:
+def test_shrinkage_of_noise_is_near_zero() -> None:
     features, _, fold = drawn(1)
     noise = np.random.default_rng(2).normal(size=1200)
     assert cross_fitted(features, noise, np.ones(1200), fold, 40)[2] < 0.15
 
 
-def test_they_take_one_thread_whatever_was_set(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trees_use_one_openmp_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     threads: list[int] = []
 
     class Counting(HistGradientBoostingRegressor):

@@ -21,6 +21,10 @@ _TEST, _CONFIRMATION = 0.2, 0.2
 """Shares of the actions."""
 MIN_REPEATED = 3
 """Repeated actions that a noise floor needs."""
+_DRAWS = 1999
+"""Resamples of an interval."""
+SMALLEST_GAP = 0.1
+"""Lower bound of a denominator: a gap as a share of the error, a resampled gap as a share of the gap."""
 
 
 class Actions(Protocol):
@@ -119,6 +123,19 @@ def repeat_variances(rest: Array, valid: Array, groups: Sequence[Array]) -> Arra
 def weighted_floor(values: Array, weights: Array, seed: int) -> Floor:
     """The weighted mean of variances [K], with its interval by resampling the actions of positive weight."""
     values, weights = values[weights > 0], weights[weights > 0]
-    drawn = resamples(len(values), 1999, [seed, 8])
+    drawn = resamples(len(values), _DRAWS, [seed, 8])
     means = (weights * values)[drawn].sum(1) / weights[drawn].sum(1)
     return Floor(float((weights * values).sum() / weights.sum()), interval(means))
+
+
+def mean_gain(gains: Array, seed: int) -> tuple[float, tuple[float, float]]:
+    """The mean of gains by action [n], and its 95 % interval by resampling actions."""
+    return float(gains.mean()), interval(gains[resamples(len(gains), _DRAWS, [seed, 12])].mean(1))
+
+
+def fraction_of_gap(base: Array, extended: Array, floor: float) -> tuple[float, tuple[float, float]]:
+    """(base - extended) / (base - floor) from errors by action [n], and its 95 % interval by resampling actions."""
+    decrease, gap = base - extended, base - floor
+    drawn = resamples(len(gap), _DRAWS, [11])
+    shares = decrease[drawn].mean(1) / np.maximum(gap[drawn].mean(1), SMALLEST_GAP * gap.mean())
+    return float(decrease.mean() / gap.mean()), interval(shares)

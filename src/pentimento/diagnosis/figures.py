@@ -1,9 +1,10 @@
-"""What verdict, leaderboard and figures need of a diagnosis, whatever was diagnosed."""
+"""Figures of a diagnosis that strokes and pushes share, as PNG bytes; equal data give equal bytes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,61 +12,113 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.experiment_design import ALIASED, Aliasing
-from pentimento.diagnosis.residual_structure import Dependence, TemporalDrift
+from pentimento.diagnosis.experiment_design import ALIASED, Aliasing, Columns, aliasing, detectable
+from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.residual_structure import (
+    Dependence,
+    TemporalDrift,
+    dependences,
+    mode_strength,
+    robust_deviations,
+)
 from pentimento.diagnosis.verdict import STROKES, DiagnosisResult, Kind
 from pentimento.report.figures import BLUE, INK, OCHRE, drawing, png
 
 Array = NDArray[Any]
 
 DIVERGING = "RdBu_r"
-_QUIET = "#8a8a86"
-_GREEN = "#4f7f4a"
+QUIET = "#8a8a86"
+GREEN = "#4f7f4a"
 _PAGE_IN = 10.5
-_MIN_BAR = 0.002  # of the base's error
-_MIN_TOP = 4.0  # of correlations in standard errors: where chance ends
-_NEIGHBOURS = 7  # of a running mean
+"""Width of a page-wide figure."""
+_MIN_BAR = 0.002
+"""Smallest drawn generic gain, as a share of the base's error."""
+_MIN_TOP = 4.0
+"""Smallest end of the colour scale: chance correlations reach it."""
+_NEIGHBOURS = 7
+"""Rows of a running mean."""
 
 
-class Surveyed(Protocol):
-    """See ``diagnosis.strokes.screening.Survey``."""
+RowsT = TypeVar("RowsT")
+ModelT = TypeVar("ModelT")
 
-    @property
-    def modes(self) -> tuple[str, ...]:
-        """Ways in which a row can differ as a whole."""
 
-    @property
-    def aliasing(self) -> Aliasing:
-        """Which causes the rows can tell apart."""
+@dataclass(frozen=True)
+class Screening(Generic[RowsT, ModelT]):
+    """What the report shows beside the verdict, of B rows, M residual modes and C covariates."""
 
-    @property
-    def detectable(self) -> Mapping[str, float]:
-        """Smallest share of the error that each cause must remove to be found."""
+    measured: RowsT
+    test: RowsT
+    """The test split."""
+    full: ModelT
+    """The extended model with every other observable cause at 0."""
+    aliasing: Aliasing
+    detectable: dict[str, float]
+    """Smallest share of the error that each cause must remove to be found in four of five such collections."""
+    base_strength: Array
+    """[M, C] sqrt(n) |r| of the base's residual."""
+    extended_strength: Array
+    """[M, C] of the extended model's."""
+    covariates: tuple[str, ...]
+    modes: tuple[str, ...]
+    dependence: tuple[Dependence, ...]
+    """The strongest pairs."""
+    base_residual: Array
+    """[B, H, W] measured minus predicted; NaN where nothing was measured."""
+    extended_residual: Array
 
-    @property
-    def base_strength(self) -> Array:
-        """[modes, covariates]"""
 
-    @property
-    def extended_strength(self) -> Array:
-        """[modes, covariates]"""
+def screening_of(
+    measured: RowsT,
+    test: RowsT,
+    full: ModelT,
+    statistics: Statistics,
+    columns: Columns,
+    *,
+    modes: Sequence[str],
+    scores: tuple[Array, Array],
+    covariates: dict[str, Array],
+    residuals: tuple[Array, Array],
+    action: Array,
+) -> Screening[RowsT, ModelT]:
+    """The screening of a diagnosis.
 
-    @property
-    def covariates(self) -> tuple[str, ...]:
-        """What modes may depend on."""
-
-    @property
-    def dependence(self) -> tuple[Dependence, ...]:
-        """The strongest pairs."""
+    Args:
+        measured: all rows.
+        test: rows of the test split.
+        full: the extended model with every other observable cause at 0.
+        statistics: of ``full`` on all rows.
+        columns: of ``full``.
+        modes: names, [M].
+        scores: amounts of the modes [B, M] in the residual of base and extended model.
+        covariates: [B] each.
+        residuals: [B, H, W] of base and extended model.
+        action: rows of equal value repeat one command, [B].
+    """
+    base, extended = (robust_deviations(amounts) for amounts in scores)
+    strengths = {"base": mode_strength(base, covariates), "extended": mode_strength(extended, covariates)}
+    return Screening(
+        measured,
+        test,
+        full,
+        aliasing(statistics, columns),
+        detectable(statistics, columns),
+        strengths["base"],
+        strengths["extended"],
+        tuple(covariates),
+        tuple(modes),
+        dependences(modes, base, extended, covariates, strengths, action),
+        *residuals,
+    )
 
 
 class ResidualMap(NamedTuple):
-    """Mean and worst residual at each place; NaN where nothing was seen."""
+    """Mean and worst residual at each place; NaN where nothing was measured."""
 
     mean: Array
     """[H, W]"""
     worst: Array
-    """[H, W] the residual of largest size."""
+    """[H, W] the residual of largest magnitude."""
     extent: tuple[float, float, float, float]
     """left, right, bottom, top."""
 
@@ -73,7 +126,7 @@ class ResidualMap(NamedTuple):
 def residual_maps(
     base: ResidualMap, extended: ResidualMap, x_label: str, y_label: str, square: bool, unit: str = "sRGB"
 ) -> bytes:
-    """Mean and worst residual of both models; one symmetric scale for the means, one for the worst."""
+    """Mean and worst residual of both models; a symmetric scale for the means and one for the worst."""
     tall = base.mean.shape[0] / base.mean.shape[1] if square else 0.5
     with drawing():
         figure = Figure(figsize=(11.5, 2 * 4.6 * tall + 0.9), layout="constrained")
@@ -97,36 +150,36 @@ def residual_maps(
                 if not square:
                     for end in (0, 1):
                         axes.axvline(end, color=INK, lw=0.7, ls=":")
-            figure.colorbar(shown, ax=list(cells[:, column]), label=f"measured − foretold, {unit}", shrink=0.8)
+            figure.colorbar(shown, ax=list(cells[:, column]), label=f"measured − predicted, {unit}", shrink=0.8)
         return png(figure)
 
 
-def mode_heat(survey: Surveyed, structured: set[tuple[str, str]]) -> bytes:
-    """How strongly each mode of the residual goes with each covariate, for base and extended model."""
+def mode_heat(screening: Screening[Any, Any], structured: set[tuple[str, str]]) -> bytes:
+    """Strength of each residual mode's correlation with each covariate, for base and extended model."""
     with drawing():
-        figure = Figure(figsize=(max(2.6 + 0.52 * len(survey.covariates), _PAGE_IN), 6.4), layout="constrained")
+        figure = Figure(figsize=(max(2.6 + 0.52 * len(screening.covariates), _PAGE_IN), 6.4), layout="constrained")
         cells = figure.subplots(2, 1, sharex=True)
-        strengths = (survey.base_strength, survey.extended_strength)
+        strengths = (screening.base_strength, screening.extended_strength)
         top = max(float(np.max(strengths, initial=0.0)), _MIN_TOP)
         for axes, name, strength in zip(cells, ("base", "extended"), strengths, strict=True):
             image = axes.imshow(strength, cmap="viridis", vmin=0, vmax=top, aspect="auto")
-            axes.set_yticks(range(len(survey.modes)), survey.modes)
+            axes.set_yticks(range(len(screening.modes)), screening.modes)
             axes.set_title(f"{name} model")
             _numbers(axes, strength, "{:.0f}", 0.6 * top)
             axes.tick_params(length=0)
             if name == "extended":
                 for mode, covariate in structured:
-                    if covariate in survey.covariates:
-                        at = survey.covariates.index(covariate), survey.modes.index(mode)
+                    if covariate in screening.covariates:
+                        at = screening.covariates.index(covariate), screening.modes.index(mode)
                         axes.plot(*at, "s", ms=19, mfc="none", mec="#ff5a36", mew=2)
-        cells[1].set_xticks(range(len(survey.covariates)), survey.covariates, rotation=55, ha="right")
+        cells[1].set_xticks(range(len(screening.covariates)), screening.covariates, rotation=55, ha="right")
         figure.colorbar(image, ax=list(cells), label="√n |correlation|", shrink=0.7)
         return png(figure)
 
 
-def dependence(survey: Surveyed) -> bytes:
-    """Modes of the residual against covariates: means of bins with their 95 % bands, base and extended."""
-    shown = survey.dependence
+def dependence(screening: Screening[Any, Any]) -> bytes:
+    """Residual modes over covariates: means of bins with their 95 % bands, base and extended model."""
+    shown = screening.dependence
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     with drawing():
@@ -135,9 +188,9 @@ def dependence(survey: Surveyed) -> bytes:
         for axes in cells.flat[len(shown) :]:
             axes.set_visible(False)
         for axes, one in zip(cells.flat, shown, strict=False):
-            axes.axhline(0, color=_QUIET, lw=0.8)
+            axes.axhline(0, color=QUIET, lw=0.8)
             curves = [("base", one.base, OCHRE), ("extended", one.extended, BLUE)]
-            if np.array_equal(one.base, one.extended):  # nothing was added
+            if np.array_equal(one.base, one.extended):  # no cause was added
                 curves.pop()
             for name, values, colour in curves:
                 mean, band = values.T
@@ -152,7 +205,7 @@ def dependence(survey: Surveyed) -> bytes:
 
 
 def drift_curve(drifts: TemporalDrift) -> bytes:
-    """What wanders, action by action in the order of execution, and the mean of neighbours."""
+    """The drifting mode, row by row in the order of execution, and its running mean."""
     amount = drifts.amount
     window = np.ones(_NEIGHBOURS)
     mean = np.convolve(amount, window, "same") / np.convolve(np.ones_like(amount), window, "same")
@@ -160,14 +213,14 @@ def drift_curve(drifts: TemporalDrift) -> bytes:
         figure = Figure(figsize=(9.0, 3.4), layout="constrained")
         axes = figure.add_subplot()
         axes.axhline(0.0, color="#deded8", lw=1.0, zorder=1)
-        axes.plot(amount, "o", color=_QUIET, ms=3.5, zorder=2)
+        axes.plot(amount, "o", color=QUIET, ms=3.5, zorder=2)
         axes.plot(mean, color=OCHRE, lw=2.0, zorder=3)
         axes.set(xlabel="order of execution", ylabel=drifts.mode, xlim=(-1, len(amount)))
         return png(figure)
 
 
 def aliasing_heat(found: Aliasing, named: Sequence[str]) -> bytes:
-    """The imitation matrix; named causes are set in bold."""
+    """The aliasing matrix; established and suspected causes are bold."""
     count = max(len(found.causes), 2)
     with drawing():
         figure = Figure(figsize=(max(2.9 + 0.48 * count, _PAGE_IN), 1.9 + 0.44 * count), layout="constrained")
@@ -189,10 +242,9 @@ def aliasing_heat(found: Aliasing, named: Sequence[str]) -> bytes:
 
 
 def leave_one_out(diagnosis: DiagnosisResult, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
-    """From the base's error on sealed rows by that of the extended model without each of its causes to what this
-    misses with all of them, and to the floor; a given model's error before it.
+    """Errors on the test split: a given model, the base, the extended model without each cause and with all, the floor.
 
-    What causes do does not add up: where two displace a mark, one alone may do as well, or neither.
+    The effects of causes do not add up: of two that displace a mark, one alone may do as well, or neither.
     """
     base, extended = float(diagnosis.base_losses.mean()), float(diagnosis.extended_losses.mean())
     floor = diagnosis.floor
@@ -202,13 +254,13 @@ def leave_one_out(diagnosis: DiagnosisResult, given_mse: float | None = None, ki
             bars.insert(0, ("given\nmodel", 0.0, given_mse, INK, False))
         for finding in diagnosis.established:
             low, high = sorted((extended, finding.missed_without))
-            colour = _GREEN if finding.missed_without >= extended else "#a33a3a"
+            colour = GREEN if finding.missed_without >= extended else "#a33a3a"
             bars.append((f"without\n{finding.cause}", low, high, colour, False))
         bars.append(("extended", 0.0, extended, BLUE, False))
         left = max(diagnosis.unexplained, key=lambda one: one.generic_gain, default=None)
         if left is not None and left.generic_gain * extended > _MIN_BAR * base:
             generic = f"− generic:\n{left.mode} by\n{left.covariate}"
-            bars.append((generic, extended * (1 - left.generic_gain), extended, _QUIET, True))
+            bars.append((generic, extended * (1 - left.generic_gain), extended, QUIET, True))
         if floor is not None:
             bars.append(("noise floor", 0.0, floor.mse, "#bdbdb6", False))
         figure = Figure(figsize=(max(1.5 * len(bars) + 1.2, 9.5), 3.6), layout="constrained")

@@ -1,4 +1,4 @@
-"""What verdict, leaderboard and figures need of a diagnosis, whatever was diagnosed."""
+"""The result of a diagnosis, and its verdict: numbers and one paragraph (schema 1, docs/diagnosis.md §13)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.evaluation import Floor
+from pentimento.diagnosis.evaluation import Floor, fraction_of_gap
 from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained
 from pentimento.diagnosis.score import Step
 
@@ -17,7 +17,9 @@ Array = NDArray[Any]
 
 SCHEMA = 1
 NEXT_ACTIONS = "next_actions.parquet"
+"""File with the proposed actions."""
 _MAX_UNEXPLAINED = 12
+"""Pairs of mode and covariate that are listed."""
 
 
 class Kind(NamedTuple):
@@ -33,101 +35,91 @@ STROKES = Kind("strokes", "sRGB")
 PUSHES = Kind("pushes", "mm²")
 
 
-class Searched(Protocol):
-    """See ``diagnosis.strokes.search.Search``."""
+class Selection(Protocol):
+    """Outcome of the selection of causes."""
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """Rounds of the search."""
+        """Rounds of forward selection."""
 
     @property
     def not_observable(self) -> dict[str, str]:
-        """Causes that could not be looked for, and why."""
+        """Causes that these rows cannot show, and why."""
 
 
-class Told(Protocol):
-    """A mechanism of strokes or of pushes."""
+class NamedMechanism(Protocol):
+    """A mechanism of strokes or pushes."""
 
     cause: ClassVar[str]
 
     @property
     def informative_covariates(self) -> tuple[str, ...]:
-        """Columns that its effect goes with."""
+        """Covariates that its effect depends on."""
 
 
-class Extended(Protocol):
-    """A model with the established causes."""
+class ExtendedModel(Protocol):
+    """A model with mechanisms."""
 
     @property
-    def mechanisms(self) -> Sequence[Told]:
+    def mechanisms(self) -> Sequence[NamedMechanism]:
         """One for each cause."""
-
-
-class DiagnosisResult(Protocol):
-    """See ``diagnosis.strokes.diagnose.Diagnosis``."""
-
-    @property
-    def extended(self) -> Extended:
-        """The base with the established causes."""
-
-    @property
-    def search(self) -> Searched:
-        """How causes were found."""
-
-    @property
-    def established(self) -> tuple[Finding, ...]:
-        """Causes."""
-
-    @property
-    def suspected(self) -> tuple[Finding, ...]:
-        """Causes."""
-
-    @property
-    def floor(self) -> Floor | None:
-        """None where no action is repeated."""
-
-    @property
-    def drifts(self) -> TemporalDrift | None:
-        """What neighbours in time share: a state that nobody recorded, unless a recorded column goes with it."""
-
-    @property
-    def base_losses(self) -> Array:
-        """Of each sealed action."""
-
-    @property
-    def extended_losses(self) -> Array:
-        """Of each sealed action."""
-
-    @property
-    def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
-        """Share, and 95 % of it."""
-
-    @property
-    def unexplained(self) -> tuple[Unexplained, ...]:
-        """What is left."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One cause, with what it is worth on sealed strokes."""
+    """One cause with its gain on the test split."""
 
     cause: str
     p_adjusted: float
     confirmed_p: float
     gain: float
-    """Share that it removes of the base's error above the floor; of strokes a tenth of the error counts as such at
-    least, of pushes all of it where nothing is above."""
+    """Share of the base's error above the floor that it removes. For strokes at least a tenth of the error counts as
+    above the floor; for pushes all of it where nothing is above."""
     gain_interval: tuple[float, float]
     values: dict[str, tuple[float, float]]
     """Each quantity with its standard error."""
     rivals: tuple[str, ...]
     misattributed: bool = False
-    """Whether it is no better than what has no name."""
+    """Whether it is not better than an effect without a name."""
     of_what_is_left: float = math.nan
-    """What it removes as a share not of the gap but of what of this all other established causes leave; NaN where
-    nothing but the gap was asked for."""
+    """The gain relative to what all other established causes leave of the gap; NaN where this is not needed."""
     missed_without: float = math.nan
-    """Mean squared error that the model leaves on sealed strokes without it; NaN where that is not known."""
+    """Error of the model without it on the test split; NaN where unknown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnosisResult:
+    """What verdict, report and design need of a diagnosis of strokes or pushes."""
+
+    search: Selection
+    extended: ExtendedModel
+    """The base with the established causes."""
+    established: tuple[Finding, ...]
+    suspected: tuple[Finding, ...]
+    floor: Floor | None
+    """None where too few actions are repeated."""
+    drifts: TemporalDrift | None
+    """Unmodelled temporal drift."""
+    base_losses: Array
+    """Error of the base on each action of the test split."""
+    extended_losses: Array
+    """Error of the extended model likewise."""
+    unexplained: tuple[Unexplained, ...]
+    mode_strength: Array
+    """[modes, covariates] strength of all pairs, |t|."""
+    covariates: tuple[str, ...]
+
+    @property
+    def smallest_gap(self) -> float:
+        """A gap up to this size is not measurable."""
+        return 0.0
+
+    @property
+    def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
+        """(base - extended) / (base - floor) on the test split, with its 95 % interval; None without a gap or floor."""
+        if self.floor is None or self.base_losses.mean() - self.floor.mse <= self.smallest_gap:
+            return None
+        return fraction_of_gap(self.base_losses, self.extended_losses, self.floor.mse)
 
 
 def verdict(
@@ -139,22 +131,23 @@ def verdict(
     given_mse: float | None = None,
     kind: Kind = STROKES,
 ) -> dict[str, Any]:
-    """What ``verdict.json`` holds. Errors are of sealed rows, over the whole window: sRGB in [0, 1] squared, or mm².
+    """The content of ``verdict.json``. Errors are over the whole windows of the test split: sRGB in [0, 1] squared, or
+    mm².
 
-    What is not known (a floor without repeats, a gap without a floor) is None.
+    Unknown values (a floor without repeats, a gap without a floor) are None.
 
     Args:
-        diagnosis: what was found.
-        rows: how many could be used.
-        actions: how many different ones they are.
-        shifted: share of the gap closed on an outside table.
-        notes: sentences to go with the verdict's own: what was left out of the table.
-        given_mse: of a model that was named, on the sealed rows; becomes ``mse.given``.
-        kind: what the rows are.
+        diagnosis: the result.
+        rows: number of rows that could be used.
+        actions: number of different actions.
+        shifted: fraction of the gap closed on an outside table.
+        notes: sentences that are appended: what was left out of the table.
+        given_mse: error of a user-supplied baseline model on the test split; becomes ``mse.given``.
+        kind: of the rows.
     """
     floor, closed = diagnosis.floor, diagnosis.gap_closed
     extended = float(diagnosis.extended_losses.mean())
-    made: dict[str, Any] = {
+    content: dict[str, Any] = {
         "schema": SCHEMA,
         "kind": kind.name,
         "rows": rows,
@@ -181,11 +174,11 @@ def verdict(
         ),
     }
     if given_mse is not None:
-        made["mse"]["given"] = given_mse
+        content["mse"]["given"] = given_mse
     if diagnosis.drifts:
         mode, p, mse, mse_of_repeats, _ = diagnosis.drifts
-        made["drifts"] = {"mode": mode, "p": p, "mse": mse, "mse_of_repeats": mse_of_repeats}
-    known: dict[str, Any] = _without_nan(made)
+        content["drifts"] = {"mode": mode, "p": p, "mse": mse, "mse_of_repeats": mse_of_repeats}
+    known: dict[str, Any] = _without_nan(content)
     return known
 
 
@@ -201,51 +194,51 @@ def _entry(finding: Finding) -> dict[str, Any]:
 
 
 def sentence(diagnosis: DiagnosisResult, kind: Kind = STROKES) -> str:
-    """One paragraph."""
+    """The verdict as one paragraph."""
     base, extended = diagnosis.base_losses.mean(), diagnosis.extended_losses.mean()
-    said = [f"On sealed {kind.name} the base model misses by {base:.3g} (mean squared, {kind.unit})."]
+    parts = [f"On the test split the base model has an error of {base:.3g} (mean squared, {kind.unit})."]
     if diagnosis.established:
         named = "; ".join(_named(finding, diagnosis.floor is not None) for finding in diagnosis.established)
-        said.append(f"Established: {named}. With that the error is {extended:.3g}.")
+        parts.append(f"Established: {named}. With that the error is {extended:.3g}.")
     else:
-        said.append("No known cause is established.")
-    if doubtful := [finding.cause for finding in diagnosis.suspected if not finding.misattributed]:
-        said.append(f"Suspected, not confirmed on {kind.name} that had no part in the search: {', '.join(doubtful)}.")
+        parts.append("No known cause is established.")
+    if unconfirmed := [finding.cause for finding in diagnosis.suspected if not finding.misattributed]:
+        parts.append(f"Suspected, but not confirmed: {', '.join(unconfirmed)}.")
     if misattributed := [finding.cause for finding in diagnosis.suspected if finding.misattributed]:
-        said.append(f"No better than what has no name, and so not named: {', '.join(misattributed)}.")
+        parts.append(f"Not better than an effect without a name, and so not established: {', '.join(misattributed)}.")
     if diagnosis.floor is None:
-        said.append("No action is repeated often enough, so the noise floor is unknown.")
+        parts.append("No action is repeated often enough, so the noise floor is unknown.")
     else:
-        said.append(f"The noise floor, from repeated actions, is {diagnosis.floor.mse:.3g}.")
+        parts.append(f"The noise floor, from repeated actions, is {diagnosis.floor.mse:.3g}.")
         if diagnosis.gap_closed is not None and diagnosis.established:
-            said.append(f"{diagnosis.gap_closed[0]:.0%} of the gap above it is closed.")
+            parts.append(f"{diagnosis.gap_closed[0]:.0%} of the gap above it is closed.")
     if diagnosis.unexplained:
-        said.append(_structured(diagnosis))
+        parts.append(_structured(diagnosis))
     else:
         if drifts := diagnosis.drifts:
-            said.append(
-                f"In the order of execution {drifts.mode} wanders, worth {drifts.mse:.3g}, and nothing that was "
-                "recorded goes with it."
+            parts.append(
+                f"Temporal drift: {drifts.mode} drifts in the order of execution (error {drifts.mse:.3g}), and no "
+                "recorded covariate correlates with it."
             )
         if diagnosis.floor is not None and extended > diagnosis.floor.interval[1]:
-            said.append("Gap above the floor, cause not observable in what was recorded.")
-    said += _not_observable(diagnosis.search.not_observable)
+            parts.append("Gap above the floor, cause not observable in what was recorded.")
+    parts += _not_observable(diagnosis.search.not_observable)
     rivals = [(finding.cause, rival) for finding in diagnosis.established for rival in finding.rivals]
     if rivals:
         pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
-        said.append(f"To tell {pairs}, make the {kind.name} of {NEXT_ACTIONS}.")
-    return " ".join(said)
+        parts.append(f"To separate {pairs}, execute the {kind.name} of {NEXT_ACTIONS}.")
+    return " ".join(parts)
 
 
 def _structured(diagnosis: DiagnosisResult) -> str:
-    """What the first of what is unexplained depends on, and what established causes say of that already."""
+    """The strongest unexplained dependence, and the established causes that share its covariate."""
     mode, covariate = diagnosis.unexplained[0].mode, diagnosis.unexplained[0].covariate
-    told = [
+    sharing = [
         mechanism.cause for mechanism in diagnosis.extended.mechanisms if covariate in mechanism.informative_covariates
     ]
     known = "established" if diagnosis.suspected else "known"
-    if told:
-        beyond = f"beyond what is established of it ({', '.join(told)}); no other {known} cause explains that"
+    if sharing:
+        beyond = f"beyond its established effect ({', '.join(sharing)}); no other {known} cause explains that"
         return f"Structured residual: {mode} depends on {covariate}, {beyond}."
     return f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it."
 
@@ -258,7 +251,7 @@ def _named(finding: Finding, floor_known: bool) -> str:
 
 
 def _not_observable(reasons: dict[str, str]) -> list[str]:
-    """A sentence for each reason why causes could not be looked for."""
+    """One sentence for each reason why causes could not be tested."""
     by_reason: dict[str, list[str]] = {}
     for cause, reason in reasons.items():
         by_reason.setdefault(reason.rstrip("."), []).append(cause)
@@ -266,14 +259,16 @@ def _not_observable(reasons: dict[str, str]) -> list[str]:
 
 
 def _of_a_given_model(diagnosis: DiagnosisResult, mse: float | None) -> list[str]:
-    """How it stands to the finder's base, which differs from it in nothing but how free it is."""
+    """Its error compared with the base, which differs by its free nuisances only."""
     if mse is None:
         return []
     base = float(diagnosis.base_losses.mean())
-    said = f"The given model misses the same strokes by {mse:.3g}"
+    result = f"The given model has an error of {mse:.3g} on the same strokes"
     if base < mse:
-        return [f"{said}: {1 - base / mse:.0%} of that is calibration, which the base takes up without any cause."]
-    return [f"{said}, no more than the base."]
+        return [
+            f"{result}: {1 - base / mse:.0%} of that is calibration, which the free base removes without any cause."
+        ]
+    return [f"{result}, no more than the base."]
 
 
 def _on_an_outside_table(shifted: float | None) -> list[str]:
@@ -281,7 +276,7 @@ def _on_an_outside_table(shifted: float | None) -> list[str]:
 
 
 def _without_nan(value: Any) -> Any:
-    """JSON knows no NaN and no infinity: unknown."""
+    """The value with None for NaN and infinity, which JSON lacks."""
     if isinstance(value, dict):
         return {name: _without_nan(inner) for name, inner in value.items()}
     if isinstance(value, list | tuple):

@@ -20,7 +20,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, survey
+from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
 from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.verdict import verdict
@@ -63,7 +63,7 @@ def main() -> None:
     seconds = time.process_time() - started
     if given.next_actions is not None:
         buffer = io.BytesIO()
-        pq.write_table(as_table(proposal_for(found, survey(found), given.seed), measured), buffer)
+        pq.write_table(as_table(proposal_for(found, screen(found), given.seed), measured), buffer)
         atomic_write(given.next_actions, buffer.getvalue())
     seen = measured.pick(np.sort(np.concatenate(found.splits[:2])))
     pixelwise = named_by_pixels(found.base, seen, VOCABULARY)

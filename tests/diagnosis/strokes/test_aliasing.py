@@ -1,4 +1,4 @@
-"""Imitation: closed forms on linear models, and the design as its only source."""
+"""Aliasing: closed forms on linear models, and dependence on the design only."""
 
 import numpy as np
 import pyarrow as pa
@@ -35,7 +35,7 @@ def jacobian() -> np.ndarray:
 COLUMNS = Columns(np.array([0, 1]), {"a": np.array([2]), "b": np.array([3]), "c": np.array([4, 5])})
 
 
-def test_it_is_the_cosine_of_what_the_nuisances_leave(jacobian: np.ndarray) -> None:
+def test_aliasing_is_the_cosine_of_projected_jacobians(jacobian: np.ndarray) -> None:
     flat = jacobian.reshape(-1, 6)
     left = flat - flat[:, :2] @ np.linalg.lstsq(flat[:, :2], flat, rcond=None)[0]
     a, b = left[:, 2], left[:, 3]
@@ -45,7 +45,7 @@ def test_it_is_the_cosine_of_what_the_nuisances_leave(jacobian: np.ndarray) -> N
     np.testing.assert_allclose(found.cosine, found.cosine.T)
 
 
-def test_several_quantities_count_by_what_they_span(jacobian: np.ndarray) -> None:
+def test_aliasing_depends_on_the_span_of_quantities_only(jacobian: np.ndarray) -> None:
     """The largest canonical correlation does not ask in which quantities a cause is written."""
     found = aliasing(statistics_of(jacobian), COLUMNS)
     turned = jacobian.copy()
@@ -63,38 +63,38 @@ def test_several_quantities_count_by_what_they_span(jacobian: np.ndarray) -> Non
     )
 
 
-def test_what_the_nuisances_can_do_themselves_is_not_seen(jacobian: np.ndarray) -> None:
+def test_cause_within_the_nuisances_has_no_aliasing(jacobian: np.ndarray) -> None:
     jacobian[..., 3] = jacobian[..., 0] - 2 * jacobian[..., 1]
     found = aliasing(statistics_of(jacobian), COLUMNS)
     assert np.isnan(found.of("a", "b")) and not np.isnan(found.of("a", "c"))
-    assert any("b leaves no trace" in line for line in aliasing_sentences(found))
+    assert any("b has no effect" in line for line in aliasing_sentences(found))
 
 
-def test_twins_are_named(jacobian: np.ndarray) -> None:
+def test_sentences_name_aliased_pairs_and_hidden_causes(jacobian: np.ndarray) -> None:
     jacobian[..., 3] = -4 * jacobian[..., 2] + 0.01 * jacobian[..., 3] + jacobian[..., 1]
     found = aliasing(statistics_of(jacobian), COLUMNS)
     assert found.of("a", "b") > 0.999
-    assert aliasing_sentences(found)[0].startswith("a and b imitate each other (1.00)")
+    assert aliasing_sentences(found)[0].startswith("a and b are aliased (1.00)")
 
 
-def test_in_short_the_closest_come_first_and_the_largest_is_theirs() -> None:
+def test_short_form_lists_the_closest_pairs_first() -> None:
     cosine = np.array([[1, 0.91, 0.2, np.nan], [0.91, 1, 0.97, np.nan], [0.2, 0.97, 1, np.nan], [np.nan] * 4])
     found = Aliasing(("a", "b", "c", "d"), cosine)
-    assert aliasing_in_short(found) == "b ~ c .97, a ~ b .91, no trace of d"
-    assert aliasing_in_short(found, 0.99) == "no two causes above .99 (b ~ c .97), no trace of d"
+    assert aliasing_in_short(found) == "b ~ c .97, a ~ b .91, d not identifiable"
+    assert aliasing_in_short(found, 0.99) == "no two causes above .99 (b ~ c .97), d not identifiable"
     assert found.largest == 0.97
     alone = Aliasing(("a",), np.eye(1))
     assert alone.largest == 0.0 and aliasing_in_short(alone) == "no two causes above .90"
 
 
-def test_information_is_lost_to_nuisances_only(jacobian: np.ndarray) -> None:
+def test_information_is_reduced_by_nuisances_only(jacobian: np.ndarray) -> None:
     total = statistics_of(jacobian).curvature.sum(0)
     interest = np.array([2, 3])
     less = np.linalg.eigvalsh(total[np.ix_(interest, interest)] - information(total, np.array([0, 1]), interest))
     assert less.min() > -1e-9 and less.max() > 0
 
 
-def test_rivals_and_imitators_make_pairs_once() -> None:
+def test_rivals_and_aliased_causes_are_paired_once() -> None:
     cosine = np.array([[1, 0.95, 0.2], [0.95, 1, 0.1], [0.2, 0.1, 1]])
     found = Aliasing(("a", "b", "c"), cosine)
     assert aliased_pairs(found, {"a": ("c",), "b": ()}) == [("a", "c"), ("a", "b")]
@@ -117,7 +117,7 @@ def commands(headings: np.ndarray, ink_m: np.ndarray, places_m: np.ndarray) -> p
     return pa.Table.from_pylist(rows, schema=pa.schema([(name, known[name]) for name in rows[0]]))
 
 
-def test_a_raster_imitates_before_any_stroke_is_made() -> None:
+def test_raster_design_aliases_ink_and_tilt() -> None:
     """With a dip per row, ink goes with x, as the press of a tilted canvas does; in random order it does not."""
     rng = np.random.default_rng(1)
     row, column = np.divmod(np.arange(40), 8)

@@ -1,8 +1,7 @@
-"""Ten small blind worlds: what is hidden is named, and little else. `make studies` has the large table.
+"""Ten small simulated worlds: hidden causes are named, with few false names. `make studies` has the large benchmark.
 
 The strengths give q = .4 in the whole design (`studies.blind.strokes.strength.find_strength`), the lag's more, because
-a weak one is no more than an end that falls short, which may be the tool's; that search takes most of the time that a
-world costs, so its results stand here.
+a weak lag is no more than uneven ends. Finding the strengths takes most of a world's time, so they are listed here.
 """
 
 from dataclasses import dataclass
@@ -46,7 +45,7 @@ WORLDS = (
 
 
 def hidden_and_named(world: Hidden) -> tuple[set[str], set[str]]:
-    """What a world hides of the vocabulary, and what the verdict on its table establishes."""
+    """The causes that a world hides, and those that the verdict on its table establishes."""
     sketch = sketch_world(world.stratum, world.seed, world.cause, world.tool)
     view = view_of(sketch.tool, fine=False)
     commands = [command for command in commands_of(sketch, view) if command.sheet < SHEETS]
@@ -55,14 +54,14 @@ def hidden_and_named(world: Hidden) -> tuple[set[str], set[str]]:
     if sketch.outside is not None:
         column = columns[sketch.outside.column]
         given = disturbances(sketch.outside, (column - column.mean()) / column.std(), world.strengths[0])
-    made = sketch.with_strengths(world.strengths if sketch.causes else ())
-    recording = record_world(made, world.seed, sketch.tool, sketch.palette_srgb, commands, view, given)
-    said, _, _ = verdict_on(as_table(recording, columns), seed=0)
-    return set(sketch.causes), {entry["cause"] for entry in said["established"]}
+    effective = sketch.with_strengths(world.strengths if sketch.causes else ())
+    recording = record_world(effective, world.seed, sketch.tool, sketch.palette_srgb, commands, view, given)
+    verdict, _, _ = verdict_on(as_table(recording, columns), seed=0)
+    return set(sketch.causes), {entry["cause"] for entry in verdict["established"]}
 
 
 @pytest.mark.timeout(600)
-def test_most_of_ten_worlds_are_named_exactly_and_hardly_one_falsely() -> None:
+def test_names_most_of_ten_simulated_worlds_exactly() -> None:
     found = [hidden_and_named(world) for world in WORLDS]
     exact = sum(hidden == named for hidden, named in found)
     false = sum(len(named - hidden) for hidden, named in found)

@@ -1,4 +1,4 @@
-"""Causes that searched and confirming strokes ask for together."""
+"""Causes that discovery and confirmation split support together."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def halves(strokes: Measured) -> tuple[Measured, NDArray[np.bool_]]:
 
 
 def ended(discovery_split: Measured, model: Model, p_adjusted: float) -> Search:
-    """A search that has found nothing and is in doubt about an offset."""
+    """A search without causes, in which an offset is borderline."""
     observable = {kind.cause: identity(kind, discovery_split.context) for kind in (PathOffset, PathScale)}
     evidence = evaluate_candidates(model, list(observable.values()), discovery_split, 0)[0]
     evidence["path_offset"] = evidence["path_offset"]._replace(p_adjusted=p_adjusted, gain=0.1)
@@ -33,7 +33,7 @@ def ended(discovery_split: Measured, model: Model, p_adjusted: float) -> Search:
 
 
 @pytest.mark.parametrize(("p_adjusted", "named"), [(0.1, True), (0.4, False)])
-def test_what_is_in_doubt_is_taken_where_confirming_strokes_ask_for_it(p_adjusted: float, named: bool) -> None:
+def test_accepts_borderline_cause_that_confirmation_supports(p_adjusted: float, named: bool) -> None:
     strokes, _ = strokes_of(PathOffset, 0.0, 0.0004)
     discovery_split, fresh = halves(strokes)
     _, plain = strokes_of(PathOffset, 0.0, 0.0)
@@ -46,8 +46,8 @@ def test_what_is_in_doubt_is_taken_where_confirming_strokes_ask_for_it(p_adjuste
         assert found.gained["path_offset"] > 0
 
 
-def test_and_not_where_these_do_not() -> None:
-    """They were made before the offset was."""
+def test_rejects_borderline_cause_without_confirmation() -> None:
+    """The confirmation split has no offset."""
     with_offset, _ = strokes_of(PathOffset, 0.0, 0.0004)
     without, plain = strokes_of(PathOffset, 0.0, 0.0)
     _, fresh = halves(without)
@@ -60,7 +60,7 @@ def test_and_not_where_these_do_not() -> None:
     assert accept_borderline(begun, discovery_split, known, fresh, 0, lambda _: None) is begun
 
 
-def test_confirmation_asks_for_the_cause_in_its_direction() -> None:
+def test_confirmation_tests_the_fitted_direction() -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, 0.0)
     discovery_split, fresh = halves(strokes)
     model = fit(plain.plus(identity(PathOffset, strokes.context)), discovery_split)

@@ -1,4 +1,4 @@
-"""What is worth a refit, and what a refit may be."""
+"""Evidence for candidates, and constraints on their refits."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ from tests.diagnosis.strokes.test_large_effects import strokes_of
 from tests.diagnosis.strokes.test_learned_residual import photographed
 
 
-def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
+def test_displacement_is_far_beyond_the_marks_half_width() -> None:
     measured = load_measured(example_table(12))
     base = fit(first_model(measured), measured)
     half_m = 1e-3 * float(base.base[: len(WIDTHS)].mean())
@@ -47,7 +47,7 @@ def test_a_displacement_is_far_where_it_is_wider_than_the_mark() -> None:
     assert is_far(shifted(2 * half_m), measured) and not is_far(shifted(0.5 * half_m), measured)
 
 
-def test_a_cause_that_gains_little_from_none_is_tried_where_its_test_is_sure() -> None:
+def test_shortlists_significant_cause_with_small_second_order_gain() -> None:
     """A lag of millimetres is far from linear: its test is sure, what it would gain to second order is not."""
     lag = Evidence(0.001, 0.003, 0.02, (-0.001, 0.04), -0.0001)
     assert worth_a_refit({"bristle_lag": lag, "path_scale": lag._replace(p_adjusted=0.5)}, 0.01) == ["bristle_lag"]
@@ -61,16 +61,16 @@ def worth_a_refit(evidence: dict[str, Evidence], limit: float) -> list[str]:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("picked_up", "lens"), [(0.0, True), (1.7, True), (4.0, False), (-1.0, False)])
-def test_a_wrong_scale_alone_is_no_lens(picked_up: float, lens: bool, sign: float) -> None:
+def test_pure_scale_is_not_physical_as_lens(picked_up: float, lens: bool, sign: float) -> None:
     values = sign * torch.tensor([1.0, picked_up], dtype=torch.float64)
     assert is_physical(LensDistortion(values, {"x_m": 0.0, "y_m": 0.0, "half_m": 0.1})) == lens
 
 
-def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
-    """Paint is another colour than was told, by more than a fit likes to believe: each stroke is a little off alike."""
+def test_gradient_of_the_prior_is_charged_to_no_cause() -> None:
+    """Paint has another colour than recorded, beyond the prior's scale, in every stroke."""
     measured = load_measured(example_table(40))
-    told = fit(first_model(measured), measured)
-    after = predicted(replace(told, color_offset=told.color_offset + 0.1), measured)
+    recorded = fit(first_model(measured), measured)
+    after = predicted(replace(recorded, color_offset=recorded.color_offset + 0.1), measured)
     noisy = after + 0.02 * np.random.default_rng(0).standard_normal(after.shape)
     strokes = photographed(measured, noisy)
     model = fit(first_model(strokes), strokes)
@@ -78,8 +78,8 @@ def test_what_holds_the_base_back_is_charged_to_no_cause() -> None:
     assert evaluate_candidates(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
 
 
-def test_a_step_that_no_fit_would_take_hides_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a lens darkens, paint ten times as far from what was told as is likely would do nearly as well."""
+def test_implausible_nuisance_steps_hide_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paint ten prior scales from its recorded colour would explain nearly as much as a lens."""
     measured = load_measured(example_table(60))
     measured = replace(measured, samples=measured.samples._replace(action=torch.arange(60)), block=np.arange(60))
     model, darker = first_model(measured), identity(Vignetting, measured.context)
@@ -101,7 +101,7 @@ def test_a_step_that_no_fit_would_take_hides_no_cause(monkeypatch: pytest.Monkey
     assert stiff.p < 0.001 and stiff.gain > 0 and free.p > 0.05
 
 
-def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
+def test_refit_from_known_statistics_is_the_same() -> None:
     strokes = load_measured(example_table(40))
     model = fit(first_model(strokes), strokes)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (BristleLag, PathScale)}
@@ -112,7 +112,7 @@ def test_refits_that_start_from_what_was_tested_come_to_the_same() -> None:
 
 
 @pytest.mark.parametrize(("p", "stay"), [(0.001, {"uneven_ends", "path_scale"}), (0.03, {"path_scale"}), (0.2, set())])
-def test_ends_must_be_surer_than_a_cause_to_stay_beside_a_new_one(
+def test_backward_elimination_is_stricter_for_uneven_ends(
     p: float, stay: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured = load_measured(example_table(12))
@@ -123,17 +123,17 @@ def test_ends_must_be_surer_than_a_cause_to_stay_beside_a_new_one(
 
 
 @pytest.mark.parametrize("offset_m", [0.001, 0.0])
-def test_what_a_test_does_not_say_is_said_by_actions_that_were_not_fitted(offset_m: float) -> None:
+def test_refit_evidence_replaces_insignificant_score_test(offset_m: float) -> None:
     strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
     silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
     refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
     evidence = with_refit_evidence(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
     assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
-    said = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
-    assert with_refit_evidence(said, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == said
+    evidence = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
+    assert with_refit_evidence(evidence, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == evidence
 
 
-def test_what_acts_with_the_wrong_sign_beside_a_new_cause_goes_however_much_it_does() -> None:
+def test_backward_elimination_drops_causes_with_impossible_sign() -> None:
     strokes, plain = strokes_of(BristleLag, -0.002)
     model = fit(plain.plus(*(identity(kind, strokes.context) for kind in (BristleLag, PathOffset))), strokes)
     assert float(model.mechanisms[0].values) < 0
@@ -143,7 +143,7 @@ def test_what_acts_with_the_wrong_sign_beside_a_new_cause_goes_however_much_it_d
     ]
 
 
-def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_all() -> None:
+def test_only_causes_of_one_kind_can_mimic_each_other() -> None:
     kinds = (BristleLag, PathScale, LensDistortion, PathOffset, SpeedWidth)
     lag, scale, lens, offset, width = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
     assert can_mimic(lag, scale) and can_mimic(lens, offset)
@@ -151,7 +151,7 @@ def test_what_displaces_may_look_like_what_displaces_unless_it_is_the_same_for_a
     assert not can_mimic(lag, width) and not can_mimic(width, lag)
 
 
-def test_a_form_leaves_most_to_causes_of_its_driver_and_next_to_nothing_to_what_goes_with_nothing_of_its_own() -> None:
+def test_form_error_is_largest_within_a_family() -> None:
     kinds = (Latency, BristleLag, LensDistortion, PathOffset, SpeedWidth, InkDepletion)
     late, lag, lens, offset, width, ink = (kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds)
     assert set(late.informative_covariates) & set(lens.informative_covariates) and not set(

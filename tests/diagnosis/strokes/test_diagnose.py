@@ -1,4 +1,4 @@
-"""What a cause is credited with."""
+"""The decision which causes are established."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def causes(model: Model) -> set[str]:
     return {m.cause for m in model.mechanisms}
 
 
-def test_without_a_cause_that_stood_in_for_the_ends_the_base_has_its_ends_again(base: Model) -> None:
+def test_removing_a_lag_restores_the_bases_uneven_ends(base: Model) -> None:
     lag = base.without("uneven_ends").plus(
         BristleLag(torch.tensor([0.01]), {}), PathOffset(torch.tensor([1e-3, 0.0]), {})
     )
@@ -39,14 +39,14 @@ def test_without_a_cause_that_stood_in_for_the_ends_the_base_has_its_ends_again(
     np.testing.assert_array_equal(_without(lag, ["bristle_lag", "path_offset"], base).vector, base.vector)
 
 
-def test_ends_that_are_there_are_kept_and_a_model_that_loses_nothing_stays(base: Model) -> None:
+def test_without_keeps_existing_ends(base: Model) -> None:
     both = base.plus(BristleLag(torch.tensor([0.01]), {}))
     assert causes(_without(both, ["bristle_lag"], base)) == {"uneven_ends"}
     lag = both.without("uneven_ends")
     assert causes(_without(lag, [], base)) == {"bristle_lag"}
 
 
-def design_value(cause: str, gain: float, surely: float, confirmed_p: float = 0.005, left: float = 1.0) -> Finding:
+def finding(cause: str, gain: float, surely: float, confirmed_p: float = 0.005, left: float = 1.0) -> Finding:
     """A finding that is worth ``gain`` of the gap, and at least ``surely``, where others leave ``left`` of it."""
     single = {"bristle_lag": "distance_m", "speed_width": "width_per_log_speed"}
     values = {single[cause]: (0.004, 0.001)} if cause in single else {}
@@ -70,69 +70,69 @@ def is_of_use(finding: Finding, *others: Finding, test_split: int = 10) -> bool:
 @pytest.mark.parametrize(
     ("little", "of_use"),
     [
-        (design_value("path_offset", 0.04, 0.02), False),  # a lag's wrong form displaces as well
-        (design_value("speed_width", 0.04, 0.02), True),
-        (design_value("speed_width", 0.04, -0.01), False),
-        (design_value("speed_width", 0.09, -0.01), False),
-        (design_value("speed_width", 0.11, -0.01), True),
-        (design_value("speed_width", 0.005, 0.004), False),
+        (finding("path_offset", 0.04, 0.02), False),  # a lag's wrong form displaces as well
+        (finding("speed_width", 0.04, 0.02), True),
+        (finding("speed_width", 0.04, -0.01), False),
+        (finding("speed_width", 0.09, -0.01), False),
+        (finding("speed_width", 0.11, -0.01), True),
+        (finding("speed_width", 0.005, 0.004), False),
     ],
 )
-def test_what_is_worth_little_must_be_of_another_kind_and_sure(little: Finding, of_use: bool) -> None:
-    assert is_of_use(little, design_value("bristle_lag", 1.0, 0.9)) == of_use
+def test_small_gain_needs_certainty_and_another_kind(little: Finding, of_use: bool) -> None:
+    assert is_of_use(little, finding("bristle_lag", 1.0, 0.9)) == of_use
 
 
-def test_what_confirming_strokes_are_certain_of_must_be_worth_little_and_not_surely_so() -> None:
-    lag = design_value("bristle_lag", 1.0, 0.9)
-    assert is_of_use(design_value("speed_width", 0.04, -0.05, confirmed_p=0.0005), lag, test_split=24)
-    assert not is_of_use(design_value("speed_width", 0.015, -0.05, confirmed_p=0.0005), lag, test_split=24)
-    assert not is_of_use(design_value("path_offset", 0.04, -0.05, confirmed_p=0.0005), lag, test_split=24)
+def test_certain_confirmation_needs_a_small_gain_only() -> None:
+    lag = finding("bristle_lag", 1.0, 0.9)
+    assert is_of_use(finding("speed_width", 0.04, -0.05, confirmed_p=0.0005), lag, test_split=24)
+    assert not is_of_use(finding("speed_width", 0.015, -0.05, confirmed_p=0.0005), lag, test_split=24)
+    assert not is_of_use(finding("path_offset", 0.04, -0.05, confirmed_p=0.0005), lag, test_split=24)
 
 
-def test_what_goes_with_nothing_of_the_other_may_be_little_beside_it_where_it_is_beyond_doubt() -> None:
-    wider = design_value("speed_width", 1.0, 0.9)
-    assert is_of_use(design_value("ink_depletion", 0.03, 0.02, confirmed_p=0.0005), wider, test_split=24)
-    assert not is_of_use(design_value("ink_depletion", 0.03, 0.02), wider, test_split=24)
-    assert not is_of_use(design_value("ink_depletion", 0.03, -0.01, confirmed_p=0.0005), wider, test_split=24)
+def test_unrelated_cause_beyond_doubt_may_gain_little_beside_another() -> None:
+    wider = finding("speed_width", 1.0, 0.9)
+    assert is_of_use(finding("ink_depletion", 0.03, 0.02, confirmed_p=0.0005), wider, test_split=24)
+    assert not is_of_use(finding("ink_depletion", 0.03, 0.02), wider, test_split=24)
+    assert not is_of_use(finding("ink_depletion", 0.03, -0.01, confirmed_p=0.0005), wider, test_split=24)
 
 
-def test_of_the_only_cause_that_is_surely_confirmed_few_sealed_strokes_must_only_not_deny_it() -> None:
-    assert is_of_use(design_value("bristle_lag", 0.015, -0.02))
-    assert not is_of_use(design_value("bristle_lag", -0.001, -0.02))
-    assert not is_of_use(design_value("bristle_lag", 0.015, -0.02, confirmed_p=0.02))
-    assert not is_of_use(design_value("bristle_lag", 0.05, -0.02), test_split=24)
+def test_small_test_split_must_not_contradict_a_single_confirmed_cause() -> None:
+    assert is_of_use(finding("bristle_lag", 0.015, -0.02))
+    assert not is_of_use(finding("bristle_lag", -0.001, -0.02))
+    assert not is_of_use(finding("bristle_lag", 0.015, -0.02, confirmed_p=0.02))
+    assert not is_of_use(finding("bristle_lag", 0.05, -0.02), test_split=24)
 
 
-def test_so_of_the_only_one_of_its_kind_that_is_not_little_beside_the_other() -> None:
-    lag, wider = design_value("bristle_lag", 0.03, -0.01), design_value("speed_width", 0.05, -0.01)
+def test_small_test_split_must_not_contradict_the_only_cause_of_its_kind() -> None:
+    lag, wider = finding("bristle_lag", 0.03, -0.01), finding("speed_width", 0.05, -0.01)
     assert is_of_use(lag, wider) and is_of_use(wider, lag)
-    assert not is_of_use(lag, design_value("path_scale", 0.05, -0.01))
-    assert not is_of_use(lag, design_value("speed_width", 0.5, 0.2))
+    assert not is_of_use(lag, finding("path_scale", 0.05, -0.01))
+    assert not is_of_use(lag, finding("speed_width", 0.5, 0.2))
 
 
-def test_what_acts_with_a_sign_that_it_cannot_have_is_of_no_use() -> None:
-    lag = design_value("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
+def test_rejects_impossible_sign() -> None:
+    lag = finding("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
     assert is_of_use(lag)
     assert not is_of_use(replace(lag, values={"distance_m": (-0.0001, 0.00002)}))
 
 
-def test_what_is_told_by_one_number_must_surely_have_one() -> None:
-    lag = design_value("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
+def test_single_quantity_must_be_significant() -> None:
+    lag = finding("bristle_lag", 0.5, 0.4, confirmed_p=0.0005)
     assert not is_of_use(replace(lag, values={"distance_m": (0.0004, 0.0003)}))
 
 
-def test_what_is_little_of_the_gap_may_be_much_of_what_others_leave_of_it() -> None:
+def test_gain_is_relative_to_what_other_causes_leave() -> None:
     offset, little = (
-        design_value("path_offset", 0.97, 0.9, left=0.98),
+        finding("path_offset", 0.97, 0.9, left=0.98),
         {"gain": 0.005, "surely": 0.003, "confirmed_p": 0.0005},
     )
-    assert is_of_use(design_value("speed_width", **little, left=0.03), offset, test_split=24)
-    assert not is_of_use(design_value("speed_width", **little, left=1.0), offset, test_split=24)
+    assert is_of_use(finding("speed_width", **little, left=0.03), offset, test_split=24)
+    assert not is_of_use(finding("speed_width", **little, left=1.0), offset, test_split=24)
     # Of what displaces as well, an offset can leave nothing; what has a form can.
-    assert is_of_use(design_value("bristle_lag", **little, left=0.03), offset, test_split=24)
+    assert is_of_use(finding("bristle_lag", **little, left=0.03), offset, test_split=24)
     assert not is_of_use(
-        design_value("path_scale", **little, left=0.03),
-        design_value("bristle_lag", 0.97, 0.9, left=0.98),
+        finding("path_scale", **little, left=0.03),
+        finding("bristle_lag", 0.97, 0.9, left=0.98),
         test_split=24,
     )
 
@@ -142,11 +142,8 @@ def test_what_is_little_of_the_gap_may_be_much_of_what_others_leave_of_it() -> N
     [(0.015, 0.004, 0.0005, True), (0.015, -0.001, 0.0005, False), (0.015, 0.004, 0.005, False),
      (0.009, 0.004, 0.0005, False)],
 )  # fmt: skip
-def test_what_is_faint_must_leave_neither_the_confirming_strokes_nor_the_sealed_ones_a_doubt(
+def test_faint_cause_needs_certainty_on_both_splits(
     gain: float, surely: float, confirmed_p: float, of_use: bool
 ) -> None:
-    assert is_of_use(design_value("speed_width", gain, surely, confirmed_p), test_split=24) == of_use
-    assert (
-        is_of_use(design_value("speed_width", gain, surely, confirmed_p), design_value("bristle_lag", 1.0, 0.9))
-        == of_use
-    )
+    assert is_of_use(finding("speed_width", gain, surely, confirmed_p), test_split=24) == of_use
+    assert is_of_use(finding("speed_width", gain, surely, confirmed_p), finding("bristle_lag", 1.0, 0.9)) == of_use

@@ -1,4 +1,4 @@
-"""Ends of a mark that differ."""
+"""Uneven ends of a mark."""
 
 import torch
 
@@ -27,7 +27,7 @@ def test_each_end_moves_along_the_path_by_its_own_amount() -> None:
     assert not shift[..., 1].any()
 
 
-def test_a_stroke_that_is_shorter_than_its_command_does_not_fold() -> None:
+def test_shortened_stroke_does_not_fold() -> None:
     """Each end is 4 mm short; its neighbour lies 2 mm away."""
     context, mark = straight()
     along_m = ends(-0.004, -0.004, 0, 0).mark(mark, context).points_m[0, 0, :, 0]
@@ -41,7 +41,7 @@ def test_ends_meet_in_the_middle_at_most() -> None:
     assert float(along_m[0]) < 0.12 < float(along_m[-1])
 
 
-def test_a_widening_fades_away_from_its_end() -> None:
+def test_widening_fades_away_from_its_end() -> None:
     context, mark = straight()
     ratio = (ends(0, 0, 0.3, 0).mark(mark, context).radius_m / mark.radius_m).log()[0, 0]
     assert abs(float(ratio[0]) - 0.3) < 1e-9
@@ -49,13 +49,13 @@ def test_a_widening_fades_away_from_its_end() -> None:
     assert float(ratio[-1]) < 1e-6
 
 
-def test_at_zero_nothing_changes() -> None:
+def test_uneven_ends_at_zero_are_the_identity() -> None:
     context, mark = straight()
     for before, after in zip(mark, ends(0, 0, 0, 0).mark(mark, context), strict=True):
         torch.testing.assert_close(before, after)
 
 
-def test_how_wide_the_mark_is_at_a_place_stays() -> None:
+def test_moved_ends_keep_the_width_at_each_place() -> None:
     context, mark = straight()
     tapered = mark._replace(radius_m=0.001 + 0.05 * (mark.points_m[..., 0] - 0.1))
     moved = ends(-0.003, -0.005, 0, 0).mark(tapered, context)

@@ -1,4 +1,4 @@
-"""Figures are pictures of the right things: maps put residuals where they belong, and every one can be drawn."""
+"""Figures of a diagnosis: maps put residuals at their places, and every figure can be drawn."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +12,6 @@ from pentimento.diagnosis.experiment_design import Aliasing, detectable
 from pentimento.diagnosis.residual_structure import TemporalDrift, mode_strength
 from pentimento.diagnosis.strokes import report
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
-from pentimento.diagnosis.strokes.next_actions import Survey
 from pentimento.diagnosis.strokes.report import canvas_map, places_known, stroke_map
 from tests.diagnosis.strokes.conftest import Written
 
@@ -27,24 +26,24 @@ def drawn(png: bytes) -> np.ndarray:
     "draw",
     [
         lambda w: figures.leave_one_out(w.diagnosis),
-        lambda w: report.strokes(w.diagnosis, w.survey),
-        lambda w: figures.mode_heat(w.survey, {("width", "press_m")}),
-        lambda w: figures.dependence(w.survey),
+        lambda w: report.strokes(w.diagnosis, w.screening),
+        lambda w: figures.mode_heat(w.screening, {("width", "press_m")}),
+        lambda w: figures.dependence(w.screening),
         lambda w: figures.drift_curve(TemporalDrift("width", 0.001, 1e-5, 1e-5, np.sin(np.arange(60) / 4))),
-        lambda w: figures.aliasing_heat(w.survey.aliasing, ["ink_depletion"]),
-        lambda w: report.proposal_lines(w.proposal, w.survey),
+        lambda w: figures.aliasing_heat(w.screening.aliasing, ["ink_depletion"]),
+        lambda w: report.proposal_lines(w.proposal, w.screening),
     ],
     ids=["leave_one_out", "strokes", "modes", "dependence", "temporal_drift", "aliasing", "next actions"],
 )
-def test_a_figure_is_no_blank_and_the_same_twice(written: Written, draw: Callable[[Written], bytes]) -> None:
+def test_figures_are_not_blank_and_reproducible(written: Written, draw: Callable[[Written], bytes]) -> None:
     first = draw(written)
     image = drawn(first)
     assert min(image.shape[:2]) > 300 and image.std() > 5
     assert draw(written) == first
 
 
-def test_a_residual_shows_where_its_stroke_lay(written: Written) -> None:
-    """One stroke's window is too bright: only its place on the canvas is."""
+def test_canvas_map_shows_a_residual_at_its_place(written: Written) -> None:
+    """One stroke's window is too bright."""
     measured = written.measured
     residual = np.where(measured.samples.valid.numpy() > 0, 0.0, np.nan)
     residual[3] += 0.2
@@ -61,7 +60,7 @@ def test_a_residual_shows_where_its_stroke_lay(written: Written) -> None:
 
 
 def test_straightened_strokes_agree_on_start_and_end(written: Written) -> None:
-    """A bright disc at every stroke's end lies at 1 along and 0 across, whatever the bend."""
+    """A bright disc at every stroke's end lies at 1 along and 0 across, for any bend."""
     measured = written.measured
     residual = np.where(measured.samples.valid.numpy() > 0, 0.0, np.nan)
     ends = measured.samples.view.to_pixels(measured.samples.path[..., 1:3])[:, -1].numpy()
@@ -75,7 +74,7 @@ def test_straightened_strokes_agree_on_start_and_end(written: Written) -> None:
     assert top - (at[0] + 0.5) / found.mean.shape[0] * (top - bottom) == pytest.approx(0.0, abs=0.5)
 
 
-def test_the_worst_keeps_its_sign(written: Written) -> None:
+def test_worst_residual_keeps_its_sign(written: Written) -> None:
     measured = written.measured
     residual = np.where(measured.samples.valid.numpy() > 0, 0.01, np.nan)
     residual[5] *= -30
@@ -100,13 +99,13 @@ def test_strength_is_the_root_of_n_times_the_correlation() -> None:
     assert mode_strength(even[:, None], {"x": x})[0, 0] > 2 * abs(np.corrcoef(x, even)[0, 1]) * np.sqrt(50)
 
 
-def test_twice_the_strokes_find_half_the_effect(written: Written) -> None:
-    """What can be found falls as 1 / n: doubling every action doubles what is known of everything."""
+def test_twice_the_strokes_detect_half_the_effect(written: Written) -> None:
+    """The detectable share falls as 1 / n: doubling every action doubles all information."""
     from pentimento.diagnosis.gauss_newton import Statistics
     from pentimento.diagnosis.strokes.aliasing import columns_of
     from pentimento.diagnosis.strokes.jacobian import linearise
 
-    full = written.survey.full
+    full = written.screening.full
     statistics = linearise(full, written.measured)
     twice = Statistics(*(np.concatenate([values, values]) for values in statistics))
     once_found, twice_found = (detectable(s, columns_of(full)) for s in (statistics, twice))
@@ -114,7 +113,7 @@ def test_twice_the_strokes_find_half_the_effect(written: Written) -> None:
         assert twice_found[cause] == pytest.approx(smallest / 2, rel=0.05)
 
 
-def test_covariates_that_do_not_vary_are_not_shown(written: Written) -> None:
+def test_constant_or_incomplete_covariates_are_not_shown(written: Written) -> None:
     measured: Measured = replace(
         written.measured,
         covariates=written.measured.covariates | {"constant": np.ones(56), "gaps": np.full(56, np.nan)},
@@ -123,12 +122,12 @@ def test_covariates_that_do_not_vary_are_not_shown(written: Written) -> None:
     assert "press_m" in covariates_shown(measured)
 
 
-def test_causes_that_are_not_seen_leave_holes_in_the_matrix() -> None:
+def test_aliasing_heat_draws_hidden_causes_as_holes() -> None:
     cosine = np.array([[1.0, np.nan], [np.nan, np.nan]])
     assert drawn(figures.aliasing_heat(Aliasing(("a", "b"), cosine), [])).std() > 2
 
 
-def test_photographs_on_the_sheet_are_those_of_sealed_strokes(written: Written) -> None:
-    survey: Survey = written.survey
-    assert len(survey.test_split) == len(written.diagnosis.splits.test)
-    assert drawn(report.strokes(written.diagnosis, survey, shown=1)).shape[0] > 150
+def test_stroke_sheet_shows_the_test_split(written: Written) -> None:
+    screening = written.screening
+    assert len(screening.test) == len(written.diagnosis.splits.test)
+    assert drawn(report.strokes(written.diagnosis, screening, shown=1)).shape[0] > 150

@@ -1,4 +1,4 @@
-"""What a fit ends at, and what its base can take back of a cause."""
+"""Convergence of fits, and what the base can absorb of a cause."""
 
 from dataclasses import replace
 
@@ -33,8 +33,8 @@ def asked(statistics: Statistics, model: Model) -> float:
     return float(values @ projected_statistics(statistics, rest, columns)[1].mean(0) @ values)
 
 
-def test_the_base_takes_back_of_a_cause_no_more_than_a_fit_without_it_does(softened: tuple[Measured, Model]) -> None:
-    """With strokes alone, steps that no fit would take would seem to undo more of it."""
+def test_prior_limits_what_the_base_absorbs_of_a_cause(softened: tuple[Measured, Model]) -> None:
+    """Without the prior, implausible steps of the nuisances would seem to undo more of it."""
     strokes, model = softened
     without = fit(model.without(SpeedBleed.cause), strokes)
     comes_back = float((action_losses(without, strokes) - action_losses(model, strokes)).mean())
@@ -43,14 +43,14 @@ def test_the_base_takes_back_of_a_cause_no_more_than_a_fit_without_it_does(softe
     assert asked(statistics, model) < 0.9 * asked(with_prior(statistics, model), model)
 
 
-def test_at_its_end_a_fit_is_pulled_nowhere(softened: tuple[Measured, Model]) -> None:
+def test_fit_ends_at_a_stationary_point(softened: tuple[Measured, Model]) -> None:
     strokes, model = softened
     slope = with_prior(linearise(model, strokes), model).slope
     assert np.abs(slope.sum(0)).max() < 0.02 * np.abs(slope).sum(0).max()
 
 
-def test_one_stroke_that_is_wrong_by_far_does_not_say_all(softened: tuple[Measured, Model]) -> None:
-    """A photograph with its two sides exchanged: its action counts as three usual ones, and all others as they did."""
+def test_huber_weights_limit_an_outlying_action(softened: tuple[Measured, Model]) -> None:
+    """A mirrored photograph: its action counts as three usual ones, all others are unchanged."""
     strokes, model = softened
     after = strokes.samples.after.clone()
     after[0] = after[0].flip(1)
@@ -67,16 +67,16 @@ def test_one_stroke_that_is_wrong_by_far_does_not_say_all(softened: tuple[Measur
     assert abs(with_less - softening) < 0.5 * abs(with_all - softening)
 
 
-def test_a_fit_goes_on_while_its_steps_are_cut_short() -> None:
-    """Ends that widen by as much as they may are several of the longest steps away, each of which gains little."""
+def test_fit_continues_while_steps_are_limited() -> None:
+    """Widened ends at their bound are several of the longest steps away, each of which gains little."""
     strokes, plain = strokes_of(BristleLag, 0.009)
     uneven = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
     before, after = (float(action_losses(each, strokes).mean()) for each in (plain, uneven))
     assert after < 0.9 * before
 
 
-def test_what_strokes_leave_open_is_not_anything(softened: tuple[Measured, Model]) -> None:
-    """No stroke presses as lightly as the first half-width is for, but for a breath on one."""
+def test_prior_determines_parameters_without_data(softened: tuple[Measured, Model]) -> None:
+    """No stroke presses as lightly as the first knot, except one minimally."""
     strokes, model = softened
     statistics = linearise(model, strokes)
     curvature, slope = statistics.curvature.copy(), statistics.slope.copy()

@@ -1,4 +1,4 @@
-"""Causes that are large are found in the whole residual; small ones are left to the search that takes scatter out."""
+"""Large effects are found before the learned residual model is fitted; small ones are left to the later search."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def strokes_of(kind: type[Mechanism], *values: float) -> tuple[Measured, Model]:
 
 
 @pytest.mark.parametrize(("distance_m", "large"), [(0.009, True), (0.0004, False)])
-def test_a_lag_is_found_and_uneven_ends_do_not_hide_it(distance_m: float, large: bool) -> None:
+def test_finds_lag_that_uneven_ends_could_hide(distance_m: float, large: bool) -> None:
     measured, base = strokes_of(BristleLag, distance_m)
     begun = find_large(base, measured, measured.context, 0.0, (BristleLag, PathScale), 0, lambda line: None)
     assert begun.found == {"bristle_lag"}
@@ -45,15 +45,15 @@ def test_a_lag_is_found_and_uneven_ends_do_not_hide_it(distance_m: float, large:
     assert not begun.base.mechanisms, "what the lag explains is no freedom of the base"
 
 
-def test_ends_that_no_lag_makes_are_the_bases() -> None:
+def test_uneven_ends_without_lag_stay_in_the_base() -> None:
     measured, base = strokes_of(UnevenEnds, -0.0008, 0.0008, 0.3, 0.0)
     begun = find_large(base, measured, measured.context, 0.0, (BristleLag, Latency), 0, lambda line: None)
     assert begun.found == set()
     assert [m.cause for m in begun.base.mechanisms] == ["uneven_ends"]
 
 
-def test_a_tip_that_trails_further_than_the_mark_is_wide_is_found_from_its_typical_size() -> None:
-    """What it does far from none says nothing of it at none, beside ends that were fitted in its place."""
+def test_finds_lag_larger_than_the_mark() -> None:
+    """A test at 0, beside fitted uneven ends, shows nothing of it."""
     strokes, plain = strokes_of(BristleLag, 0.009)
     model = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
     candidates = [identity(kind, strokes.context) for kind in (BristleLag, PathOffset)]

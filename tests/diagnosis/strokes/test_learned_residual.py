@@ -1,4 +1,4 @@
-"""What a tool does alike in every stroke is learnt; what a cause does, and what scatters, is not."""
+"""The learned residual model learns what a tool does in every stroke, and neither causes nor scatter."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def photographed(measured: Measured, photographs: np.ndarray) -> Measured:
 
 @pytest.fixture(scope="module")
 def strokes() -> tuple[Measured, Model, list[Mechanism]]:
-    """Strokes that their model foretells but for the camera's noise, and causes to look for."""
+    """Strokes that their model predicts up to camera noise, and candidate causes."""
     measured = load_measured(example_table(56))
     model = fit(first_model(measured), measured)
     noise = 0.01 * np.random.default_rng(1).standard_normal(measured.samples.after.shape)
@@ -51,7 +51,7 @@ def error(model: Model, measured: Measured, rows: np.ndarray) -> float:
     return float(mean_squared_error(residual(model, measured), measured)[rows].mean())
 
 
-def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
+def test_predicts_common_streak_of_held_out_strokes(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     plain, clean, causes = strokes
@@ -61,8 +61,8 @@ def test_a_streak_that_all_strokes_have_is_foretold_of_fresh_strokes(
     assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
 
 
-def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[Measured, Model]) -> None:
-    """What scatters with each stroke's place is not in the way: the prediction is nearly the same as without it."""
+def test_learns_streak_despite_scattered_positions(streaked: tuple[Measured, Model]) -> None:
+    """The prediction is nearly the same as without the scatter."""
     measured, model = streaked
     placed, causes = model.plus(identity(PathOffset, measured.context)), [identity(BristleLag, measured.context)]
     apart = np.zeros((len(measured), *predicted(model, measured).shape[1:]))
@@ -78,7 +78,7 @@ def test_a_streak_is_learnt_from_strokes_that_came_to_lie_apart(streaked: tuple[
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()
 
 
-def test_no_score_of_the_base_changes_though_the_misfit_falls(
+def test_learned_residual_lowers_misfit_and_keeps_scores(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     causes = strokes[2]
@@ -93,10 +93,10 @@ def test_no_score_of_the_base_changes_though_the_misfit_falls(
     assert after.energy.sum() < 0.9 * before.energy.sum()
 
 
-def test_a_cause_that_acts_alike_in_every_stroke_is_no_habit(
+def test_learned_residual_leaves_a_constant_lag(
     strokes: tuple[Measured, Model, list[Mechanism]],
 ) -> None:
-    """A lag shows in all strokes at the same places about their paths; trees could learn it, and must leave it."""
+    """A lag shows in all strokes at the same places about their paths, so trees could learn it."""
     measured, model, causes = strokes
     full = model.plus(*causes)
     lag = full.columns_of(BristleLag.cause)[0]
@@ -110,8 +110,8 @@ def test_a_cause_that_acts_alike_in_every_stroke_is_no_habit(
     assert after == pytest.approx(before, rel=0.1)
 
 
-def test_a_habit_that_looks_like_a_cause_by_chance_does_not_speak_for_it(streaked: tuple[Measured, Model]) -> None:
-    """Speeds and times are drawn; how clearly a streak shows has by chance something in common with them."""
+def test_chance_resemblance_to_a_cause_is_no_evidence(streaked: tuple[Measured, Model]) -> None:
+    """Speeds and times are random; the streak's visibility correlates with them by chance."""
     measured, model = streaked
     causes = [identity(kind, measured.context) for kind in (SpeedDensity, ToolWear)]
     _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
@@ -129,8 +129,8 @@ def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -
         assert error(model, learnt, rows) == pytest.approx(error(model, measured, rows), rel=0.01)
 
 
-def test_a_shift_that_follows_a_covariate_stays(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
-    """Of each stroke's shift as much must be left as was there: nothing that the trees see tells how large it is."""
+def test_learned_residual_leaves_covariate_dependent_shift(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
+    """No input of the trees tells how large each stroke's shift is."""
     measured, model, causes = strokes
     amount = np.random.default_rng(2).choice([-1.0, 1.0], len(measured)).astype(np.float32)
     moved = model.plus(causes[1]).at(np.append(model.vector, [0.5, 0.0]))
@@ -141,7 +141,7 @@ def test_a_shift_that_follows_a_covariate_stays(strokes: tuple[Measured, Model, 
     assert float((kept * amount).mean()) == pytest.approx(1.0, abs=0.1)
 
 
-def test_strokes_that_come_later_get_the_habits_that_the_others_have(
+def test_new_strokes_get_the_same_predictions(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     measured, model = streaked
@@ -151,7 +151,7 @@ def test_strokes_that_come_later_get_the_habits_that_the_others_have(
     )
 
 
-def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
+def test_refit_to_all_strokes_predicts_test_strokes_better(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     plain, clean, causes = strokes
@@ -166,10 +166,10 @@ def test_from_all_strokes_together_the_habits_of_fresh_ones_are_known_better(
     assert error(model, known, FRESH) - noise < 0.9 * (error(model, learnt, FRESH) - noise)
 
 
-def test_a_paint_that_was_never_seen_changes_no_habit(
+def test_unknown_paint_changes_no_prediction(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
-    """A table from elsewhere may bring paints that the diagnosed one had not."""
+    """Another table may have paints that the diagnosed one lacks."""
     measured, model = streaked
     learned_residual, _ = learn_residual(measured, model, KNOWN, strokes[2], 0)
     more = replace(
@@ -184,8 +184,8 @@ def test_a_paint_that_was_never_seen_changes_no_habit(
     np.testing.assert_allclose(painted_anew.residual_prediction, known.residual_prediction, atol=1e-6)
 
 
-def test_the_mirror_of_the_mirror_is_what_was_there() -> None:
-    """Left changes sides, and with it the sine of how the tool lies to its way; nothing else does."""
+def test_mirroring_features_twice_is_the_identity() -> None:
+    """Mirroring changes the sign of the left position and of the sine of the tool's lie only."""
     features = np.random.default_rng(4).normal(size=(50, 9))
     other = mirrored_features(features)
     changed = [k for k in range(9) if not (other[:, k] == features[:, k]).all()]
@@ -195,14 +195,14 @@ def test_the_mirror_of_the_mirror_is_what_was_there() -> None:
     np.testing.assert_array_equal(plain, other[:, :7])
 
 
-def test_both_sides_are_one_side() -> None:
+def test_one_sided_features_equal_those_of_the_mirror() -> None:
     features = np.random.default_rng(5).normal(size=(50, 9))
     assert (one_sided(features)[:, 0] >= 0).all()
     np.testing.assert_array_equal(one_sided(features), one_sided(mirrored_features(features)))
 
 
 @pytest.mark.parametrize(("sides", "mirrored"), [((0.4, -0.4), True), ((0.4,), False)])
-def test_a_tool_that_draws_its_left_as_its_right_is_seen_so(
+def test_detects_symmetric_tool(
     strokes: tuple[Measured, Model, list[Mechanism]], sides: tuple[float, ...], mirrored: bool
 ) -> None:
     measured, model, causes = strokes
@@ -213,8 +213,8 @@ def test_a_tool_that_draws_its_left_as_its_right_is_seen_so(
     assert learned_residual.mirrored == mirrored
 
 
-def test_a_streak_is_learnt_from_strokes_that_are_not_equally_wide(streaked: tuple[Measured, Model]) -> None:
-    """Nor is what scatters with each stroke's width in the way."""
+def test_learns_streak_despite_scattered_widths(streaked: tuple[Measured, Model]) -> None:
+    """The prediction is nearly the same as without the scatter."""
     measured, model = streaked
     wider = model.at(model.vector + 0.1 * np.isin(np.arange(len(model.vector)), [BASE.index(name) for name in WIDTHS]))
     amount = np.random.default_rng(6).normal(0, 1, (len(measured), 1, 1, 1))

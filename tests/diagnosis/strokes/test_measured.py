@@ -1,4 +1,4 @@
-"""What is known of strokes beside their photographs."""
+"""Covariates and paints of measured strokes."""
 
 import numpy as np
 import pyarrow as pa
@@ -20,7 +20,7 @@ def recorded(**columns: np.ndarray) -> pa.Table:
     return pa.table(known | given)
 
 
-def test_a_few_missing_values_are_interpolated_in_the_order_of_execution() -> None:
+def test_interpolates_few_missing_values_in_execution_order() -> None:
     age = 2.0 + 0.1 * np.arange(ROWS)
     gappy = age.copy()
     gappy[[7, 23, 24]] = np.nan
@@ -28,7 +28,7 @@ def test_a_few_missing_values_are_interpolated_in_the_order_of_execution() -> No
     np.testing.assert_allclose(covariates_of(table)["tool_age_m"], age[table["order"].to_numpy()])
 
 
-def test_what_starts_anew_with_each_load_is_interpolated_within_it() -> None:
+def test_interpolates_load_covariates_within_a_load() -> None:
     ink = 0.04 * (np.arange(ROWS) % 5)
     gappy = ink.copy()
     gappy[[11, 28]] = np.nan
@@ -36,7 +36,7 @@ def test_what_starts_anew_with_each_load_is_interpolated_within_it() -> None:
     np.testing.assert_allclose(covariates_of(table)["ink_since_reload_m"], ink[table["order"].to_numpy()])
 
 
-def test_what_is_mostly_unknown_or_says_something_by_being_unknown_stays() -> None:
+def test_keeps_mostly_missing_and_meaningful_nan() -> None:
     seldom = np.where(np.arange(ROWS) % 3 == 0, np.nan, 1.0 + np.arange(ROWS))
     blank = np.where(np.arange(ROWS) == 9, np.nan, 5.0 + np.arange(ROWS))
     found = covariates_of(recorded(humidity=seldom, wet_age_s=blank))
@@ -44,7 +44,7 @@ def test_what_is_mostly_unknown_or_says_something_by_being_unknown_stays() -> No
     assert np.isnan(found["wet_age_s"]).sum() == 1
 
 
-def test_a_colour_is_another_paint_in_each_session_that_shows_enough_of_it() -> None:
+def test_colour_is_a_separate_paint_in_sessions_with_enough_blocks() -> None:
     session, block = np.repeat([0, 1], 40), np.arange(80) // 4
     color = np.where(np.arange(80)[:, None] % 2 == 0, [0.1, 0.2, 0.3], [0.8, 0.2, 0.1])
     found = mixes(color, session, block)
@@ -54,7 +54,7 @@ def test_a_colour_is_another_paint_in_each_session_that_shows_enough_of_it() -> 
         assert len(np.unique(color[found == each], axis=0)) == 1
 
 
-def test_a_session_of_few_loads_has_no_mix_of_its_own() -> None:
+def test_session_with_few_loads_has_no_own_mix() -> None:
     session, block = np.repeat([0, 1], [70, 10]), np.arange(80) // 4
     color = np.tile([0.1, 0.2, 0.3], (80, 1))
     np.testing.assert_array_equal(mixes(color, session, block), 0)

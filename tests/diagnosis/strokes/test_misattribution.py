@@ -1,4 +1,4 @@
-"""A cause that stands where something without a name belongs gives way to it; the right one does not."""
+"""A cause that stands in for an effect without a name is rejected; a true cause is kept."""
 
 from dataclasses import replace
 
@@ -44,10 +44,12 @@ def widened(by: NDArray[np.float64]) -> tuple[Model, Measured]:
     plain = load_measured(example_table(ROWS, seed=6))
     model = fit(first_model(plain), plain, iterations=4)
     amounts = {f"modulation_{mode}": np.zeros(ROWS) for mode in MODES} | {"modulation_width": by}
-    told = replace(plain, covariates=amounts)
+    with_columns = replace(plain, covariates=amounts)
     drawn = model.plus(Modulation(torch.zeros(len(AllModes.quantities), dtype=torch.float64), {}))
     noise = 0.01 * np.random.default_rng(1).standard_normal(plain.samples.after.shape)
-    after = np.clip(linear_to_srgb(predicted_linear(ink(drawn, told), told)) + noise, 0, 1).astype(np.float32)
+    after = np.clip(linear_to_srgb(predicted_linear(ink(drawn, with_columns), with_columns)) + noise, 0, 1).astype(
+        np.float32
+    )
     samples = plain.samples._replace(after=torch.from_numpy(after), action=torch.arange(ROWS))
     columns = {"order": np.arange(float(ROWS)), "clock": 5 * SESSION**3, "temperature_c": 20 + WARMTH}
     return model, replace(plain, samples=samples, covariates=columns, block=np.arange(ROWS))
@@ -63,15 +65,15 @@ def wear_gives_way(model: Model, strokes: Measured) -> bool:
     return generic_curve_suffices(wear, worn, model, known, test_split, 0)
 
 
-def test_wear_gives_way_where_the_warmth_that_rises_over_the_session_explains_as_much() -> None:
+def test_wear_yields_to_a_curve_over_temperature() -> None:
     assert wear_gives_way(*widened(0.2 * WARMTH))
 
 
-def test_wear_stays_where_it_is_right_though_its_law_is_another_and_a_clock_runs_along() -> None:
+def test_true_wear_of_another_form_is_kept() -> None:
     assert not wear_gives_way(*widened(0.2 * np.tanh(2 * SESSION)))
 
 
-def test_wear_stays_beside_something_larger_that_is_not_known() -> None:
+def test_true_wear_is_kept_beside_a_larger_unknown_effect() -> None:
     gusts = np.cos(2.4 * np.arange(ROWS))
     model, strokes = widened(0.2 * SESSION + 0.2 * gusts)
     gusty = replace(strokes, covariates=strokes.covariates | {"draught_m_s": gusts})
@@ -79,13 +81,13 @@ def test_wear_stays_beside_something_larger_that_is_not_known() -> None:
 
 
 @pytest.mark.parametrize(("density", "shown"), [((0.3, 0.1), True), ((-0.3, 0.1), True), ((0.15, 0.1), False)])
-def test_what_is_not_surely_paler_shows_no_less_paint(density: tuple[float, float], shown: bool) -> None:
+def test_signature_needs_a_significant_quantity(density: tuple[float, float], shown: bool) -> None:
     others = {"softening_per_log_speed": (0.5, 0.01), "spreading_per_log_speed": (0.2, 0.01)}
     mechanism = SpeedDensity(torch.zeros(3), {})
     assert shows_signature(mechanism, others | {"density_per_log_speed": density}) == shown
 
 
-def test_a_cause_of_one_quantity_shows_all_that_it_is() -> None:
+def test_single_quantity_is_its_own_signature() -> None:
     assert shows_signature(SpeedWidth(torch.zeros(1), {}), {"width_per_log_speed": (0.01, 0.1)})
 
 
@@ -123,7 +125,7 @@ class LateByAPower(TrailsByAPower):
     [(0.0, BristleLag, False), (1.0, BristleLag, True), (0.2, BristleLag, False),
      (1.0, Latency, False), (0.0, Latency, True), (0.8, Latency, False)],
 )  # fmt: skip
-def test_what_trails_by_another_power_of_the_speed_is_another_cause(
+def test_rejects_lag_with_another_power_of_speed(
     power: float, kind: type[Mechanism], another: bool, beside: tuple[type[Mechanism], ...]
 ) -> None:
     measured = load_measured(example_table(60, seed=3))
@@ -131,12 +133,12 @@ def test_what_trails_by_another_power_of_the_speed_is_another_cause(
     by_a_power = LateByAPower if kind is Latency else TrailsByAPower
     truth = by_a_power(torch.tensor([power], dtype=torch.float64), {})
     after = predicted(base.plus(truth), measured)
-    made = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
-    model = fit(base.plus(*(identity(each, made.context) for each in (*beside, kind))), made)
-    assert trails_by_another_power(identity(kind, made.context), model, made) == another
+    observed = photographed(measured, after + 0.003 * np.random.default_rng(0).standard_normal(after.shape))
+    model = fit(base.plus(*(identity(each, observed.context) for each in (*beside, kind))), observed)
+    assert trails_by_another_power(identity(kind, observed.context), model, observed) == another
 
 
-def test_nothing_trails_by_a_width() -> None:
+def test_width_cause_has_no_power_of_speed() -> None:
     model, strokes = widened(0.2 * SESSION)
     assert not trails_by_another_power(SpeedWidth(torch.zeros(1), {}), model, strokes)
 
@@ -163,33 +165,35 @@ class DrawnInwards(Mechanism):
 @pytest.mark.parametrize(
     ("before", "after", "both_ways"), [(0.5, 0.5, True), (-0.5, 0.5, True), (0.0, 1.0, False), (0.1, 0.9, False)]
 )
-def test_what_is_bent_before_a_bend_as_after_it_does_not_trail(
+def test_rejects_lag_for_symmetric_bends(
     before: float, after: float, both_ways: bool, kind: type[Mechanism], power: float
 ) -> None:
     measured = load_measured(example_table(60, seed=3))
     base = first_model(measured)
     truth = DrawnInwards(torch.tensor([before, after, power], dtype=torch.float64), {})
     photographs = predicted(base.plus(truth), measured)
-    made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
-    model = fit(base.plus(identity(kind, made.context)), made)
-    assert trails_both_ways(model.mechanisms[-1], model, made) == both_ways
+    observed = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
+    model = fit(base.plus(identity(kind, observed.context)), observed)
+    assert trails_both_ways(model.mechanisms[-1], model, observed) == both_ways
 
 
-def test_a_width_does_not_trail() -> None:
+def test_width_cause_does_not_trail() -> None:
     model, strokes = widened(0.2 * SESSION)
     assert not trails_both_ways(SpeedWidth(torch.zeros(1), {}), model, strokes)
 
 
 @pytest.mark.parametrize("kind", [BristleLag, Latency])
-def test_what_trails_at_its_ends_alone_cuts_no_corners(kind: type[Mechanism]) -> None:
+def test_uneven_ends_replace_lag_without_cut_corners(kind: type[Mechanism]) -> None:
     measured = load_measured(example_table(60, seed=3))
     base = first_model(measured)
-    idle = identity(kind, measured.context)
-    cause = kind(torch.tensor([kind.quantities[0].typical / 2], dtype=torch.float64), idle.reference)
+    inactive = identity(kind, measured.context)
+    cause = kind(torch.tensor([kind.quantities[0].typical / 2], dtype=torch.float64), inactive.reference)
     ends = UnevenEnds(torch.tensor([2e-4, -2e-4, 0.0, 0.0], dtype=torch.float64), {})
     for truth, at_ends in ((ends, True), (cause, False)):
         photographs = predicted(base.plus(truth), measured)
-        made = photographed(measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape))
-        model = fit(base.plus(idle), made)
+        observed = photographed(
+            measured, photographs + 0.003 * np.random.default_rng(0).standard_normal(photographs.shape)
+        )
+        model = fit(base.plus(inactive), observed)
         assert float(model.mechanisms[-1].values[0]) > 0
-        assert uneven_ends_suffice(model.mechanisms[-1], model, made, 0) == at_ends
+        assert uneven_ends_suffice(model.mechanisms[-1], model, observed, 0) == at_ends

@@ -1,4 +1,4 @@
-"""A base finds out in what power of light paint and ground mix, and is left plain where they mix in light."""
+"""The power of light in which paint and ground mix is estimated, and is linear by default."""
 
 from dataclasses import replace
 
@@ -32,15 +32,15 @@ def pale_red(measured: Measured, mixing: float) -> tuple[Model, Measured]:
     return plain, replace(measured, samples=samples._replace(after=torch.from_numpy(after) + noise))
 
 
-def test_paint_that_mixes_in_the_numbers_of_a_picture_is_found_out(measured: Measured) -> None:
-    plain, made = pale_red(measured, -0.8)
-    in_light = fit(plain, made)
+def test_detects_mixing_in_srgb_numbers(measured: Measured) -> None:
+    plain, observed = pale_red(measured, -0.8)
+    in_light = fit(plain, observed)
     assert in_light.mixes_in_light
     # What holds numbers near the plainest base goes with the error at the start of a fit.
-    found = fit(choose_mixing(in_light, made, 0), made)
+    found = fit(choose_mixing(in_light, observed, 0), observed)
     assert found.base[BASE.index("mixing")] == pytest.approx(-0.8, abs=0.15)
 
 
-def test_paint_that_mixes_in_light_is_left_at_that(measured: Measured) -> None:
-    plain, made = pale_red(measured, 0.0)
-    assert choose_mixing(fit(plain, made), made, 0).mixes_in_light
+def test_keeps_mixing_in_linear_light(measured: Measured) -> None:
+    plain, observed = pale_red(measured, 0.0)
+    assert choose_mixing(fit(plain, observed), observed, 0).mixes_in_light

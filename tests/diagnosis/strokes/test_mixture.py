@@ -1,4 +1,4 @@
-"""Paint over paint: a mean of powers, and its slopes."""
+"""Mixture of paint and ground, and its derivatives."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from pentimento.diagnosis.strokes.soft_edge import mixture, slopes_of_mixture
 
 
-def test_paint_mixes_in_linear_light_until_told_otherwise() -> None:
+def test_power_one_mixes_in_linear_light() -> None:
     below, paint, coverage = np.float32([0.9, 0.5, 0.02]), np.float32([0.05, 0.5, 0.3]), np.float32([0.3])
     np.testing.assert_allclose(mixture(below, paint, coverage, 1), 0.7 * below + 0.3 * paint, rtol=1e-6)
     # A mean of logarithms dims by a share, as a filter does.
@@ -17,7 +17,7 @@ def test_paint_mixes_in_linear_light_until_told_otherwise() -> None:
 
 
 @pytest.mark.parametrize("power", [0.3, 0.45, 1.0, 1.6])
-def test_slopes_of_a_mixture_are_those_of_the_mixture(power: float) -> None:
+def test_slopes_of_a_mixture_are_its_derivatives(power: float) -> None:
     rng = np.random.default_rng(0)
     below, paint = rng.uniform(0.05, 0.95, (2, 50, 3))
     coverage, step = rng.uniform(0.1, 0.9, (50, 1)), 1e-4

@@ -1,4 +1,4 @@
-"""What depends on a covariate is found in its mode, and what merely goes along with that is not named beside it."""
+"""Dependence of residual modes on covariates."""
 
 from dataclasses import replace
 
@@ -35,16 +35,14 @@ def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:
     if mode is not None:
         amounts[f"modulation_{mode}"] = AMOUNT[mode] * warmth * AllModes.quantities[MODES.index(mode)].typical
     drawn = model.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
-    told = replace(plain, covariates=columns | amounts)
-    after = linear_to_srgb(predicted_linear(ink(drawn, told), told))
+    with_columns = replace(plain, covariates=columns | amounts)
+    after = linear_to_srgb(predicted_linear(ink(drawn, with_columns), with_columns))
     after = np.clip(after + rng.normal(0, 0.01, after.shape), 0, 1).astype(np.float32)
     return replace(plain, samples=plain.samples._replace(after=torch.from_numpy(after)))
 
 
 @pytest.mark.parametrize("mode", sorted(AMOUNT))
-def test_a_mode_is_named_with_its_covariate_and_not_with_what_goes_along(
-    mode: str, strokes: tuple[Measured, Model]
-) -> None:
+def test_reports_mode_with_driving_covariate_only(mode: str, strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
     strokes_then = warmed(mode, measured, model)
     left, strength, names = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
@@ -54,14 +52,14 @@ def test_a_mode_is_named_with_its_covariate_and_not_with_what_goes_along(
     assert left[0].generic_gain > 0.01
 
 
-def test_where_nothing_depends_on_anything_nothing_is_named(strokes: tuple[Measured, Model]) -> None:
+def test_reports_nothing_without_structure(strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
     strokes_then = warmed(None, measured, model)
     left, _, _ = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
     assert left == []
 
 
-def test_a_mode_that_is_hardly_seen_in_most_rows_is_read_off_the_others() -> None:
+def test_weights_modes_by_their_energy() -> None:
     rng = np.random.default_rng(3)
     speed, rows = rng.standard_normal(160), np.arange(160)
     energy = np.where(rng.random(160) < 0.3, 1.0, 0.004)[:, None]  # what noise of 1 leaves of it is 1 / root of that
@@ -69,11 +67,11 @@ def test_a_mode_that_is_hardly_seen_in_most_rows_is_read_off_the_others() -> Non
     columns = {"speed": speed, "else": rng.standard_normal(160)}
     found, strength, _ = find_structure(("width",), scores, energy, 1.0, columns, rows, 0)
     assert [one.covariate for one in found] == ["speed"]
-    alike, same, _ = find_structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
-    assert not alike and same[0, 0] < strength[0, 0]
+    unweighted, same, _ = find_structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
+    assert not unweighted and same[0, 0] < strength[0, 0]
 
 
-def test_with_equal_energies_strength_is_correlation() -> None:
+def test_equal_energies_give_plain_correlation() -> None:
     rng = np.random.default_rng(4)
     speed = rng.standard_normal(90)
     scores = 0.2 * speed[:, None] + rng.standard_normal((90, 1))

@@ -65,9 +65,7 @@ def design_value(humid: tuple[Model, Measured]) -> Generic:
     return evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
 
 
-def test_most_of_the_gap_that_a_covariate_makes_is_closed_on_sealed_strokes(
-    humid: tuple[Model, Measured], worth: Generic
-) -> None:
+def test_modulator_closes_most_of_a_covariates_gap(humid: tuple[Model, Measured], worth: Generic) -> None:
     model, strokes = humid
     test_split = strokes.pick(TEST_SPLIT)
     valid = test_split.samples.valid.numpy()
@@ -80,7 +78,7 @@ def test_most_of_the_gap_that_a_covariate_makes_is_closed_on_sealed_strokes(
     np.testing.assert_allclose(worth.losses.mean(), (1 - worth.gain) * base.mean(), rtol=1e-5)
 
 
-def test_the_curve_is_the_law(worth: Generic) -> None:
+def test_modulator_recovers_the_law(worth: Generic) -> None:
     (curve,) = [curve for curve in worth.modulator.curves if curve.mode == "width"]
     law = np.interp(curve.knots, np.sort(HUMIDITY), LAW[np.argsort(HUMIDITY)])
     assert np.corrcoef(curve.amounts, law)[0, 1] > 0.95
@@ -89,14 +87,14 @@ def test_the_curve_is_the_law(worth: Generic) -> None:
     assert np.ptp(curve.amounts) == pytest.approx(np.ptp(law), rel=0.35)
 
 
-def test_a_covariate_that_is_dealt_out_anew_closes_nothing(humid: tuple[Model, Measured]) -> None:
+def test_shuffled_covariate_closes_nothing(humid: tuple[Model, Measured]) -> None:
     model, strokes = humid
     shuffled = replace(strokes, covariates={"humidity": np.random.default_rng(7).permutation(HUMIDITY)})
     found = evaluate_modulator(model, shuffled.pick(KNOWN), shuffled.pick(TEST_SPLIT), left("width", "humidity"), 0)
     assert found.gain < 0.1
 
 
-def test_shifts_are_found_as_well(humid: tuple[Model, Measured]) -> None:
+def test_modulator_finds_shifts(humid: tuple[Model, Measured]) -> None:
     model, strokes = measured_with("normal", 2 * np.sign(HUMIDITY - 0.45), {"humidity": HUMIDITY})
     found = evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("normal", "humidity"), 0)
     assert found.gain_interval[0] > 0.2
@@ -104,8 +102,8 @@ def test_shifts_are_found_as_well(humid: tuple[Model, Measured]) -> None:
     assert curve.amounts[0] < -1 and curve.amounts[-1] > 1
 
 
-def test_without_structure_there_is_no_curve(humid: tuple[Model, Measured]) -> None:
-    """Blocks left out decide: pure noise is not worth a curve."""
+def test_modulator_is_empty_without_structure(humid: tuple[Model, Measured]) -> None:
+    """Cross-validation over blocks rejects curves on noise."""
     model, strokes = measured_with("width", np.zeros(72), {"humidity": HUMIDITY})
     found = evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("width", "humidity"), 0)
     assert found.gain == pytest.approx(0.0, abs=0.01)
@@ -113,7 +111,7 @@ def test_without_structure_there_is_no_curve(humid: tuple[Model, Measured]) -> N
     assert fit_modulator(model, constant, [("width", "humidity")], 0) == Modulator(())
 
 
-def test_amounts_are_linear_between_knots_level_beyond_and_nothing_where_unknown(
+def test_curve_is_linear_between_knots_and_constant_beyond(
     humid: tuple[Model, Measured],
 ) -> None:
     curve = Curve("width", "humidity", np.array([0.0, 1.0, 3.0]), np.array([1.0, 2.0, -2.0]))
@@ -124,8 +122,8 @@ def test_amounts_are_linear_between_knots_level_beyond_and_nothing_where_unknown
     assert not found[:, MODES.index("normal")].any()
 
 
-def test_one_amount_for_all_is_what_the_modes_of_the_residual_are(humid: tuple[Model, Measured]) -> None:
-    """Modulation with a constant column draws as the modes' own mechanism does with that value."""
+def test_constant_modulation_equals_all_modes(humid: tuple[Model, Measured]) -> None:
+    """Modulation with a constant column equals the mechanism of all modes with that value."""
     model, strokes = humid
     even = model.base * (np.array(BASE) != "edge_by_press")  # bleeding knows no harder edge than the base's usual one
     model = replace(model, base=even)
@@ -139,7 +137,7 @@ def test_one_amount_for_all_is_what_the_modes_of_the_residual_are(humid: tuple[M
     np.testing.assert_allclose(valued, own, rtol=1e-6)
 
 
-def test_without_curves_nothing_changes(humid: tuple[Model, Measured]) -> None:
+def test_empty_modulator_is_the_identity(humid: tuple[Model, Measured]) -> None:
     model, strokes = humid
     assert abs(model.base[BASE.index("edge_by_press")]) > 0.01
     same = modulated(model, Modulator(()), strokes)

@@ -1,4 +1,4 @@
-"""The proposed strokes tell apart what imitates, better than random ones, and can be made."""
+"""Proposed actions separate aliased causes better than random ones, and are executable."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,9 +40,7 @@ def proposal(model: Model, strokes: Measured) -> Proposal:
     return propose(model, strokes, [PAIR], 0, count=8)
 
 
-def test_imitation_falls_well_below_and_further_than_by_chance(
-    model: Model, strokes: Measured, proposal: Proposal
-) -> None:
+def test_proposal_lowers_aliasing_more_than_random_actions(model: Model, strokes: Measured, proposal: Proposal) -> None:
     before, after = proposal.aliasing[PAIR]
     so_far, ranges = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes)
     by_chance = [
@@ -53,7 +51,7 @@ def test_imitation_falls_well_below_and_further_than_by_chance(
     assert after < 0.7 * float(np.median(by_chance))
 
 
-def test_it_is_worth_more_than_any_of_many_random_designs(model: Model, strokes: Measured, proposal: Proposal) -> None:
+def test_proposal_beats_random_designs(model: Model, strokes: Measured, proposal: Proposal) -> None:
     so_far, ranges, columns = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes), columns_of(model)
 
     def value(actions: Sequence[Action]) -> float:
@@ -70,7 +68,7 @@ def bulge(path: np.ndarray) -> float:
     return float(np.abs(away[:, 0] * chord[1] - away[:, 1] * chord[0]).max() / np.hypot(*chord))
 
 
-def test_actions_stay_within_what_was_recorded(strokes: Measured, proposal: Proposal) -> None:
+def test_actions_stay_within_recorded_ranges(strokes: Measured, proposal: Proposal) -> None:
     ranges = ranges_of(strokes)
     assert ranges.place_m is not None
     xy = strokes.samples.path[..., 1:3].flatten(0, 1).numpy()
@@ -82,27 +80,27 @@ def test_actions_stay_within_what_was_recorded(strokes: Measured, proposal: Prop
         assert (np.diff(action.path[:, 0]) > 0).all()
 
 
-def test_ink_runs_from_dip_to_dip_and_never_out(strokes: Measured, proposal: Proposal) -> None:
+def test_ink_never_runs_out_between_dips(strokes: Measured, proposal: Proposal) -> None:
     ranges = ranges_of(strokes)
     assert ranges.max_ink_m is not None and proposal.actions[0].reload
     actions, columns = executable(proposal.actions, strokes, ranges)
     since = 0.0
-    for action, told in zip(actions, columns, strict=True):
+    for action, row in zip(actions, columns, strict=True):
         since = 0.0 if action.reload else since
-        assert told["ink_since_reload_m"] == pytest.approx(since, abs=1e-6)
+        assert row["ink_since_reload_m"] == pytest.approx(since, abs=1e-6)
         assert since <= ranges.max_ink_m
         since += np.hypot(*np.diff(action.path[:, 1:3], axis=0).T).sum()
-    ages = [told["tool_age_m"] for told in columns]
+    ages = [row["tool_age_m"] for row in columns]
     assert ages[0] >= state_after(strokes).memory.tool_age_m and (np.diff(ages) > 0).all()
 
 
-def test_the_same_seed_proposes_the_same(model: Model, strokes: Measured, proposal: Proposal) -> None:
+def test_proposal_depends_on_the_seed_only(model: Model, strokes: Measured, proposal: Proposal) -> None:
     again = propose(model, strokes, [PAIR], 0, count=8)
     assert as_table(again, strokes).equals(as_table(proposal, strokes))
 
 
-def test_without_places_strokes_keep_their_frame(model: Model, strokes: Measured) -> None:
-    """In the stroke's frame all start at the origin, and there is no heading to choose."""
+def test_proposal_keeps_the_stroke_frame(model: Model, strokes: Measured) -> None:
+    """In the stroke's frame all start at the origin, and the heading is fixed."""
     path = strokes.samples.path.clone()
     path[..., 1:3] -= path[:, :1, 1:3]
     top_left = strokes.samples.top_left_m - strokes.samples.path[:, 0, 1:3]
@@ -114,7 +112,7 @@ def test_without_places_strokes_keep_their_frame(model: Model, strokes: Measured
         assert action.path[-1, 2] == pytest.approx(0, abs=1e-9)
 
 
-def test_a_pen_that_only_touches_is_proposed_to_touch(strokes: Measured) -> None:
+def test_proposal_keeps_constant_press(strokes: Measured) -> None:
     path = strokes.samples.path.clone()
     path[..., 3] = 0.0
     touching = replace(strokes, samples=strokes.samples._replace(path=path))
@@ -122,44 +120,44 @@ def test_a_pen_that_only_touches_is_proposed_to_touch(strokes: Measured) -> None
     assert all((action.path[:, 3] == 0).all() for action in actions)
 
 
-def test_rivals_come_first_then_imitators_then_what_is_known_least(written: Written) -> None:
+def test_questions_ask_rivals_then_aliased_causes(written: Written) -> None:
     found = Finding("bristle_lag", 0.001, 0.001, 0.4, (0.2, 0.6), {"distance_m": (0.004, 0.001)}, ("latency",))
     causes = ("bristle_lag", "latency", "path_scale")
-    alone, twins = np.eye(3), np.eye(3)
-    twins[0, 2] = twins[2, 0] = 0.97
+    alone, aliased = np.eye(3), np.eye(3)
+    aliased[0, 2] = aliased[2, 0] = 0.97
     rivals = replace(written.diagnosis, established=(found,), suspected=())
     assert questions(rivals, Aliasing(causes, alone)) == [("bristle_lag", "latency")]
-    assert questions(rivals, Aliasing(causes, twins)) == [("bristle_lag", "latency"), ("bristle_lag", "path_scale")]
+    assert questions(rivals, Aliasing(causes, aliased)) == [("bristle_lag", "latency"), ("bristle_lag", "path_scale")]
     settled = replace(rivals, established=(replace(found, rivals=()),))
     assert questions(settled, Aliasing(causes, alone)) == [("bristle_lag",)]
 
 
-def test_a_single_cause_is_measured_better(strokes: Measured) -> None:
+def test_single_cause_gains_information(strokes: Measured) -> None:
     kinds = {kind.cause: kind for kind in VOCABULARY}
     model = first_model(strokes).plus(identity(kinds["ink_depletion"], strokes.context))
-    made = propose(model, strokes, [("ink_depletion",)], 0, count=4)
+    proposal = propose(model, strokes, [("ink_depletion",)], 0, count=4)
     so_far = linearise_rows(model, strokes)[0].sum(0)
-    more = so_far + curvatures([made.actions], model, strokes, ranges_of(strokes))[1][0].sum(0)
+    more = so_far + curvatures([proposal.actions], model, strokes, ranges_of(strokes))[1][0].sum(0)
     index = columns_of(model).causes["ink_depletion"]
     variances = [np.diag(np.linalg.pinv(total, hermitian=True))[index] for total in (so_far, more)]
     assert (variances[1] < variances[0]).all()
-    assert set(made.question) == {("ink_depletion",)} and made.aliasing == {}
+    assert set(proposal.question) == {("ink_depletion",)} and proposal.aliasing == {}
 
 
-def test_paint_that_carries_is_asked_by_crossing_it(strokes: Measured) -> None:
-    """On blank paper nothing can be said of it; where strokes are known to cross, the proposal crosses."""
+def test_wet_mixing_is_tested_by_crossing_strokes(strokes: Measured) -> None:
+    """Blank paper gives no information about it; where recorded strokes cross, the proposal crosses."""
     age = np.where(np.arange(len(strokes)) % 3 == 0, 20.0, np.nan)
     clean = {name: np.zeros(len(strokes)) for name in PICKUP_COLUMNS}
     wet = replace(strokes, covariates=strokes.covariates | {"wet_age_s": age} | clean)
     kinds = {kind.cause: kind for kind in VOCABULARY}
     model = first_model(wet).plus(identity(kinds["wet_mixing"], wet.context))
-    made = propose(model, wet, [("wet_mixing",)], 0, count=6)
+    proposal = propose(model, wet, [("wet_mixing",)], 0, count=6)
     index = columns_of(model).causes["wet_mixing"]
-    says = curvatures([made.actions], model, wet, ranges_of(wet))[1][0][:, index[0], index[0]]
-    crosses = np.array([action.crosses for action in made.actions])
+    information = curvatures([proposal.actions], model, wet, ranges_of(wet))[1][0][:, index[0], index[0]]
+    crosses = np.array([action.crosses for action in proposal.actions])
     assert crosses.sum() >= 2
-    assert says[crosses].min() > 100 * says[~crosses].max()
-    for before, action in zip(made.actions[:-1], made.actions[1:], strict=True):
+    assert information[crosses].min() > 100 * information[~crosses].max()
+    for before, action in zip(proposal.actions[:-1], proposal.actions[1:], strict=True):
         if action.crosses:
             gaps = np.hypot(*(action.path[:, None, 1:3] - before.path[None, :, 1:3]).transpose(2, 0, 1))
             assert gaps.min() < 0.004

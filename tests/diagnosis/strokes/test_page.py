@@ -1,4 +1,4 @@
-"""The page: balanced, self-contained, and honest where little is known."""
+"""The page of a diagnosis is valid, self-contained, and states what is unknown."""
 
 import re
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.page import leaderboard
+from pentimento.diagnosis.page import cause_rows
 from pentimento.diagnosis.strokes.model import UnevenEnds
 from pentimento.diagnosis.strokes.next_actions import Proposal
 from pentimento.diagnosis.strokes.report import build_page
@@ -22,7 +22,7 @@ def files(written: Written) -> dict[str, bytes]:
     return figures | {"report.html": (written.folder / "report.html").read_bytes()}
 
 
-def test_tags_are_balanced_and_nothing_is_loaded(files: dict[str, bytes]) -> None:
+def test_page_is_valid_and_loads_nothing(files: dict[str, bytes]) -> None:
     page = files["report.html"].decode()
     reader = read(page)
     assert reader.open == []
@@ -32,13 +32,13 @@ def test_tags_are_balanced_and_nothing_is_loaded(files: dict[str, bytes]) -> Non
     assert "http" not in without_pictures(page)
 
 
-def test_it_says_the_sentence_and_what_was_left_out(written: Written, files: dict[str, bytes]) -> None:
+def test_page_contains_the_verdict_and_left_out_rows(written: Written, files: dict[str, bytes]) -> None:
     page = files["report.html"].decode()
     assert page.count("Row 56 (counted from 0) is an exact copy") == 1
     assert verdict(written.diagnosis, 56, 42)["sentence"].split(".")[0] in page
 
 
-def test_every_figure_stands_beside_the_page(files: dict[str, bytes]) -> None:
+def test_every_figure_is_also_a_file(files: dict[str, bytes]) -> None:
     page = files["report.html"].decode()
     assert page.count("<img") == len(files) - 1 >= 7
     assert all(
@@ -48,33 +48,33 @@ def test_every_figure_stands_beside_the_page(files: dict[str, bytes]) -> None:
     )
 
 
-def test_no_paths_dates_or_leftovers(files: dict[str, bytes]) -> None:
+def test_page_has_no_paths_dates_or_placeholders(files: dict[str, bytes]) -> None:
     page = without_pictures(files["report.html"].decode())
     assert not re.search(
         r"20\d\d-\d\d|/tmp|/home|/work|\bnan\b|None|\{", re.sub(r"<style>.*?</style>", "", page, flags=re.S)
     )
 
 
-def test_every_cause_is_on_the_leaderboard_once(written: Written) -> None:
-    rows = re.findall(r'<th scope="row">(?:<b>)?(\w+)', leaderboard(written.diagnosis, written.survey))
-    seen = set(written.survey.aliasing.causes) | set(written.diagnosis.search.not_observable)
-    assert sorted(rows) == sorted(seen - {UnevenEnds.cause})  # they are the base's
+def test_table_lists_every_cause_once(written: Written, files: dict[str, bytes]) -> None:
+    rows = [row.name for row in cause_rows(written.diagnosis, written.screening)]
+    observable = set(written.screening.aliasing.causes) - {UnevenEnds.cause}  # uneven ends belong to the base
+    assert sorted(rows) == sorted(observable | set(written.diagnosis.search.not_observable))
+    table = files["report.html"].decode().split("<tbody>")[1].split("</tbody>")[0]
+    assert re.findall(r'<th scope="row">(?:<b>)?(\w+)', table) == rows
 
 
-def test_findings_open_the_leaderboard_with_their_numbers(written: Written) -> None:
+def test_table_starts_with_findings(written: Written) -> None:
     found = Finding("bristle_lag", 0.001, 0.001, 0.4, (0.2, 0.6), {"distance_m": (-0.004, 0.001)}, ("latency",))
-    html = leaderboard(replace(written.diagnosis, established=(found,), suspected=()), written.survey)
-    first = html.split("<tbody>")[1].split("</tr>")[0]
-    assert "bristle_lag" in first and "40&nbsp;%" in first and "−0.00400" in first and "latency" in first
+    first = cause_rows(replace(written.diagnosis, established=(found,), suspected=()), written.screening)[0]
+    assert (first.name, first.verdict, first.gain) == ("bristle_lag", "established", "40\u00a0%")
+    assert first.quantities[0].startswith("distance_m −0.00400") and first.rivals == ("latency",)
 
 
-def test_where_little_is_known_the_page_says_so(written: Written) -> None:
+def test_page_states_missing_covariates_and_questions(written: Written) -> None:
     """No covariate varies and nothing is in question."""
-    bare = written.survey._replace(
-        covariates=(), base_strength=np.zeros((7, 0)), extended_strength=np.zeros((7, 0)), dependence=()
-    )
-    made = verdict(written.diagnosis, 56, 42)
-    page = build_page(written.diagnosis, bare, Proposal((), (), {}), made)
-    said = page["report.html"].decode()
-    assert "cannot be asked" in said and "nothing to measure better" in said
+    nothing = np.zeros((7, 0))
+    bare = replace(written.screening, covariates=(), base_strength=nothing, extended_strength=nothing, dependence=())
+    page = build_page(written.diagnosis, bare, Proposal((), (), {}), verdict(written.diagnosis, 56, 42))
+    html = page["report.html"].decode()
+    assert "cannot be tested" in html and "no quantity needs to be measured better" in html
     assert not {"figures/modes.png", "figures/next_actions.png"} & set(page)

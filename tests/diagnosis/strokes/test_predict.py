@@ -1,4 +1,4 @@
-"""Derivatives of what a model foretells, and fits that must find again what made the photographs."""
+"""Predictions, their Jacobian, and fits that recover the generating parameters."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def measured() -> Measured:
 
 
 def photographed(model: Model, measured: Measured) -> Measured:
-    """The same strokes with photographs that the model foretells exactly."""
+    """The same strokes with photographs that the model predicts exactly."""
     after = linear_to_srgb(predicted_linear(ink(model, measured), measured))
     return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
 
@@ -48,7 +48,7 @@ def with_all_causes(measured: Measured) -> Model:
     return first_model(measured).plus(*found)
 
 
-def test_the_curve_of_half_widths_goes_through_its_knots_and_straight_on_beyond_them() -> None:
+def test_half_width_curve_interpolates_knots_and_extrapolates() -> None:
     knots = torch.tensor(PRESSES, dtype=torch.float64)
     values = torch.tensor(np.random.default_rng(0).uniform(1, 2, len(PRESSES)))
     torch.testing.assert_close(interpolate(values, knots), values)
@@ -59,7 +59,7 @@ def test_the_curve_of_half_widths_goes_through_its_knots_and_straight_on_beyond_
     assert PRESSES[0] == 0 and PRESSES[-1] == pytest.approx(1) and 3 * first < last
 
 
-def test_many_marks_at_once_are_those_of_each(measured: Measured) -> None:
+def test_batched_marks_equal_single_marks(measured: Measured) -> None:
     few = measured.pick(np.arange(3))
     model = with_all_causes(measured)
     rng = np.random.default_rng(1)
@@ -68,7 +68,7 @@ def test_many_marks_at_once_are_those_of_each(measured: Measured) -> None:
     np.testing.assert_allclose(at_once, [mark_px(model.at(vector), few) for vector in vectors], rtol=1e-9)
 
 
-def test_what_is_foretold_where_nothing_is_drawn_is_the_photograph_before(measured: Measured) -> None:
+def test_prediction_without_ink_is_the_photograph_before(measured: Measured) -> None:
     few = measured.pick(np.arange(3))
     for model in (first_model(measured), with_all_causes(measured)):
         moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
@@ -76,14 +76,14 @@ def test_what_is_foretold_where_nothing_is_drawn_is_the_photograph_before(measur
         np.testing.assert_allclose(predicted(moved, few), whole, atol=2e-6)
 
 
-def test_what_is_foretold_of_a_stroke_does_not_depend_on_those_beside_it(measured: Measured) -> None:
+def test_prediction_is_independent_of_other_strokes(measured: Measured) -> None:
     model = with_all_causes(measured)
     model = model.at(model.vector + 0.1 * (np.arange(len(model.vector)) >= model.nuisances))
     for own in (slice(5, 6), np.array([5])):
         np.testing.assert_array_equal(mark_px(model, measured.pick(own))[0], mark_px(model, measured)[5])
 
 
-def test_some_pixels_are_foretold_as_in_the_whole(measured: Measured) -> None:
+def test_prediction_at_pixels_equals_whole_image(measured: Measured) -> None:
     few = measured.pick(np.arange(3))
     for model in (first_model(measured), with_all_causes(measured)):
         moved = model.at(model.vector + 0.03 * (np.arange(len(model.vector)) >= model.nuisances))
@@ -93,7 +93,7 @@ def test_some_pixels_are_foretold_as_in_the_whole(measured: Measured) -> None:
         np.testing.assert_array_equal(some, predicted_linear(laid, few)[seen])
 
 
-def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:
+def test_jacobian_equals_finite_differences(measured: Measured) -> None:
     few = measured.pick(np.arange(4))
     model = with_all_causes(measured)
     rng = np.random.default_rng(0)
@@ -117,7 +117,7 @@ def test_the_jacobian_is_that_of_the_photographs(measured: Measured) -> None:
     assert np.corrcoef(slope[seen], expected[seen])[0, 1] > 0.99
 
 
-def test_statistics_of_actions_are_means_over_their_rows(measured: Measured) -> None:
+def test_action_statistics_are_means_over_rows(measured: Measured) -> None:
     model = first_model(measured)
     twice = measured.pick(np.repeat(np.arange(6), 2))
     one, two = linearise(model, measured.pick(np.arange(6))), linearise(model, twice)
@@ -125,28 +125,28 @@ def test_statistics_of_actions_are_means_over_their_rows(measured: Measured) -> 
         np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-12)
 
 
-def test_a_fit_finds_what_made_the_photographs(measured: Measured) -> None:
+def test_fit_recovers_the_generating_parameters(measured: Measured) -> None:
     base = fit(first_model(measured), measured)
     true = base.plus(
         InkDepletion(torch.tensor([0.4, 0.1], dtype=torch.float64), InkDepletion.reference_of(measured.context)),
         PathOffset(torch.tensor([4e-4, -3e-4], dtype=torch.float64), {}),
     )
-    made = photographed(true, measured)
-    start = first_model(made).plus(*(identity(type(m), made.context) for m in true.mechanisms))
-    found, plain = fit(start, made), fit(first_model(made), made)
-    error, without = (mean_squared_error(residual(m, made), made).mean() for m in (found, plain))
+    observed = photographed(true, measured)
+    start = first_model(observed).plus(*(identity(type(m), observed.context) for m in true.mechanisms))
+    found, plain = fit(start, observed), fit(first_model(observed), observed)
+    error, without = (mean_squared_error(residual(m, observed), observed).mean() for m in (found, plain))
     assert error < 0.02 * without
     np.testing.assert_allclose(found.mechanisms[0].values, true.mechanisms[0].values, atol=0.03)
     np.testing.assert_allclose(found.mechanisms[1].values, true.mechanisms[1].values, atol=2e-5)
 
 
-def test_a_fit_never_ends_worse_than_it_began(measured: Measured) -> None:
+def test_fit_never_increases_the_loss(measured: Measured) -> None:
     start = first_model(measured)
     losses = [float(mean_squared_error(residual(m, measured), measured).mean()) for m in (start, fit(start, measured))]
     assert losses[1] < losses[0]
 
 
-def test_numbers_and_vector_are_one(measured: Measured) -> None:
+def test_model_and_vector_round_trip(measured: Measured) -> None:
     model = with_all_causes(measured)
     vector = model.vector + np.arange(len(model.vector))
     np.testing.assert_allclose(model.at(vector).vector, vector)
@@ -156,7 +156,7 @@ def test_numbers_and_vector_are_one(measured: Measured) -> None:
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
-def test_the_base_may_lie_on_the_outer_side_of_a_bend(measured: Measured, turn: float) -> None:
+def test_base_can_shift_outwards_in_bends(measured: Measured, turn: float) -> None:
     angle = torch.linspace(0, 3, 40, dtype=torch.float64) * turn
     path = torch.zeros(1, 1, 40, 5, dtype=torch.float64)
     path[..., 1], path[..., 2] = 0.02 * torch.cos(angle), 0.02 * torch.sin(angle)

@@ -1,4 +1,4 @@
-"""A further cause must be worth something beside others, and in the end the one that fits best stands."""
+"""Minimum effect of a further cause, and the final comparison with rivals."""
 
 import pytest
 import torch
@@ -26,7 +26,7 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 from tests.diagnosis.strokes.test_large_effects import strokes_of
 
 
-def test_a_further_cause_must_be_worth_something_beside_others_whose_form_may_leave_it() -> None:
+def test_further_cause_must_exceed_form_errors_of_others() -> None:
     kinds = (Latency, BristleLag, LensDistortion, SpeedWidth, PathOffset)
     observable: dict[str, Mechanism] = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in kinds}
     lag, lens, width = (observable[cause] for cause in ("bristle_lag", "lens_distortion", "speed_width"))
@@ -46,9 +46,7 @@ def test_a_further_cause_must_be_worth_something_beside_others_whose_form_may_le
 
 
 @pytest.mark.parametrize(("taken", "rival"), [(PathScale, PathOffset), (PathOffset, PathScale)])
-def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_rival(
-    taken: type[Mechanism], rival: type[Mechanism]
-) -> None:
+def test_recheck_keeps_the_best_fitting_cause(taken: type[Mechanism], rival: type[Mechanism]) -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, -0.0005)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (taken, rival)}
     evidence = evaluate_candidates(plain, list(observable.values()), strokes, 0)[0]
@@ -61,7 +59,7 @@ def test_in_the_end_the_cause_that_fits_best_stands_and_what_fits_worse_is_no_ri
 
 
 @pytest.mark.parametrize(("taken", "needless"), [(Latency, True), (BristleLag, False)])
-def test_beside_a_delay_that_leaves_nothing_by_speed_no_lag_is_needed(taken: type[Mechanism], needless: bool) -> None:
+def test_lag_is_needless_beside_sufficient_latency(taken: type[Mechanism], needless: bool) -> None:
     strokes, plain = strokes_of(Latency, 0.05)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
     model = fit(plain.plus(observable[taken.cause]), strokes)
@@ -70,8 +68,8 @@ def test_beside_a_delay_that_leaves_nothing_by_speed_no_lag_is_needed(taken: typ
     assert not same_family_suffices(other, plain, observable, strokes, 0)
 
 
-def test_in_the_end_a_lag_gives_way_to_a_delay_that_leaves_nothing_by_speed() -> None:
-    """Though it was never its rival."""
+def test_recheck_replaces_lag_by_latency() -> None:
+    """Although latency was not among its rivals."""
     strokes, plain = strokes_of(Latency, 0.05)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
     evidence = evaluate_candidates(plain, list(observable.values()), strokes, 0)[0]
@@ -83,9 +81,7 @@ def test_in_the_end_a_lag_gives_way_to_a_delay_that_leaves_nothing_by_speed() ->
 
 
 @pytest.mark.parametrize(("hidden", "seconds", "asked_for"), [(Latency, 0.05, ["latency"]), (BristleLag, 0.005, [])])
-def test_a_delay_that_uneven_ends_hide_is_asked_for_by_what_they_leave(
-    hidden: type[Mechanism], seconds: float, asked_for: list[str]
-) -> None:
+def test_finds_latency_hidden_by_uneven_ends(hidden: type[Mechanism], seconds: float, asked_for: list[str]) -> None:
     strokes, plain = strokes_of(hidden, seconds)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag, PathOffset)}
     with_ends = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)

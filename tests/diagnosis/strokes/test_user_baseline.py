@@ -1,4 +1,4 @@
-"""A given stroke model's error on sealed strokes, beside the finder's own base."""
+"""Error of a user-supplied baseline model on the test split."""
 
 from dataclasses import replace
 
@@ -23,46 +23,49 @@ def strokes() -> Measured:
     return load_measured(example_table(8))
 
 
-def test_a_model_that_foretells_all_misses_nothing_and_a_tone_by_its_square(strokes: Measured) -> None:
-    told = predict_with(PARAMETERS, strokes.samples)
-    true = replace(strokes, samples=strokes.samples._replace(after=told))
+def test_baseline_error_is_the_squared_difference(strokes: Measured) -> None:
+    prediction = predict_with(PARAMETERS, strokes.samples)
+    true = replace(strokes, samples=strokes.samples._replace(after=prediction))
     assert evaluate_baseline(PARAMETERS, true).mse == 0
-    paler = replace(strokes, samples=strokes.samples._replace(after=told + 0.1))
+    paler = replace(strokes, samples=strokes.samples._replace(after=prediction + 0.1))
     np.testing.assert_allclose(evaluate_baseline(PARAMETERS, paler).losses, 0.01, rtol=1e-4)
 
 
-def test_repeats_of_an_action_count_as_one(strokes: Measured) -> None:
+def test_repeats_of_an_action_count_once(strokes: Measured) -> None:
     thrice = strokes.pick(np.array([0, 1, 1, 1]))
     singly = evaluate_baseline(PARAMETERS, strokes.pick(np.array([0, 1]))).losses
     np.testing.assert_allclose(evaluate_baseline(PARAMETERS, thrice).losses, singly, rtol=1e-5)
 
 
-def test_it_is_the_error_that_training_reports_where_windows_are_alike(strokes: Measured) -> None:
+def test_baseline_error_equals_the_training_metric(strokes: Measured) -> None:
     one = strokes.pick(np.array([2]))
     assert evaluate_baseline(PARAMETERS, one).mse == pytest.approx(score_model(PARAMETERS, one.samples).mse, rel=1e-4)
 
 
 @pytest.fixture(scope="module")
 def given(written: Written) -> UserBaseline:
-    return evaluate_baseline(PARAMETERS, written.survey.test_split)
+    return evaluate_baseline(PARAMETERS, written.screening.test)
 
 
-def test_the_verdict_has_it_beside_the_base_and_changes_nothing_else(written: Written, given: UserBaseline) -> None:
+def test_verdict_adds_the_baseline_only(written: Written, given: UserBaseline) -> None:
     plain, beside = (verdict(written.diagnosis, 56, 42, given_mse=mse) for mse in (None, given.mse))
     assert beside["mse"].pop("given") == given.mse > beside["mse"]["base"]
     added = beside["sentence"].replace(plain["sentence"], "").strip()
-    assert added.startswith("The given model misses the same strokes by") and "calibration" in added
+    assert added.startswith("The given model has an error of") and "calibration" in added
     assert beside | {"sentence": ""} == plain | {"sentence": ""}
     better = verdict(written.diagnosis, 56, 42, given_mse=plain["mse"]["base"] / 2)
     assert "no more than the base" in better["sentence"]
 
 
-def test_the_page_shows_what_it_foretells(written: Written, given: UserBaseline) -> None:
-    told = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
-    pages = [build_page(written.diagnosis, written.survey, written.proposal, told, one) for one in (None, given)]
+def test_page_shows_baseline_predictions(written: Written, given: UserBaseline) -> None:
+    content = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
+    pages = [
+        build_page(written.diagnosis, written.screening, written.proposal, each, baseline)
+        for each, baseline in ((verdict(written.diagnosis, 56, 42), None), (content, given))
+    ]
     assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}
     assert pages[1]["figures/leave_one_out.png"] != pages[0]["figures/leave_one_out.png"]
     assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]
     blank = given._replace(predicted=np.ones_like(given.predicted))
-    drawn = report.given_strokes(blank, written.diagnosis, written.survey)
+    drawn = report.given_strokes(blank, written.diagnosis, written.screening)
     assert drawn != pages[1]["figures/given_strokes.png"]

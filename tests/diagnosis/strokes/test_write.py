@@ -1,4 +1,4 @@
-"""What a diagnosis leaves in its folder, and that it says no before it writes anything."""
+"""Files of a diagnosis, and errors before anything is written."""
 
 import json
 from dataclasses import replace
@@ -19,7 +19,7 @@ from pentimento.diagnosis.strokes.write import write_diagnosis
 from tests.diagnosis.strokes.conftest import Written
 
 
-def test_every_file_of_the_verdict_is_there(written: Written) -> None:
+def test_writes_every_file(written: Written) -> None:
     verdict = json.loads((written.folder / "verdict.json").read_text())
     assert pq.read_table(written.folder / verdict["next_actions"]).num_rows == 16
     assert (written.folder / "report.html").stat().st_size > 100_000
@@ -30,14 +30,14 @@ def test_every_file_of_the_verdict_is_there(written: Written) -> None:
     assert not [file for file in written.folder.rglob(".*")]
 
 
-def test_a_copied_row_is_left_out_and_said_so(written: Written) -> None:
+def test_copied_row_is_left_out_and_reported(written: Written) -> None:
     verdict = json.loads((written.folder / "verdict.json").read_text())
     assert verdict["rows"] == 56
     assert "Row 56 (counted from 0) is an exact copy" in verdict["sentence"]
     assert any("copy" in line for line in written.lines)
 
 
-def test_the_extended_model_foretells_the_same_when_read_again(written: Written) -> None:
+def test_extended_model_file_round_trips(written: Written) -> None:
     model, paints = read_model(written.folder / "extended_model.json")
     causes = {m.cause for m in model.mechanisms} - {UnevenEnds.cause}  # which are the base's
     assert causes == {f.cause for f in written.diagnosis.established}
@@ -47,14 +47,14 @@ def test_the_extended_model_foretells_the_same_when_read_again(written: Written)
     )
 
 
-def test_a_paint_that_the_model_has_not_seen_gets_no_offset(written: Written) -> None:
+def test_unknown_paint_gets_no_offset(written: Written) -> None:
     model, paints = written.diagnosis.extended, paints_of(written.measured)
     other, strokes = with_joint_paints(model, paints + 0.5, written.measured)
     assert len(other.color_offset) == 2 * len(paints)
     np.testing.assert_array_equal(other.color_offset[strokes.paint], 0.0)
 
 
-def test_a_colour_of_another_session_gets_the_mean_of_its_mixes(written: Written) -> None:
+def test_known_colour_gets_the_mean_offset_of_its_mixes(written: Written) -> None:
     model, paints = written.diagnosis.extended, paints_of(written.measured)
     darker = replace(model, color_offset=np.concatenate([model.color_offset, model.color_offset - 0.02]))
     other, strokes = with_joint_paints(darker, np.concatenate([paints, paints]), written.measured)
@@ -63,7 +63,7 @@ def test_a_colour_of_another_session_gets_the_mean_of_its_mixes(written: Written
     )
 
 
-def test_an_outside_table_of_the_same_world_shows_the_same_gain(written: Written) -> None:
+def test_outside_table_of_the_same_world_shows_the_same_gain(written: Written) -> None:
     outside = load_measured(example_table(40, seed=5))
     closed = gap_closed_on(outside, written.diagnosis, paints_of(written.measured), 0)
     known = written.diagnosis.gap_closed
@@ -71,13 +71,13 @@ def test_an_outside_table_of_the_same_world_shows_the_same_gain(written: Written
     assert closed == pytest.approx(known[0], abs=0.25)
 
 
-def test_nothing_is_written_when_the_rows_are_too_few(tmp_path: Path) -> None:
+def test_writes_nothing_for_too_few_rows(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="12"):
         write_diagnosis(example_table(8), tmp_path / "out", 0, lambda line: None)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_model_file_of_something_else_is_refused(tmp_path: Path) -> None:
+def test_rejects_model_file_of_another_kind(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text('{"schema": 1, "kind": "pushes"}')
     with pytest.raises(ContractError, match="pushes"):
         read_model(tmp_path / "model.json")
@@ -85,7 +85,7 @@ def test_a_model_file_of_something_else_is_refused(tmp_path: Path) -> None:
         read_model(tmp_path / "nowhere.json")
 
 
-def test_next_actions_are_a_table_that_a_robot_can_follow(written: Written) -> None:
+def test_next_actions_table_is_executable(written: Written) -> None:
     table = pq.read_table(written.folder / "next_actions.parquet")
     assert isinstance(table, pa.Table)
     for row in table.to_pylist():

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pentimento.contracts.statistics import interval, resamples
-from pentimento.diagnosis.evaluation import Floor
+from pentimento.diagnosis.evaluation import Floor, mean_gain
 from pentimento.diagnosis.pushes.establish import Decision, decide, is_superfluous, values_with_errors
 from pentimento.diagnosis.pushes.fit import action_losses, equalised, fit, fit_without
 from pentimento.diagnosis.pushes.floor import floor_in_search, floor_of_test_split
@@ -24,8 +23,8 @@ from pentimento.diagnosis.pushes.learned_residual import LearnedPushResidual, le
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, PushSplits, split_pushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, structured_residual
 from pentimento.diagnosis.pushes.search import Search, observable_causes, search
-from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained, temporal_drift
-from pentimento.diagnosis.verdict import Finding
+from pentimento.diagnosis.residual_structure import temporal_drift
+from pentimento.diagnosis.verdict import DiagnosisResult, Finding
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model
 from pentimento.dynamics.pushes.mechanisms import Mechanism
 
@@ -33,15 +32,11 @@ Array = NDArray[Any]
 
 _PASSES = 2
 """Rounds of residual learning and search; the second only where the first found causes."""
-_DRAWS = 1999
-"""Bootstrap resamples of the test actions."""
-_SMALLEST_GAP = 0.1
-"""Lower bound of a resampled gap, as a fraction of the gap: a ratio to a smaller one has no meaning."""
 
 
-@dataclass(frozen=True)
-class PushDiagnosis:
-    """Content of the verdict and the report."""
+@dataclass(frozen=True, kw_only=True)
+class PushDiagnosis(DiagnosisResult):
+    """The result of a diagnosis of pushes; losses in mm²."""
 
     splits: PushSplits
     measured: MeasuredPushes
@@ -52,33 +47,11 @@ class PushDiagnosis:
     """The base with the established causes, fitted to the discovery split."""
     base: AnalyticPush
     """The same without them."""
-    established: tuple[Finding, ...]
-    suspected: tuple[Finding, ...]
-    floor: Floor | None
-    drifts: TemporalDrift | None
-    """Unmodelled temporal drift: what neighbours in time share."""
-    base_losses: Array
-    """Of each test action, mm²."""
-    extended_losses: Array
-    """Of each test action, mm²."""
-    unexplained: tuple[Unexplained, ...]
-    mode_strength: Array
-    covariates: tuple[str, ...]
 
     @property
-    def gap_closed(self) -> tuple[float, tuple[float, float]] | None:
-        """Fraction of the gap closed on the test split, (base - extended) / (base - floor), and its 95 % interval.
-
-        None without a floor, and where the gap is below the floor's standard error, because single test pushes have
-        noise of their own.
-        """
-        if self.floor is None or self.base_losses.mean() - self.floor.mse <= self.floor.standard_error:
-            return None
-        fall = self.base_losses - self.extended_losses
-        gap = self.base_losses - self.floor.mse
-        drawn = resamples(len(gap), _DRAWS, [11])
-        shares = fall[drawn].mean(1) / np.maximum(gap[drawn].mean(1), _SMALLEST_GAP * gap.mean())
-        return float(fall.mean() / gap.mean()), interval(shares)
+    def smallest_gap(self) -> float:
+        """The floor's standard error: single test pushes have noise of their own."""
+        return self.floor.standard_error if self.floor else 0.0
 
 
 @dataclass(frozen=True)
@@ -151,12 +124,11 @@ class _Valuation:
         """The finding of one mechanism of a fitted model."""
         cause = mechanism.cause
         left = action_losses(fit_without(model, cause, self.base, self.discovery), self.test)
-        fall = (left - action_losses(model, self.test)) / self.gap
-        drawn = fall[resamples(len(fall), _DRAWS, [self.seed, 12])].mean(1)
+        gain, interval = mean_gain((left - action_losses(model, self.test)) / self.gap, self.seed)
         step = next(step for step in reversed(self.decision.search.steps) if step.chosen == cause)
         return Finding(
-            cause, step.evidence[cause].p_adjusted, self.decision.confirmed_p[cause], float(fall.mean()),
-            interval(drawn), values_with_errors(model, cause, self.discovery), step.rivals,
+            cause, step.evidence[cause].p_adjusted, self.decision.confirmed_p[cause], gain,
+            interval, values_with_errors(model, cause, self.discovery), step.rivals,
             misattributed=cause in self.decision.misattributed, missed_without=float(left.mean()),
         )  # fmt: skip
 
@@ -185,9 +157,22 @@ def _evaluate(found: _Discovery, decision: Decision, splits: PushSplits, seed: i
     )
     left, strength, covariates = structured_residual(extended, found.weighted.pick(splits.discovery), seed)
     return PushDiagnosis(
-        splits, measured, found.learned_residual, decision.search, extended, base, established, suspected, floor,
-        drifts, base_losses, action_losses(extended, test), tuple(left), strength, tuple(covariates),
-    )  # fmt: skip
+        splits=splits,
+        measured=measured,
+        learned_residual=found.learned_residual,
+        search=decision.search,
+        extended=extended,
+        base=base,
+        established=established,
+        suspected=suspected,
+        floor=floor,
+        drifts=drifts,
+        base_losses=base_losses,
+        extended_losses=action_losses(extended, test),
+        unexplained=tuple(left),
+        mode_strength=strength,
+        covariates=tuple(covariates),
+    )
 
 
 def _without_superfluous(

@@ -18,27 +18,25 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.schema import vector
 from pentimento.diagnosis.experiment_design import (
-    Aliasing,
     Columns,
     Question,
-    aliasing,
-    detectable,
     greedy_exchange,
     most_informed_question,
     pair_aliasing,
     questions,
 )
+from pentimento.diagnosis.figures import Screening, screening_of
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.fit import linearise, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
 from pentimento.diagnosis.pushes.search import observable_causes
-from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, robust_deviations
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
 Array = NDArray[Any]
+PushScreening = Screening[MeasuredPushes, AnalyticPush]
 PAIRS = 8
 """Pairs of a proposal."""
 _SEQUENCES = 10
@@ -216,52 +214,27 @@ def _aliasing_before_and_after(
     return {pair: (pair_aliasing(so_far, columns, pair), pair_aliasing(total, columns, pair)) for pair in pairs}
 
 
-class PushScreening(NamedTuple):
-    """Residual screening of a diagnosis: the data of the report's figures."""
-
-    measured: MeasuredPushes
-    test: MeasuredPushes
-    full: AnalyticPush
-    """The extended model with every other observable cause at zero."""
-    aliasing: Aliasing
-    detectable: dict[str, float]
-    """Smallest share of the error that a cause must remove to be found in four of five such collections."""
-    base_strength: Array
-    """[modes, covariates] of the base's residual: correlation times the root of the number of pushes."""
-    extended_strength: Array
-    covariates: tuple[str, ...]
-    modes: tuple[str, ...]
-    dependence: tuple[Dependence, ...]
-    base_residual: Array
-    """[B, H, W] of all pushes, measured minus predicted, mm; NaN where nothing was measured."""
-    extended_residual: Array
-
-
 def screen(diagnosis: PushDiagnosis) -> PushScreening:
     """Screen the residuals of base and extended model over all pushes."""
     measured = diagnosis.measured
     there = {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
     others, _ = observable_causes(measured, [kind for kind in VOCABULARY if kind.cause not in there])
     full = diagnosis.extended.plus(*others.values())
-    statistics, columns = linearise(full, measured), columns_of(full)
-    covariates = varying_covariates(measured)
-    models = {"base": diagnosis.base, "extended": diagnosis.extended}
-    scores = {name: robust_deviations(mode_scores(model, measured).amounts) for name, model in models.items()}
-    strengths = {name: mode_strength(values, covariates) for name, values in scores.items()}
-    residuals = {name: np.where(measured.valid, residual(model, measured), np.nan) for name, model in models.items()}
-    return PushScreening(
-        measured=measured,
-        test=measured.pick(diagnosis.splits.test),
-        full=full,
-        aliasing=aliasing(statistics, columns),
-        detectable=detectable(statistics, columns),
-        base_strength=strengths["base"],
-        extended_strength=strengths["extended"],
-        covariates=tuple(covariates),
+    base, extended = (
+        (mode_scores(model, measured).amounts, np.where(measured.valid, residual(model, measured), np.nan))
+        for model in (diagnosis.base, diagnosis.extended)
+    )
+    return screening_of(
+        measured,
+        measured.pick(diagnosis.splits.test),
+        full,
+        linearise(full, measured),
+        columns_of(full),
         modes=MODES,
-        dependence=dependences(MODES, scores["base"], scores["extended"], covariates, strengths, measured.action),
-        base_residual=residuals["base"],
-        extended_residual=residuals["extended"],
+        scores=(base[0], extended[0]),
+        covariates=varying_covariates(measured),
+        residuals=(base[1], extended[1]),
+        action=measured.action,
     )
 
 

@@ -1,4 +1,4 @@
-"""The report page of a push diagnosis (``report/templates/push_diagnosis.html``), and its figures as PNG data."""
+"""The report of a diagnosis of pushes: its page, and the figures of pushes; equal data give equal bytes."""
 
 from __future__ import annotations
 
@@ -7,23 +7,18 @@ from typing import Any
 
 import cv2
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pentimento.contracts.frames import canvas_to_pixel
-from pentimento.diagnosis import figures
-from pentimento.diagnosis.experiment_design import ALIASED, aliasing_sentences
-from pentimento.diagnosis.figures import ResidualMap
-from pentimento.diagnosis.page import html_page, lead, leaderboard, temporal_drift
+from pentimento.diagnosis.figures import ResidualMap, residual_maps
+from pentimento.diagnosis.page import render_report
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.fit import MM
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.next_pushes import PushProposal, PushScreening
 from pentimento.diagnosis.verdict import PUSHES
 from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
-from pentimento.report.html import Album
-from pentimento.report.templates import render
 
 Array = NDArray[Any]
 _QUESTIONS = (BLUE, OCHRE, "#4f7f4a", "#7a4f86", "#a33a3a", "#555555")
@@ -39,58 +34,26 @@ _CELL_MM = 0.8
 def build_page(
     diagnosis: PushDiagnosis, screening: PushScreening, proposal: PushProposal, verdict: Mapping[str, Any]
 ) -> dict[str, bytes]:
-    """``report.html``, which contains every picture, and the pictures as ``figures/<name>.png``.
-
-    Equal inputs give equal bytes.
-    """
-    album = Album()
-    plots = _plots(diagnosis, screening, proposal)
-    for name, data in plots.items():
-        album.keep(f"{name}.png", data)
-    sections = render(
-        "push_diagnosis.html",
-        sentence=verdict["sentence"],
-        rows=verdict["rows"],
-        actions=verdict["actions"],
-        discovery_rows=len(diagnosis.splits.discovery),
-        test_rows=len(diagnosis.splits.test),
-        plots=plots,
-        leaderboard=Markup(leaderboard(diagnosis, screening)),
-        drift=Markup(temporal_drift(diagnosis, album)),
-        aliasing=aliasing_sentences(screening.aliasing),
-        aliased=ALIASED,
-        proposed=len(proposal.action),
-        pairs=[
-            (f"{first} and {second}", f"{before:.2f}", f"{after:.2f}")
-            for (first, second), (before, after) in proposal.aliasing.items()
-        ],
-    )
-    pictures = {f"figures/{name}": data for name, data in album.files.items()}
-    return pictures | {"report.html": html_page(lead(diagnosis), [sections])}
-
-
-def _plots(diagnosis: PushDiagnosis, screening: PushScreening, proposal: PushProposal) -> dict[str, bytes]:
-    """PNG data of the figures, by name."""
-    structured = {(left.mode, left.covariate) for left in diagnosis.unexplained}
-    named = [finding.cause for finding in (*diagnosis.established, *diagnosis.suspected)]
-    base, extended = (push_map(r, screening.measured) for r in (screening.base_residual, screening.extended_residual))
-    plots = {
-        "leave_one_out": figures.leave_one_out(diagnosis, kind=PUSHES),
-        "pushes": push_sheet(diagnosis, screening),
-        "residual_push": figures.residual_maps(
-            base, extended, "mm along the travel from the start", "mm to the left", square=True, unit="mm"
+    """``report.html``, which holds every figure, and the figures as ``figures/<name>.png``."""
+    maps = [
+        push_map(residual, screening.measured) for residual in (screening.base_residual, screening.extended_residual)
+    ]
+    drawn = {
+        "pushes.png": push_sheet(diagnosis, screening),
+        "residual_push.png": residual_maps(
+            maps[0], maps[1], "mm along the travel from the start", "mm to the left", square=True, unit="mm"
         ),
-        "modes": figures.mode_heat(screening, structured),
-        "dependence": figures.dependence(screening),
-        "aliasing": figures.aliasing_heat(screening.aliasing, named),
     }
     if len(proposal.action):
-        plots["next_actions"] = proposal_lines(proposal, screening.measured)
-    return plots
+        drawn["next_actions.png"] = proposal_lines(proposal, screening.measured)
+    return render_report(
+        "diagnosis_pushes.html", diagnosis, screening, verdict, PUSHES, drawn, proposal.aliasing,
+        splits=diagnosis.splits, proposed=len(proposal.action),
+    )  # fmt: skip
 
 
 def push_sheet(diagnosis: PushDiagnosis, screening: PushScreening, shown: int = 5) -> bytes:
-    """Test pushes as shaded surfaces, from the largest to the smallest fall of error by the extension."""
+    """Test pushes, from the one that the extension improves most to the one that it improves least: shaded surfaces."""
     test = screening.test
     models = {"base": diagnosis.base, "extended": diagnosis.extended}
     predicted = {
@@ -132,7 +95,7 @@ def shaded(height_m: Array, pixel_m: float) -> Array:
 
 
 def push_map(residual: Array, measured: MeasuredPushes) -> ResidualMap:
-    """Mean and worst residual [B, H, W] of all pushes in the frame of the push, mm from the start."""
+    """Residuals [B, H, W] of all pushes, superimposed in the frame of the push, mm from the start."""
     reach = 4 * measured.scene.half_width_m
     x = np.arange(-reach, measured.scene.action[:, 3].max() + reach, _CELL_MM * 1e-3)
     y = np.arange(reach, -reach, -_CELL_MM * 1e-3)

@@ -15,17 +15,14 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.schema import PATH, vector
 from pentimento.diagnosis.experiment_design import (
-    Aliasing,
     Question,
-    aliasing,
     design_value,
-    detectable,
     greedy_exchange,
     most_informed_question,
     pair_aliasing,
     questions,
 )
-from pentimento.diagnosis.residual_structure import Dependence, dependences, mode_strength, robust_deviations
+from pentimento.diagnosis.figures import Screening, screening_of
 from pentimento.diagnosis.strokes.aliasing import columns_of, with_all
 from pentimento.diagnosis.strokes.candidate_actions import (
     Action,
@@ -63,7 +60,7 @@ class Proposal(NamedTuple):
     """Aliasing of each pair now, and predicted with these actions."""
 
 
-def proposal_for(diagnosis: Diagnosis, seen: Survey, seed: int) -> Proposal:
+def proposal_for(diagnosis: Diagnosis, seen: Screening[Measured, Model], seed: int) -> Proposal:
     """The next strokes after a diagnosis; none where nothing is in question."""
     asked = questions(diagnosis, seen.aliasing)
     if not asked:
@@ -149,55 +146,27 @@ def as_table(proposal: Proposal, measured: Measured) -> pa.Table:
     )
 
 
-class Survey(NamedTuple):
-    """All that is drawn."""
-
-    measured: Measured
-    test_split: Measured
-    full: Model
-    """The extended model with every other observable cause at no effect."""
-    aliasing: Aliasing
-    detectable: dict[str, float]
-    """Smallest share of the error that a cause must remove to be found in four of five such collections."""
-    base_strength: Array
-    """[modes, covariates] of the base's residual, correlation times the root of the number of strokes."""
-    extended_strength: Array
-    covariates: tuple[str, ...]
-    modes: tuple[str, ...]
-    dependence: tuple[Dependence, ...]
-    base_residual: Array
-    """[B, H, W] of all strokes, measured minus predicted, mean over the channels; NaN outside the windows."""
-    extended_residual: Array
-
-
-def survey(diagnosis: Diagnosis) -> Survey:
-    """Look at base and extended model over all strokes."""
-    measured = diagnosis.measured
+def screen(diagnosis: Diagnosis) -> Screening[Measured, Model]:
+    """Compare base and extended model over all strokes."""
+    measured, models = diagnosis.measured, (diagnosis.base, diagnosis.extended)
     full = with_all(diagnosis.extended, measured, VOCABULARY)
-    statistics = linearise(full, measured)
-    columns = columns_of(full)
-    covariates = covariates_shown(measured)
-    amounts = {
-        name: robust_deviations(mode_scores(model, measured)[0])
-        for name, model in (("base", diagnosis.base), ("extended", diagnosis.extended))
-    }
-    strengths = {name: mode_strength(values, covariates) for name, values in amounts.items()}
-    return Survey(
-        measured=measured,
-        test_split=measured.pick(diagnosis.splits.test),
-        full=full,
-        aliasing=aliasing(statistics, columns),
-        detectable=detectable(statistics, columns),
-        base_strength=strengths["base"],
-        extended_strength=strengths["extended"],
-        covariates=tuple(covariates),
+    base_scores, extended_scores = (mode_scores(model, measured)[0] for model in models)
+    base_residual, extended_residual = (_signed(model, measured) for model in models)
+    return screening_of(
+        measured,
+        measured.pick(diagnosis.splits.test),
+        full,
+        linearise(full, measured),
+        columns_of(full),
         modes=MODES,
-        dependence=dependences(MODES, amounts["base"], amounts["extended"], covariates, strengths, measured.action),
-        base_residual=_signed(diagnosis.base, measured),
-        extended_residual=_signed(diagnosis.extended, measured),
+        scores=(base_scores, extended_scores),
+        covariates=covariates_shown(measured),
+        residuals=(base_residual, extended_residual),
+        action=measured.action,
     )
 
 
 def _signed(model: Model, measured: Measured) -> Array:
+    """Residual, mean over the channels, [B, H, W]; NaN outside the windows."""
     rest = residual(model, measured).mean(-1)
     return np.where(measured.samples.valid.numpy() > 0, rest, np.nan)

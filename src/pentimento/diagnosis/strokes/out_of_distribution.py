@@ -18,8 +18,8 @@ Array = NDArray[Any]
 
 
 def paints_of(measured: Measured) -> Array:
-    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour that each session mixed anew is
-    there as often.
+    """The distinct paints, sRGB [K, 3], in the order of ``measured.paint``; a colour with a mix for each session
+    repeats.
     """
     _, first = np.unique(measured.paint, return_index=True)
     paints: Array = measured.samples.color.double().numpy()[first].round(3)
@@ -27,11 +27,12 @@ def paints_of(measured: Measured) -> Array:
 
 
 def with_joint_paints(model: Model, paints: Array, measured: Measured) -> tuple[Model, Measured]:
-    """Model and strokes with one numbering of paints: the model's, then the strokes', each of which gets the mean
-    offset of the model's mixes of its colour; a colour that the model has not seen gets none.
+    """Model and strokes with a joint numbering of paints: the model's, then the strokes'.
+
+    Each paint of the strokes gets the mean offset of the model's mixes of its colour; an unknown colour gets none.
 
     Args:
-        paints: [K, 3] sRGB, those that the model's colour offsets belong to.
+        paints: [K, 3] sRGB, those of the model's colour offsets.
     """
     same = (paints_of(measured)[:, None] == paints.round(3)).all(-1)
     own = same @ model.color_offset / np.maximum(same.sum(1, keepdims=True), 1)
@@ -42,7 +43,7 @@ def with_joint_paints(model: Model, paints: Array, measured: Measured) -> tuple[
 
 
 def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: int) -> float | None:
-    """(base - extended) / (base - floor) on an outside table; the floor is its own where it repeats actions.
+    """(base - extended) / (base - floor) on an outside table, with its own floor where it repeats actions.
 
     None where no floor is known, or where the base has no gap there.
 
@@ -61,21 +62,25 @@ def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: 
 
 
 class UserBaseline(NamedTuple):
-    """On sealed strokes."""
+    """A user-supplied baseline model on the test split.
+
+    Inference never uses it. Its error above the base's, whose nuisances are free, is calibration (docs/diagnosis.md
+    §10).
+    """
 
     predicted: Array
     """sRGB float32[B, H, W, 3]"""
     losses: Array
-    """Mean squared error of each action over its rows and their windows, sRGB, in the order of the actions' numbers."""
+    """Error of each action, sRGB, in the order of the action numbers."""
 
     @property
     def mse(self) -> float:
-        """Over actions."""
+        """Mean over actions."""
         return float(self.losses.mean())
 
 
 def evaluate_baseline(parameters: Traj2StrokeParameters, test_split: Measured) -> UserBaseline:
-    """What a given model foretells of strokes, and by how much it misses them."""
+    """Predictions and errors of a user-supplied model on strokes."""
     from pentimento.dynamics.strokes.evaluation import predict_with  # imports Lightning, which takes seconds
 
     predicted = predict_with(parameters, test_split.samples).numpy()

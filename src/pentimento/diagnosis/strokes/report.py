@@ -1,9 +1,8 @@
-"""The diagnosis as one page that needs no other file, and its figures."""
+"""The report of a diagnosis of strokes: its page, and the figures of strokes; equal data give equal bytes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
 from typing import Any
 
 import cv2
@@ -11,204 +10,85 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pentimento.diagnosis import figures
-from pentimento.diagnosis.experiment_design import ALIASED, aliasing_sentences
-from pentimento.diagnosis.figures import _GREEN, _QUIET, ResidualMap
-from pentimento.diagnosis.page import html_page, lead, leaderboard, section, temporal_drift
+from pentimento.diagnosis.figures import GREEN, QUIET, ResidualMap, Screening, residual_maps
+from pentimento.diagnosis.page import render_report
 from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.next_actions import Proposal, Survey
+from pentimento.diagnosis.strokes.model import Model
+from pentimento.diagnosis.strokes.next_actions import Proposal
 from pentimento.diagnosis.strokes.out_of_distribution import UserBaseline
 from pentimento.diagnosis.strokes.predict import predicted
+from pentimento.diagnosis.verdict import STROKES
 from pentimento.report.figures import BLUE, ERROR_COLOURS, OCHRE, drawing, png, shared_top
-from pentimento.report.html import Album, table
-from pentimento.report.wording import count, decimal
+from pentimento.report.wording import decimal
 
+StrokeScreening = Screening[Measured, Model]
 Array = NDArray[Any]
 
-_QUESTIONS = (BLUE, OCHRE, _GREEN, "#7a4f86", "#a33a3a", "#555555")
+_QUESTIONS = (BLUE, OCHRE, GREEN, "#7a4f86", "#a33a3a", "#555555")
 _CANVAS_PX = 220
+"""Cells of the longer side of the canvas map."""
 _ALONG, _ACROSS = 120, 60
+"""Cells of the straightened map along and across."""
 _BEYOND = 0.25
-"""Of a stroke's length: what is shown before its start and after its end."""
+"""Shown length before the start and after the end, as a share of the stroke's length."""
 _HALF_WIDTHS = 4.0
+"""Shown half-widths to a side."""
 
 
 def build_page(
     diagnosis: Diagnosis,
-    survey: Survey,
+    screening: StrokeScreening,
     proposal: Proposal,
     verdict: Mapping[str, Any],
     given: UserBaseline | None = None,
 ) -> dict[str, bytes]:
-    """``report.html``, which holds every picture, and the pictures as ``figures/<name>.png``.
-
-    Equal inputs give equal bytes.
+    """``report.html``, which holds every figure, and the figures as ``figures/<name>.png``.
 
     Args:
-        diagnosis: what was found.
-        survey: what is drawn.
+        diagnosis: the result.
+        screening: what is drawn.
         proposal: the next strokes.
-        verdict: as ``verdict.json``.
-        given: a stroke model to be shown beside the finder's own base.
+        verdict: content of ``verdict.json``.
+        given: a user-supplied baseline model, shown beside the base.
     """
-    album = Album()
-    sections = [
-        _summary(diagnosis, verdict, given, album),
-        section("causes", "Every cause, and what the strokes say of it", leaderboard(diagnosis, survey)),
-        _strokes(diagnosis, survey, given, album),
-        _residuals(survey, album),
-        _modes(diagnosis, survey, album),
-        _aliasing(diagnosis, survey, album),
-        _next(proposal, survey, album),
-    ]
-    pictures = {f"figures/{name}": data for name, data in album.files.items()}
-    return pictures | {"report.html": html_page(lead(diagnosis), sections)}
-
-
-def _summary(diagnosis: Diagnosis, verdict: Mapping[str, Any], given: UserBaseline | None, album: Album) -> str:
-    fall = album.plot(
-        "leave_one_out.png", figures.leave_one_out(diagnosis, given and given.mse),
-        "Bars from the base model's error by that without each cause to the extended model's, and to the noise floor.",
-        "Mean squared error over the windows of sealed strokes, sRGB. "
-        + ("<b>UserBaseline model</b>: the one that was named. " if given else "")
-        + "<b>Base</b>: the thesis's stroke model with free "
-        "nuisances. Green: how much more is missed without one of the causes, all others fitted again. "
-        "<b>Extended</b>: what is left with all of them. Hatched: what a smooth law of a mode that still has structure "
-        "would remove, to second order. <b>Noise floor</b>: what even a perfect model would miss, from repeated "
-        "actions; the band is its 95&nbsp;% interval.",
-    )  # fmt: skip
-    splits = diagnosis.splits
-    used = (
-        f"{count(verdict['rows'], 'row')}, {count(verdict['actions'], 'action')}: {len(splits.discovery)} rows "
-        f"searched, {len(splits.confirmation)} confirmed, {len(splits.test)} were sealed until the end."
-    )
-    return section("verdict", "Verdict", f"<p>{escape(verdict['sentence'])}</p><p>{used}</p>{fall}")
-
-
-def _strokes(diagnosis: Diagnosis, survey: Survey, given: UserBaseline | None, album: Album) -> str:
-    sheet = album.plot(
-        "strokes.png", strokes(diagnosis, survey),
-        "Sealed strokes: photographs before and after, what base and extended model foretell, and their errors.",
-        "Sealed strokes, from the one that the extension helps most to the one that it helps least (or harms). "
-        "<b>Before</b>, denoised, with the command in ochre from its dot; <b>after</b>: the photograph; <b>base</b>, "
-        "<b>extended</b>: what the models say it will be; <b>|error|</b>: root mean squared over the colours.",
-    )  # fmt: skip
+    residuals, measured = (screening.base_residual, screening.extended_residual), screening.measured
+    along = [stroke_map(residual, measured) for residual in residuals]
+    drawn = {
+        "strokes.png": strokes(diagnosis, screening),
+        "residual_stroke.png": residual_maps(along[0], along[1], "share of the length", "mm to the left", square=False),
+    }
+    if places_known(measured):
+        canvas = [canvas_map(residual, measured) for residual in residuals]
+        drawn["residual_canvas.png"] = residual_maps(canvas[0], canvas[1], "x / mm", "y / mm", square=True)
     if given:
-        sheet += album.plot(
-            "given_strokes.png", given_strokes(given, diagnosis, survey),
-            "Sealed strokes as a given model and the extended model foretell them, and their errors.",
-            "The same with the <b>given model</b> in the base's place: where it misses and the base above does not, it "
-            "needs no cause, only better calibration.",
-        )  # fmt: skip
-    return section("strokes", "Strokes before, after, and as foretold", sheet)
-
-
-def _residuals(survey: Survey, album: Album) -> str:
-    measured = survey.measured
-    along = album.plot(
-        "residual_stroke.png",
-        figures.residual_maps(
-            stroke_map(survey.base_residual, measured), stroke_map(survey.extended_residual, measured),
-            "share of the length", "mm to the left", square=False,
-        ),
-        "Maps of mean and worst residual along straightened strokes.",
-        "All strokes laid over one another, straightened: the start at 0, the end at 1. Red: brighter than foretold, "
-        "blue: darker. <b>Mean</b> shows what is wrong every time, <b>worst</b> what is wrong at least once.",
-    )  # fmt: skip
-    if not places_known(measured):
-        canvas = "<p>The strokes are recorded in their own frame: where they lay on the canvas is not known.</p>"
-    else:
-        canvas = album.plot(
-            "residual_canvas.png",
-            figures.residual_maps(
-                canvas_map(survey.base_residual, measured), canvas_map(survey.extended_residual, measured),
-                "x / mm", "y / mm", square=True,
-            ),
-            "Maps of mean and worst residual over the canvas.",
-            "The same residuals where the strokes lay: camera, light and table show here.",
-        )  # fmt: skip
-    return section("residuals", "Where the models are wrong", along + canvas)
-
-
-def _modes(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
-    if not survey.covariates:
-        return section(
-            "modes", "What the residual depends on",
-            "<p>Nothing that was recorded of every stroke varies: what the residual depends on cannot be asked.</p>"
-            + temporal_drift(diagnosis, album),
-        )  # fmt: skip
-    structured = {(left.mode, left.covariate) for left in diagnosis.unexplained}
-    heat = album.plot(
-        "modes.png", figures.mode_heat(survey, structured),
-        "Heat map of residual modes against covariates, for base and extended model.",
-        "How strongly each way in which a mark can differ as a whole goes with each thing that was recorded: the root "
-        "of the number of strokes times the correlation, linear or by the square, whichever is larger. Chance alone "
-        "makes about 1, rarely 4. A frame marks what is significant among all pairs (permutations, p &lt; .01).",
-    )  # fmt: skip
-    curves = album.plot(
-        "dependence.png", figures.dependence(survey),
-        "Curves of residual modes against the covariates on which they depend most.",
-        "The strongest of these pairs: means over bins with equally many strokes, in robust standard deviations, and "
-        "95&nbsp;% bands that take each action as one witness. Ochre: base; blue: extended. Flat at 0 is a cause "
-        "dealt with.",
-    )  # fmt: skip
-    return section("modes", "What the residual depends on", heat + curves + temporal_drift(diagnosis, album))
-
-
-def _aliasing(diagnosis: Diagnosis, survey: Survey, album: Album) -> str:
-    named = [finding.cause for finding in (*diagnosis.established, *diagnosis.suspected)]
-    heat = album.plot(
-        "aliasing.png", figures.aliasing_heat(survey.aliasing, named),
-        "The imitation matrix of the causes.",
-        "How well one cause can pass for another <i>in these strokes</i>, when the base may adapt: |cosine| of their "
-        f"derivatives. Framed above {ALIASED}. This is a property of how the strokes were chosen, and random place, "
-        "heading, speed and dips lower it.",
-    )  # fmt: skip
-    said = "".join(f"<li>{escape(line)}</li>" for line in aliasing_sentences(survey.aliasing))
-    alike = f"<ul>{said}</ul>" if said else "<p>No two causes imitate each other.</p>"
-    return section("aliasing", "What these strokes cannot tell apart", alike + heat)
-
-
-def _next(proposal: Proposal, survey: Survey, album: Album) -> str:
-    title = "The next experiments"
-    if not proposal.actions:
-        return section("next", title, "<p>There is no pair of causes to tell apart and nothing to measure better.</p>")
-    lines = album.plot(
-        "next_actions.png", proposal_lines(proposal, survey),
-        "The proposed strokes on the canvas, numbered in their order.",
-        f"<b>{count(len(proposal.actions), 'stroke')}</b> that say most about the open questions, over the recorded "
-        "ones (grey). Dashed: dip first. They are in <code>next_actions.parquet</code>.",
-    )  # fmt: skip
-    rows = [
-        (escape(f"{first} and {second}"), f"{before:.2f}", f"{after:.2f}")
-        for (first, second), (before, after) in proposal.aliasing.items()
-    ]
-    alike = (
-        table(("pair", "imitation now", "with these strokes"), rows, "What they are foretold to do.") if rows else ""
-    )
-    times = [
-        (str(number), "yes" if action.reload else "", decimal(action.wait_s), escape(" | ".join(question)))
+        drawn["given_strokes.png"] = given_strokes(given, diagnosis, screening)
+    if proposal.actions:
+        drawn["next_actions.png"] = proposal_lines(proposal, screening)
+    actions = [
+        (str(number), "yes" if action.reload else "", decimal(action.wait_s), " | ".join(question))
         for number, (action, question) in enumerate(zip(proposal.actions, proposal.question, strict=True), 1)
     ]
-    list_of = table(("stroke", "dip first", "wait, s", "says most about"), times, "In the order of execution.", 9)
-    return section("next", title, lines + alike + list_of)
+    return render_report(
+        "diagnosis_strokes.html", diagnosis, screening, verdict, STROKES, drawn, proposal.aliasing,
+        splits=diagnosis.splits, user_baseline=given is not None, actions=actions,
+    )  # fmt: skip
 
 
-def strokes(diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
-    """Sealed strokes: photographs before and after, both models' foretelling, both errors."""
-    base, extended = (predicted(model, survey.test_split) for model in (diagnosis.base, diagnosis.extended))
-    return _stroke_sheet(survey.test_split, {"base": base, "extended": extended}, shown)
+def strokes(diagnosis: Diagnosis, screening: StrokeScreening, shown: int = 5) -> bytes:
+    """Test strokes: photographs before and after, both predictions, both errors."""
+    base, extended = (predicted(model, screening.test) for model in (diagnosis.base, diagnosis.extended))
+    return _stroke_sheet(screening.test, {"base": base, "extended": extended}, shown)
 
 
-def given_strokes(given: UserBaseline, diagnosis: Diagnosis, survey: Survey, shown: int = 5) -> bytes:
-    """The same with a given model in the base's place."""
-    beside = {"given model": given.predicted, "extended": predicted(diagnosis.extended, survey.test_split)}
-    return _stroke_sheet(survey.test_split, beside, shown)
+def given_strokes(given: UserBaseline, diagnosis: Diagnosis, screening: StrokeScreening, shown: int = 5) -> bytes:
+    """The same with a user-supplied baseline model in the base's place."""
+    beside = {"given model": given.predicted, "extended": predicted(diagnosis.extended, screening.test)}
+    return _stroke_sheet(screening.test, beside, shown)
 
 
 def _stroke_sheet(test_split: Measured, models: Mapping[str, Array], shown: int) -> bytes:
-    """Strokes from the one where the second model is the most better than the first to where it is the least."""
+    """Strokes from the one that the second model improves most to the one that it improves least."""
     images = list(models.values())
     after, valid = test_split.samples.after.numpy(), test_split.samples.valid.numpy() > 0
     wrong = [np.square(image - after).mean(-1) for image in images]
@@ -245,10 +125,10 @@ def _stroke_sheet(test_split: Measured, models: Mapping[str, Array], shown: int)
         return png(figure)
 
 
-def proposal_lines(proposal: Proposal, survey: Survey) -> bytes:
-    """The proposed strokes over the recorded ones, numbered, in the colour of the question they answer."""
+def proposal_lines(proposal: Proposal, screening: StrokeScreening) -> bytes:
+    """The proposed strokes over the recorded ones, numbered, in the colour of their question."""
     questions = list(dict.fromkeys(proposal.question))
-    recorded = survey.measured.samples.path[..., 1:3].double().numpy() * 1e3
+    recorded = screening.measured.samples.path[..., 1:3].double().numpy() * 1e3
     with drawing():
         figure = Figure(figsize=(9.0, 5.6), layout="constrained")
         axes = figure.add_subplot()
@@ -265,14 +145,14 @@ def proposal_lines(proposal: Proposal, survey: Survey) -> bytes:
         for number, question in enumerate(questions):
             axes.plot([], [], color=_QUESTIONS[number % len(_QUESTIONS)], lw=2.2, label=" | ".join(question))
         if any(action.reload for action in proposal.actions):
-            axes.plot([], [], color=_QUIET, lw=2.2, ls=(0, (4, 1)), label="dip first")
+            axes.plot([], [], color=QUIET, lw=2.2, ls=(0, (4, 1)), label="dip first")
         axes.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize=9)
         return png(figure)
 
 
 def places_known(measured: Measured) -> bool:
-    """Whether the strokes' places on the canvas were recorded (they do not all start at one point)."""
+    """Whether places on the canvas were recorded (not all strokes start at one point)."""
     start = measured.samples.path[:, 0, 1:3]
     return float((start.amax(0) - start.amin(0)).max()) > 1e-3
 
@@ -352,7 +232,7 @@ def _mean_and_worst(cell: Array, values: Array, cells: int) -> tuple[Array, Arra
 
 
 def _reach_m(measured: Measured) -> float:
-    """How far to a side strokes are shown: four times their usual half-width; without bound where no ink is seen."""
+    """Shown distance to a side: four times the usual half-width; unlimited where no ink is visible."""
     samples = measured.samples
     area = samples.ink.flatten(1).sum(1).double().numpy() / samples.pixels_per_m.double().numpy() ** 2
     length = samples.path[..., 1:3].diff(dim=1).norm(dim=-1).sum(1).double().numpy()

@@ -1,4 +1,4 @@
-"""Everything that a diagnosis leaves behind, in one folder: used by the command line and by the pipeline."""
+"""The files of a diagnosis of strokes, and diagnosis in rounds with newly collected strokes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import model_as_json
-from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, survey
+from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
 from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, gap_closed_on, paints_of
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.strokes.report import build_page
@@ -26,7 +26,7 @@ from pentimento.dynamics.strokes.simulation import NotObservable
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 
 STROKES = "strokes"
-"""Folder of the table with the rows that were added."""
+"""Folder of the table that includes the added rows."""
 
 
 def write_diagnosis(
@@ -38,19 +38,19 @@ def write_diagnosis(
     left_out: str | None = None,
     given: Traj2StrokeParameters | None = None,
 ) -> Diagnosis:
-    """Diagnose rows of the strokes contract and write what was found into the folder ``out``.
+    """Diagnose rows of the strokes contract and write the result into the folder ``out``.
 
     ``verdict.json`` (schema 1), ``report.html`` and ``figures/``, ``extended_model.json``, ``next_actions.parquet``.
-    Each file is whole or not there; the verdict comes last. Nothing is written when the rows allow no diagnosis.
+    Each file is complete or absent; the verdict is written last. Nothing is written when the rows allow no diagnosis.
 
     Args:
         table: rows that keep the contract; those of which no sample can be made are left out.
-        out: made where it is missing; other files in it stay.
+        out: created where it is missing; other files in it stay.
         seed: of splits, bootstraps and the next actions.
-        log: gets a line now and then.
-        outside: another table, on which the share of the gap that is closed is measured, too.
+        log: gets progress lines.
+        outside: another table, for the out-of-distribution evaluation.
         left_out: a sentence on rows that were left out before.
-        given: a stroke model whose error on sealed strokes is told beside that of the finder's own base.
+        given: a user-supplied baseline model, whose error is reported beside the base's.
 
     Raises:
         ContractError: too few rows, or more than 1 % of them cannot be used (it names them).
@@ -59,21 +59,21 @@ def write_diagnosis(
     notes = ([left_out] if left_out else []) + notes
     for note in notes:
         log(note)
-    elsewhere = None if outside is None else _usable(outside, "Of the outside table: ")
+    other = None if outside is None else _usable(outside, "Of the outside table: ")
     found = diagnose(measured, VOCABULARY, seed, log)
     shifted = None
-    if elsewhere is not None:
-        notes += elsewhere[1]
+    if other is not None:
+        notes += other[1]
         try:
-            shifted = gap_closed_on(elsewhere[0], found, paints_of(measured), seed)
+            shifted = gap_closed_on(other[0], found, paints_of(measured), seed)
             if shifted is None:
                 notes.append("On the outside table the base model has no known gap above a noise floor.")
         except NotObservable as reason:
             notes.append(f"The extended model cannot be tested on the outside table: {reason}.")
     log("drawing the report")
-    seen = survey(found)
+    seen = screen(found)
     proposal = proposal_for(found, seen, seed)
-    beside = None if given is None else evaluate_baseline(given, seen.test_split)
+    beside = None if given is None else evaluate_baseline(given, seen.test)
     actions = len(set(measured.action.tolist()))
     result = verdict(found, len(measured), actions, shifted, notes, beside and beside.mse)
     written = build_page(found, seen, proposal, result, beside)
@@ -107,16 +107,16 @@ def diagnose_in_rounds(
 ) -> pa.Table:
     """Diagnose a table, and while an established cause has rivals add strokes to it, at most ``rounds`` times.
 
-    What is in ``out`` in the end is of the last diagnosis, and the table that it is of is in ``out/strokes``, if it
-    grew.
+    ``out`` holds the last diagnosis, and ``out/strokes`` its table if that grew.
 
     Args:
         table: rows of the strokes contract.
         out: where ``diagnosed`` writes.
         rounds: at most.
-        diagnosed: diagnoses a table with a note on how it grew, and writes what it found.
-        made: rows for proposed actions (as in ``next_actions.parquet``), given the table so far and the round's number.
-        log: gets a line for each round and for why there is no other.
+        diagnosed: diagnoses a table with a note on how it grew, and writes the result.
+        made: rows of the proposed actions (as in ``next_actions.parquet``), given the table so far and the round's
+            number.
+        log: gets a line for each round, and the reason for stopping.
 
     Returns:
         The table of the last diagnosis.
@@ -132,27 +132,27 @@ def diagnose_in_rounds(
         if actions.num_rows == 0:
             log("No strokes are proposed that could tell the rivals apart.")
             break
-        log(f"Round {number}: {actions.num_rows} strokes to tell {', '.join(rivals)}.")
+        log(f"Round {number}: {actions.num_rows} strokes to separate {', '.join(rivals)}.")
         rows = made(actions, table, number)
         if lost := _not_recorded(rows, table):
-            log(f"The robot does not record {', '.join(lost)}: what depends on that cannot be asked any more.")
+            log(f"The robot does not record {', '.join(lost)}: causes that depend on it are no longer observable.")
         table = pa.concat_tables([table, rows])
-        card = f"# Strokes of a diagnosis\n\n{recorded} rows as they were given, {table.num_rows - recorded} added.\n"
+        card = f"# Strokes of a diagnosis\n\n{recorded} rows as given, {table.num_rows - recorded} added.\n"
         write_table(out / STROKES, table, CONTRACT, card)
         count = f"{number} round" + ("s" if number > 1 else "")
-        found = diagnosed(table, f"{table.num_rows - recorded} of the strokes were made as proposed, in {count}.")
+        found = diagnosed(table, f"{table.num_rows - recorded} of the strokes were collected as proposed, in {count}.")
     return table
 
 
 def _open_questions(found: Diagnosis) -> list[str]:
-    """Established causes with rivals. Who has since been established beside a cause stands in nobody's place."""
+    """Established causes with rivals that are not established themselves."""
     named = {finding.cause for finding in found.established}
     pairs = [(finding.cause, rival) for finding in found.established for rival in finding.rivals]
     return [f"{cause} from {rival}" for cause, rival in pairs if rival not in named]
 
 
 def _not_recorded(rows: pa.Table, table: pa.Table) -> list[str]:
-    """Columns that say something in the table and nothing in new rows, identities left out."""
+    """Columns with values in the table and none in the new rows, identities left out."""
     return [
         name
         for name in table.schema.names
