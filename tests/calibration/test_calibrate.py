@@ -62,7 +62,7 @@ def world(camera: dict[str, object] | None = None, paper: dict[str, object] | No
     "camera",
     [{"rotation_rad": 0.08, "keystone": -0.06}, {"rotation_rad": -0.05, "keystone": 0.09, "pixels_per_m": 2200.0}],
 )
-def test_a_camera_that_was_turned_is_found_within_half_a_pixel(camera: dict[str, object]) -> None:
+def test_rotated_camera_is_registered_within_half_a_pixel(camera: dict[str, object]) -> None:
     """Against the studio's own table of where each pixel looks, over the whole canvas."""
     turned = world(camera)
     found = camera_of(calibrate_canvas(Studio(turned, 0).photo(), None, RIG, NOW_S))
@@ -155,7 +155,7 @@ def test_a_sheet_s_bow_shows_in_the_residual_and_a_strong_one_is_refused() -> No
         require_fresh(found, RIG, NOW_S, 60.0)
 
 
-def test_a_person_s_word_serves_where_there_is_no_camera() -> None:
+def test_touch_calibration_without_a_camera_asks_the_person() -> None:
     """The person sees marks up to 0.4 mm above the sheet as the rig file has it; the rig knew of 0.1 mm already."""
     sent: list[np.ndarray] = []
 

@@ -46,7 +46,7 @@ def test_a_linear_camera_is_inverted(seed: int) -> None:
     assert errors.mean() < 1.0
 
 
-def test_a_perfect_camera_is_left_alone() -> None:
+def test_colour_map_of_a_perfect_camera_is_the_identity() -> None:
     found = find_colours(chart_image(16))
     assert found.matrix == pytest.approx(np.eye(3), abs=0.01) and found.offset == pytest.approx(np.zeros(3), abs=2e-3)
 
@@ -68,6 +68,6 @@ def test_a_burnt_out_chart_is_refused() -> None:
         find_colours(np.zeros((60, 60, 3), np.uint8))
 
 
-def test_a_curve_is_told_by_the_residual() -> None:
+def test_nonlinear_camera_increases_the_colour_residual() -> None:
     bent = to_uint8(to_float(chart_image(16)) ** 1.6)
     assert find_colours(bent).residual > 2

@@ -93,7 +93,7 @@ def test_straightening_makes_the_board_s_edges_straight() -> None:
 
 
 def _bend_px(photo: Photo) -> float:
-    """Greatest RMS deviation of the board's rows of corners from a line."""
+    """Max RMS deviation of the board's rows of corners from a line."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
     detector = cv2.aruco.CharucoDetector(cv2.aruco.CharucoBoard(SQUARES, SQUARE_M, 0.7 * SQUARE_M, dictionary))
     corners, ids, _, _ = detector.detectBoard(cv2.cvtColor(photo.frame, cv2.COLOR_RGB2GRAY))

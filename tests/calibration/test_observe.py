@@ -238,7 +238,7 @@ def test_fine_stripes_keep_their_mean_light(calibration: CameraCalibration) -> N
         assert image.std() < 15
 
 
-def test_a_part_is_the_same_part_of_the_whole(photo: Photo, calibration: CameraCalibration) -> None:
+def test_rectified_part_equals_that_part_of_the_rectified_whole(photo: Photo, calibration: CameraCalibration) -> None:
     whole = rectify(photo, calibration, CANVAS_WINDOW_M, 2000).astype(int)
     part = rectify(photo, calibration, (0.1, 0.05, 0.18, 0.106), 2000).astype(int)
     assert part.shape == (112, 160, 3)

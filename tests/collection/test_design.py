@@ -81,7 +81,7 @@ def test_every_command_passes_the_envelope_and_keeps_the_tools_ranges(tool: str)
         assert known.dips or not command.stroke.dip
 
 
-def test_no_factor_goes_with_another(commands: list[Command]) -> None:
+def test_design_factors_are_uncorrelated(commands: list[Command]) -> None:
     """Largest correlation of order, place, heading, length, press and speed; chance gives about .3 at 84 actions."""
     paths = {c.action_id: (order, c.stroke.path) for order, c in reversed(list(enumerate(commands)))}
     factors = []
@@ -98,11 +98,11 @@ def test_no_factor_goes_with_another(commands: list[Command]) -> None:
 
 
 def test_the_same_seed_gives_the_same_commands_and_another_does_not(commands: list[Command]) -> None:
-    def told(of: list[Command]) -> list[object]:
+    def values_of(of: list[Command]) -> list[object]:
         return [(c.action_id, c.sheet, c.stroke.path.tolist(), c.stroke.dip, c.wait_s) for c in of]
 
-    assert told(design()) == told(commands)
-    assert told(design(config=replace(CONFIG, seed=4))) != told(commands)
+    assert values_of(design()) == values_of(commands)
+    assert values_of(design(config=replace(CONFIG, seed=4))) != values_of(commands)
 
 
 @pytest.mark.parametrize(
@@ -114,6 +114,6 @@ def test_the_same_seed_gives_the_same_commands_and_another_does_not(commands: li
         ("palette_srgb", ((2.0, 0.0, 0.0),)),
     ],
 )  # fmt: skip
-def test_numbers_out_of_their_ranges_are_named(field: str, value: object) -> None:
+def test_config_rejects_numbers_out_of_range(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=rf"^{field} "):
         replace(CONFIG, **{field: value})

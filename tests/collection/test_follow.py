@@ -98,7 +98,7 @@ def test_what_a_robot_must_not_do_is_refused() -> None:
         made(actions({"path": too_deep}))
 
 
-def test_a_pen_has_its_own_ink_alone() -> None:
+def test_proposed_colour_other_than_the_pens_ink_is_rejected() -> None:
     pen = load_tool("marker")
     robot = VirtualRobot(Studio(load_world("marker"), 0))
     with pytest.raises(ContractError, match="tool file"):

@@ -50,7 +50,7 @@ def test_every_push_lies_inside_and_within_its_end_effector_s_ranges() -> None:
         assert BALL.retract_speed_range_m_s[0] <= command.retract_speed_m_s <= BALL.retract_speed_range_m_s[1]
 
 
-def test_nothing_hides_behind_anything_else() -> None:
+def test_push_design_factors_are_uncorrelated() -> None:
     commands = design_pushes(BALL, AREA, replace(CONFIG, pushes=400))
     table = np.array(
         [

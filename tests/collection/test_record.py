@@ -116,7 +116,7 @@ def test_images_that_do_not_belong_together_are_refused() -> None:
     def record(before: np.ndarray, after: np.ndarray) -> None:
         record_stroke(Session("s", 0.0), 0, 0, tool, executed, window, before, after, photo, photo, calibration)
 
-    with pytest.raises(ContractError, match="rectify both alike"):
+    with pytest.raises(ContractError, match="rectify both to one window"):
         record(image, image[:-1])
     with pytest.raises(ContractError, match="pixels must be square"):
         record(image[:20], image[:20])

@@ -89,7 +89,7 @@ def test_a_failing_rename_puts_the_old_folder_back(tmp_path: Path, monkeypatch: 
     assert names(tmp_path) == ["out"]
 
 
-def test_death_between_the_two_renames_is_repaired_by_the_next_call(tmp_path: Path) -> None:
+def test_crash_between_the_two_renames_is_repaired_by_the_next_call(tmp_path: Path) -> None:
     target = old_folder(tmp_path)
     target.rename(tmp_path / ".out.old")
     with pytest.raises(ValueError), atomic_folder(target):

@@ -115,7 +115,7 @@ def test_curves_rise_and_join() -> None:
         assert np.diff(values).max() < 0.02
 
 
-def test_bad_input_is_a_sentence() -> None:
+def test_bad_input_raises_contract_error() -> None:
     with pytest.raises(ImageError, match="use to_float first"):
         srgb_to_linear(np.zeros((2, 3), np.uint8))
     with pytest.raises(ImageError, match="NaN"):

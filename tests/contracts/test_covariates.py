@@ -48,7 +48,7 @@ def test_names_are_columns_of_the_strokes_contract() -> None:
     assert all(strokes.CONTRACT.column(name) is not None for name in values)
 
 
-def test_both_at_once_is_one_after_the_other() -> None:
+def test_covariates_and_advance_equals_both_calls() -> None:
     memory = fresh_memory(SIZE)
     for index in range(3):
         stroke = event(line(0.05, 0.05 + 0.001 * index, 0.10, 0.05), t_start_s=10.0 * index, dip=index == 1)
@@ -175,7 +175,7 @@ def test_a_new_sheet_is_blank_but_the_tool_is_the_same() -> None:
     assert (memory.since_reload, memory.reload_id, memory.tool_age_m) == (1, 1, pytest.approx(0.1))
 
 
-def test_paint_that_is_crossed_is_taken_up_evenly_and_mixes_by_amount() -> None:
+def test_pickup_is_linear_along_a_stroke_and_mixes_by_amount() -> None:
     blue, yellow, own = np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0]), RED
     middle, first = pickup_step(np.zeros(4), 0.4, blue, 0.0, own)
     np.testing.assert_allclose(middle, [0.2, *blue])  # half of it, halfway
@@ -190,7 +190,7 @@ def test_paint_that_is_crossed_is_taken_up_evenly_and_mixes_by_amount() -> None:
     assert not state.any()
 
 
-def test_bad_input_is_a_sentence() -> None:
+def test_bad_input_raises_contract_error() -> None:
     memory, path = fresh_memory(SIZE), line(0.1, 0.1, 0.2, 0.1)
     with pytest.raises(ContractError, match=r"must be \[N, 5\]"):
         advance(memory, event(path[:, :4]))

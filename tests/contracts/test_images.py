@@ -54,7 +54,7 @@ def test_transparency_is_refused_because_its_colour_is_ambiguous() -> None:
         decode_png(data)
 
 
-def test_files(tmp_path: Path) -> None:
+def test_images_survive_writing_and_reading_files(tmp_path: Path) -> None:
     write_png(tmp_path / "new" / "grey.png", GREY)
     assert_array_equal(read_image(tmp_path / "new" / "grey.png"), np.repeat(GREY[..., None], 3, axis=2))
     write_png(tmp_path / "colour.png", COLOUR)

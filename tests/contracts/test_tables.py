@@ -124,7 +124,7 @@ def test_a_wrong_type_is_named_with_the_right_one(tmp_path: Path, name: str, val
         read_table(file, CONTRACT)
 
 
-def test_nothing_to_read_is_said(tmp_path: Path) -> None:
+def test_reading_an_empty_folder_raises_contract_error(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match=r"holds no \*\.parquet"):
         read_table(tmp_path, CONTRACT)
     with pytest.raises(ContractError, match=r"none\.parquet cannot be read as Parquet"):
@@ -151,7 +151,7 @@ def test_up_to_one_percent_or_one_row_is_quarantined(tmp_path: Path, rows: int, 
 
 
 @pytest.mark.parametrize(("rows", "bad"), [(1, 1), (20, 2), (199, 2), (300, 4)])
-def test_more_is_an_error_with_counts(tmp_path: Path, rows: int, bad: int) -> None:
+def test_more_bad_rows_than_the_limit_raise_with_counts(tmp_path: Path, rows: int, bad: int) -> None:
     with pytest.raises(ContractError, match=f"{bad} of {rows} rows .*: {bad} x points is empty"):
         read_table(stored(tmp_path, with_bad_rows(rows, bad)), demonstrations.CONTRACT)
 

@@ -49,7 +49,7 @@ def test_there_and_back(value: float, unit: str) -> None:
         ("", "m", "not a quantity"),
     ],
 )
-def test_a_slip_is_a_sentence(text: str, unit: str, says: str) -> None:
+def test_bad_quantity_raises_unit_error_with_a_message(text: str, unit: str, says: str) -> None:
     with pytest.raises(UnitError, match=says):
         parse_quantity(text, unit)
 

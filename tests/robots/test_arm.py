@@ -74,7 +74,7 @@ def test_velocities_are_the_way_s_own() -> None:
     assert not found[[0, -1]].any()
 
 
-def test_a_tip_that_was_moved_by_hand_begins_nothing() -> None:
+def test_motion_from_a_moved_tip_is_rejected() -> None:
     pose = pose_from(np.array([0.3, 0, 0.1]), np.array([math.pi, 0, 0]))
     check_start(pose, pose, "arm")
     with pytest.raises(MachineError, match=r"5\.0 mm"):

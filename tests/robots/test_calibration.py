@@ -50,7 +50,7 @@ def test_a_fresh_one_of_this_rig_passes_up_to_its_age() -> None:
         ({"residual": -1e-4}, "leaves -0.0001"),
     ],
 )
-def test_anything_else_is_refused(change: dict[str, object], sentence: str) -> None:
+def test_stale_foreign_or_inaccurate_calibration_is_rejected(change: dict[str, object], sentence: str) -> None:
     with pytest.raises(CalibrationError, match=sentence):
         require_fresh(dataclasses.replace(TOUCH, **change), RIG, NOW_S, DAY_S)  # type: ignore[arg-type]
 

@@ -22,11 +22,11 @@ dwell_range = ["0 s", "4 s"]
 
 @pytest.mark.parametrize("name", sorted(file.stem for file in _END_EFFECTORS.glob("*.toml")))
 def test_every_bundled_end_effector_stands_in_the_studio_s_rack_and_is_about_as_wide(name: str) -> None:
-    told, true = load_end_effector(name), load_clay_world("clay_table").tools[name]
-    assert told.name == name
-    assert told.nominal_width_m == pytest.approx(2 * true.half_width_m, rel=0.1)
-    assert (told.kind == "pinch") == (true.spread_m > 0)
-    assert told.opening_m == pytest.approx(true.spread_m + 2 * true.half_length_m if true.spread_m else 0.0)
+    found, true = load_end_effector(name), load_clay_world("clay_table").tools[name]
+    assert found.name == name
+    assert found.nominal_width_m == pytest.approx(2 * true.half_width_m, rel=0.1)
+    assert (found.kind == "pinch") == (true.spread_m > 0)
+    assert found.opening_m == pytest.approx(true.spread_m + 2 * true.half_length_m if true.spread_m else 0.0)
 
 
 def test_units_are_read(tmp_path: Path) -> None:

@@ -194,7 +194,7 @@ def test_a_refused_command_never_reaches_the_arm() -> None:
     assert robot.motions == []
 
 
-def test_a_reflex_of_the_arm_is_said_and_nothing_is_recovered_from_here() -> None:
+def test_franka_reflex_raises_and_is_not_recovered() -> None:
     robot, guard, _ = painting()
 
     def collide(left: int) -> None:

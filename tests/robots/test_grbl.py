@@ -207,7 +207,7 @@ def test_a_stop_in_the_middle_of_a_stroke_lifts_the_pen_within_a_second(pen: dic
     assert took_s < 1.0
 
 
-def test_a_pulled_plug_is_said_to_leave_the_pen_where_it_is() -> None:
+def test_lost_serial_link_error_says_that_the_pen_may_be_down() -> None:
     with plotting() as (grbl, guard, _):
         grbl.hang_up()
         with pytest.raises(LiftError, match=r"may still rest on the canvas.*emergency stop"):
@@ -215,7 +215,7 @@ def test_a_pulled_plug_is_said_to_leave_the_pen_where_it_is() -> None:
         assert guard.stopped is not None
 
 
-def test_a_dead_cable_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unanswered_line_raises_machine_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pentimento.robots.grbl.ANSWER_S", 0.2)
     monkeypatch.setattr("pentimento.robots.grbl.REST_S", 0.2)
     with plotting(Faults(silent_from=30)) as (_, guard, _), pytest.raises(LiftError, match="check the cable"):
@@ -256,7 +256,7 @@ def test_a_plotter_in_alarm_is_not_unlocked_by_a_program() -> None:
         grbl.close()
 
 
-def test_a_port_that_is_none_is_refused(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_or_non_serial_port_is_rejected(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(MachineError, match="cannot be opened"):
         connect(plotter_rig(str(tmp_path / "none")))
     (tmp_path / "file").write_text("")

@@ -71,7 +71,7 @@ def test_two_points_run_from_rest_to_rest() -> None:
     assert timed_path(line(0.05, 2), 0.06, 2.0)[-1, 0] == pytest.approx(0.05 / 0.06 + 0.06 / share)
 
 
-def test_a_sharp_corner_is_taken_slowly() -> None:
+def test_timed_path_slows_down_at_a_sharp_corner() -> None:
     points = line(0.04, 33)
     points[17:, 1] = points[17:, 0] - points[16, 0]
     points[17:, 0] = points[16, 0]  # a right angle at point 16

@@ -54,7 +54,7 @@ def test_what_is_sent_arrives_as_it_is(ends: tuple[int, SerialLine]) -> None:
     assert line.receive(0.02) is None
 
 
-def test_noise_is_no_reason_to_fall_over(ends: tuple[int, SerialLine]) -> None:
+def test_serial_noise_is_decoded_with_replacement(ends: tuple[int, SerialLine]) -> None:
     os.write(ends[0], b"\xff\xfe\x00ok\n")
     assert "ok" in (ends[1].receive(1.0) or "")
 
@@ -64,7 +64,7 @@ def test_a_port_is_used_by_one_program_at_a_time(ends: tuple[int, SerialLine]) -
         SerialLine(ends[1].port, 115200)
 
 
-def test_a_link_that_is_gone_is_said() -> None:
+def test_closed_port_raises_machine_error() -> None:
     master, slave = pty.openpty()
     line = SerialLine(os.ttyname(slave), 57600)
     os.close(slave)

@@ -123,7 +123,7 @@ def test_a_failed_write_leaves_the_old_drawing(tmp_path: Path, monkeypatch: pyte
     assert target.read_text() == "old"
 
 
-def test_a_plotter_serves_the_interface_of_a_robot_and_owns_up_to_what_it_lacks(tmp_path: Path) -> None:
+def test_svg_plotter_implements_robot_and_rejects_missing_abilities(tmp_path: Path) -> None:
     robot: Robot = plotter(tmp_path / "x.svg")
     assert robot.canvas_size_m == CANVAS_M
     with pytest.raises(MissingAbilityError, match="camera"):

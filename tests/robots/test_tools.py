@@ -40,7 +40,7 @@ def test_bundled_tools_are_in_si_units() -> None:
         assert tool.speed_range_m_s[0] < tool.speed_m_s < tool.speed_range_m_s[1]
 
 
-def test_a_bundled_tool_bears_the_name_of_its_file() -> None:
+def test_bundled_tool_is_named_as_its_file() -> None:
     for name in ("marker", "round_brush", "flat_brush"):
         assert load_tool(name).name == name
 

@@ -56,7 +56,7 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> tuple[types.ModuleType, Device]:
     return module, device
 
 
-def test_it_paints_lifts_and_refuses(driver: tuple[types.ModuleType, Device]) -> None:
+def test_example_driver_paints_lifts_and_rejects_bad_commands(driver: tuple[types.ModuleType, Device]) -> None:
     module, device = driver
     tool = load_tool("marker")
     guard = GuardedRobot(HardwareRobot(module.connect(RIG), RIG, lambda _: None), envelope_for(tool, (0.3, 0.2)))

@@ -233,14 +233,14 @@ def test_a_stop_ends_the_stream_at_once_and_the_tool_goes_straight_up() -> None:
     assert api.pose[:2] == pytest.approx(at[:2], abs=1e-6) and api.pose[2] == pytest.approx(50)
 
 
-def test_an_arm_that_was_pushed_aside_is_not_made_to_jump() -> None:
+def test_motion_from_a_displaced_arm_is_rejected() -> None:
     _, _, arm = painting()
     way = poses_of(np.array([[0, 0.1, 0.1, 0.03, 0], [1, 0.11, 0.1, 0.03, 0]]), RIG)
     with pytest.raises(MachineError, match="was it moved by hand"):
         arm.follow(np.array([0.0, 1.0]), way)
 
 
-def test_a_computer_that_is_too_busy_breaks_the_way_off(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_late_stream_of_poses_is_broken_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its clock stands still but for its sleep and three pauses of 0.2 s; lost time is not made up by haste."""
     now_s = [0.0]
     sent_s: list[float] = []

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pentimento.calibration.colour_chart import ColourMap, find_colours
 from pentimento.calibration.lens import Lens, find_lens, straightened
 from pentimento.calibration.observe import CameraCalibration, calibrate_camera, rectify
+from pentimento.calibration.touch import touch_height, touch_plane
 from pentimento.contracts.colour import srgb_to_linear, to_float
 from pentimento.contracts.errors import CalibrationError
 from pentimento.contracts.frames import canvas_to_pixel, image_shape
@@ -27,7 +28,6 @@ from pentimento.robots.driver import Robot
 from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import Rig
 from pentimento.robots.tools import Tool
-from pentimento.robots.touch import touch_height, touch_plane
 
 FloatArray = NDArray[np.float64]
 

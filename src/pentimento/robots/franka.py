@@ -96,7 +96,7 @@ class Franka:
         try:
             self._robot.stop()
         except self._franky.Exception as error:
-            raise MachineError(f"The Franka could not be told to stop: {error}") from error
+            raise MachineError(f"The Franka could not be stopped: {error}") from error
         if not self._moving.acquire(timeout=_HALT_S):
             raise MachineError("The Franka's motion did not end when it was halted.")
         try:

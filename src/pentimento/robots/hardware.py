@@ -202,7 +202,7 @@ class HardwareRobot:
         done = []
         for way, pose in zip(ways, poses, strict=True):
             if self._halts != halts:
-                raise HaltedError(f"The {what} broke off, because the robot was told to lift.")
+                raise HaltedError(f"The {what} broke off, because the robot was lifted.")
             done.append(self._machine.follow(way[:, 0], pose))
         self._settled = True
         return done

@@ -112,6 +112,6 @@ def check_reach(poses: FloatArray, rig: Rig, what: str) -> None:
         place = np.round(places[outside][0], 4).tolist()
         raise EnvelopeViolation(
             f"The {what} would lead to {place} m in the robot's frame, out of the reach from {low.tolist()} to "
-            f"{high.tolist()} m of {rig.name}; correct the rig's place of the canvas or plan elsewhere. "
+            f"{high.tolist()} m of {rig.name}; correct the rig's place of the canvas or plan at another place. "
             "The command was refused."
         )

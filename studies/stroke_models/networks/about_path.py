@@ -1,7 +1,6 @@
-"""How pixels lie about strokes: about the mark that a model foretells, about the command, in the stroke's own frame.
+"""Features of pixels relative to strokes: to the predicted mark, to the command, in the stroke's own frame.
 
-What a network is told of a pixel so that it can say what a tool leaves there. Lengths are metres; left of the
-direction of motion is positive.
+Lengths are metres; left of the direction of motion is positive.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _LOCAL = (
 _QUARTERS = ("y at 1/4", "y at 1/2", "y at 3/4")
 _OF_STROKE = ("length", "chord", *_QUARTERS, "heading at start", "heading at end", "deepest press")
 NAMES = (*_LOCAL, *_OF_STROKE)
-"""Of what is told."""
+"""Names of the features."""
 _ODD = {
     "left, mark", "bend, mark", "left in half-widths", "left, command", "bend, command", "y", *_QUARTERS,
     "heading at start", "heading at end", *(f"tip at {away} mm, left" for away in _AWAY_MM),
@@ -41,7 +40,7 @@ _ODD = {
 
 
 def odd() -> Tensor:
-    """[F] -1 for what changes its sign in a mirror that holds the stroke's x axis, 1 for what does not."""
+    """[F] -1 for features that change sign in a mirror about the stroke's x axis, 1 for the others."""
     return torch.tensor([-1.0 if name in _ODD else 1.0 for name in NAMES])
 
 
@@ -73,10 +72,10 @@ def nearest(line_m: Tensor, points_m: Tensor) -> Nearest:
 
 
 def about_path(mark: Mark, samples: StrokeSamples) -> Tensor:
-    """What is told of each pixel, [B, H, W, F]: ``NAMES``.
+    """Features of each pixel, [B, H, W, F], in the order of ``NAMES``.
 
     Args:
-        mark: foretold of each stroke, [B, N, ...].
+        mark: predicted for each stroke, [B, N, ...].
     """
     height, width = samples.valid.shape[1:]
     frames, command = frames_of(samples.path), local_paths(samples.path)
@@ -85,7 +84,7 @@ def about_path(mark: Mark, samples: StrokeSamples) -> Tensor:
     covered = drawn(samples.view.to_pixels(mark.points_m), radius, mark.density, mark.softness, (height, width))
     arc, bend = arc_m(samples.path), torch.asinh(bending_per_m(samples.path) / _GENTLE_PER_M)
     press, whole = (-samples.path[..., 3]).clamp(min=0.0), _of_strokes(samples.path)
-    told = [
+    features = [
         torch.cat(
             [
                 _of_pixels(
@@ -98,7 +97,7 @@ def about_path(mark: Mark, samples: StrokeSamples) -> Tensor:
         ).view(height, width, -1)
         for b in range(len(command))
     ]  # fmt: skip
-    return torch.stack(told)
+    return torch.stack(features)
 
 
 def _of_pixels(

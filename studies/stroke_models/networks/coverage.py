@@ -1,4 +1,4 @@
-"""What all networks have in common: they foretell how much of the paper a stroke covers, [B, H, W] in [0, 1]."""
+"""What all networks share: they predict a stroke's coverage of the paper, [B, H, W] in [0, 1]."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def fit_refined(base: Traj2Stroke, samples: StrokeSamples, setting: Setting, log
 
 
 def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig, log: Log) -> Model:
-    """Lower the weighted L1; the epoch that foretells the validation strokes best is taken, the untrained one included.
+    """Lower the weighted L1; the epoch with the lowest validation loss is taken, the untrained one included.
 
     A network that draws from numbers alone begins on blurred photographs, for two fifths of the epochs: a thin line
     that it draws beside its place does not overlap it, and L1 would have it draw none.
@@ -99,13 +99,13 @@ def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig
 
 
 def predicted(network: Callable[[StrokeSamples], Tensor], samples: StrokeSamples) -> Tensor:
-    """The photographs that a trained network foretells, sRGB [B, H, W, 3]."""
+    """The photographs that a trained network predicts, sRGB [B, H, W, 3]."""
     with torch.no_grad():
         return laid(network(samples), samples)
 
 
 class _Best(Generic[AnyNetwork]):
-    """A network as it was after the epoch that foretold the validation strokes best, the untrained one included."""
+    """A network's state after the epoch with the lowest validation loss, the untrained one included."""
 
     def __init__(
         self, network: AnyNetwork, predict: Callable[[], Tensor], samples: StrokeSamples, ink_weight: float, log: Log
@@ -113,10 +113,10 @@ class _Best(Generic[AnyNetwork]):
         self.network, self.predict, self.samples, self.ink_weight, self.log = (
             network, predict, samples, ink_weight, log,
         )  # fmt: skip
-        self.minimum, self.state = self._judged(), self._copied()
+        self.minimum, self.state = self._validation_loss(), self._copied()
 
     def after_epoch(self, epoch: int) -> None:
-        now = self._judged()
+        now = self._validation_loss()
         self.log("validation_l1", now, epoch)
         if now < self.minimum:
             self.minimum, self.state = now, self._copied()
@@ -125,7 +125,7 @@ class _Best(Generic[AnyNetwork]):
         self.network.load_state_dict(self.state)
         return self.network.eval()
 
-    def _judged(self) -> float:
+    def _validation_loss(self) -> float:
         learning = self.network.training
         self.network.eval()
         with torch.no_grad():

@@ -20,7 +20,7 @@ _OPACITY = 0.8
 
 
 class PathImageCnn(CoverageModel):
-    """Pictures of paths to coverage. Untrained, it foretells the line: from blank paper, L1 finds no way."""
+    """Pictures of paths to coverage. Untrained, it predicts the line: from blank paper, L1 has no useful gradient."""
 
     def __init__(self, press: PressRange, margin_m: float, pixels_per_m: float) -> None:
         super().__init__()

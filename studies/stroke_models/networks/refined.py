@@ -13,7 +13,7 @@ from studies.stroke_models.networks.unet import COARSER, UNet
 
 
 class RefinedTraj2Stroke(CoverageModel):
-    """Untrained, it foretells what its Traj2Stroke does: the U-Net's last convolution is zero."""
+    """Untrained, it predicts what its Traj2Stroke does: the U-Net's last convolution is zero."""
 
     def __init__(self, base: Traj2Stroke, margin_m: float, pixels_per_m: float) -> None:
         super().__init__()

@@ -1,12 +1,10 @@
-"""What a tool leaves about its path and no model of a few numbers foretells, learnt in the stroke's own coordinates.
+"""Soft-edge model: a residual network beside a stroke model, in the stroke's own coordinates.
 
-A small network is told of each pixel how it lies about the mark that a stroke model with its causes foretells
-(``about_path``), and says how much more or less of the paint is there, in how far it is to the mark's edge: at the edge
-a little said is much. Of a mark with a hard edge the paint itself is all or nothing, and tells a pixel that could be
-inked from none that never will be. The network sees no pictures, each pixel being an example by itself, so that it
-learns from few strokes. Where they are too few, or too unlike, it must not spoil the model: it is
-asked about strokes that it has not seen (cross-fitting; Chernozhukov et al. 2018), and believed by the share at which
-these are foretold best (stacking; Wolpert 1992). Where that is none, the model stays alone.
+For each pixel a small network gets features of its place relative to the predicted mark (``about_path``). It predicts
+how much more or less paint is there, in units that depend on the distance to the mark's edge. Each pixel is one
+example, so that few strokes suffice. The model is cross-fitted (Chernozhukov et al. 2018): networks are evaluated on
+strokes that they were not trained on, and weighted by the factor that predicts these best (stacking; Wolpert 1992).
+Where the factor is 0, the stroke model is used alone.
 """
 
 from __future__ import annotations
@@ -26,15 +24,15 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 from studies.stroke_models.networks.about_path import NAMES, about_path, odd
 
 _FOLDS = 3
-_FEWEST = 50
-"""Actions: of fewer, the left-out ones cannot tell a gain from chance."""
+_MIN_ACTIONS = 50
+"""With fewer, the held-out actions cannot distinguish a gain from chance."""
 _WIDTH, _LAYERS = 64, 3
 _STEPS, _STEPS_OF_A_FOLD = 1000, 600
 _PIXELS, _PIXELS_OF_A_FOLD = 4096, 2048
 """Whether networks are to be believed shows early; seen for long, few strokes are learnt by heart."""
 _RATE, _DECAY = 3e-3, 1e-4
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""By which a network may be believed."""
+"""Weights to choose from."""
 _STEEP, _FARTHEST = 4.0, 8.0
 """By how much more must be said for each half-width that a pixel lies further out of the mark, and at most."""
 _DISTANCE, _HALF_WIDTH = (NAMES.index(name) for name in ("distance", "half-width"))
@@ -44,13 +42,13 @@ _REPORTED = 100
 
 @dataclass(frozen=True)
 class SoftEdgeModel:
-    """A stroke model with its causes, which stays as it is, and what was learnt beside it."""
+    """A stroke model with its causes, unchanged, and the network beside it."""
 
     model: StrokeModel
     network: _Network | None
-    """None where strokes that networks have not seen are foretold no better for them."""
+    """None where networks do not improve the prediction of held-out strokes."""
     believed: float
-    """By what share the network's word counts."""
+    """Weight of the network."""
     unseen_l1: tuple[float, float]
     """Weighted L1 of the training strokes: by the model alone, and beside networks that learnt from others, believed by
     that share."""
@@ -78,7 +76,7 @@ def fit_soft_edge(
     def learnt(known: Tensor, number: int, steps: int, batch: int) -> _Network:
         torch.manual_seed(seed * (_FOLDS + 1) + number)
         known = known & (weight > 0)
-        network = _Network(pixels.told[known])
+        network = _Network(pixels.features[known])
         _descend(network, pixels.pick(known), after[known], weight[known], steps, batch, log)
         return network.eval()
 
@@ -86,7 +84,7 @@ def fit_soft_edge(
         return float(((predicted - after).abs().mean(-1) * weight).sum() / weight.sum())
 
     unseen = {share: pixels.predicted.clone() for share in _SHARES}
-    for number in range(_FOLDS if len(set(samples.action.tolist())) >= _FEWEST else 0):
+    for number in range(_FOLDS if len(set(samples.action.tolist())) >= _MIN_ACTIONS else 0):
         network, out = learnt(fold != number, number, _STEPS_OF_A_FOLD, _PIXELS_OF_A_FOLD), fold == number
         with torch.no_grad():
             for share, predicted in unseen.items():
@@ -100,7 +98,7 @@ def fit_soft_edge(
 class _Pixels(NamedTuple):
     """Pixels of all strokes, in a row."""
 
-    told: Tensor  # [n, F]
+    features: Tensor  # [n, F]
     predicted: Tensor  # [n, 3] sRGB, by the model alone
     share: Tensor  # [n] of the way from what was there to the paint that this is
     towards: Tensor  # [n, 3] the whole way, sRGB
@@ -115,31 +113,31 @@ def _pixels_of(model: StrokeModel, strokes: MeasuredStrokes) -> _Pixels:
     with torch.no_grad():
         predicted = predict_extended(base, model.mechanisms, strokes)
         mark = full_at_most(extended_mark(base, model.mechanisms, strokes.context))
-        told = about_path(Mark(*(values[:, 0] for values in mark)), samples)
+        features = about_path(Mark(*(values[:, 0] for values in mark)), samples)
     color = samples.color[:, None, None]
     share = inked_share(samples.before, predicted, color).clamp(0.0, 1.0)
-    told = told.flatten(0, 2)
-    inside = 1 - told[:, _DISTANCE] / told[:, _HALF_WIDTH]
-    return _Pixels(told, predicted.reshape(-1, 3), share.flatten(), (color - samples.before).reshape(-1, 3), inside)
+    features = features.flatten(0, 2)
+    inside = 1 - features[:, _DISTANCE] / features[:, _HALF_WIDTH]
+    return _Pixels(features, predicted.reshape(-1, 3), share.flatten(), (color - samples.before).reshape(-1, 3), inside)
 
 
 class _Network(nn.Module):
-    """What pixels show. In the mirror it says the same; untrained, what the model alone does.
+    """Predicts pixels. It is symmetric under the mirror; untrained, it gives the stroke model's prediction.
 
-    Nothing is asked of it beyond the range of what it was ``told`` [n, F] of the pixels that it learns from.
+    Features are clamped to the range of those [n, F] that it was trained on.
     """
 
-    def __init__(self, told: Tensor) -> None:
+    def __init__(self, features: Tensor) -> None:
         super().__init__()
         sign = odd()
-        mean = torch.where(sign < 0, 0.0, told.mean(0))
-        spread = told.std(0).clamp(min=_SMALLEST)
-        high, low = ((extreme - mean) / spread for extreme in (told.amax(0), told.amin(0)))
+        mean = torch.where(sign < 0, 0.0, features.mean(0))
+        spread = features.std(0).clamp(min=_SMALLEST)
+        high, low = ((extreme - mean) / spread for extreme in (features.amax(0), features.amin(0)))
         either = torch.maximum(high, -low)
         self.sign, self.mean, self.spread = sign, mean, spread
         self.low, self.high = torch.where(sign < 0, -either, low), torch.where(sign < 0, either, high)
         layers: list[nn.Module] = []
-        for before in (told.shape[1], *[_WIDTH] * (_LAYERS - 1)):
+        for before in (features.shape[1], *[_WIDTH] * (_LAYERS - 1)):
             layers += [nn.Linear(before, _WIDTH), nn.SiLU()]
         last = nn.Linear(_WIDTH, 1)
         nn.init.zeros_(last.weight)
@@ -148,7 +146,7 @@ class _Network(nn.Module):
 
     def forward(self, pixels: _Pixels, believed: float = 1.0) -> Tensor:
         """Photographed, sRGB [n, 3]. In training each pixel is seen on one side of the mirror, by chance."""
-        seen = ((pixels.told - self.mean) / self.spread).clamp(self.low, self.high)
+        seen = ((pixels.features - self.mean) / self.spread).clamp(self.low, self.high)
         if self.training:
             said = self.layers(torch.where(torch.rand(len(seen), 1) < 0.5, seen, seen * self.sign))
         else:

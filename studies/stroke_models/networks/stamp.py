@@ -28,7 +28,7 @@ class Stamp:
 
 
 def fit_stamp(samples: StrokeSamples, margin_m: float, pixels_per_m: float, error: Callable[[Stamp], float]) -> Stamp:
-    """Of the quantiles of coverage, pixel by pixel over the training strokes, that whose ``error`` on them is least."""
+    """The stamp with the smallest ``error`` among pixelwise quantiles of the training strokes' coverage."""
     length_m = float(_chord_m(samples.path).median())
     crop = crop_around(samples.path, margin_m, pixels_per_m, 2)
     stacked = cut(measured_coverage(samples), crop, samples, _chord_m(samples.path) / length_m)

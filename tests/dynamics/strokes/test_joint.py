@@ -37,7 +37,7 @@ def half_known(strokes: MeasuredStrokes) -> InkDepletion:
     return InkDepletion(0.5 * LOSS, InkDepletion.reference_of(strokes.context))
 
 
-def test_base_and_cause_are_found_together(fading: MeasuredStrokes) -> None:
+def test_joint_fit_recovers_base_and_cause(fading: MeasuredStrokes) -> None:
     base = dataclasses.replace(TRUTH, opacity=0.75, thickness_at_contact_m=1.3e-3)  # as if they had made up for it
     own = [PathOffset(torch.tensor(TRUTH.offset_m), {}), PathScale(torch.tensor(TRUTH.scale) - 1, {})]
     config = dataclasses.replace(CONFIG, epochs=40)

@@ -31,7 +31,9 @@ SMALL, LARGE, UNSURE = Gain(0.01, -0.01, 0.03), Gain(0.2, 0.1, 0.3), Gain(0.04, 
         ((SMALL, LARGE, SMALL), 40, "40 strokes are enough"),
     ],
 )
-def test_enough_after_the_last_doubling_that_can_gain(gains: tuple[Gain, ...], enough: int | None, says: str) -> None:
+def test_learning_curve_is_enough_after_the_last_doubling_with_a_gain(
+    gains: tuple[Gain, ...], enough: int | None, says: str
+) -> None:
     assert curve(*gains).enough == enough and says in curve(*gains).sentence
 
 

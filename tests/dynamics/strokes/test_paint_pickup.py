@@ -44,11 +44,11 @@ def table_of(below: list[Paint | None], colors: list[Paint], loads: list[int]) -
 
 def carried(table: pa.Table) -> NDArray[np.float64]:
     """[B, 4]"""
-    told = paint_pickup(table, load_samples(table, 24, 1000.0, 1.0))
-    return np.stack([told[name] for name in PICKUP_COLUMNS], axis=1)
+    columns = paint_pickup(table, load_samples(table, 24, 1000.0, 1.0))
+    return np.stack([columns[name] for name in PICKUP_COLUMNS], axis=1)
 
 
-def test_half_of_a_stroke_over_fresh_paint_is_taken_up_and_kept_until_the_next_load() -> None:
+def test_pickup_from_fresh_paint_lasts_until_the_next_load() -> None:
     seen = carried(table_of([None, RED, None, None, None], [BLUE] * 4 + [RED], [0, 0, 0, 1, 2]))
     np.testing.assert_allclose(seen[:, 0], [0.0, 0.25, 0.5, 0.0, 0.0], atol=0.03)  # in the stroke's middle: half so far
     np.testing.assert_allclose(seen[1:3, 1:], [RED, RED], atol=0.02)
@@ -62,7 +62,7 @@ def test_a_thin_layer_counts_by_its_cover_and_as_its_paint() -> None:
     np.testing.assert_allclose(seen[0, 1:], RED, atol=0.02)
 
 
-def test_paint_that_has_set_is_taken_up_less() -> None:
+def test_old_paint_is_picked_up_less() -> None:
     table = table_of([RED, RED], [BLUE, RED], [0, 1])
     ages = pa.array([0.0, 60.0], type=table.schema.field("wet_age_s").type)
     seen = carried(table.set_column(table.schema.get_field_index("wet_age_s"), "wet_age_s", ages))

@@ -25,14 +25,14 @@ class Pair(nn.Module):
         return (self.first[0] - 1.5).abs() + 0.1 * (self.second + 40).abs()
 
 
-def test_it_finds_a_corner() -> None:
+def test_polish_finds_a_minimum_at_a_corner() -> None:
     pair = Pair(0.8, -35.0)
     polish(pair, pair.away)
     assert pair.first.item() == pytest.approx(1.5, abs=0.01)
     assert pair.second.item() == pytest.approx(-40, abs=0.1)
 
 
-def test_it_goes_down_steps_whose_slope_is_zero() -> None:
+def test_polish_descends_steps_with_zero_gradient() -> None:
     pair = Pair(0.0, -40.0)
     before = pair.away().item()
     polish(pair, lambda: (pair.away() * 20).floor() / 20)

@@ -65,7 +65,7 @@ def test_held_out_actions_that_leave_none_to_train_on_are_a_sentence(made_by_tru
             split_by_action(samples, held_out, seed=3)
 
 
-def test_a_table_in_millimetres_is_a_sentence(made_by_truth: StrokeSamples) -> None:
+def test_table_in_millimetres_raises_contract_error(made_by_truth: StrokeSamples) -> None:
     path = made_by_truth.path * torch.tensor([1.0, 1e3, 1e3, 1.0, 1.0])
     in_mm = made_by_truth._replace(path=path, pixels_per_m=made_by_truth.pixels_per_m / 1e3)
     with pytest.raises(ContractError, match="are in metres"):
@@ -84,7 +84,7 @@ def test_strokes_that_left_no_ink_are_a_sentence(made_by_truth: StrokeSamples) -
         ("learning_rate", 0.0), ("ink_weight", -5.0), ("held_out", 0.0), ("held_out", 1.0),
     ],
 )  # fmt: skip
-def test_numbers_out_of_their_ranges_are_named(field: str, value: float) -> None:
+def test_config_rejects_numbers_out_of_range(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"^{field} is {value}; "):
         dataclasses.replace(CONFIG, **{field: value})
 

@@ -29,7 +29,7 @@ SHAPE = (23, 35)
 DEVICE = torch.device("cuda" if torch.cuda.is_available() and not INTERPRETED else "cpu")
 in_either = pytest.mark.skipif(
     DEVICE.type == "cpu" and not INTERPRETED,
-    reason="no CUDA device: test_in_the_interpreter runs this in Triton's interpreter",
+    reason="no CUDA device: test_triton_kernel_agrees_in_the_interpreter runs this in Triton's interpreter",
 )
 
 Render = Callable[..., torch.Tensor]
@@ -83,7 +83,7 @@ def assert_like(render: Render, oracle: Render, inputs: list[torch.Tensor]) -> N
 
 @pytest.mark.skipif(INTERPRETED, reason="this is the interpreter")
 @pytest.mark.skipif(torch.cuda.is_available(), reason="a CUDA device is at hand: the same tests run there")
-def test_in_the_interpreter() -> None:
+def test_triton_kernel_agrees_in_the_interpreter() -> None:
     """Every comparison below, in a process in which Triton interprets its programs on the CPU."""
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rfEs", __file__]
     root = Path(__file__).parents[2]
@@ -101,7 +101,7 @@ def test_values_and_gradients_agree_with_the_reference(render_triton: Render, po
 
 
 @in_either
-def test_in_float64_they_agree_to_rounding(render_triton: Render) -> None:
+def test_triton_and_cpu_agree_to_rounding_in_float64(render_triton: Render) -> None:
     """Of the floors under radius and 1 - D/R, that is, which Triton rounds to float32."""
     inputs = strokes(3, 3, seed=3, dtype=torch.float64)
     image, ours = with_gradients(render_triton, inputs)
@@ -134,7 +134,7 @@ def test_later_strokes_cover_earlier_ones(render_triton: Render) -> None:
 
 
 @in_either
-def test_a_stroke_of_no_density_can_be_made_to_show(render_triton: Render) -> None:
+def test_gradient_reaches_a_stroke_of_zero_density(render_triton: Render) -> None:
     inputs = strokes(1, 2, seed=7)
     inputs[2].zero_()
     image, (_, _, g_density, _, _, _) = with_gradients(render_triton, inputs)
@@ -163,7 +163,7 @@ def test_degenerate_strokes_are_finite(render_triton: Render, points: list[list[
 
 
 @in_either
-def test_below_the_least_radius_a_stroke_feels_nothing_of_its_radius(render_triton: Render) -> None:
+def test_radius_below_the_minimum_has_no_gradient(render_triton: Render) -> None:
     inputs = strokes(1, 3, seed=2)
     inputs[0] = torch.tensor([[[[5.3, 9.02], [12.4, 9.01], [18.2, 9.03]]]], device=DEVICE)
     inputs[1] = torch.full_like(inputs[1], 0.01)

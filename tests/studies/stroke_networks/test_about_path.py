@@ -24,11 +24,11 @@ def test_a_path_that_does_not_move_has_everything_about_its_point() -> None:
     assert all(bool(torch.isfinite(values).all()) for values in found[1:])
 
 
-def _told(samples: StrokeSamples) -> dict[str, torch.Tensor]:
+def _features(samples: StrokeSamples) -> dict[str, torch.Tensor]:
     parameters = type(TRUTH)((1.0, 1.0), (0.0, 0.0), TRUTH.thickness_per_press, TRUTH.thickness_at_contact_m, 0.3, 0.9)
     with torch.no_grad():
-        told = about_path(Traj2Stroke(parameters)(samples.path), samples)
-    return dict(zip(NAMES, told.unbind(-1), strict=True))
+        features = about_path(Traj2Stroke(parameters)(samples.path), samples)
+    return dict(zip(NAMES, features.unbind(-1), strict=True))
 
 
 def _straight(mirrored: bool = False) -> StrokeSamples:
@@ -44,32 +44,32 @@ def _straight(mirrored: bool = False) -> StrokeSamples:
 
 
 def test_in_the_mirror_what_is_odd_changes_its_sign() -> None:
-    told, mirrored = _told(_straight()), _told(_straight(mirrored=True))
+    features, mirrored = _features(_straight()), _features(_straight(mirrored=True))
     for name, sign in zip(NAMES, odd().tolist(), strict=True):
-        torch.testing.assert_close(mirrored[name].flip(1), sign * told[name], atol=2e-5, rtol=1e-4)
-        assert sign > 0 or told[name].abs().max() > 0, name
+        torch.testing.assert_close(mirrored[name].flip(1), sign * features[name], atol=2e-5, rtol=1e-4)
+        assert sign > 0 or features[name].abs().max() > 0, name
 
 
 def test_what_is_said_of_a_stroke_holds_for_each_of_its_pixels() -> None:
-    told = _told(_straight())
-    torch.testing.assert_close(told["chord"], torch.full((1, 40, 50), 0.03))
-    torch.testing.assert_close(told["deepest press"], torch.full((1, 40, 50), 2e-3))
+    features = _features(_straight())
+    torch.testing.assert_close(features["chord"], torch.full((1, 40, 50), 0.03))
+    torch.testing.assert_close(features["deepest press"], torch.full((1, 40, 50), 2e-3))
     # A millimetre a pixel; the command starts at 10 mm, 20 mm.
-    torch.testing.assert_close(told["x"][0, 20, 10], torch.tensor(0.0005))
-    torch.testing.assert_close(told["y"][0, 20, 10], torch.tensor(-0.0005))
-    assert (told["from start, command"] + told["to end, command"] - told["length"]).abs().max() < 1e-6
+    torch.testing.assert_close(features["x"][0, 20, 10], torch.tensor(0.0005))
+    torch.testing.assert_close(features["y"][0, 20, 10], torch.tensor(-0.0005))
+    assert (features["from start, command"] + features["to end, command"] - features["length"]).abs().max() < 1e-6
 
 
 def test_the_way_of_the_tip_is_seen_from_each_pixel_and_ends_where_the_stroke_does() -> None:
     straight = _straight()
     straight.path[..., 2] = 0.02
-    told = _told(straight)
+    features = _features(straight)
     # Half a millimetre above the line, 10 and 25 mm from its start of 30: the tip is that much to the right.
     for x, ahead in ((20, {-30: -0.0105, -10: -0.01, 5: 0.005, 20: 0.0195}), (35, {-10: -0.01, 5: 0.0045, 20: 0.0045})):
         for away, there in ahead.items():
             torch.testing.assert_close(
-                told[f"tip at {away} mm, ahead"][0, 19, x], torch.tensor(there), atol=2e-6, rtol=0
+                features[f"tip at {away} mm, ahead"][0, 19, x], torch.tensor(there), atol=2e-6, rtol=0
             )
             torch.testing.assert_close(
-                told[f"tip at {away} mm, left"][0, 19, x], torch.tensor(-0.0005), atol=2e-6, rtol=0
+                features[f"tip at {away} mm, left"][0, 19, x], torch.tensor(-0.0005), atol=2e-6, rtol=0
             )

@@ -149,7 +149,7 @@ def test_the_u_net_takes_up_what_the_base_leaves(made_by_truth: StrokeSamples) -
 
 
 def test_a_stamp_is_the_mark_that_all_strokes_leave(made_by_truth: StrokeSamples) -> None:
-    """Strokes of one shape, turned and moved: the stamp foretells them all; it is no use where they differ."""
+    """Strokes of one shape, turned and moved: the stamp predicts them all; it fails where they differ."""
 
     def error_on(samples: StrokeSamples) -> float:
         def error(stamp: Callable[[StrokeSamples], Tensor]) -> float:
@@ -169,12 +169,12 @@ def test_a_stamp_is_the_mark_that_all_strokes_leave(made_by_truth: StrokeSamples
     )  # fmt: skip
     path = one.expand(len(angle), -1, -1).clone()
     path[..., 1:3] = turned - turned.mean(1, keepdim=True) + torch.tensor([0.04, 0.04])
-    alike = made_by_truth._replace(path=path)
-    # The truth's offset is the robot's: without it, all marks are alike in their own frames.
+    equal = made_by_truth._replace(path=path)
+    # The truth's offset is the robot's: without it, all marks are equal in their own frames.
     pen = type(TRUTH)((0.9, 0.9), (0.0, 0.0), *(getattr(TRUTH, n) for n in _PEN))
-    alike = alike._replace(after=predict_with(pen, alike))
-    assert error_on(alike) < 0.25
-    assert error_on(made_by_truth) > 2 * error_on(alike)
+    equal = equal._replace(after=predict_with(pen, equal))
+    assert error_on(equal) < 0.25
+    assert error_on(made_by_truth) > 2 * error_on(equal)
 
 
 _PEN = ("thickness_per_press", "thickness_at_contact_m", "softness", "opacity")

@@ -1,4 +1,4 @@
-"""The learnt imprint: it takes up what a model leaves, and leaves a model alone that it cannot help."""
+"""The soft-edge model lowers a residual that it can learn, and is switched off where it cannot."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,16 +10,16 @@ from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, b
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.training import predicted_ink, weighted_l1
-from studies.stroke_models.networks import soft_edge as imprint
+from studies.stroke_models.networks import soft_edge
 from studies.stroke_models.networks.soft_edge import fit_soft_edge
 from tests.dynamics.strokes.conftest import TRUTH
 
 
 @pytest.fixture(autouse=True)
 def _few_steps(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(imprint, "_FEWEST", 20)
-    monkeypatch.setattr(imprint, "_STEPS", 200)
-    monkeypatch.setattr(imprint, "_STEPS_OF_A_FOLD", 100)
+    monkeypatch.setattr(soft_edge, "_MIN_ACTIONS", 20)
+    monkeypatch.setattr(soft_edge, "_STEPS", 200)
+    monkeypatch.setattr(soft_edge, "_STEPS_OF_A_FOLD", 100)
     yield
 
 

@@ -22,7 +22,7 @@ def test_without_effects_neither_time_nor_air_matter() -> None:
     assert factor(Air(30.0, 0.9), 1e5) == 1.0
 
 
-def test_it_dries_ever_more_slowly_up_to_a_limit() -> None:
+def test_hardness_of_drying_material_saturates() -> None:
     ages = [factor(age_s=age, stiffness_drift=1.0) for age in (0.0, 2000.0, 4000.0, 1e9)]
     assert 1.0 == ages[0] < ages[1] < ages[2] < ages[3]
     assert ages[2] - ages[1] < ages[1] - ages[0]
@@ -34,7 +34,7 @@ def test_warm_and_damp_material_is_softer() -> None:
     assert factor(Air(21.0, 0.6), humidity_softening=1.0) < 1.0 < factor(Air(21.0, 0.3), humidity_softening=1.0)
 
 
-def test_the_air_wanders_within_its_swing_and_is_one_curve() -> None:
+def test_air_drifts_within_its_swing_along_one_curve() -> None:
     times = np.linspace(0, 3 * WORLD.room.period_s, 400)
     airs = [air_at(WORLD.room, t, np.random.default_rng(1)) for t in times]
     warm, damp = (np.array([getattr(air, name) for air in airs]) for name in ("temperature_c", "humidity"))

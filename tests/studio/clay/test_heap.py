@@ -20,7 +20,7 @@ def heaped(forward: float, groove: tuple[slice, slice] | None = None, at: float 
     return height - cut
 
 
-def test_all_of_it_is_laid_down_outside_the_contact() -> None:
+def test_heap_keeps_the_volume_outside_the_contact() -> None:
     change = heaped(0.0)
     row, column = np.mgrid[:60, :60] - 29.5
     assert_allclose(change.sum(), 1.0)
@@ -29,7 +29,7 @@ def test_all_of_it_is_laid_down_outside_the_contact() -> None:
     assert_allclose(change, change.T, atol=1e-12)
 
 
-def test_a_moving_tool_lays_it_ahead_and_beside() -> None:
+def test_moving_tool_heaps_material_ahead_and_beside() -> None:
     change = heaped(1.0)
     assert change[:, 36:].sum() > 5 * change[:, :24].sum()
     assert change[18:22, 29:31].sum() > 0
@@ -40,7 +40,7 @@ def test_a_groove_stays_open() -> None:
     assert heaped(0.0, groove)[groove].sum() < 0.01 * heaped(0.0)[groove].sum()
 
 
-def test_at_the_wall_it_all_stays_in_the_tray() -> None:
+def test_heap_at_the_wall_stays_in_the_tray() -> None:
     assert_allclose(heaped(0.5, at=1.0).sum(), 1.0)
 
 

@@ -33,7 +33,7 @@ def test_what_is_below_the_trigger_stays() -> None:
     assert_array_equal(heap, before)
 
 
-def test_once_it_runs_it_runs_below_the_trigger() -> None:
+def test_slide_continues_below_the_trigger_slope() -> None:
     """Between repose and trigger a slope holds; disturbed at one place, it comes down there."""
     calm, stirred = cone(0.63), cone(0.63)
     stirred[20, 20] += 0.004
@@ -41,7 +41,7 @@ def test_once_it_runs_it_runs_below_the_trigger() -> None:
     assert np.abs(stirred - calm)[18:23, 18:23].max() > 1e-4
 
 
-def test_far_cells_are_left_alone() -> None:
+def test_run_off_keeps_cells_far_from_the_change() -> None:
     height = np.zeros((80, 80))
     height[20, 20] = 0.005
     height[70, 70] = 0.005

@@ -177,7 +177,7 @@ def test_a_pinch_presses_on_both_sides_and_heaps_up_between() -> None:
     assert_allclose(change, change[:, ::-1], atol=2e-4)
 
 
-def test_a_place_that_was_pressed_is_remembered() -> None:
+def test_worked_material_is_harder_at_the_next_push() -> None:
     studio = ClayStudio(clay_with(), 1)
     studio.take("ball")
     first = press(studio)
@@ -222,7 +222,7 @@ def test_effects_stronger_than_material_allows_swallow_all_of_it_and_no_more() -
     assert 0 < -volume_m3(change) <= dent_m3(change)
 
 
-def test_a_twin_goes_on_by_itself_and_alike_in_the_same_world() -> None:
+def test_copy_of_a_studio_is_independent_and_reproduces_it() -> None:
     world = load_clay_world("clay_table")
     studio = ClayStudio(world, 4)
     studio.take("ball")

@@ -32,7 +32,7 @@ def test_a_field_is_smooth_over_its_grain() -> None:
     assert np.diff(smooth, axis=1).std() < 0.4 * np.diff(rough, axis=1).std()
 
 
-def test_a_smoothed_slab_has_its_height_and_no_more_roughness_than_told() -> None:
+def test_smoothed_slab_has_the_height_and_roughness_of_its_world() -> None:
     surface = fresh_surface(replace(SLAB, height_spread_m=0.0), (128, 128), rng())
     assert_allclose(surface.mean(), SLAB.height_m, atol=1e-6)
     assert_allclose(surface.std(), np.hypot(SLAB.undulation_m, SLAB.roughness_m), rtol=0.1)

@@ -33,7 +33,7 @@ def test_bundles_fill_their_cross_section(name: str) -> None:
 
 @pytest.mark.parametrize("bristles", [36, 37, 38, 39])
 @pytest.mark.parametrize("name", ["round_brush", "flat_brush", "marker"])
-def test_a_print_lies_around_the_tip_at_every_press(name: str, bristles: int) -> None:
+def test_contact_patch_is_centred_at_the_tip_at_every_press(name: str, bristles: int) -> None:
     tool = replace(load_world(name).tool, bristles=bristles)
     bundle = make_bundle(tool, np.random.default_rng(3))
     assert len(bundle.place) == len(bundle.short_m) == len(bundle.wetting) == bristles
@@ -92,7 +92,7 @@ def test_use_widens_a_tip_quickly_at_first() -> None:
     assert _half_width_m(_drag(straight(), worn_m=10.0)) == new
 
 
-def test_a_bend_throws_bristles_outwards() -> None:
+def test_outer_bristles_swing_out_in_a_bend() -> None:
     moved = _drag(arc(0.012), curvature_width=1.0)
     middle = len(moved.patch) // 2
     outwards = moved.patch[middle] - np.array([0.1, 0.112])
@@ -102,7 +102,7 @@ def test_a_bend_throws_bristles_outwards() -> None:
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.5])
-def test_a_bend_throws_bristles_outwards_where_the_tool_comes_down_and_leaves_too(lag: float) -> None:
+def test_outer_bristles_swing_out_during_touch_down_and_lift_off(lag: float) -> None:
     """Bristles that trail rest at first."""
     moved = _drag(arc(0.012), curvature_width=1.0, bristle_lag=lag)
     centre = np.array([0.1, 0.112])

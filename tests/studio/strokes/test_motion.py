@@ -15,12 +15,12 @@ def _execute(path: np.ndarray, gears: Gears | None = None, **strengths: float) -
     return execute(path, world.robot, world.effects, SIZE, gears, np.random.default_rng(3))
 
 
-def test_without_errors_the_tip_goes_where_it_is_told() -> None:
+def test_without_errors_the_tip_goes_where_it_is_commanded() -> None:
     path = straight(yaw_rad=0.4)
     tip = _execute(path)
-    for here, told in ((tip.pose[0], path[0]), (tip.pose[-1], path[-1])):
-        assert np.allclose(here[:2], told[1:3], atol=3e-4)
-        assert np.allclose(here[2:], told[3:5])
+    for here, commanded in ((tip.pose[0], path[0]), (tip.pose[-1], path[-1])):
+        assert np.allclose(here[:2], commanded[1:3], atol=3e-4)
+        assert np.allclose(here[2:], commanded[3:5])
     assert np.allclose(tip.speed_m_s, 0.05, rtol=1e-6)
 
 

@@ -47,7 +47,7 @@ def union_of_rods(points: torch.Tensor, angle: float) -> NDArray[np.bool_]:
     return found
 
 
-def likeness(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
     """Intersection over union."""
     return float((one & other).sum() / (one | other).sum())
 
@@ -69,13 +69,13 @@ def test_a_mark_is_the_union_of_the_rods_along_a_straight_path(degrees: int, len
     points = path(length, 0.0)
     expected, mark, _ = rods_and_marks(points, degrees)
     assert mark.points_m.shape == points.shape
-    assert likeness(union_of_discs(mark), expected) > 0.985
+    assert overlap(union_of_discs(mark), expected) > 0.985
 
 
 @pytest.mark.parametrize("degrees", [0, 25, 45, 70, 90, 135])
 def test_along_a_bent_path_it_comes_nearer_to_that_than_round_ends(degrees: int) -> None:
     expected, mark, round_ended = rods_and_marks(path(50.0, 6.0), degrees)
-    assert likeness(union_of_discs(mark), expected) > likeness(union_of_discs(round_ended), expected) + 0.02
+    assert overlap(union_of_discs(mark), expected) > overlap(union_of_discs(round_ended), expected) + 0.02
 
 
 def strokes(points: int) -> tuple[Mark, StrokeContext]:
@@ -86,7 +86,7 @@ def strokes(points: int) -> tuple[Mark, StrokeContext]:
     return Mark(commanded[..., 1:3], 0.003 * one, one, one), StrokeContext(commanded, {})
 
 
-def test_a_broad_edge_that_is_drawn_broadside_leaves_square_ends() -> None:
+def test_broadside_stroke_of_a_flat_tool_has_square_ends() -> None:
     plain, context = strokes(24)
     mark = OrientationWidth(torch.tensor([-0.6, 0.0], dtype=torch.float64), {}).mark(plain, context)
     x, y = mark.points_m[0, 0].T
@@ -108,7 +108,7 @@ def test_a_patch_that_is_a_little_oblong_or_of_few_points_is_wider_and_reaches_l
     assert float((radius - x).max()) == pytest.approx(reach, rel=1e-3)
 
 
-def test_a_mark_changes_little_with_a_tiny_turn_of_the_patch_whichever_way_it_lies() -> None:
+def test_rod_mark_is_continuous_in_the_patch_orientation() -> None:
     """A rod turned by half a turn is the same, and so must be the order in which its corners are drawn."""
     points = path(40.0, 10.0)
     commanded = torch.zeros(1, 1, POINTS, 5, dtype=torch.float64)

@@ -1,4 +1,4 @@
-"""Every cause: it changes nothing at zero, something elsewhere, and smoothly; and closed forms of some."""
+"""Every cause is the identity at zero, changes the mark otherwise, and smoothly; closed forms of some."""
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ def test_names_are_those_of_the_vocabulary() -> None:
 
 
 @pytest.mark.parametrize("kind", VOCABULARY, ids=lambda kind: kind.cause)
-def test_nothing_at_zero_and_something_elsewhere(kind: type[Mechanism]) -> None:
+def test_mechanism_is_identity_at_zero_and_changes_the_image_otherwise(kind: type[Mechanism]) -> None:
     plain = image(made(kind, *[0.0] * len(kind.quantities)))
     nothing = simulate_plain()
     torch.testing.assert_close(plain, nothing, atol=1e-4, rtol=0)
@@ -141,13 +141,13 @@ def line(length_m: float = 0.04) -> Tensor:
     return torch.stack([x, torch.zeros_like(x)], dim=-1)[None, None]
 
 
-def test_a_leash_on_a_straight_line_falls_back_exponentially() -> None:
+def test_trailing_relaxes_exponentially_on_a_straight_line() -> None:
     points, distance = line(), 0.006
     behind = points[..., 0] - trailing(points, torch.full((1, 1, 1), distance, dtype=torch.float64))[..., 0]
     torch.testing.assert_close(behind, distance * (1 - torch.exp(-points[..., 0] / distance)))
 
 
-def test_a_leash_cuts_corners_and_a_short_one_hardly() -> None:
+def test_trailing_cuts_corners_in_proportion_to_its_distance() -> None:
     corner = torch.cat([line(0.02), line(0.02).flip(-1) + torch.tensor([0.02, 0.0])], dim=-2)
     for distance in (0.001, 0.005):
         trail = trailing(corner, torch.full((1, 1, 1), distance, dtype=torch.float64))
@@ -155,7 +155,7 @@ def test_a_leash_cuts_corners_and_a_short_one_hardly() -> None:
         assert 0.1 * distance < float(cut) < distance
 
 
-def test_a_late_tip_is_where_it_was_told_to_be_a_time_ago() -> None:
+def test_latency_delays_the_path_by_its_time() -> None:
     time_s, t = 0.05, torch.linspace(0, 0.5, 200, dtype=torch.float64)
     still = torch.zeros_like(t)
     strokes = StrokeContext(torch.stack([t, t**2, still, still, still], dim=-1)[None, None], {})
@@ -274,7 +274,7 @@ def test_less_paint_is_paler_and_may_be_softer_and_further_in() -> None:
     torch.testing.assert_close(moved, (-0.1 * faster).expand_as(moved))
 
 
-def test_a_tilt_is_another_press_and_does_to_the_mark_what_presses_do() -> None:
+def test_canvas_tilt_acts_as_a_change_of_press_depth() -> None:
     strokes = context()
     strokes.path[..., 3] *= torch.linspace(0.5, 1.5, COUNT)[:, None, None]
     tilt = CanvasTilt(torch.tensor([4e-4, 0.0], dtype=torch.float64), CanvasTilt.reference_of(strokes))
@@ -286,7 +286,7 @@ def test_a_tilt_is_another_press_and_does_to_the_mark_what_presses_do() -> None:
     )
 
 
-def test_where_all_strokes_are_pressed_alike_a_tilt_is_another_width() -> None:
+def test_where_all_strokes_are_pressed_same_heading_a_tilt_is_another_width() -> None:
     strokes = context()
     tilt = made(CanvasTilt, 4e-4, 0.0)
     plain, tilted = extended_mark(MODEL.double(), [], strokes), extended_mark(MODEL.double(), [tilt], strokes)
@@ -296,7 +296,7 @@ def test_where_all_strokes_are_pressed_alike_a_tilt_is_another_width() -> None:
     torch.testing.assert_close(wider_m, reference["half_width_per_press"] * 4e-4 * share, atol=1e-12, rtol=0)
 
 
-def test_drying_tells_fast_from_slow_and_leaves_paint_of_the_usual_age() -> None:
+def test_drying_shift_has_two_drynesses_and_none_at_the_usual_age() -> None:
     """Most strokes are seen after seconds and few after minutes: a slow paint has changed in the latter alone."""
     strokes, ages_s = context(), torch.tensor([2.0, 2.0, 2.0, 2.0, 20.0, 200.0], dtype=torch.float64)[:, None]
     duration_s = strokes.path[..., -1, 0] - strokes.path[..., 0, 0]
@@ -365,11 +365,11 @@ def test_strokes_in_their_own_frames_keep_their_turn_unless_they_are_turned_too(
     angle = torch.atan2(path[..., -1, 2], path[..., -1, 1])[..., None]
     turned[..., 1] = path[..., 1] * angle.cos() + path[..., 2] * angle.sin()
     turned[..., 2] = path[..., 2] * angle.cos() - path[..., 1] * angle.sin()
-    alike = StrokeContext(turned, strokes.covariates)
+    same_heading = StrokeContext(turned, strokes.covariates)
     for cause in (Backlash, OrientationWidth, PathOffset):
         cause.reference_of(moved)
         with pytest.raises(NotObservable, match="turned"):
-            cause.reference_of(alike)
+            cause.reference_of(same_heading)
     for cause in (CanvasTilt, Vignetting):
         with pytest.raises(NotObservable, match="places"):
             cause.reference_of(moved)

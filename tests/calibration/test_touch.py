@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pentimento.calibration.touch import touch_height, touch_plane
 from pentimento.contracts.errors import CalibrationError
-from pentimento.robots.touch import touch_height, touch_plane
 
 PROPERTY = settings(max_examples=100, deadline=None, derandomize=True, database=None)
 
@@ -30,7 +30,7 @@ def test_the_surface_is_found_within_half_the_bracket(surface_m: float, step_m: 
     assert len(asked) <= np.ceil(0.004 / step_m) + 2 + np.ceil(np.log2(step_m / within_m)) + 1
 
 
-def test_a_tool_that_touches_at_once_or_never_is_said() -> None:
+def test_touch_search_rejects_contact_at_once_or_never() -> None:
     with pytest.raises(CalibrationError, match=r"touches already at 3\.00 mm"):
         touch_height(lambda _: True, 0.003, -0.001, 5e-4, 1e-4)
     asked: list[float] = []
