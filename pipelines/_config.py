@@ -6,7 +6,7 @@ whose name ends in `_m`, `_s`, `_rad`, `_m_s` or `_m_s2` is parsed, e.g. `press_
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -46,6 +46,15 @@ def entry_of(entries: Mapping[str, T], name: str, key: str) -> T:
         known = ", ".join(entries) or "none"
         raise ConfigError(f"params.yaml: {key} has no entry {name!r}; known are {known}. Add it.")
     return entries[name]
+
+
+def require_model(key: str, tool: str, tools: Sequence[str]) -> None:
+    """Raise `ConfigError` unless dvc.yaml gives the stage a model of the tool that `key` of params.yaml names."""
+    if tool not in tools:
+        raise ConfigError(
+            f"params.yaml: {key} is {tool!r}, but dvc.yaml hands the stage models of {', '.join(tools)} only: choose "
+            "one of them, or add that model to the stage."
+        )
 
 
 def _build(value: Any, kind: Any, key: str) -> Any:

@@ -53,6 +53,21 @@ def write_json(path: Path, value: Any) -> None:
     atomic_write(path, (text + "\n").encode())
 
 
+def verdict_metrics(path: Path, unit: str = "") -> dict[str, Any]:
+    """Return the numbers of a verdict.json, errors with `unit` after their names; unknown ones are left out."""
+    verdict = json.loads(path.read_text(encoding="utf-8"))
+    mse = {f"{name}{unit}": verdict["mse"][name] for name in ("base", "extended", "floor")}
+    metrics: dict[str, Any] = {
+        "mse": {name: value for name, value in mse.items() if value is not None},
+        "established": len(verdict["established"]),
+        "suspected": len(verdict["suspected"]),
+        "unexplained": len(verdict["unexplained"]),
+    }
+    if verdict["gap_closed"]["test"] is not None:
+        metrics["gap_closed"] = verdict["gap_closed"]["test"]
+    return metrics
+
+
 def stage_main(main: Callable[[argparse.Namespace], None], parser: argparse.ArgumentParser) -> NoReturn:
     """Run a stage from the command line and exit: 0 done, 1 failed, 2 usage, 130 interrupted."""
     signal.signal(signal.SIGTERM, _terminate)  # scratch is removed on SIGTERM as it is on Ctrl-C

@@ -1,4 +1,4 @@
-"""Stories played in the studio: a person begins, the robot goes on (thesis 6.6.2)."""
+"""Stories drawn in turns in the studio: a person begins, the robot continues (thesis 6.6.2)."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,7 @@ def play(
     codrawing: Codrawing,
     seed: int,
 ) -> list[Turn]:
-    """One story on a new sheet in a world of the studio, the robot's goals by the goal planner in a folder."""
+    """Draw one story on a new sheet in the studio; the goal planner in `folder` sets the robot's goals."""
     planner = load_goal_planner(folder)
 
     def goal_for(photo: Picture, prompt: str) -> Picture:
@@ -39,7 +39,7 @@ def play(
 
 
 def _robot(paint_context: PaintContext, world: str, seed: int) -> Robot:
-    """A robot before a blank sheet of the medium's size."""
+    """Return a robot with a blank sheet of the medium's size."""
     known = load_world(world)
     side = paint_context.medium.side_m
     studio = Studio(replace(known, paper=replace(known.paper, size_m=(side, side))), seed)

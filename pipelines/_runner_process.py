@@ -1,4 +1,4 @@
-"""The lean runner in a process of its own: paints or sculpts in the studio, and must end without PyTorch."""
+"""The lean runner in a separate process: paints or sculpts in the studio, and must not load PyTorch."""
 
 import argparse
 import sys
@@ -41,10 +41,10 @@ def sculpt(arguments: argparse.Namespace) -> None:
 
 
 def end_lean() -> None:
-    """Say what was loaded that must not be."""
+    """Exit with an error if a package of the workshop was loaded."""
     loaded = sorted(set(HEAVY) & set(sys.modules))
     if loaded:
-        sys.exit(f"The runner loaded {', '.join(loaded)}, which a robot's computer has not.")
+        sys.exit(f"The runner loaded {', '.join(loaded)}, which a robot's computer does not have.")
 
 
 def _nobody(request: str) -> None:

@@ -1,4 +1,4 @@
-"""Build the captioned scenes that co-painting begins with: drawn by procedure, or taken from a local data set."""
+"""Build captioned scenes for co-painting: drawn procedurally, or imported from a local data set."""
 
 import argparse
 from collections import Counter
@@ -30,7 +30,7 @@ class BuildScenes:
 
     drawn: ScenesConfig
     imported: ImportedConfig | None
-    """A local data set in place of the drawn scenes, or null."""
+    """A local data set instead of the drawn scenes, or null."""
     segmentation: SegmentationConfig
     """Of imported pictures, which come without regions."""
 
@@ -82,7 +82,7 @@ def _metrics(table: pa.Table, quarantined: dict[str, int]) -> dict[str, Any]:
 
 
 def preview(table: pa.Table) -> NDArray[np.uint8]:
-    """The first scenes in a grid, each above its regions in grey."""
+    """Return the first scenes in a grid, each above its regions in grey."""
     rows, columns = _GRID
     cells = []
     for row in table.slice(0, rows * columns // 2).select(["image", "regions"]).to_pylist():

@@ -1,4 +1,4 @@
-"""Stage collect_pushes: the robot presses into its clay and scans it, or a table measured elsewhere is taken in."""
+"""Collect pushes into one material: executed by the robot in the studio, or read from a measured table."""
 
 import argparse
 from dataclasses import asdict, dataclass
@@ -56,7 +56,7 @@ def main(arguments: argparse.Namespace) -> None:
             table, quarantined = checked.table, len(checked.quarantined)
             if table.num_rows == 0:
                 raise ContractError(f"{source} holds no pushes; name another table in collect_pushes.source.")
-            origin = f"Measured elsewhere: `{Path(source).name}`, {quarantined} rows quarantined."
+            origin = f"Measured: `{Path(source).name}`, {quarantined} rows quarantined."
         metrics = {"rows": table.num_rows, "quarantined": quarantined, **_figures(table)}
         write_shards(out, table, CONTRACT)
         (out / "README.md").write_text(f"# Pushes into {material}\n\n{origin} {table.num_rows} rows.\n")
@@ -76,7 +76,7 @@ def _collect(material: str, world: str, end_effector_name: str, config: PushColl
 
 
 def _figures(table: pa.Table) -> dict[str, Any]:
-    """What the measured data say about themselves, after the repairs that every reader of the table makes."""
+    """Return figures of the measured data, after the repairs that every reader of the table makes."""
     samples, repairs = load_pushes(table)
     resets = samples.covariates.get("reset_id", np.full(len(samples.action), np.nan))
     figures = volume_figures(samples.before, samples.after, samples.known, resets)

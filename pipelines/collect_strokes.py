@@ -1,4 +1,4 @@
-"""Collect strokes of one tool: the robot makes its own in the studio, or a table measured elsewhere is taken in."""
+"""Collect strokes of one tool: executed by the robot in the studio, or read from a measured table."""
 
 import argparse
 import sys
@@ -55,14 +55,14 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         metrics: dict[str, Any] = {"quarantined": 0}
         if source is None:
-            table, metrics["largest_imitation"] = _collect(arguments.tool, world, config.collection, run)
+            table, metrics["largest_aliasing"] = _collect(arguments.tool, world, config.collection, run)
             origin = f"Made by the robot in the studio, world `{world}`."
         else:
             checked = read_table(Path(source), CONTRACT)
             table, metrics["quarantined"] = checked.table, len(checked.quarantined)
             if table.num_rows == 0:
                 raise ContractError(f"{source} holds no strokes; name another table in collect_strokes.source.")
-            origin = f"Measured elsewhere: `{Path(source).name}`, {metrics['quarantined']} rows quarantined."
+            origin = f"Measured: `{Path(source).name}`, {metrics['quarantined']} rows quarantined."
         metrics["rows"] = table.num_rows
         write_shards(out, table, CONTRACT)
         (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")
@@ -71,17 +71,17 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> tuple[pa.Table, float]:
-    """The strokes, and the largest imitation among causes that their design allows (docs/diagnosis.md §11)."""
+    """Return the strokes, and the largest aliasing between causes under their design (docs/diagnosis.md §11)."""
     tool = load_tool(tool_name)
     robot = VirtualRobot(Studio(load_world(world), config.seed))
     found = _aliasing(tool, robot.canvas_size_m, config)
-    print(f"What this design cannot tell apart: {aliasing_in_short(found)}.", file=sys.stderr)
+    print(f"Causes that this design cannot distinguish: {aliasing_in_short(found)}.", file=sys.stderr)
     rows = collect_strokes(GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config, run.log)
     return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0]))), found.largest
 
 
 def _aliasing(tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig) -> Aliasing:
-    """Of the commands alone: nothing has been drawn or photographed yet."""
+    """Compute aliasing from the commands alone, before anything is drawn."""
     palette = np.array(config.palette_srgb if tool.color_srgb is None else [tool.color_srgb])
     commands = design_collection(tool, canvas_size_m, palette, config)
     strokes = load_measured(rehearse(commands, tool, canvas_size_m, config))

@@ -1,4 +1,4 @@
-"""Put everything that execution needs into a bundle: graphs compared with PyTorch, tools, envelopes, manifest."""
+"""Write a bundle with everything that the runner needs: graphs checked against PyTorch, tools, manifest."""
 
 import argparse
 import hashlib
@@ -38,7 +38,7 @@ def main(arguments: argparse.Namespace) -> None:
             digests={name: input_digest(path) for name, path in inputs.items()},
         )
         write_bundle(out, models, config)
-        open_bundle(out)  # what the runner would refuse is not handed on
+        open_bundle(out)  # a bundle that the runner would refuse fails here
         run.log_metrics(json.loads((out / "metrics.json").read_text()))
         run.tag("manifest", hashlib.sha256((out / MANIFEST).read_bytes()).hexdigest())
 

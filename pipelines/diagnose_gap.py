@@ -1,11 +1,10 @@
-"""Find what the base stroke model gets wrong about one tool, name the causes, and extend the model by them."""
+"""Diagnose the errors of one tool's base stroke model, and extend the model by the established causes."""
 
 import argparse
 import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -31,7 +30,7 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pipelines._config import load_section
-from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import Run, tracked_run
 
 
@@ -42,14 +41,14 @@ class DiagnoseGap:
     seed: int
     """Of splits and bootstraps."""
     joint_fit: TrainingConfig
-    """Of the base with the established causes; `held_out` is the share that decides when to stop."""
+    """Of the base with the established causes; `held_out` is the fraction used for validation."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "seed")
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--gap`: the verdict and what belongs to it; and `--out`: the extended model and metrics.json."""
+    """Write `--gap`: the verdict with its report; and `--out`: the extended model and metrics.json."""
     config = load_section(Path("params.yaml"), "diagnose_gap", DiagnoseGap)
     single_threaded()
     inputs = {"strokes": arguments.strokes, "base": arguments.base}
@@ -68,7 +67,7 @@ def main(arguments: argparse.Namespace) -> None:
         found = write_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
         causes = _established(found)
         joint = fit_jointly(base, causes, training, validation, timing_of(columns), fit, run.log)
-        metrics = _verdict_metrics(gap / "verdict.json") | {
+        metrics = verdict_metrics(gap / "verdict.json") | {
             "held_out": {
                 "base": asdict(score_model(base, held_out.samples)),
                 "extended": asdict(score(_predicted(joint.model, held_out), held_out.samples)),
@@ -82,14 +81,14 @@ def main(arguments: argparse.Namespace) -> None:
             write_json(out / name, content)
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
-        _say(found, joint)
+        print(_summary(found, joint), file=sys.stderr)
         _log_candidates(run, found)
 
 
 def _parts(
     strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingConfig
 ) -> tuple[MeasuredStrokes, MeasuredStrokes, MeasuredStrokes]:
-    """(training, validation, held-out): the base has not seen the last, and learned from both others."""
+    """Split strokes into training, validation and test: the base was trained on the first two."""
     held_out = torch.tensor(json.loads(held_out_actions.read_text()))
     action = strokes.samples.action
     known = torch.nonzero(~torch.isin(action, held_out)).flatten()
@@ -104,7 +103,7 @@ def _parts(
 
 
 def _established(found: Diagnosis) -> list[Mechanism]:
-    """At the values of the diagnosis; what its model has beside them are nuisances of its own base."""
+    """Return the established mechanisms; the diagnosis's model also has nuisance parameters."""
     names = {finding.cause for finding in found.established}
     return [mechanism for mechanism in found.extended.mechanisms if mechanism.cause in names]
 
@@ -114,38 +113,22 @@ def _predicted(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
         return predict_extended(model.mark(), model.mechanisms, strokes)
 
 
-def _verdict_metrics(path: Path) -> dict[str, Any]:
-    """The numbers of a verdict; what is unknown (a floor without repeats) is left out."""
-    verdict = json.loads(path.read_text())
-    mse = {name: verdict["mse"][name] for name in ("base", "extended", "floor")}
-    metrics: dict[str, Any] = {
-        "mse": {name: value for name, value in mse.items() if value is not None},
-        "established": len(verdict["established"]),
-        "suspected": len(verdict["suspected"]),
-        "unexplained": len(verdict["unexplained"]),
-    }
-    if verdict["gap_closed"]["test"] is not None:
-        metrics["gap_closed"] = verdict["gap_closed"]["test"]
-    return metrics
-
-
-def _say(found: Diagnosis, joint: JointFit) -> None:
+def _summary(found: Diagnosis, joint: JointFit) -> str:
     causes = ", ".join(mechanism.cause for mechanism in _established(found))
     base, extended = joint.validation_l1
-    said = f"Established causes: {causes}. " if causes else "No cause is established. "
     if not causes:
-        said += "The base stays as it is."
-    elif joint.kept:
-        said += f"Fitted jointly, the weighted L1 of validation strokes falls from {base:.4g} to {extended:.4g}."
+        return "No cause is established. The base stays as it is."
+    if joint.kept:
+        result = f"Fitted jointly, the weighted L1 of validation strokes falls from {base:.4g} to {extended:.4g}."
     elif extended == base:
-        said += "The base has them already, and stays as it is."
+        result = "The base has them already, and stays as it is."
     else:
-        said += f"Fitted jointly, validation strokes fare worse ({base:.4g}, then {extended:.4g}): the base stays."
-    print(said, file=sys.stderr)
+        result = f"Fitted jointly, the weighted L1 of validation rises ({base:.4g} to {extended:.4g}): the base stays."
+    return f"Established causes: {causes}. {result}"
 
 
 def _log_candidates(run: Run, found: Diagnosis) -> None:
-    """A run for each candidate cause below the diagnosis's own: its evidence at each step of the search."""
+    """Log a child run for each candidate cause, with its evidence at each step of the search."""
     status = {finding.cause: "suspected" for finding in found.suspected}
     status |= {finding.cause: "established" for finding in found.established}
     chosen = {step.chosen for step in found.search.steps}

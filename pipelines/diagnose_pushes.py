@@ -1,4 +1,4 @@
-"""Find what an analytic push model gets wrong about one material, name the causes, and extend the network by them."""
+"""Diagnose the errors of an analytic push model of one material, and correct the network by the causes."""
 
 import argparse
 import json
@@ -21,7 +21,7 @@ from pentimento.dynamics.pushes.evaluation import predict
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
 from pipelines._config import load_section
-from pipelines._io import output_folder, single_threaded, stage_main, write_json
+from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import tracked_run
 
 
@@ -37,7 +37,7 @@ class DiagnosePushes:
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--gap`: the verdict and what belongs to it; and `--out`: the push model to plan with, metrics.json."""
+    """Write `--gap`: the verdict with its report; and `--out`: the push model to plan with, metrics.json."""
     config = load_section(Path("params.yaml"), "diagnose_pushes", DiagnosePushes)
     single_threaded()
     inputs = {"pushes": arguments.pushes, "base": arguments.base}
@@ -61,39 +61,24 @@ def main(arguments: argparse.Namespace) -> None:
         shutil.copyfile(unseen, out / unseen.name)
         if fitted.correction is not None:
             write_json(out / FILE, correction_as_json(fitted.correction))
-        metrics = _verdict_metrics(gap / "verdict.json") | _cross_fit_metrics(fitted)
+        metrics = verdict_metrics(gap / "verdict.json", "_mm2") | _cross_fit_metrics(fitted)
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
-        print(_said(fitted), file=sys.stderr)
-
-
-def _verdict_metrics(path: Path) -> dict[str, Any]:
-    """The numbers of a verdict; what is unknown (a floor without repeats) is left out."""
-    verdict = json.loads(path.read_text())
-    mse = {f"{name}_mm2": verdict["mse"][name] for name in ("base", "extended", "floor")}
-    metrics: dict[str, Any] = {
-        "mse": {name: value for name, value in mse.items() if value is not None},
-        "established": len(verdict["established"]),
-        "suspected": len(verdict["suspected"]),
-        "unexplained": len(verdict["unexplained"]),
-    }
-    if verdict["gap_closed"]["test"] is not None:
-        metrics["gap_closed"] = verdict["gap_closed"]["test"]
-    return metrics
+        print(_summary(fitted), file=sys.stderr)
 
 
 def _cross_fit_metrics(fitted: ValidatedCorrection) -> dict[str, Any]:
     alone, planned = fitted.held_out
-    made: dict[str, Any] = {
+    metrics: dict[str, Any] = {
         "correction_kept": fitted.correction is not None,
         "held_out": {"network_mm2": alone, "planned_mm2": planned},
     }
     if fitted.deciding is not None:
-        made["deciding"] = {"network_mm2": fitted.deciding[0], "corrected_mm2": fitted.deciding[1]}
-    return made
+        metrics["deciding"] = {"network_mm2": fitted.deciding[0], "corrected_mm2": fitted.deciding[1]}
+    return metrics
 
 
-def _said(fitted: ValidatedCorrection) -> str:
+def _summary(fitted: ValidatedCorrection) -> str:
     if fitted.deciding is None:
         return "No established cause is hidden from the network: it stays as it is."
     alone, with_it = fitted.deciding

@@ -1,8 +1,7 @@
-"""Draw one photograph in each handwriting style and with Bézier strokes, in the studio, and classify the writer."""
+"""Draw one photograph in every writer's style and with Bézier strokes, and classify who drew it."""
 
 import argparse
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +43,7 @@ from pipelines._tracking import Run, tracked_run
 Image = NDArray[np.uint8]
 
 BEZIER, NOBODY = "bezier", "nobody"
-"""Baselines: Bézier strokes, and latents from the standard normal distribution without a writer."""
+"""Baselines: Bézier strokes, and latents of the generic decoder."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class DrawInHands:
     darkest: float
     """The lightness (0 to 1) of the target's darkest tone."""
     ink_m: float
-    """Approximate length of line in each drawing. Writers are compared at equal length of line."""
+    """Approximate length of line in each drawing, which makes drawings comparable."""
     seed: int
     """Of the studio and of the classifier."""
     planner: ShapedPlanConfig
@@ -69,7 +68,7 @@ class DrawInHands:
         at_least(self, 0, "darkest", "seed")
         above_zero(self, "ink_m")
         if self.darkest >= 1:
-            raise ValueError(f"darkest is {self.darkest}; below 1, the target is not all white.")
+            raise ValueError(f"darkest is {self.darkest}; it must be below 1, or the target is all white.")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -95,19 +94,19 @@ def main(arguments: argparse.Namespace) -> None:
             BEZIER: BezierShapes(tool, config.planner.path_points),
         }
         brush = TorchPathBrush(read_stroke_model(arguments.model), tool, config.planner.path_points)
-        made = {name: _drawn(name, shapes, brush, config, run) for name, shapes in ways.items()}
+        drawings = {name: _drawn(name, shapes, brush, config, run) for name, shapes in ways.items()}
         scene, blank = _scene(brush, config)
         target = to_uint8(linear_to_srgb(scene.target))
         write_png(out / "target.png", target)
-        for name, drawing in made.items():
+        for name, drawing in drawings.items():
             _write(out / name, drawing, scene)
-        write_png(out / "drawings.png", np.hstack([target, *(drawing.photo for drawing in made.values())]))
+        write_png(out / "drawings.png", np.hstack([target, *(drawing.photo for drawing in drawings.values())]))
         metrics = {
-            "error": _errors(made, scene, blank, config),
-            "semantic_similarity": _meanings(made, target, blank, arguments.judge),
-            "strokes": {name: len(drawing.planned) for name, drawing in made.items()},
-            "ink_m": {name: _length_m(drawing) for name, drawing in made.items()},
-            "taken_for": _taken_for(who, made, held_out),
+            "error": _errors(drawings, scene, blank, config),
+            "semantic_similarity": _meanings(drawings, target, blank, arguments.judge),
+            "strokes": {name: len(drawing.planned) for name, drawing in drawings.items()},
+            "ink_m": {name: _length_m(drawing) for name, drawing in drawings.items()},
+            "taken_for": _taken_for(who, drawings, held_out),
         }
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
@@ -115,13 +114,13 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _robot(config: DrawInHands) -> GuardedRobot:
-    """The same robot before the same blank sheet, every time."""
+    """Return a new robot with the same blank sheet."""
     robot = VirtualRobot(Studio(load_world(config.world), config.seed))
     return GuardedRobot(robot, envelope_for(load_tool(config.tool), robot.canvas_size_m))
 
 
 def _scene(brush: TorchPathBrush, config: DrawInHands) -> tuple[Scene, Image]:
-    """What is drawn, and a photograph of the sheet before."""
+    """Return the scene to draw, and a photograph of the blank sheet."""
     robot = _robot(config)
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     blank = observe(robot, calibration, config.planner.pixels_per_m)
@@ -136,7 +135,7 @@ def _drawn(name: str, shapes: Shapes, brush: TorchPathBrush, config: DrawInHands
     scene, _ = _scene(brush, config)
     return draw_shapes(
         robot, calibration, scene, shapes=shapes, ink_m=config.ink_m, config=config.planner,
-        log=partial(_log_as, run, name),
+        log=run.log_under(name),
     )  # fmt: skip
 
 
@@ -149,16 +148,16 @@ def _write(folder: Path, drawing: Drawing, scene: Scene) -> None:
     write_png(folder / "plan.png", drawing.predicted)
 
 
-def _errors(made: dict[str, Drawing], scene: Scene, blank: Image, config: DrawInHands) -> dict[str, float]:
-    """The print objective of photographs, against the target."""
+def _errors(drawings: dict[str, Drawing], scene: Scene, blank: Image, config: DrawInHands) -> dict[str, float]:
+    """Return the print objective of each photograph against the target."""
     objective = PrintObjective(scene.target, config.planner.distances_px)
-    photos = {name: drawing.photo for name, drawing in made.items()} | {"blank": blank}
+    photos = {name: drawing.photo for name, drawing in drawings.items()} | {"blank": blank}
     return {name: objective(as_linear(photo))[0] for name, photo in photos.items()}
 
 
-def _meanings(made: dict[str, Drawing], target: Image, blank: Image, judge: Path) -> dict[str, float]:
-    """Cosine similarity of each photograph with the target, by an encoder that guided nothing here."""
-    photos = {name: drawing.photo for name, drawing in made.items()} | {"blank": blank}
+def _meanings(drawings: dict[str, Drawing], target: Image, blank: Image, judge: Path) -> dict[str, float]:
+    """Return the cosine of each photograph with the target, by an encoder that guided none of them."""
+    photos = {name: drawing.photo for name, drawing in drawings.items()} | {"blank": blank}
     images = torch.stack([_tensor(image) for image in (target, *photos.values())])
     seen = embed_all(Encoder.load(judge), images)
     return dict(zip(photos, (seen[1:] @ seen[0]).tolist(), strict=True))
@@ -168,12 +167,12 @@ def _tensor(image: Image) -> torch.Tensor:
     return torch.from_numpy(np.ascontiguousarray(to_float(image).transpose(2, 0, 1)).astype(np.float32))
 
 
-def _taken_for(who: StrokeClassifier, made: dict[str, Drawing], held_out: Demonstrated) -> dict[str, Any]:
-    """Confusion matrix: share of strokes (measured paths) that is classified as each writer's. Rows: who drew.
+def _taken_for(who: StrokeClassifier, drawings: dict[str, Drawing], held_out: Demonstrated) -> dict[str, Any]:
+    """Return the fraction of executed strokes classified as each writer's, by measured path; rows: who drew.
 
-    ``people`` is the same for the writers' own strokes of the test sessions.
+    The same is returned for people's strokes of a held-out session.
     """
-    executed = {name: who.shares(drawing.measured_m) for name, drawing in made.items()}
+    executed = {name: who.shares(drawing.measured_m) for name, drawing in drawings.items()}
     people = {hand: who.shares(_paths(held_out.of(hand))) for hand in who.hands}
     diagonal = [float(executed[hand][k]) for k, hand in enumerate(who.hands)]
     return {
@@ -194,10 +193,6 @@ def _paths(strokes: Demonstrated) -> list[NDArray[np.float64]]:
 def _length_m(drawing: Drawing) -> float:
     paths = (stroke.path[:, 1:3] for stroke in drawing.planned)
     return float(sum(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths))
-
-
-def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
-    run.log(f"{name}.{kind}", value, step)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Ask the goal planners for completions of begun drawings and measure what becomes of them (thesis 6.5 to 6.8)."""
+"""Evaluate completions of begun drawings by the goal planners (thesis 6.5 to 6.8)."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -12,12 +12,12 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts import copaintings, scenes
-from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
 from pentimento.copainting.evaluation.cases import Case, choose_cases, paper_cases
-from pentimento.copainting.evaluation.codraw import Codrawing, film_strip, stories, turn_scores
+from pentimento.copainting.evaluation.codraw import Codrawing, Turn, film_strip, stories, turn_scores
 from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
 from pentimento.copainting.evaluation.methods import (
     BASE,
@@ -50,7 +50,7 @@ from pentimento.copainting.scenes.edits import scene_edits, scenes_of
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.sheets import side_by_side
 from pentimento.semantics.encoder import Encoder
-from pipelines._config import entry_of, load_section
+from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
 from pipelines._play import play
 from pipelines._tracking import tracked_run
@@ -117,12 +117,8 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "evaluate_copainting", EvaluateCopainting)
     setting = entry_of(config.settings, arguments.setting, "evaluate_copainting.settings")
     other = entry_of(config.begun_with, arguments.setting, "evaluate_copainting.begun_with")
-    for medium in (setting.medium, other):
-        if medium.tool not in arguments.tools:
-            raise ConfigError(
-                f"params.yaml: evaluate_copainting uses the {medium.tool}, but dvc.yaml hands the stage models of "
-                f"{', '.join(arguments.tools)} only: choose one of them, or hand it that model, too."
-            )
+    for place, medium in (("settings", setting.medium), ("begun_with", other)):
+        require_model(f"evaluate_copainting.{place}.{arguments.setting}: tool", medium.tool, arguments.tools)
     single_threaded()
     strokes_models = {tool: arguments.models / f"stroke_{tool}" / "weights" for tool in arguments.tools}
     inputs = {
@@ -151,20 +147,10 @@ def main(arguments: argparse.Namespace) -> None:
         ordinary = submit(
             partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, edits, config.asking
         )
-        told = stories(held_out, config.codrawing.stories)
         played = {
             name: [
-                submit(
-                    play,
-                    folder,
-                    story,
-                    paint_context,
-                    setting.world,
-                    config.asking,
-                    config.codrawing,
-                    config.seed + number,
-                )
-                for number, story in enumerate(told)
+                submit(play, folder, story, paint_context, setting.world, config.asking, config.codrawing, seed)
+                for seed, story in enumerate(stories(held_out, config.codrawing.stories), config.seed)
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
         }
@@ -184,29 +170,17 @@ def main(arguments: argparse.Namespace) -> None:
             "ordinary": _plain(ordinary.result()),
             "on_paper": _plain(summary(score(paper, on_paper, judges), config.seed)),
             "other_medium": _plain(summary(score(foreign, few, judges), config.seed)),
-            "turns": {name: turn_scores(stories_, judges.judge) for name, stories_ in turns.items()},
+            "turns": {name: turn_scores(drawn, judges.judge) for name, drawn in turns.items()},
             "correlation": painted_gap(pairs, table, judges.main),
-            "vae_ink_recall": {
-                name: _known(ink_recall(begun.canvases, round_trip(load_goal_planner(folder).vae, begun.canvases)))
-                for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
-            },
+            "vae_ink_recall": _ink_recall(begun.canvases, planners),
             "cases": {
                 "prompts": len(cases), "ordinary": len(edits), "on_paper": len(on_paper), "other_medium": len(few),
             },
         }  # fmt: skip
         write_json(out / "metrics.json", metrics)
         write_json(out / "cases.json", _by_case(cases, scores))
-        for name, outcomes, asked in (
-            ("methods", begun, cases),
-            ("on_paper", paper, on_paper),
-            ("other_medium", foreign, few),
-        ):
-            captions = [case.caption for case in asked[: config.shown.rows]]
-            write_png(out / f"{name}.png", side_by_side(outcome_columns(outcomes), captions, (_SHOWN_PX, _SHOWN_PX)))
-        for name, stories_ in turns.items():
-            file = "turns.png" if name == FINE_TUNED else f"turns_{name}.png"
-            prompts = [turn.prompt for turn in stories_[0]]
-            write_png(out / file, side_by_side(film_strip(stories_[0]), prompts, (2 * _SHOWN_PX, 2 * _SHOWN_PX)))
+        asked = {"methods": (begun, cases), "on_paper": (paper, on_paper), "other_medium": (foreign, few)}
+        _write_pictures(out, asked, turns, config.shown.rows)
         page, key = preference_page(_compared(cases[: config.shown.preferences], begun), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")
         write_json(out / "preference_key.json", key)
@@ -215,6 +189,22 @@ def main(arguments: argparse.Namespace) -> None:
         )
         for picture in ("methods.png", "turns.png"):
             run.log_picture(out / picture)
+
+
+def _write_pictures(
+    out: Path,
+    asked: Mapping[str, tuple[Outcomes, Sequence[Case]]],
+    turns: Mapping[str, Sequence[Sequence[Turn]]],
+    rows: int,
+) -> None:
+    """Write a picture of all methods for each set of prompts, and a film strip of each planner's first story."""
+    for name, (outcomes, cases) in asked.items():
+        captions = [case.caption for case in cases[:rows]]
+        write_png(out / f"{name}.png", side_by_side(outcome_columns(outcomes), captions, (_SHOWN_PX, _SHOWN_PX)))
+    for name, drawn in turns.items():
+        file = "turns.png" if name == FINE_TUNED else f"turns_{name}.png"
+        prompts = [turn.prompt for turn in drawn[0]]
+        write_png(out / file, side_by_side(film_strip(drawn[0]), prompts, (2 * _SHOWN_PX, 2 * _SHOWN_PX)))
 
 
 def blank_sheet(pairs: pa.Table, shape: tuple[int, ...]) -> Pictures:
@@ -244,6 +234,13 @@ def _kinds(table: pa.Table) -> tuple[str, ...]:
 def _plain(estimates: Mapping[str, Any]) -> dict[str, Any]:
     """Estimates as mappings, nested or not."""
     return {name: _plain(value) if isinstance(value, Mapping) else asdict(value) for name, value in estimates.items()}
+
+
+def _ink_recall(canvases: Pictures, planners: Planners) -> dict[str, float | None]:
+    """Return the fraction of ink that each planner's autoencoder keeps."""
+    folders = {BASE: planners.base, FINE_TUNED: planners.fine_tuned}
+    autoencoders = {name: load_goal_planner(folder).vae for name, folder in folders.items()}
+    return {name: _known(ink_recall(canvases, round_trip(vae, canvases))) for name, vae in autoencoders.items()}
 
 
 def _known(value: float) -> float | None:

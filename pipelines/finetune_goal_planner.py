@@ -36,10 +36,10 @@ class FinetuneGoalPlanner:
 
     training: GoalTraining
     decoder: DecoderConfig | None
-    """Of the autoencoder, trained further on the setting's paintings before the UNet is; null keeps the base's."""
+    """Of the autoencoder, fine-tuned on the setting's paintings before the UNet; null keeps the base's decoder."""
     sampling: Sampling
     threads: int
-    """PyTorch's, of all devices together; another number may give other last digits."""
+    """PyTorch's threads for all devices together; last digits of results depend on the number."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "threads")
@@ -53,7 +53,7 @@ def main(arguments: argparse.Namespace) -> None:
     inputs = {"copaintings": arguments.copaintings, "base": arguments.base}
     digests = {name: input_digest(path) for name, path in inputs.items()}
     name = f"finetune_goal_planner@{arguments.setting}"
-    # A training that was interrupted on some devices may go on with others.
+    # Interrupted training can continue on other devices.
     anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
     scratch = scratch_folder(SCRATCH, name, asdict(anywhere), digests)
     with (
@@ -94,7 +94,7 @@ def main(arguments: argparse.Namespace) -> None:
 def _with_decoder(
     planner: GoalPlanner, pairs: Sequence[Pair], config: FinetuneGoalPlanner, scratch: Path, run: Run
 ) -> AutoencoderKL:
-    """The planner's autoencoder with a decoder that learned the pairs' pictures; finished work is not done again."""
+    """Return the planner's autoencoder with a decoder fine-tuned on the pairs; a completed one is reused."""
     assert config.decoder is not None
     if not (scratch / "vae").is_dir():
         pictures = {picture.tobytes(): picture for pair in pairs for picture in (pair.input, pair.target)}

@@ -1,4 +1,4 @@
-"""Gather demonstrations in one table: recordings of people in several formats, or synthetic writers."""
+"""Gather demonstrations: recordings of people's strokes, or strokes of synthetic writers, in one table."""
 
 import argparse
 from dataclasses import asdict, dataclass
@@ -26,7 +26,7 @@ class GatherDemonstrations:
     points: int
     """Of each stroke in the table, at equal steps of arc length (thesis 5.3.2: 32)."""
     sources: list[Source]
-    """Recordings. Without any, the synthetic writers draw."""
+    """Recordings; without any, synthetic writers draw."""
     made_up: SyntheticConfig
     limits: Limits
 

@@ -1,10 +1,9 @@
-"""Paint a photograph: plan, execute in the studio with and without replanning, and measure what came of it."""
+"""Paint a photograph: plan, execute in the studio with and without replanning, and measure the errors."""
 
 import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.colour import linear_to_srgb, to_float, to_uint8
 from pentimento.contracts.covariates import fresh_memory
-from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import Plan, PlanHeader, PlannedStroke, write_plan
@@ -40,9 +38,9 @@ from pentimento.robots.virtual import VirtualRobot
 from pentimento.semantics.style import style_of
 from pentimento.studio.strokes.studio import Studio
 from pentimento.studio.strokes.world import load_world
-from pipelines._config import entry_of, load_section
+from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import Run, tracked_run
+from pipelines._tracking import tracked_run
 
 FloatArray = NDArray[np.float64]
 Light = NDArray[np.float32]
@@ -64,7 +62,7 @@ class Setting:
     def __post_init__(self) -> None:
         at_least(self, 0, "darkest")
         if self.darkest >= 1:
-            raise ValueError(f"darkest is {self.darkest}; below 1, the target is not all white.")
+            raise ValueError(f"darkest is {self.darkest}; it must be below 1, or the target is all white.")
 
 
 @dataclass(frozen=True)
@@ -88,11 +86,7 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: pictures, plans, curves and metrics.json of one setting."""
     config = load_section(Path("params.yaml"), "paint", Paint)
     setting = entry_of(config.settings, arguments.setting, "paint.settings")
-    if setting.tool not in arguments.tools:
-        raise ConfigError(
-            f"params.yaml: paint.settings.{arguments.setting}.tool is {setting.tool!r}, but dvc.yaml hands the stage "
-            f"models of {', '.join(arguments.tools)} only: choose one of them, or hand it that model, too."
-        )
+    require_model(f"paint.settings.{arguments.setting}.tool", setting.tool, arguments.tools)
     weights, base_weights = (arguments.models / f"stroke_{setting.tool}{kind}" / "weights" for kind in ("", "_base"))
     single_threaded()
     params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)
@@ -113,12 +107,8 @@ def main(arguments: argparse.Namespace) -> None:
         }
         style, light = style_of(setting.planner), target.astype(np.float32)
         brushes = {name: TorchBrush(model, tool, setting.planner.path_points) for name, model in models.items()}
-        scenes = {
-            name: scene_with(brush, tool, robot.canvas_size_m, light, style) for name, brush in brushes.items()
-        }  # fmt: skip
-        scene = scenes["extended"]
-
-        losses: list[float] = []
+        scenes = {name: scene_with(brush, tool, robot.canvas_size_m, light, style) for name, brush in brushes.items()}
+        scene, losses = scenes["extended"], list[float]()
 
         def log(name: str, value: float, step: int) -> None:
             run.log(name, value, step)
@@ -137,29 +127,18 @@ def main(arguments: argparse.Namespace) -> None:
                 batch=config.batch,
                 replan=kind == "with",
                 config=setting.planner,
-                log=partial(_log_as, run, kind),
+                log=run.log_under(kind),
             )
 
+        simpler = {name: np.clip(predict(strokes, blank, scenes[name]), 0.0, 1.0) for name in ("base", "polyline")}
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
-        write_png(out / "plan.png", paintings["without"].predicted)
-        simpler = {name: np.clip(predict(strokes, blank, scenes[name]), 0.0, 1.0) for name in ("base", "polyline")}
         write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
-        (out / "frames").mkdir()
-        for number, photo in enumerate(paintings["with"].photos):
-            write_png(out / "frames" / f"{number:03d}.png", photo)
         planned = to_planned(strokes, tool, setting.planner.path_points)
-        header = PlanHeader(tool.name, palette, robot.canvas_size_m, envelope_for(tool, robot.canvas_size_m).id)
-        write_plan(out / "plan.jsonl", Plan(header, tuple(planned)))
-        for kind, painting in paintings.items():
-            write_png(out / f"painting_{kind}.png", painting.photos[-1])
-            write_plan(out / f"executed_{kind}.jsonl", Plan(header, tuple(painting.executed)))
-        _plot(out / "plan.svg", tool, planned, palette, robot.canvas_size_m)
-        made = [min(i * config.batch, len(planned)) for i in range(len(paintings["with"].deviation))]
-        write_json(
-            out / "deviation.json",
-            {"strokes": made, "with": paintings["with"].deviation, "without": paintings["without"].deviation},
-        )
+        _write_paintings(out, tool, robot.canvas_size_m, planned=planned, palette=palette, paintings=paintings)
+        executed = [min(i * config.batch, len(planned)) for i in range(len(paintings["with"].deviation))]
+        deviation = {kind: painting.deviation for kind, painting in paintings.items()}
+        write_json(out / "deviation.json", {"strokes": executed} | deviation)
         write_json(out / "curve.json", {"iteration": list(range(len(losses))), "objective": losses})
         write_json(out / "palette.json", palette)
         metrics = _metrics(scene, blank, simpler, paintings, setting.planner)
@@ -172,18 +151,36 @@ def main(arguments: argparse.Namespace) -> None:
             run.log_picture(out / name)
 
 
-def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
-    run.log(f"{name}.{kind}", value, step)
+def _write_paintings(
+    out: Path,
+    tool: Tool,
+    canvas_size_m: tuple[float, float],
+    *,
+    planned: list[PlannedStroke],
+    palette: FloatArray,
+    paintings: dict[str, Painting],
+) -> None:
+    """Write the plan, both paintings with their executed strokes, and the photographs taken while painting."""
+    header = PlanHeader(tool.name, palette, canvas_size_m, envelope_for(tool, canvas_size_m).id)
+    write_png(out / "plan.png", paintings["without"].predicted)
+    write_plan(out / "plan.jsonl", Plan(header, tuple(planned)))
+    _plot(out / "plan.svg", tool, planned, palette, canvas_size_m)
+    for kind, painting in paintings.items():
+        write_png(out / f"painting_{kind}.png", painting.photos[-1])
+        write_plan(out / f"executed_{kind}.jsonl", Plan(header, tuple(painting.executed)))
+    (out / "frames").mkdir()
+    for number, photo in enumerate(paintings["with"].photos):
+        write_png(out / "frames" / f"{number:03d}.png", photo)
 
 
 def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
-    """The same robot before the same blank sheet, every time."""
+    """Return a new robot with the same blank sheet."""
     robot = VirtualRobot(Studio(load_world(setting.world), seed))
     return GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
 
 
 def _warnings(strokes: Strokes, scene: Scene) -> list[str]:
-    """Where a plan leaves what the model was fitted to."""
+    """Return warnings where a plan leaves the range of the data that the model was fitted to."""
     fitted = scene.brush.fitted
     return beyond_fit(planned_covariates(strokes, scene.tool, scene.brush, scene.start, names=fitted), fitted)
 
@@ -195,7 +192,7 @@ def _plot(
     palette: FloatArray,
     canvas_size_m: tuple[float, float],
 ) -> None:
-    """The plan as a drawing for a pen plotter, through the same safety envelope."""
+    """Write the plan as a drawing for a pen plotter, through the same safety envelope."""
     plotter = SvgPlotter(path, canvas_size_m)
     execute(
         GuardedRobot(plotter, envelope_for(tool, canvas_size_m)), tool, strokes, palette_srgb=palette,
@@ -207,7 +204,7 @@ def _plot(
 def _metrics(
     scene: Scene, blank: Image, simpler: dict[str, Light], paintings: dict[str, Painting], config: PlannerConfig
 ) -> dict[str, Any]:
-    """Errors against the target and against the plan; mean squared differences in sRGB in [0, 1]."""
+    """Return errors against the target and against the plan; mean squared differences in sRGB in [0, 1]."""
     target = linear_to_srgb(scene.target.astype(np.float64))
     objective = PrintObjective(scene.target, config.distances_px)
     final = {kind: painting.photos[-1] for kind, painting in paintings.items()}
@@ -254,9 +251,9 @@ def _execution_errors(
     config: Paint,
     setting: Setting,
 ) -> dict[str, Any]:
-    """How far an executed plan is from what was foretold, without replanning: planned with the base and extended model.
+    """Return the error of a plan's prediction without replanning, for plans with the base and the extended model.
 
-    Mean squared difference, sRGB in [0, 1]. Where nothing extends the base, its plan is the very same.
+    Mean squared difference, sRGB in [0, 1]. Where nothing extends the base, both plans are the same.
     """
     error = {"extended": metrics["sim2real_mse"]["model"]}
     if extended.mechanisms:

@@ -1,4 +1,4 @@
-"""Give the goal planner its base: a small Instruct-Pix2Pix trained on ordinary scene edits, or the published one."""
+"""Provide the base of the goal planner: a small Instruct-Pix2Pix trained on scene edits, or the published one."""
 
 import argparse
 import shutil
@@ -41,17 +41,17 @@ class PretrainGoalPlanner:
     """Section `pretrain_goal_planner` of params.yaml."""
 
     from_pretrained: str | None
-    """A folder in diffusers' layout or a downloaded model's name (timbrooks/instruct-pix2pix): nothing is trained."""
+    """A folder in diffusers' layout or a downloaded model (timbrooks/instruct-pix2pix); null trains one."""
     scenes: int
-    """Of the training split, at most."""
+    """Maximum number of training scenes."""
     edits: int
-    """Of each scene."""
+    """Edits of each scene."""
     shape: GoalPlannerShape
     vae: VaeConfig
     training: GoalTraining
     sampling: Sampling
     threads: int
-    """PyTorch's, of all devices together; another number may give other last digits."""
+    """PyTorch's threads for all devices together; last digits of results depend on the number."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes", "edits", "threads")
@@ -64,7 +64,7 @@ def main(arguments: argparse.Namespace) -> None:
     torch.set_num_threads(config.threads)
     inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics}
     digests = {name: input_digest(path) for name, path in inputs.items()}
-    # A training that was interrupted on some devices may go on with others.
+    # Interrupted training can continue on other devices.
     anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
     scratch = scratch_folder(SCRATCH, "pretrain_goal_planner", asdict(anywhere), digests)
     with (
@@ -107,7 +107,7 @@ def main(arguments: argparse.Namespace) -> None:
 def _trained(
     scenes: pa.Table, encoder: Encoder, config: PretrainGoalPlanner, scratch: Path, run: Run
 ) -> tuple[GoalPlanner, list[float]]:
-    """The autoencoder first, then the UNet with the encoder's text tower; finished work is not done again."""
+    """Train the autoencoder, then the UNet with the encoder's text tower; completed parts are reused."""
     seed = config.training.seed
     if not (scratch / "vae").is_dir():
         pictures = [decode_png(row["bytes"]) for row in scenes["image"].slice(0, config.vae.pictures).to_pylist()]

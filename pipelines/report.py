@@ -1,4 +1,4 @@
-"""Put what the other stages made on one page."""
+"""Write the report on the outputs of the other stages."""
 
 import argparse
 from dataclasses import asdict

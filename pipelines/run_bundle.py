@@ -1,4 +1,4 @@
-"""Paint and sculpt from the bundle with the lean runner, in the studio and in processes without PyTorch."""
+"""Paint and sculpt from the bundle with the lean runner, in the studio, in processes without PyTorch."""
 
 import argparse
 import json
@@ -22,7 +22,7 @@ from pipelines._io import output_folder, stage_main, write_json
 from pipelines._tracking import tracked_run
 
 PICTURES = ("goal.png", "plan.png", "canvas.png")
-"""What is kept of a painting's folder: what was aimed at, what was foretold at first, what came of it."""
+"""Pictures that are kept of a painting: the goal, the first prediction, and the result."""
 SCULPTURES = "sculptures.json"
 
 
@@ -33,7 +33,7 @@ class Performance:
     setting: str
     """Of the bundle."""
     words: str | None
-    """What a person asks for, on a blank sheet; null: the photograph of the workshop's painting of this setting."""
+    """A prompt, on a blank sheet; null paints the photograph of the stage `paint` in this setting."""
     strokes: int
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class Carving:
     """Of the bundle's push models, and of the studio."""
     letter: str
     pushes: int
-    """At most."""
+    """Maximum number."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "pushes")
@@ -92,7 +92,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path, out: Path) -> dict[str, Any]:
-    """Strokes and errors of one painting, whose pictures are in ``out`` then."""
+    """Paint; write the pictures into ``out`` and return strokes and errors."""
     workshop = paintings / performance.setting
     command = [
         "--bundle", str(bundle), "--setting", performance.setting, "--strokes", str(performance.strokes),
@@ -109,15 +109,15 @@ def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path,
         for picture in PICTURES:
             shutil.copy(folder / picture, out / picture)
         found: dict[str, Any] = json.loads((folder / "painting.json").read_text())
-    told: dict[str, Any] = asdict(performance) | {"strokes": found["strokes"], "error": found["error"]}
+    metrics: dict[str, Any] = asdict(performance) | {"strokes": found["strokes"], "error": found["error"]}
     if performance.words is None:
         own = json.loads((workshop / "metrics.json").read_text())
-        told["workshop"] = {"strokes": own["strokes"], "error": own["error"]["with_replanning"]}
-    return told
+        metrics["workshop"] = {"strokes": own["strokes"], "error": own["error"]["with_replanning"]}
+    return metrics
 
 
 def _carve(carving: Carving, seed: int, bundle: Path, out: Path) -> dict[str, Any]:
-    """Pushes and errors of one sculpture, whose photographs are in ``out`` then."""
+    """Sculpt; write the photographs into ``out`` and return pushes and errors."""
     command = [
         "--bundle", str(bundle), "--material", carving.material, "--letter", carving.letter,
         "--pushes", str(carving.pushes), "--seed", str(seed),

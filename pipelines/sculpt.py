@@ -1,8 +1,7 @@
-"""Sculpt goals one after another in the same clay: plan, push, look, replan, and measure what came of it."""
+"""Sculpt goals one after another in the same clay: plan, push, look, replan, and measure the result."""
 
 import argparse
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,7 @@ from pentimento.robots.tools import EndEffector, load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import Run, tracked_run
+from pipelines._tracking import tracked_run
 
 Array = NDArray[np.float32]
 
@@ -49,7 +48,7 @@ class Wanted:
     source: str
     """letter:<text>, shape:<name>, or a file; see sculpting_goals.sources."""
     reach_m: float
-    """Its deepest place lies so far below the clay's mean height; a goal after another must be deeper to cover it."""
+    """Depth of its lowest point below the clay's mean height; a later goal must be deeper than an earlier one."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,9 @@ class Setting:
     goals: tuple[Wanted, ...]
     """In this order, in the same clay."""
     share: float
-    """Of the area's side that a goal covers."""
+    """Fraction of the area's side that a goal covers."""
     soften_m: float
-    """Edges of goals are as soft as this, about a third of what the end-effector rounds off."""
+    """Width of the soft edges of goals, about a third of the end-effector's rounding."""
     fit: GoalSettings
     depth_model: str | None
     """For pictures: folder of a depth model of transformers, or null for a plain relief."""
@@ -75,12 +74,12 @@ class Sculpt:
     """Section `sculpt` of params.yaml."""
 
     actions: int
-    """For each goal, at most."""
+    """Maximum for each goal."""
     scan_pixels: int
     execution: Execution
     planner: SculptorConfig
     reader_letters: str
-    """The reader of what was sculpted tells these apart; it is asked only about letters among them."""
+    """Classes of the letter classifier, which is applied only to goals among them."""
     reader_examples: int
     """Renderings of each, to train it on."""
     frame_ms: int
@@ -94,7 +93,7 @@ class Sculpt:
         above_zero(self, "frame_ms")
         at_least(self, 0, "seed")
         if len(set(self.reader_letters)) < 2:
-            raise ValueError(f"reader_letters is {self.reader_letters!r}; a reader tells at least two letters apart.")
+            raise ValueError(f"reader_letters is {self.reader_letters!r}; a classifier needs at least two letters.")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -128,15 +127,15 @@ def main(arguments: argparse.Namespace) -> None:
             height, _ = seen_m(robot.scan())
             fit = _goal(wanted, height, setting, config, robot)
             predicted = _predicted(height, fit, members, end_effector, robot, config, number)
-            made = sculpt(
+            sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
                 config=config.planner, execution=config.execution, count=config.actions, session=session, item=number,
-                log=partial(_log_as, run, name),
+                log=run.log_under(name),
             )  # fmt: skip
-            _pictures(folder, window_m, fit, predicted, made)
-            rows += made.rows
-            frames += [photograph(each, window_m, 2) for each in made.heights_m[:: config.execution.batch]]
-            metrics = _metrics(wanted, fit, predicted, made, config, reader, setting, window_m)
+            _pictures(folder, window_m, fit, predicted, sculpture)
+            rows += sculpture.rows
+            frames += [photograph(each, window_m, 2) for each in sculpture.heights_m[:: config.execution.batch]]
+            metrics = _metrics(wanted, fit, predicted, sculpture, config, reader, setting, window_m)
             write_json(folder / "metrics.json", metrics)
             goals[name] = metrics
             run.log_picture(out / f"{name}.png")
@@ -170,7 +169,7 @@ def _predicted(
     config: Sculpt,
     number: int,
 ) -> PushPlan:
-    """A plan of all actions at once, chosen one by one from the first tries: what would be done without looking."""
+    """Plan all actions at once from the candidates alone, without execution in between."""
     objective = ClayObjective(fit.height_m, members[0].window_m, config.planner.weights)
     foresight = EnsembleRollout(members, objective, config.planner.caution)
     reach = reach_for(end_effector, robot.area_m, config.planner.edge_m)
@@ -182,38 +181,44 @@ def _metrics(
     wanted: Wanted,
     fit: GoalFit,
     predicted: PushPlan,
-    made: Sculpture,
+    sculpture: Sculpture,
     config: Sculpt,
     reader: LetterClassifier,
     setting: Setting,
     window_m: NDArray[np.float64],
 ) -> dict[str, Any]:
     objective = ClayObjective(fit.height_m, window_m, config.planner.weights)
-    off_mm2 = float(np.square(1e3 * (made.heights_m[1:] - made.predicted_m)).mean()) if len(made.actions) else 0.0
+    off_mm2 = (
+        float(np.square(1e3 * (sculpture.heights_m[1:] - sculpture.predicted_m)).mean())
+        if len(sculpture.actions)
+        else 0.0
+    )
     metrics: dict[str, Any] = {
         "source": wanted.source,
-        "actions": len(made.actions),
-        "stopped": made.stopped,
-        "helped": made.helped,
-        "holes_filled": made.holes,
+        "actions": len(sculpture.actions),
+        "stopped": sculpture.stopped,
+        "helped": sculpture.helped,
+        "holes_filled": sculpture.holes,
         "goal": {name: value for name, value in vars(fit).items() if name != "height_m"},
-        "foretold_off_mm2": off_mm2,
+        "prediction_error_mm2": off_mm2,
         "curve": {
-            "error_3d_mm2": objective.error_3d_mm2(made.heights_m),
-            "visual_error": objective.visual_error(made.heights_m),
+            "error_3d_mm2": objective.error_3d_mm2(sculpture.heights_m),
+            "visual_error": objective.visual_error(sculpture.heights_m),
         },
-        **goal_errors(objective, made.heights_m, predicted.predicted_m[-1]),
+        **goal_errors(objective, sculpture.heights_m, predicted.predicted_m[-1]),
     }
     letter = wanted.source.removeprefix("letter:")
     if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
-        metrics["read"] = classify_sculpture(reader, made.heights_m[-1], fit.height_m, border=setting.fit.border)
+        metrics["read"] = classify_sculpture(reader, sculpture.heights_m[-1], fit.height_m, border=setting.fit.border)
         metrics["read"]["right"] = metrics["read"]["clay"] == letter
     return metrics
 
 
-def _pictures(folder: Path, window_m: NDArray[np.float64], fit: GoalFit, predicted: PushPlan, made: Sculpture) -> None:
-    """Photographs and height maps of the clay before, the goal, the plan and the clay after; all four beside it."""
-    heights = (made.heights_m[0], fit.height_m, predicted.predicted_m[-1], made.heights_m[-1])
+def _pictures(
+    folder: Path, window_m: NDArray[np.float64], fit: GoalFit, predicted: PushPlan, sculpture: Sculpture
+) -> None:
+    """Write photographs and height maps of the clay before, the goal, the plan and the clay after."""
+    heights = (sculpture.heights_m[0], fit.height_m, predicted.predicted_m[-1], sculpture.heights_m[-1])
     shown = dict(zip(("before", "goal", "plan", "result"), heights, strict=True))
     for name, height in shown.items():
         write_png(folder / f"{name}.png", photograph(height, window_m))
@@ -234,10 +239,6 @@ def _name(wanted: Wanted) -> str:
     """Of a goal's folder."""
     kind, _, name = wanted.source.partition(":")
     return name if kind in ("letter", "shape") and name.isalnum() else Path(wanted.source).stem
-
-
-def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
-    run.log(f"{name}.{kind}", value, step)
 
 
 if __name__ == "__main__":

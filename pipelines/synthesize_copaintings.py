@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pentimento.contracts import copaintings
-from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT, SPLITS
@@ -30,7 +30,7 @@ from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.copainting.synthesis.shards import Job, paint_shards
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
-from pipelines._config import entry_of, load_section
+from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import input_digest, tracked_run
 
@@ -40,7 +40,7 @@ _SHOWN = 12
 
 @dataclass(frozen=True)
 class SceneCounts:
-    """How many scenes of each split are painted, the table's first, as far as there are so many."""
+    """Maximum number of scenes of each split that are painted, in the order of the table."""
 
     train: int
     val: int
@@ -56,13 +56,13 @@ class SynthesizeCopaintings:
 
     scenes: SceneCounts
     halves: SceneCounts
-    """Beside them, scenes with one thing in one half of the sheet, of the table's first with one thing."""
+    """Scenes with one object in one half of the sheet, from the table's first scenes with one object."""
     beside: int
-    """Pairs that ask for such a thing beside another that is there, for each of them, at most."""
+    """Maximum number of pairs for each of these that ask for its object beside another one."""
     scenes_per_shard: int
-    """What one worker paints at a time, and what is lost of its work when it is killed."""
+    """Scenes that one worker paints at a time; a killed worker loses as many."""
     workers: int
-    """Processes; any number makes the same bytes."""
+    """Processes; the output does not depend on the number."""
     scheduler: str | None
     """Address of a dask scheduler whose workers paint instead, or null."""
     threshold: Threshold
@@ -78,11 +78,7 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: shards of the copaintings contract with a card, preview.png and metrics.json."""
     config = load_section(Path("params.yaml"), "synthesize_copaintings", SynthesizeCopaintings)
     setting = entry_of(config.settings, arguments.setting, "synthesize_copaintings.settings")
-    if setting.tool not in arguments.tools:
-        raise ConfigError(
-            f"params.yaml: synthesize_copaintings.settings.{arguments.setting}.tool is {setting.tool!r}, but dvc.yaml "
-            f"hands the stage models of {', '.join(arguments.tools)} only: hand it that model, too."
-        )
+    require_model(f"synthesize_copaintings.settings.{arguments.setting}.tool", setting.tool, arguments.tools)
     single_threaded()
     stroke_model = arguments.models / f"stroke_{setting.tool}" / "weights"
     inputs = {"scenes": arguments.scenes, "stroke_model": stroke_model, "semantics": arguments.semantics}
@@ -96,7 +92,7 @@ def main(arguments: argparse.Namespace) -> None:
         tracked_run("synthesize_copaintings", arguments.setting, params, inputs) as run,
         output_folder(arguments.out) as out,
     ):
-        load_painter(arguments.setting, setting, stroke_model, arguments.semantics)  # its errors before any work
+        load_painter(arguments.setting, setting, stroke_model, arguments.semantics)  # so that its errors come first
         table = read_table(arguments.scenes, CONTRACT).table
         scenes = chosen(table, config.scenes, arguments.scenes)
         halves = halves_of(table, config.halves, setting.planner.seed)
@@ -127,7 +123,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def chosen(table: pa.Table, counts: SceneCounts, folder: Path) -> pa.Table:
-    """The scenes of `folder` to paint, split by split.
+    """Return the scenes of `folder` to paint, split by split.
 
     Raises:
         ContractError: they lack ids or splits, or there is none of a split that is asked for.
@@ -148,7 +144,7 @@ def chosen(table: pa.Table, counts: SceneCounts, folder: Path) -> pa.Table:
 
 
 def halves_of(table: pa.Table, counts: SceneCounts, seed: int) -> pa.Table:
-    """The half scenes to paint, split by split."""
+    """Return the half scenes to paint, split by split."""
     parts = [
         half_scenes(table.filter(pc.equal(table["split"], split)), count, seed)
         for split, count in asdict(counts).items()
@@ -165,7 +161,7 @@ def write_beside(
     number: int,
     scratch: Path,
 ) -> list[Path]:
-    """A shard, if any, of pairs that ask for one thing beside another, of those painted halves that score enough."""
+    """Write a shard of pairs that ask for one object beside another, from halves with a sufficient score."""
     painted = [row for file in files for row in read_table(file, copaintings.CONTRACT).table.to_pylist()]
     good = [row for row in painted if row["clip_score"] >= minimum]
     trained = table.filter(pc.equal(table["split"], "train"))
@@ -173,16 +169,16 @@ def write_beside(
     together = pairs_shown(of or () for of in kinds)
     captions_of = partial(usable_captions, tool=load_tool(setting.tool))
     by_id = {row["scene_id"]: row for row in halves}
-    made = beside_pairs(good, by_id, captions_of, together=together, number=number, seed=setting.planner.seed)
-    if not made:
+    rows = beside_pairs(good, by_id, captions_of, together=together, number=number, seed=setting.planner.seed)
+    if not rows:
         return []
     file = scratch / "part-beside.parquet"
-    pq.write_table(pa.Table.from_pylist(made, schema=arrow_schema(copaintings.CONTRACT)), file, compression="zstd")
+    pq.write_table(pa.Table.from_pylist(rows, schema=arrow_schema(copaintings.CONTRACT)), file, compression="zstd")
     return [file]
 
 
 def _begin_work() -> None:
-    """A worker ends with the stage, leaves Ctrl-C to it, and keeps to one core."""
+    """Let a worker end with the stage, ignore Ctrl-C, and use one core."""
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)

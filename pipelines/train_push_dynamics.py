@@ -1,4 +1,4 @@
-"""Train param2deform on one material's pushes, and score it beside what is trivial and what repeats say is possible."""
+"""Train param2deform on one material's pushes, and score it beside baselines and the noise floor of repeats."""
 
 import argparse
 import json
@@ -69,14 +69,14 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _error_by_action(model: PushModel, samples: PushSamples) -> tuple[list[int], list[float]]:
-    """Actions, and the L_3D [mm²] of each over the window and its repeats: what runs are compared by."""
+    """Return actions and the L_3D [mm²] of each over the window and its repeats, to compare runs by."""
     error = height_errors(predict(model, samples) - torch.from_numpy(samples.after), torch.from_numpy(samples.known))
     actions = sorted(set(samples.action_id.tolist()))
     return actions, [float(error[torch.from_numpy(samples.action_id == action)].mean()) for action in actions]
 
 
 def _picture(model: PushModel, held_out: PushSamples) -> np.ndarray:
-    """Held-out pushes, spread over the recording."""
+    """Return a picture of held-out pushes, spread over the recording."""
     some = held_out.pick(np.unique(np.linspace(0, len(held_out.before) - 1, _SHOWN).round().astype(int)))
     return comparison(
         some.before, some.after, predict(model, some).numpy(), known=some.known, pixels_per_m=some.pixels_per_m

@@ -1,4 +1,4 @@
-"""Train two text-image encoders on the scenes: one that plans look through, and one that judges them."""
+"""Train two text-image encoders on the scenes: one that guides plans, and a judge that scores them."""
 
 import argparse
 import multiprocessing
@@ -39,7 +39,7 @@ class EncoderConfig:
     """One encoder: trained here, or published."""
 
     published: str | None
-    """Local folder of a CLIP model in the published layout, used as it is; or null: trained."""
+    """Local folder of a CLIP model in the published layout, used unchanged; null trains one."""
     shape: EncoderShape
     training: EncoderTraining
 
@@ -51,16 +51,16 @@ class TrainSemantics:
     side_px: int
     """Of the scenes."""
     merges: int
-    """Of the tokenizer, at most."""
+    """Maximum number of merges of the tokenizer."""
     caption_tokens: int
     views_seed: int
     """Of the drawings that both encoders learn from."""
     evaluated: int
-    """Scenes of the test split that scores are taken on."""
+    """Number of test scenes in the scores."""
     among: int
-    """Captions that a picture's own is to be found among."""
+    """Captions among which retrieval must find a picture's own."""
     encoders: dict[str, EncoderConfig]
-    """`main` and `judge`: what a plan was made to please must not judge it."""
+    """`main` and `judge`: the encoder that guides a plan must not score it."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "merges", "views_seed")
@@ -84,18 +84,18 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.judge) as judge_out,
     ):
         outs = {"main": main_out, "judge": judge_out}
-        # Each makes its own examples: that takes no longer than to make them once while the other core waits.
+        # Each process creates its own examples, which takes no longer than creating them once on one core.
         with ProcessPoolExecutor(len(outs), multiprocessing.get_context("spawn"), end_with_parent) as pool:
-            begun = {name: pool.submit(_make, name, config, arguments.scenes, out) for name, out in outs.items()}
-            made = {name: future.result() for name, future in begun.items()}
-        for name, (metrics, curve) in made.items():
+            begun = {name: pool.submit(_train, name, config, arguments.scenes, out) for name, out in outs.items()}
+            results = {name: future.result() for name, future in begun.items()}
+        for name, (metrics, curve) in results.items():
             for step, loss in zip(curve["step"], curve["loss"], strict=True):
                 run.log(f"{name}.loss", loss, int(step))
             run.log_metrics({name: metrics})
 
 
-def _make(name: str, config: TrainSemantics, scenes: Path, out: Path) -> tuple[dict[str, Any], dict[str, list[float]]]:
-    """One encoder, written with its scores and its curve into ``out``; in a process of its own."""
+def _train(name: str, config: TrainSemantics, scenes: Path, out: Path) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """Train one encoder in a separate process; write it with its scores and its curve into ``out``."""
     single_threaded()
     rows = _splits(scenes, config.side_px)
     test = _first(rows["test"], config.evaluated)
@@ -112,7 +112,7 @@ def _make(name: str, config: TrainSemantics, scenes: Path, out: Path) -> tuple[d
 
 
 def evaluate(encoder: Encoder, test: Captioned, views: Tensor, kinds: list[str], among: int) -> dict[str, Any]:
-    """Scores on held-out compositions by view, each beside what chance or the strongest trivial answer gives.
+    """Return scores on held-out compositions by view, each with chance or the strongest trivial answer.
 
     Args:
         views: [V, N, 3, H, W] by ``VIEWS``.
@@ -139,12 +139,12 @@ def evaluate(encoder: Encoder, test: Captioned, views: Tensor, kinds: list[str],
 
 
 def _finite(values: dict[str, float]) -> dict[str, float]:
-    """Without those that too few scenes leave unknown."""
+    """Return the finite values; too few scenes leave others unknown."""
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
 def _encoder(entry: EncoderConfig, config: TrainSemantics, rows: Captioned) -> tuple[Encoder, dict[str, list[float]]]:
-    """The encoder and its curve, which is empty where it was published."""
+    """Return the encoder and its curve, which is empty for a published one."""
     curve: dict[str, list[float]] = {"step": [], "loss": []}
     if entry.published is not None:
         return Encoder.load(Path(entry.published)), curve

@@ -1,4 +1,4 @@
-"""Train Traj2Stroke on one tool's strokes, and fit the trivial model that stands beside it."""
+"""Train Traj2Stroke on one tool's strokes, and fit its baseline, a polyline of constant width."""
 
 import argparse
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def main(arguments: argparse.Namespace) -> None:
         curve = Curve(run.log)
         parameters = train(training, config, curve.log).parameters_si()
         polyline = fit_polyline(lambda pen: mean_squared_error(predict_with(pen, training), training))
-        # The pen of least MSE may be too faint to count as ink: for the IoU the strongest rival is another one.
+        # The polyline of minimum MSE may be too faint to count as ink, so the IoU has a baseline of its own.
         crisp = fit_polyline(lambda pen: -mean_iou(predict_with(pen, training), training))
         metrics = {
             "training": _scores(parameters, polyline, crisp, training),
@@ -61,7 +61,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 class Curve:
-    """A curve that goes to MLflow and is kept for the report."""
+    """A curve that is logged to MLflow and kept for the report."""
 
     def __init__(self, log: Callable[[str, float, int], None]) -> None:
         self._log = log
@@ -80,7 +80,7 @@ def _scores(
     crisp: Traj2StrokeParameters,
     samples: StrokeSamples,
 ) -> dict[str, dict[str, float]]:
-    """Each score of the polyline is that of the pen fitted for it."""
+    """Return scores of the model and its baselines; each score of the polyline is that of the pen fitted for it."""
     scores: dict[str, StrokeScores] = {
         "model": score_model(model, samples),
         "polyline": replace(score_model(polyline, samples), iou=score_model(crisp, samples).iou),
@@ -90,7 +90,7 @@ def _scores(
 
 
 def _mse_by_action(model: Traj2StrokeParameters, samples: StrokeSamples) -> tuple[list[int], list[float]]:
-    """Actions, and the mean squared error of each over its window and its repeats: what runs are compared by."""
+    """Return actions and the mean squared error of each over its window and repeats, to compare runs by."""
     error = (predict_with(model, samples) - samples.after).square().mean(-1)
     of_stroke = (error * samples.valid).flatten(1).sum(1) / samples.valid.flatten(1).sum(1)
     actions = sorted(set(samples.action.tolist()))

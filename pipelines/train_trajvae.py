@@ -1,8 +1,7 @@
-"""Train TrajVAE on all sessions but each writer's last, then fine-tune it on a few strokes of that: a decoder each."""
+"""Train TrajVAE on all sessions but each writer's last, and fine-tune it on a few strokes of that one."""
 
 import argparse
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,7 @@ class TrainTrajVAE:
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: a decoder for each writer and one without, pictures of samples and of latents, metrics.json."""
+    """Write `--out`: a decoder for each writer and a generic one, pictures of samples and latents, metrics.json."""
     config = load_section(Path("params.yaml"), "train_trajvae", TrainTrajVAE)
     single_threaded()
     with (
@@ -51,7 +50,7 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         checked = read_table(arguments.demonstrations, CONTRACT)
         learned, held_out = split_last_session(demonstrated(checked.table, config.model.points))
-        model = pretrain(learned.strokes, config.model, partial(_log_as, run, "pretraining"))
+        model = pretrain(learned.strokes, config.model, run.log_under("pretraining"))
         (out / "hands").mkdir()
         write_decoder(out / "nobody.npz", generic_decoder(model))
         metrics: dict[str, Any] = {"strokes": {"learned": len(learned.hand), "quarantined": len(checked.quarantined)}}
@@ -72,7 +71,7 @@ def main(arguments: argparse.Namespace) -> None:
 def _adapted(
     model: TrajVAE, known: Strokes, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
 ) -> tuple[StyleDecoder, dict[str, float]]:
-    """The decoder fine-tuned on the first strokes of an unseen session, and errors on the rest of it, mm."""
+    """Return a writer's decoder, fine-tuned on the first strokes of an unseen session, and errors (mm) on the rest."""
     count = len(session.hand)
     if count <= config.few:
         raise ContractError(
@@ -80,7 +79,7 @@ def _adapted(
             "are needed, so that some are left to measure with."
         )
     few, rest = (session.strokes.pick(index) for index in (torch.arange(config.few), torch.arange(config.few, count)))
-    own = fine_tune(model, few, known, config.model, partial(_log_as, run, hand))
+    own = fine_tune(model, few, known, config.model, run.log_under(hand))
     errors = {
         "pretrained": reconstruction_mm(model, rest),
         "fine_tuned": reconstruction_mm(own, rest),
@@ -91,7 +90,7 @@ def _adapted(
 
 
 def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path) -> dict[str, float]:
-    """Draw the map. Return how well latents separate writers, compared with coordinates and chance."""
+    """Draw the map; return how well latents separate writers, beside raw coordinates and chance."""
     every = max(-(-len(learned.hand) // config.mapped), 1)
     shown = learned.pick(np.arange(0, len(learned.hand), every))
     with torch.no_grad():
@@ -104,10 +103,6 @@ def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path)
         "nearest_of_same_hand_by_coordinates": nearest_of_same_hand(paths.reshape(len(paths), -1), shown.hand),
         "chance": float(np.square(shares).sum()),
     }
-
-
-def _log_as(run: Run, kind: str, name: str, value: float, step: int) -> None:
-    run.log(f"{name}.{kind}", value, step)
 
 
 if __name__ == "__main__":

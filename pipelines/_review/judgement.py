@@ -18,7 +18,7 @@ _LESS_IS_BETTER = {
     "mse", "l1", "weighted_l1", "loss", "error", "deviation", "chamfer_mm", "emd_mm", "l_3d_mm2", "l_viz", "delta_pix",
     "delta_sem", "window_l_3d_mm2", "window_l_viz", "network_mm2", "planned_mm2", "corrected_mm2", "sim2real_mse",
     "pixel_mse", "validation_l1", "quarantined", "largest_difference", "wall_s", "error_3d_mm2", "visual_error",
-    "foretold_off_mm2", "plan_execution_error_base", "plan_execution_error_extended", "over_floor",
+    "prediction_error_mm2", "plan_execution_error_base", "plan_execution_error_extended", "over_floor",
 }  # fmt: skip
 _MORE_IS_BETTER = {
     "iou", "gap_closed", "recognised", "clip_score", "judge_score", "objects", "kept", "retrieval", "sim2real_factor",

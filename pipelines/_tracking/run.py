@@ -12,7 +12,7 @@ import json
 import os
 import subprocess
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -62,6 +62,10 @@ class Run:
         self._pending.append(Metric(name, float(value), int(time.time() * 1000), step or 0))
         if len(self._pending) >= _FLUSH_AT:
             self.flush()
+
+    def log_under(self, suffix: str) -> Callable[[str, float, int], None]:
+        """Return a `log` function that appends `suffix` to the names of its curves."""
+        return lambda name, value, step: self.log(f"{name}.{suffix}", value, step)
 
     def log_metrics(self, metrics: Mapping[str, Any]) -> None:
         """Log the numbers of a metrics.json, nested names joined by dots; other values stay there.

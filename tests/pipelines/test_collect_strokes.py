@@ -1,4 +1,4 @@
-"""The stage collect_strokes: what its design cannot tell apart is said before anything is drawn."""
+"""Tests of the stage collect_strokes."""
 
 import argparse
 import json
@@ -25,20 +25,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_largest_imitation_is_a_metric_of_the_strokes(folder: Path) -> None:
+def test_largest_aliasing_is_a_metric_of_the_strokes(folder: Path) -> None:
     from mlflow import MlflowClient
 
     stage.main(argparse.Namespace(tool="round_brush", out=folder / "strokes"))
     metrics = json.loads((folder / "strokes/metrics.json").read_text())
     assert metrics["rows"] == 12 == read_table(folder / "strokes", CONTRACT).table.num_rows
-    assert 0 < metrics["largest_imitation"] <= 1
+    assert 0 < metrics["largest_aliasing"] <= 1
     (run,) = MlflowClient().search_runs(
         [experiment.experiment_id for experiment in MlflowClient().search_experiments()]
     )
-    assert run.data.metrics["largest_imitation"] == pytest.approx(metrics["largest_imitation"])
+    assert run.data.metrics["largest_aliasing"] == pytest.approx(metrics["largest_aliasing"])
 
 
-def test_it_is_said_before_any_stroke_is_made(
+def test_prints_aliased_causes_before_any_stroke(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     class RobotError(PentimentoError): ...
@@ -49,5 +49,5 @@ def test_it_is_said_before_any_stroke_is_made(
     monkeypatch.setattr(stage, "collect_strokes", power_cut)
     with pytest.raises(RobotError, match="no power"):
         stage.main(argparse.Namespace(tool="round_brush", out=folder / "strokes"))
-    assert "cannot tell apart: " in capsys.readouterr().err
+    assert "cannot distinguish: " in capsys.readouterr().err
     assert not (folder / "strokes").exists()
