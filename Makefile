@@ -2,7 +2,7 @@
 #   make repro [PROFILE=smoke]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make test                    the whole test suite
 #   make check                   format, lint, types
-#   make deps                    write the code dependencies of every stage into dvc.yaml
+#   make deps                    write into dvc.yaml the dependencies that follow from code and params.yaml
 #   make bench                   the benchmarks, side by side with the slow references
 #   make studies [WORLDS=0.1]    the blind benchmark of the diagnosis (hours), or a share of them; resumes where it was interrupted
 #   make clean                   remove outputs and caches; environment, DVC's cache and MLflow's history stay
@@ -15,12 +15,12 @@ BIN := .venv/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 STAMP := .venv/.installed-$(shell cat pyproject.toml constraints.txt | git hash-object --stdin)
 
-# Two threads each: more than the cores at hand makes a training step several times slower.
+# Two threads for each process: with more threads than cores, a training step takes several times longer.
 export OMP_NUM_THREADS ?= 2
 export NUMBA_NUM_THREADS ?= 2
-# Python must be free to write its bytecode, or every stage starts seconds later.
+# Without Python's bytecode files, every stage starts seconds later.
 export PYTHONDONTWRITEBYTECODE :=
-# Nothing leaves the machine.
+# No network access.
 export HF_HUB_OFFLINE ?= 1
 export HF_HUB_DISABLE_PROGRESS_BARS ?= 1
 export MLFLOW_DISABLE_TELEMETRY ?= true
@@ -33,7 +33,11 @@ export DO_NOT_TRACK ?= true
 repro: env
 	@$(BIN)/python -m pipelines._repro $(PROFILE)
 
-# A file's tests stay together: they share what is slow to make.
+# One thread for each of the two processes: with more threads than cores, tests take several times longer. The tests of a
+# file stay together, because they share fixtures that are slow to create.
+test coverage: export OMP_NUM_THREADS = 1
+test coverage: export NUMBA_NUM_THREADS = 1
+
 test: env
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 

@@ -1,8 +1,8 @@
-"""A stage's section of params.yaml, checked key by key against the stage's frozen config dataclass.
+"""Parses a stage's section of params.yaml into the stage's frozen config dataclass.
 
-Every field of the dataclass must be in the file and every key in the file must be a field: defaults live in
-params.yaml only. Lengths, times, angles and speeds may be written with their unit: a text given to a field
-whose name ends in `_m`, `_s`, `_rad`, `_m_s` or `_m_s2` is parsed, e.g. `press_m: 2 mm`.
+Every field of the dataclass must be in the file, and every key in the file must be a field: defaults are in params.yaml
+only. Lengths, times, angles and speeds may have a unit: a text for a field whose name ends in `_m`, `_s`, `_rad`,
+`_m_s` or `_m_s2` is parsed, e.g. `press_m: 2 mm`.
 """
 
 import json
@@ -26,9 +26,9 @@ _STRICT = ConfigDict(strict=True, allow_inf_nan=False)
 
 
 def load_section(params_path: Path, section: str, config_type: type[T]) -> T:
-    """Read `section` of the YAML file into `config_type`, a frozen dataclass, nested if need be.
+    """Read `section` of the YAML file into `config_type`, a frozen dataclass that may hold others.
 
-    Raises `ConfigError`, a sentence with the file, `section.key`, what was found and what is expected.
+    Raises `ConfigError` with the file, `section.key`, the value found and what is expected.
     """
     document = read_params(params_path)
     if section not in document:
@@ -41,7 +41,7 @@ def load_section(params_path: Path, section: str, config_type: type[T]) -> T:
 
 
 def entry_of(entries: Mapping[str, T], name: str, key: str) -> T:
-    """Return what the mapping `key` of params.yaml holds under `name`, a tool or setting of the command line."""
+    """Return the entry `name` of the mapping `key` of params.yaml; `name` is a tool or setting of the command line."""
     if name not in entries:
         known = ", ".join(entries) or "none"
         raise ConfigError(f"params.yaml: {key} has no entry {name!r}; known are {known}. Add it.")
@@ -58,7 +58,7 @@ def require_model(key: str, tool: str, tools: Sequence[str]) -> None:
 
 
 def _build(value: Any, kind: Any, key: str) -> Any:
-    """Turn what YAML holds at `key` into `kind`."""
+    """Convert the YAML value at `key` to the type `kind`."""
     if isinstance(kind, type) and is_dataclass(kind):
         return _build_dataclass(value, kind, key)
     arguments = get_args(kind)

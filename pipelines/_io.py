@@ -1,4 +1,4 @@
-"""How a stage ends: outputs that are complete or absent, and failures that are one sentence."""
+"""Outputs of stages that are complete or absent, and failures as one sentence."""
 
 import argparse
 import ctypes
@@ -28,10 +28,10 @@ _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
 @contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
-    """Yield an empty folder that becomes `path` when the block ends well and vanishes when it raises.
+    """Yield an empty folder that is renamed to `path` when the block ends, and removed when it raises.
 
-    It stands beside `path`, so that the change of name is one step on one file system. What an execution left
-    there when it was killed is removed first (DVC runs a stage once at a time).
+    It is created beside `path`, so that renaming is atomic. Folders that a killed execution left there are removed
+    first (DVC runs a stage once at a time).
     """
     for abandoned in path.parent.glob(f".{path.name}.*.tmp"):
         shutil.rmtree(abandoned)
@@ -39,15 +39,15 @@ def output_folder(path: Path) -> Iterator[Path]:
         with atomic_folder(path) as folder:
             yield folder
     except OSError as error:
-        error.filename = error.filename or str(path)  # a full disk does not say where
+        error.filename = error.filename or str(path)  # the error of a full disk has no path
         raise
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write `value` (mappings, sequences, numpy arrays and scalars) as JSON that is equal for equal values.
+    """Write `value` (mappings, sequences, numpy arrays and scalars) as deterministic JSON.
 
-    Keys are sorted and floats keep 9 significant digits, below which sums depend on the order of addition.
-    Raises `PentimentoError` for a number that is not finite, which JSON cannot hold.
+    Keys are sorted, and floats keep 9 significant digits, because further ones depend on the order of addition.
+    Raises `PentimentoError` for a number that is not finite.
     """
     text = json.dumps(_plain(value, path.name), indent=2, sort_keys=True, ensure_ascii=False)
     atomic_write(path, (text + "\n").encode())
@@ -84,18 +84,18 @@ def stage_main(main: Callable[[argparse.Namespace], None], parser: argparse.Argu
 
 
 def single_threaded() -> None:
-    """Let PyTorch compute on one thread, so that outputs do not depend on the machine's cores.
+    """Let PyTorch compute on one thread, so that outputs do not depend on the number of cores.
 
-    Sums then come in one order. Nothing is lost: the tensors are small, and the renderer is not PyTorch's.
+    Sums then have one order. It costs no time: the tensors are small, and the renderer is not PyTorch's.
     """
     import torch
 
     torch.set_num_threads(1)
-    torch.set_deterministic_debug_mode("error")  # use_deterministic_algorithms would load a compiler: seconds a stage
+    torch.set_deterministic_debug_mode("error")  # use_deterministic_algorithms would load a compiler for seconds
 
 
 def failure_sentence(error: BaseException) -> str:
-    """Say in one line what went wrong, where, and (for the system's own errors) what to do."""
+    """Describe an error in one line: what, where, and for errors of the operating system what to do."""
     if isinstance(error, MemoryError):
         return f"memory is exhausted ({error}); use a coarser resolution (pixels_per_m) or fewer strokes."
     if not isinstance(error, OSError):
@@ -103,7 +103,7 @@ def failure_sentence(error: BaseException) -> str:
     where = f" {error.filename}" if error.filename else ""
     match error:
         case FileNotFoundError():
-            return f"cannot find{where}; run `make repro`, which makes what is missing, or correct the path."
+            return f"cannot find{where}; run `make repro`, which creates missing outputs, or correct the path."
         case PermissionError():
             return f"no permission for{where}; change the owner or the mode of that place."
         case _ if error.errno is not None:
@@ -114,7 +114,7 @@ def failure_sentence(error: BaseException) -> str:
 
 
 def end_with_parent() -> None:
-    """Receive SIGTERM when the parent process dies (on Linux), so that `kill -9` leaves no orphan at work."""
+    """Receive SIGTERM when the parent process dies (on Linux), so that `kill -9` leaves no orphan."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
         parent = multiprocessing.parent_process()
@@ -135,6 +135,6 @@ def _plain(value: Any, where: str) -> Any:
         return [_plain(entry, where) for entry in value]
     if isinstance(value, float):
         if not math.isfinite(value):
-            raise PentimentoError(f"{where} is {value}, which is no result; look at what computed it.")
+            raise PentimentoError(f"{where} is {value}, which is not a finite result; check what computed it.")
         return float(f"{value:.9g}")
     return value

@@ -1,9 +1,9 @@
-"""`make repro`: run DVC, put back what a failure left missing, say where the report is.
+"""`make repro`: run DVC, restore outputs that a failure left missing, print where the report is.
 
     python -m pipelines._repro [PROFILE]
 
-A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files
-that git knows or would add, with DVC's cache and MLflow's store shared: the working tree stays clean.
+A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files that git
+tracks or would add, with the same DVC cache and MLflow store, so that the working tree stays clean.
 """
 
 import filecmp
@@ -24,10 +24,10 @@ from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._side_by_side import bring_up_to_date
 from pipelines._tracking.dvc_files import locked_stages
-from pipelines._tracking.execution import VARIABLE
+from pipelines._tracking.store import VARIABLE
 from pipelines._tracking.timings import TIMINGS
 
-_OWN_FILES = {"dvc.lock", "params.yaml"}  # an overlay has its own
+_OWN_FILES = {"dvc.lock", "params.yaml"}  # a profile's copy has its own
 _MANIFEST = Path(".pentimento/overlaid.txt")
 _STATUS = {0: "FINISHED", 130: "KILLED", 143: "KILLED"}  # of MLflow, by exit status
 
@@ -58,14 +58,14 @@ def main(arguments: list[str]) -> int:
     try:
         if status != 0 or _ran_since(folder, started):
             link(folder, execution, _STATUS.get(status, "FAILED"))
-            if status == 0 and profile is None:  # models of other profiles are no candidates
+            if status == 0 and profile is None:  # models of other profiles are not registered
                 print("", *register(folder), sep="\n")
-    except PentimentoError as error:  # the outputs are there; only the history lacks a link
+    except PentimentoError as error:  # the outputs are complete; only links in MLflow are missing
         print(f"make repro: {error}", file=sys.stderr)
     if status != 0:
         restore_missing(folder)
         print(
-            "\nThe pipeline did not finish. What stood before is in place; `make repro` goes on from here.",
+            "\nThe pipeline did not finish. Earlier outputs are in place; `make repro` goes on from here.",
             file=sys.stderr,
         )
         return status
@@ -77,12 +77,12 @@ def main(arguments: list[str]) -> int:
 
 
 def _ran_since(folder: Path, started: float) -> bool:
-    """Whether a stage finished since then."""
+    """Whether a stage has finished since `started` (a Unix time)."""
     return any(file.stat().st_mtime >= started for file in (folder / TIMINGS).glob("*.json"))
 
 
 def restore_missing(folder: Path) -> None:
-    """Take what dvc.lock names and is gone from the cache: DVC deletes outputs before a stage runs."""
+    """Restore missing outputs of dvc.lock from the cache: DVC deletes outputs before a stage runs."""
     locked = locked_stages(folder)
     if not locked:
         return
@@ -98,19 +98,19 @@ def restore_missing(folder: Path) -> None:
 
 
 def overlay(root: Path, profile: str) -> Path:
-    """Bring `.profiles/<profile>/` up to date and return it; dvc.lock and outputs stay from the last time."""
+    """Bring `.profiles/<profile>/` up to date and return it; its dvc.lock and outputs stay."""
     params = overlaid(root, profile)
     folder = root / ".profiles" / profile
     _copy_changed(root, folder)
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(params, file)
-    # The copy is no git repository, and a stage computed here is known there.
+    # The copy is no git repository. The cache is shared, so that a stage runs once for both.
     (folder / ".dvc/config.local").write_text(f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n")
     return folder
 
 
 def _copy_changed(root: Path, folder: Path) -> None:
-    """Copy the files that git knows or would add, and remove those of the last time that are no more."""
+    """Copy the files that git tracks or would add, and remove copies of files that no longer exist."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=root,

@@ -1,7 +1,7 @@
-"""Two stages at a time: `dvc repro` runs one after the other, and many stages use one core.
+"""Runs two stages at a time: `dvc repro` alone runs one after the other, and many stages use one core.
 
-DVC itself runs each stage (`dvc repro --single-item`), as soon as all that it reads is there; the one from which the
-longest chain of stages hangs comes first.
+DVC itself runs each stage (`dvc repro --single-item`) as soon as its inputs are there. Of the stages that are ready,
+the one with the longest chain of dependent stages comes first.
 """
 
 import json
@@ -26,22 +26,21 @@ _EDGE = re.compile(r'^\s*"([^"]+)" -> "([^"]+)";$', re.MULTILINE)
 
 
 def bring_up_to_date(folder: Path) -> int:
-    """Run what is out of date of the pipeline in `folder`; DVC's exit status, 130 after Ctrl-C, 143 after SIGTERM."""
+    """Run the out-of-date stages of the pipeline in `folder`; return DVC's exit status, 130 or 143 after a signal."""
     stages = out_of_date(json.loads(ask_dvc(["status", "--json"], folder) or "{}"), ask_dvc(["dag", "--dot"], folder))
-    # That nothing is to be done, or that the pipeline as a whole is wrong (a cycle, a file that cannot be read), is for
-    # DVC to say.
+    # Where nothing is to be done or the pipeline is invalid (a cycle, an unreadable file), DVC reports it.
     return _run_all(stages, folder) if stages else run_dvc(["repro"], folder)
 
 
 def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
-    """Return the stages that must be looked at, and which of them each one reads.
+    """Return the stages that must run, and which of them each one reads.
 
     Parameters
     ----------
     changed
-        By stage that is out of date by itself, in what (`dvc status --json`).
+        The changes of each stage that is out of date by itself (`dvc status --json`).
     dot
-        The graph of the pipeline (`dvc dag --dot`), from a stage to those that read it.
+        The graph of the pipeline (`dvc dag --dot`), with edges from a stage to those that read it.
     """
     edges = _EDGE.findall(dot)
     found, new = set[str](), set(changed)
@@ -52,7 +51,7 @@ def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
 
 
 def in_order(reads: Reads) -> list[str]:
-    """Sort stages by the chain of stages that hangs from them, the longest first; of equals, by name."""
+    """Sort stages by the length of their longest chain of dependent stages, then by name."""
 
     @cache
     def below(name: str) -> int:
@@ -64,7 +63,7 @@ def in_order(reads: Reads) -> list[str]:
 def _run_all(reads: Reads, folder: Path) -> int:
     """Run the stages, `AT_ONCE` at a time, until all are done or one has failed; then the others are stopped."""
     os.environ["OMP_WAIT_POLICY"] = "PASSIVE"  # threads that spin while they wait take the other stage's core
-    os.environ["PYTHONUNBUFFERED"] = "1"  # into a pipe, what a stage says would come when it ends
+    os.environ["PYTHONUNBUFFERED"] = "1"  # or the output of a stage arrives in one piece when it ends
     waiting, done, running = in_order(reads), set[str](), dict[str, Process]()
     readers: list[threading.Thread] = []
     status = 0
@@ -74,13 +73,13 @@ def _run_all(reads: Reads, folder: Path) -> int:
             for name in ready[: AT_ONCE - len(running)]:
                 arguments = ["--wait-for-lock", "repro", "--single-item", name]
                 running[name] = start_dvc(arguments, folder, stdout=PIPE, stderr=STDOUT)
-                readers.append(_passing_on(running[name], name))
+                readers.append(_forwarding(running[name], name))
                 waiting.remove(name)
             time.sleep(_POLL_S)
             for name in [name for name, process in running.items() if process.poll() is not None]:
                 status = abs(running.pop(name).returncode) or status
                 done.add(name)
-        if not received:  # else they know
+        if not received:  # else the signal was forwarded
             send(running.values(), signal.SIGTERM)
         for process in running.values():
             process.wait()
@@ -89,14 +88,14 @@ def _run_all(reads: Reads, folder: Path) -> int:
     return 128 + received[0] if received else status
 
 
-def _passing_on(process: Process, name: str) -> threading.Thread:
-    """Print what a stage says, each line with its name before it."""
+def _forwarding(process: Process, name: str) -> threading.Thread:
+    """Print the output of a stage, each line after the stage's name."""
 
-    def pass_on() -> None:
+    def forward() -> None:
         with cast(IO[bytes], process.stdout) as lines:
             for line in lines:
                 print(f"{name} | {line.decode(errors='replace')}", end="", flush=True)
 
-    thread = threading.Thread(target=pass_on)
+    thread = threading.Thread(target=forward)
     thread.start()
     return thread

@@ -1,9 +1,9 @@
-"""Compare two runs, or two executions of the pipeline: what changed, which is better, and is it luck.
+"""Compare two runs, or two executions of the pipeline: the changes, the better side, and whether it is luck.
 
 python -m pipelines.compare RUN_A RUN_B       ids, their first letters, or an execution's name
 python -m pipelines.compare --last 2          the last two executions of one profile
 python -m pipelines.compare --last 2 --stage train_stroke_dynamics@marker
-python -m pipelines.compare --check           do MLflow and dvc.lock agree on what was run?
+python -m pipelines.compare --check           do MLflow and dvc.lock agree?
 """
 
 import argparse
@@ -17,8 +17,7 @@ from pipelines._io import stage_main
 from pipelines._review.agreement import check
 from pipelines._review.comparison import compare
 from pipelines._review.history import Execution, History, StageRun
-from pipelines._review.page import page
-from pipelines._review.wording import text
+from pipelines._review.page import page, text
 from pipelines._tracking.store import store_errors
 
 
@@ -40,7 +39,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun | Execution, StageRun | Execution]:
-    """Older first, where the last ones are asked for."""
+    """Return the two sides that the command names; of the last two, the older one first."""
     if arguments.last is None:
         if len(arguments.runs) != 2:
             raise PentimentoError(
@@ -51,29 +50,31 @@ def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun |
     if arguments.runs or arguments.last != 2:
         raise PentimentoError("--last takes the number 2 and no other runs beside it.")
     known: list[StageRun | Execution] = [each for each in history.executions if each.status != "RUNNING"]
-    what = "executions that ended"
+    kind = "executions that ended"
     if arguments.stage is not None:
         known = [run for run in history.runs if arguments.stage in (run.name, run.stage) and run.status == "FINISHED"]
-        what = f"finished runs of {arguments.stage}"
+        kind = f"finished runs of {arguments.stage}"
     if len(known) < 2:
-        raise PentimentoError(f"There are {len(known)} {what} in MLflow's store, and two are compared; run once more.")
+        raise PentimentoError(f"There are {len(known)} {kind} in MLflow's store, and two are compared; run once more.")
     return last_two(known)
 
 
 def last_two(known: Sequence[StageRun | Execution]) -> tuple[StageRun | Execution, StageRun | Execution]:
-    """Of two or more, the newest first: the one before the newest of its profile, or of any, and the newest."""
+    """Return the newest and the one before it, of its profile if there is one; `known` is sorted newest first."""
     newest, *earlier = known
-    alike = [each for each in earlier if each.tags.get("profile") == newest.tags.get("profile")]
-    return (alike or earlier)[0], newest
+    same_profile = [each for each in earlier if each.tags.get("profile") == newest.tags.get("profile")]
+    return (same_profile or earlier)[0], newest
 
 
 def _check(profile: str) -> None:
     folder = Path.cwd() if profile == "default" else Path(".profiles") / profile
-    agreeing, said = check(folder, profile)
-    for sentence in said:
+    agreeing, differences = check(folder, profile)
+    for sentence in differences:
         print(sentence)
-    if said:
-        raise PentimentoError(f"MLflow and dvc.lock disagree on {len(said)} of {agreeing + len(said)} stage items.")
+    if differences:
+        raise PentimentoError(
+            f"MLflow and dvc.lock disagree on {len(differences)} of {agreeing + len(differences)} stage items."
+        )
     print(f"MLflow and dvc.lock agree on all {agreeing} stage items.")
 
 

@@ -13,8 +13,7 @@ from pentimento.contracts.errors import PentimentoError
 from pipelines._config import entry_of
 from pipelines._io import stage_main
 from pipelines._params import overlaid, resolved
-from pipelines._review.rates import STAGE, Sizes, read_rates, sizes_of
-from pipelines._review.scale import Plan
+from pipelines._review.scale import STAGE, Plan, Sizes, read_rates, sizes_of
 from pipelines._review.scale_page import page, text
 from pipelines._tracking.dvc_files import flatten
 from pipelines._tracking.store import store_errors
@@ -38,7 +37,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def sizes_in(profile: str, setting: str) -> Sizes:
-    """At which a profile paints a setting."""
+    """Return the sizes at which a profile paints a setting."""
     settings = resolved(overlaid(Path(), profile))[STAGE]["settings"]
     return sizes_of(flatten(entry_of(settings, setting, f"{STAGE}.settings")))
 

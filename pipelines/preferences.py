@@ -1,4 +1,4 @@
-"""Analyse what people answered on the page of blind comparisons: `python -m pipelines.preferences KEY ANSWERS...`."""
+"""Analyse answers to the page of blind comparisons: `python -m pipelines.preferences KEY ANSWERS...`."""
 
 import argparse
 import json

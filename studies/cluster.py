@@ -32,7 +32,7 @@ from pentimento.semantics.encoder import Encoder, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines._config import load_section
 from pipelines._io import write_json
-from pipelines._review.rates import CLUSTER
+from pipelines._review.scale import CLUSTER
 from pipelines.synthesize_copaintings import SynthesizeCopaintings
 from pipelines.train_semantics import TrainSemantics
 

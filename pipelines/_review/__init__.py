@@ -1,1 +1,1 @@
-"""Reading MLflow's history: which runs there are, what differs between two of them, whether DVC agrees."""
+"""Reads MLflow's history: the runs, the differences between two of them, and their agreement with dvc.lock."""

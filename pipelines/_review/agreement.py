@@ -1,4 +1,4 @@
-"""Whether MLflow's runs and dvc.lock tell of the same executions, and the tags by which one leads to the other."""
+"""Agreement of MLflow's runs with dvc.lock, and the tags that link one to the other."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from pipelines._tracking.dvc_files import locked_stages, matrix_items, value_dig
 from pipelines._tracking.store import open_store, store_errors
 
 OUTPUT = "output:"
-"""Prefix of the tags that hold the MD5 of what a run wrote, by path."""
+"""Prefix of the tags with the MD5 of a run's outputs, by path."""
 
 
 @dataclass(frozen=True)
@@ -54,22 +54,22 @@ def _digests(entry: dict[str, list[dict[str, str]]], part: str) -> dict[str, str
 
 
 def differences(locked: Locked, run: StageRun) -> list[str]:
-    """What MLflow and DVC tell differently of one stage item, as phrases; a run without a record of it differs."""
-    said = []
+    """Return the differences between a run and dvc.lock as phrases; a run without `params_md5` differs."""
+    found = []
     for path, digest in run.inputs.items():
         if path in locked.inputs and locked.inputs[path] != digest:
-            said.append(f"read another {path} ({digest[:8]}, dvc.lock: {locked.inputs[path][:8]})")
+            found.append(f"read another {path} ({digest[:8]}, dvc.lock: {locked.inputs[path][:8]})")
     if run.tags.get("params_md5") != locked.params_md5:
-        said.append(f"ran with other parameters than dvc.lock has in section {locked.stage}")
+        found.append(f"ran with other parameters than dvc.lock has in section {locked.stage}")
     for path, digest in locked.outputs.items():
         recorded = run.tags.get(f"{OUTPUT}{path}", digest)
         if recorded != digest:
-            said.append(f"wrote another {path} ({recorded[:8]}, dvc.lock: {digest[:8]})")
-    return said
+            found.append(f"wrote another {path} ({recorded[:8]}, dvc.lock: {digest[:8]})")
+    return found
 
 
-def made_by(locked: Locked, runs: Sequence[StageRun]) -> StageRun | None:
-    """The newest finished run (`runs` are newest first) that agrees with dvc.lock."""
+def producer_of(locked: Locked, runs: Sequence[StageRun]) -> StageRun | None:
+    """Return the newest finished run (`runs` are newest first) that agrees with dvc.lock."""
     return next((run for run in runs if _finished(locked, run) and not differences(locked, run)), None)
 
 
@@ -77,26 +77,28 @@ def check(folder: Path, profile: str) -> tuple[int, list[str]]:
     """Compare each item of dvc.lock in `folder` with MLflow's runs under `profile`.
 
     Returns:
-        How many agree, and a sentence for each that does not.
+        The number of items that agree, and a sentence for each other item.
     """
     with store_errors():
         runs = [run for run in History().runs if run.tags.get("profile") == profile]
-    agreeing, said = 0, []
+    agreeing, sentences = 0, []
     for locked in read_lock(folder):
         latest = next((run for run in runs if _finished(locked, run)), None)
         if latest is None:
-            said.append(
+            sentences.append(
                 f"{locked.name}: MLflow has no finished run of it; `dvc repro --force --single-item` makes one."
             )
-        elif made_by(locked, runs) is None:
-            said.append(f"{locked.name}: its last run {latest.id[:8]} {'; it '.join(differences(locked, latest))}.")
+        elif producer_of(locked, runs) is None:
+            sentences.append(
+                f"{locked.name}: its last run {latest.id[:8]} {'; it '.join(differences(locked, latest))}."
+            )
         else:
             agreeing += 1
-    return agreeing, said
+    return agreeing, sentences
 
 
 def link(folder: Path, execution: str, status: str) -> None:
-    """Close an execution: tag its runs with what they wrote, and its parents with the earlier runs that stood."""
+    """Close an execution: tag its runs with their outputs, and its parents with earlier runs whose outputs stand."""
     with store_errors():
         history, client = History(), open_store()
         found = next((each for each in history.executions if each.name == execution), None)
@@ -105,7 +107,7 @@ def link(folder: Path, execution: str, status: str) -> None:
         runs = [run for run in history.runs if run.tags.get("profile") == found.tags.get("profile")]
         reused = {}
         for locked in read_lock(folder):
-            run = made_by(locked, runs)
+            run = producer_of(locked, runs)
             if run is None:
                 continue
             if run.tags.get("execution") != execution:

@@ -1,9 +1,9 @@
-"""The models that the pipeline made, in MLflow's registry: a version for each, and the alias `champion`.
+"""The pipeline's models in MLflow's registry: a version for each, and the alias `champion`.
 
-DVC keeps the files; a version is a link to them (`dvc://<md5>/<path>`) with the run that made it. A version becomes
-the champion where its figure on the same held-out data is not worse than the champion's, and the blind tests of the
-gap finder, where they are about its kind of model, fall short in no more rows. A bundle becomes it where all of its
-models are champions. Otherwise the alias stays, and the version's tag `champion` says why.
+DVC keeps the files. A version is a link to them (`dvc://<md5>/<path>`) with the run that produced them. A version
+becomes the champion if its figure on the same held-out data is not worse than the champion's, and if the blind
+benchmark of its kind of model falls short in no more rows. A bundle becomes the champion if all of its models are
+champions. Otherwise the alias stays, and the version's tag `champion` gives the reason.
 """
 
 import re
@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipelines._review.agreement import Locked, made_by, read_lock
+from pipelines._review.agreement import Locked, producer_of, read_lock
+from pipelines._review.figures import less_is_better
 from pipelines._review.history import History, StageRun
-from pipelines._review.judgement import less_is_better
 from pipelines._tracking.families import HEADLINES
 from pipelines._tracking.store import open_store, store_errors
 
@@ -23,27 +23,27 @@ if TYPE_CHECKING:
 
 ALIAS = "champion"
 _REGISTERED = ("diagnose_gap", "train_semantics", "finetune_goal_planner", "diagnose_pushes", "deploy")
-"""Stages whose models are handed on: those that a bundle is made of, and the bundle."""
-_JUDGE = "models/judge/weights"  # it scores the answers of others, and is handed on to no one
+"""Stages whose outputs are registered: the models of a bundle, and the bundle."""
+_JUDGE = "models/judge/weights"  # only scores other models; not registered
 _BLIND_TESTS = {"stroke_": Path("docs/blind_tests.md")}
-"""By the beginning of a model's name, the page of the blind tests that are about it."""
+"""The page of the blind benchmark, by the prefix of a model's name."""
 
 
 def register(folder: Path) -> list[str]:
     """Register what dvc.lock in `folder` names and is not registered yet; return a sentence for each."""
-    said = []
+    sentences = []
     with store_errors():
         client, runs = open_store(), History().runs
         for locked in sorted(read_lock(folder), key=lambda each: each.stage == "deploy"):  # the bundle last
-            run = made_by(locked, runs) if locked.stage in _REGISTERED else None
+            run = producer_of(locked, runs) if locked.stage in _REGISTERED else None
             for path in sorted(locked.outputs):
                 if run is not None and path.startswith("models/") and path != _JUDGE:
-                    said += _register(client, folder, locked, path, run)
-    return said
+                    sentences += _register(client, folder, locked, path, run)
+    return sentences
 
 
 def _register(client: "MlflowClient", folder: Path, locked: Locked, path: str, run: StageRun) -> list[str]:
-    """Nothing where the very same model is known."""
+    """Register one model, unless its version exists already."""
     name, digest = Path(path).parts[1], locked.outputs[path]
     versions = _versions(client, name)
     if any(version.tags["md5"] == digest for version in versions):
@@ -54,22 +54,22 @@ def _register(client: "MlflowClient", folder: Path, locked: Locked, path: str, r
     against = _bundled(client, run) if locked.stage == "deploy" else _reasons(tags, champion)
     tags[ALIAS] = f"no: {'; '.join(against)}" if against else "yes"
     if not versions:
-        client.create_registered_model(name, description=f"Made by {locked.name}; DVC has the files, in {path}.")
-    made = client.create_model_version(name, f"dvc://{digest}/{path}", run.id, tags=tags)
+        client.create_registered_model(name, description=f"Produced by {locked.name}; DVC has the files, in {path}.")
+    version = client.create_model_version(name, f"dvc://{digest}/{path}", run.id, tags=tags)
     if against:
-        return [f"{name}: version {made.version} is not the champion: {'; '.join(against)}."]
-    client.set_registered_model_alias(name, ALIAS, made.version)
-    return [f"{name}: version {made.version} is the champion."]
+        return [f"{name}: version {version.version} is not the champion: {'; '.join(against)}."]
+    client.set_registered_model_alias(name, ALIAS, version.version)
+    return [f"{name}: version {version.version} is the champion."]
 
 
 def _versions(client: "MlflowClient", name: str) -> Sequence["ModelVersion"]:
-    """With their aliases, which MLflow's search leaves out."""
+    """Return the versions with their aliases, which MLflow's search leaves out."""
     found = client.search_model_versions(f"name = '{name}'")
     return [client.get_model_version(name, version.version) for version in found]
 
 
 def _figure_tags(stage: str, run: StageRun) -> dict[str, str]:
-    """The main figure, the one beside it, and the data that it was measured on."""
+    """Return the main figure, its baseline, and the digests of the data that they were measured on."""
     headline = HEADLINES[stage]
     known = {name: run.metrics[name] for name in (headline.metric, headline.baseline) if name in run.metrics}
     tags = {"metric": headline.metric}
@@ -89,29 +89,31 @@ def _blind_tests(folder: Path, name: str) -> dict[str, str]:
 
 
 def _reasons(tags: dict[str, str], champion: "ModelVersion | None") -> list[str]:
-    """What stands against a new champion; nothing stands against the first one that was measured."""
+    """Return the reasons against a new champion; there are none against the first measured version."""
     if "value" not in tags:
         return [f"its run has no figure {tags['metric']}"]
     if champion is None:
         return []
-    known, said = champion.tags, []
+    known, reasons = champion.tags, []
     if known["data"] != tags["data"]:
-        said.append(f"version {champion.version} was measured on other data; compare them and move the alias by hand")
+        reasons.append(
+            f"version {champion.version} was measured on other data; compare them and move the alias by hand"
+        )
     else:
         old, new = float(known["value"]), float(tags["value"])
         if new != old and (new > old) == less_is_better(tags["metric"]):
-            said.append(f"its {tags['metric']} is {new:.4g}, worse than {old:.4g} of version {champion.version}")
+            reasons.append(f"its {tags['metric']} is {new:.4g}, worse than {old:.4g} of version {champion.version}")
     short = [int(of.get("blind_tests_falling_short", 0)) for of in (known, tags)]
     if short[1] > short[0]:
-        said.append(f"the blind tests fall short in {short[1]} rows, and did in {short[0]}")
-    return said
+        reasons.append(f"the blind tests fall short in {short[1]} rows, and did in {short[0]}")
+    return reasons
 
 
 def _bundled(client: "MlflowClient", run: StageRun) -> list[str]:
-    """Of a bundle: the models in it that are no champions."""
-    said = []
+    """Return the reasons against a bundle: its models that are not champions."""
+    reasons = []
     for path, digest in run.inputs.items():
         name = Path(path).parts[1]
         if not any(ALIAS in version.aliases and version.tags["md5"] == digest for version in _versions(client, name)):
-            said.append(f"its {name} is not the champion")
-    return said
+            reasons.append(f"its {name} is not the champion")
+    return reasons

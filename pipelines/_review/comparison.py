@@ -1,12 +1,12 @@
-"""What differs between two runs, or stage by stage between two executions of the pipeline."""
+"""The differences between two runs, or stage by stage between two executions of the pipeline."""
 
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pipelines._review.agreement import OUTPUT
+from pipelines._review.figures import Figure, figures, paired
 from pipelines._review.history import Execution, History, StageRun
-from pipelines._review.judgement import Figure, figures, paired
 from pipelines._tracking.families import HEADLINES
 
 Pair = tuple[str | None, str | None]
@@ -16,7 +16,7 @@ _TIME = "wall_s"
 
 @dataclass(frozen=True)
 class Side:
-    """What is compared, as its column is headed."""
+    """One of the two compared runs or executions."""
 
     title: str
     started_ms: int
@@ -35,23 +35,23 @@ class Side:
 
 @dataclass(frozen=True)
 class StageDifference:
-    """One stage item in both; a side is None where it has no run of it."""
+    """The differences of one stage item; a side is None where it has no run of it."""
 
     name: str
     runs: tuple[StageRun | None, StageRun | None]
     params: dict[str, Pair]
-    """Those that differ."""
+    """Parameters that differ."""
     data: dict[str, Pair]
-    """MD5 of what was read and written, where it differs, by path."""
+    """MD5 of inputs and outputs that differ, by path."""
     figures: tuple[Figure, ...]
-    """The main one first, then those of which one run is the better, then the rest."""
+    """The main figure first, then figures with a better side, then the others."""
     seconds: tuple[float | None, float | None]
     pictures: tuple[dict[str, bytes], dict[str, bytes]]
     """PNGs by name."""
 
     @property
     def same(self) -> bool:
-        """Whether it is one run, or two that differ in nothing but time."""
+        """Whether both sides are one run, or differ only in time."""
         a, b = self.runs
         if a is not None and b is not None and a.id == b.id:
             return True
@@ -67,26 +67,28 @@ class StageDifference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two sides and what differs."""
+    """Two sides and their differences."""
 
     sides: tuple[Side, Side]
     stages: tuple[StageDifference, ...]
-    """In the order in which they ran."""
+    """In the order of execution."""
 
     @property
     def changed(self) -> tuple[StageDifference, ...]:
-        """Those that are not the same."""
+        """Stages that differ."""
         return tuple(stage for stage in self.stages if not stage.same)
 
     @property
     def origins(self) -> dict[str, Pair]:
-        """Whose the data are that each side read, and under which licence, as far as they say it, by path."""
-        a, b = ({path: said for run in side.runs.values() for path, said in run.origins.items()} for side in self.sides)
+        """Source and licence of the data that each side read, as far as known, by path."""
+        a, b = (
+            {path: origin for run in side.runs.values() for path, origin in run.origins.items()} for side in self.sides
+        )
         return {path: (a.get(path), b.get(path)) for path in sorted(a | b)}
 
 
 def compare(history: History, a: StageRun | Execution, b: StageRun | Execution) -> Comparison:
-    """Compare two runs of one stage, or two executions; runs of different stages have only figures in common."""
+    """Compare two runs, or two executions. Runs of different stages have only figures in common."""
     sides = (_side(history, a), _side(history, b))
     pairs: dict[str, tuple[StageRun | None, StageRun | None]]
     if isinstance(a, StageRun) and isinstance(b, StageRun):
@@ -137,11 +139,11 @@ def _metrics(run: StageRun | None) -> dict[str, float]:
 
 
 def _with_items(history: History, figure: Figure, a: StageRun | None, b: StageRun | None) -> Figure:
-    """Paired where both runs kept their items, and these are the same."""
+    """Pair a figure where both runs kept the values of the same held-out items."""
     mark = f"items.{figure.name}"
     if a is None or b is None or not figure.changed or mark not in a.tags or a.tags[mark] != b.tags.get(mark):
         return figure
-    if a.inputs != b.inputs:  # an item of the same name may be another one in other data
+    if a.inputs != b.inputs:  # items of one name may differ between data sets
         return figure
     return paired(figure, history.items(a, figure.name), history.items(b, figure.name), 0)
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pentimento.contracts.errors import PentimentoError
-from pipelines._tracking.execution import EXECUTION, PART, STAGE
 from pipelines._tracking.families import experiments
-from pipelines._tracking.origins import told_origin
-from pipelines._tracking.store import open_store
+from pipelines._tracking.origins import described_origin
+from pipelines._tracking.store import EXECUTION, PART, STAGE, open_store
 
 if TYPE_CHECKING:
     from mlflow.entities import Run as StoredRun
@@ -33,9 +32,9 @@ class StageRun:
     metrics: dict[str, float]
     tags: dict[str, str]
     inputs: dict[str, str]
-    """MD5 of what was read, by path."""
+    """MD5 of the inputs, by path."""
     origins: dict[str, str]
-    """Whose the data are that were read, and under which licence, as far as they say it, by path."""
+    """Source and licence of the inputs, as far as known, by path."""
 
     @property
     def name(self) -> str:
@@ -45,7 +44,7 @@ class StageRun:
 
 @dataclass(frozen=True)
 class Execution:
-    """One execution of the pipeline: its runs, one in each family's experiment, share a name."""
+    """One execution of the pipeline: its parent runs, one in the experiment of each family, share a name."""
 
     name: str
     ids: tuple[str, ...]
@@ -55,7 +54,7 @@ class Execution:
 
     @property
     def reused(self) -> dict[str, str]:
-        """Ids of the earlier runs whose results stood, by stage item."""
+        """Ids of the earlier runs whose outputs were kept, by stage item."""
         return dict(json.loads(self.tags.get("reused", "{}")))
 
 
@@ -88,14 +87,14 @@ class History:
         return runs
 
     def of_execution(self, execution: Execution) -> dict[str, StageRun]:
-        """What stood when an execution ended, by stage item: its own runs, and the earlier ones that were kept."""
+        """Return the runs whose outputs stood when an execution ended, by stage item: new ones and kept ones."""
         by_id = {run.id: run for run in self.runs}
         standing = {name: by_id[id_] for name, id_ in execution.reused.items() if id_ in by_id}
         own = [run for run in reversed(self.runs) if run.tags.get("execution") == execution.name]
         return standing | {run.name: run for run in own}
 
     def find(self, reference: str) -> StageRun | Execution:
-        """The run or execution of an id, of at least four of its first letters, or of its name.
+        """Return the run or execution with an id, a prefix of four letters or more, or a name.
 
         Raises:
             PentimentoError: there is none, or there are several.
@@ -117,19 +116,21 @@ class History:
         raise PentimentoError(f"{reference!r} may be any of {len(found)} runs ({listed}); give one of these ids.")
 
     def items(self, run: StageRun, metric: str) -> list[float]:
-        """What each held-out item contributes to a figure."""
+        """Return the contribution of each held-out item to a figure."""
         points = self._client.get_metric_history(run.id, f"items.{metric}")
         return [value for _, value in sorted({point.step: point.value for point in points}.items())]
 
     def pictures(self, run: StageRun) -> dict[str, bytes]:
-        """The run's PNGs by name."""
+        """Return the run's PNGs by name."""
         listed = [entry.path for entry in self._client.list_artifacts(run.id, "pictures") if not entry.is_dir]
-        made = {}
+        pictures = {}
         with tempfile.TemporaryDirectory() as scratch:
             for path in sorted(listed):
                 if path.endswith(".png"):
-                    made[Path(path).name] = Path(self._client.download_artifacts(run.id, path, scratch)).read_bytes()
-        return made
+                    pictures[Path(path).name] = Path(
+                        self._client.download_artifacts(run.id, path, scratch)
+                    ).read_bytes()
+        return pictures
 
     def _last(self) -> str:
         names = [f"{each.name!r}" for each in self.executions[:3]] or [
@@ -143,7 +144,7 @@ def _stage_run(run: "StoredRun") -> StageRun:
     tags = dict(run.data.tags)
     paths = {str(json.loads(each.dataset.source)["uri"]): each.dataset for each in used}
     inputs = {path: dataset.digest for path, dataset in paths.items()}
-    origins = {path: said for path, dataset in paths.items() if (said := told_origin(tags, dataset.name))}
+    origins = {path: text for path, dataset in paths.items() if (text := described_origin(tags, dataset.name))}
     return StageRun(
         run.info.run_id, tags["stage"], tags.get("item", ""), run.info.status, run.info.start_time,
         dict(run.data.params), dict(run.data.metrics), tags, inputs, origins,
@@ -151,11 +152,11 @@ def _stage_run(run: "StoredRun") -> StageRun:
 
 
 def _executions(runs: Sequence["StoredRun"]) -> list[Execution]:
-    """Newest first; the parents of one execution become one."""
+    """Return the executions, newest first; the parent runs of one execution become one value."""
     by_name: dict[str, list[StoredRun]] = {}
     for run in runs:
         by_name.setdefault(run.data.tags["execution"], []).append(run)
-    made = [
+    executions = [
         Execution(
             name,
             tuple(run.info.run_id for run in parents),
@@ -165,7 +166,7 @@ def _executions(runs: Sequence["StoredRun"]) -> list[Execution]:
         )
         for name, parents in by_name.items()
     ]
-    return sorted(made, key=lambda each: each.started_ms, reverse=True)
+    return sorted(executions, key=lambda each: each.started_ms, reverse=True)
 
 
 def _worst(statuses: Sequence[str]) -> str:

@@ -1,121 +1,97 @@
-"""The comparison as one HTML page that needs nothing else."""
+"""A comparison as text for the terminal, and as one self-contained HTML page."""
 
 import re
-from html import escape
-from importlib import resources
 from itertools import zip_longest
+from typing import Any
 
 import cv2
 import numpy as np
 
 from pentimento.contracts.images import decode_png, encode_png
-from pentimento.report.html import Album, row, table
-from pipelines._review.comparison import Comparison, Pair, StageDifference
-from pipelines._review.judgement import Figure
-from pipelines._review.wording import number, of_side, verdict, what_changed, with_interval
+from pentimento.report.templates import render
+from pipelines._review.comparison import Comparison, Pair, Side, StageDifference
+from pipelines._review.figures import Figure
 
-_STYLE = """
-h1 { font-size: 2.2rem; } h2 { font-size: 1.5rem; margin-top: 3rem; overflow-wrap: anywhere; }
-h3 { font-size: 1.1rem; margin-top: 1.75rem; }
-.sides { display: grid; gap: 0 2rem; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); }
-.sides p { margin: .25rem 0; } .sides b { font-size: 1.05rem; }
-.sure { color: #1a7f4b; font-weight: 600; } .unsure { color: #a05a00; } .quiet { color: var(--quiet); }
-@media (prefers-color-scheme: dark) { .sure { color: #6fce9b; } .unsure { color: #e0a85c; } }
-tbody th, td { overflow-wrap: anywhere; } tbody th { min-width: 11rem; } .value { white-space: nowrap; }
-details { margin: 1rem 0; } summary { cursor: pointer; color: var(--accent); }
-.photo img { image-rendering: auto; border: 1px solid var(--line); }
-"""
-_LUCK = (
-    "A difference is called <b>beyond luck</b> where other held-out items would not undo it: the 95&nbsp;% bootstrap "
-    "interval of the paired difference leaves out zero or, without common items, the recorded intervals do not "
-    "overlap. What another seed of the training would change is not in it: repeat the run with one."
-)
+_MAX_NAMES = 4
+"""Names listed in a sentence."""
+
+
+def text(comparison: Comparison) -> str:
+    """Return the comparison for the terminal."""
+    sides = zip("AB", comparison.sides, strict=True)
+    lines = [f"{letter}  {side.title}  ({_description(side)})" for letter, side in sides]
+    lines += ["", *_changes(comparison), ""]
+    for stage in comparison.changed:
+        lines.append(f"{stage.name}: {_verdict(stage)}")
+        lines += [f"    {name}: {a} -> {b}" for name, (a, b) in [*stage.params.items()][:_MAX_NAMES]]
+        if stage.headline is not None and stage.headline.changed:
+            a, b = (_with_interval(stage.headline, side) for side in (0, 1))
+            lines.append(f"    {stage.headline.name}: A {a}, B {b}")
+    same = [stage.name for stage in comparison.stages if stage.same]
+    if same:
+        lines.append(f"The same in both: {', '.join(same)}.")
+    if comparison.origins:
+        lines += ["", "On which data:"]
+    for path, (one, other) in comparison.origins.items():
+        lines.append(f"    {path}: {one}" if one == other else f"    {path}: A {one or 'none'} -> B {other or 'none'}")
+    return "\n".join(lines)
 
 
 def page(comparison: Comparison) -> str:
-    """Return the page."""
-    a, b = comparison.sides
-    style = resources.files("pentimento.report").joinpath("templates/style.css").read_text(encoding="utf-8")
-    same = [stage.name for stage in comparison.stages if stage.same]
-    body = "".join(
-        [
-            f"<header><h1>Two runs compared</h1>{_sides(comparison)}</header><main>",
-            "<section id='changed'><h2>What changed</h2><ul>",
-            *(f"<li>{escape(sentence)}</li>" for sentence in what_changed(comparison)),
-            "</ul></section><section id='better'><h2>Which is better, and is it luck?</h2>",
-            _overview(comparison),
-            f"<p class='quiet'>The same in both: {escape(', '.join(same))}.</p>" if same else "",
-            f"<p class='quiet'>{_LUCK}</p></section>",
-            _origins(comparison),
-            *(_stage(stage) for stage in comparison.changed),
-            "</main>",
-        ]
-    )
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="color-scheme" content="light dark">'
-        f"<title>{escape(a.title)} and {escape(b.title)}</title>\n<style>\n{style}{_STYLE}</style></head>\n"
-        f"<body>{body}</body></html>\n"
+    """Return the comparison as an HTML page."""
+    return render(
+        "comparison.html",
+        sides=[{"title": side.title, "description": _description(side)} for side in comparison.sides],
+        changes=_changes(comparison),
+        stages=[_stage(stage) for stage in comparison.changed],
+        same=[stage.name for stage in comparison.stages if stage.same],
+        origins=list(comparison.origins.items()),
     )
 
 
-def _sides(comparison: Comparison) -> str:
-    made = [
-        f"<p><b>{letter}</b> &ensp;<b>{escape(side.title)}</b><br>"
-        f"<span class='quiet'>{escape(of_side(side))}</span></p>"
-        for letter, side in zip("AB", comparison.sides, strict=True)
-    ]
-    return f"<div class='sides'>{''.join(made)}</div>"
+def _stage(stage: StageDifference) -> dict[str, Any]:
+    """The values of a stage's section of the page."""
+    headline = stage.headline
+    return {
+        "name": stage.name,
+        "anchor": re.sub(r"[^a-z0-9]+", "-", stage.name.lower()),
+        "verdict": _verdict(stage),
+        "class": "" if headline is None else _class(headline),
+        "headline": None if headline is None else _figure(headline),
+        "runs": [run.id[:8] if run else "none" for run in stage.runs],
+        "seconds": [f"{each:.1f} s" if each is not None else "unknown" for each in stage.seconds],
+        "params": list(stage.params.items()),
+        "data": [(path, _short(pair)) for path, pair in stage.data.items()],
+        "pictures": _pictures(stage),
+        "changed": [_figure(figure) for figure in stage.figures if figure.changed],
+        "equal": [_figure(figure) for figure in stage.figures if not figure.changed],
+    }
 
 
-def _overview(comparison: Comparison) -> str:
-    rows = []
-    for stage in comparison.changed:
-        figure = stage.headline
-        values = ["", ""] if figure is None else [_value(figure, side) for side in (0, 1)]
-        name = f'<a href="#{_anchor(stage)}">{escape(stage.name)}</a>'
-        rows.append([name, f"<code>{escape(figure.name)}</code>" if figure else "", *values, _coloured(stage)])
-    if not rows:
-        return "<p>Nothing differs.</p>"
-    return table(["stage", "main figure", "A", "B", "verdict"], rows, "Stages that differ", numbers_from=9)
+def _figure(figure: Figure) -> dict[str, str]:
+    return {
+        "name": figure.name,
+        "a": _with_interval(figure, 0),
+        "b": _with_interval(figure, 1),
+        "change": _change(figure),
+        "verdict": figure.sentence,
+        "class": _class(figure),
+    }
 
 
-def _origins(comparison: Comparison) -> str:
-    said = _pairs(comparison.origins, "What was read, and what it says of itself", "path")
-    return f"<section id='data'><h2>On which data?</h2>{said}</section>" if said else ""
+def _class(figure: Figure) -> str:
+    """The CSS class of a verdict: whether the difference is beyond luck."""
+    if not figure.changed or None in figure.values:
+        return ""
+    return "sure" if figure.beyond_luck else "unsure"
 
 
-def _coloured(stage: StageDifference) -> str:
-    return _luck(verdict(stage), stage.headline)
-
-
-def _luck(sentence: str, figure: Figure | None) -> str:
-    if figure is None or not figure.changed or None in figure.values:
-        return escape(sentence)
-    return f'<span class="{"sure" if figure.beyond_luck else "unsure"}">{escape(sentence)}</span>'
-
-
-def _stage(stage: StageDifference) -> str:
-    seconds = " and ".join(f"{each:.1f} s" if each is not None else "unknown" for each in stage.seconds)
-    ids = " and ".join(f"<code>{run.id[:8]}</code>" if run else "none" for run in stage.runs)
-    return "".join(
-        [
-            f'<section id="{_anchor(stage)}"><h2>{escape(stage.name)}</h2>',
-            f"<p>{_coloured(stage)}. <span class='quiet'>Runs {ids}; they took {seconds}.</span></p>",
-            _pairs(stage.params, "Parameters that differ", "parameter"),
-            _pairs({path: _short(pair) for path, pair in stage.data.items()}, "Data that differs, by MD5", "path"),
-            _pictures(stage),
-            _figures(stage),
-            "</section>",
-        ]
-    )
-
-
-def _pairs(pairs: dict[str, Pair], caption: str, head: str) -> str:
-    rows = [[f"<code>{escape(name)}</code>", *(escape(str(v)) if v is not None else "–" for v in pair)]
-            for name, pair in pairs.items()]  # fmt: skip
-    return table([head, "A", "B"], rows, caption, numbers_from=9) if rows else ""
+def _change(figure: Figure) -> str:
+    a, b = figure.values
+    if a is None or b is None or not figure.changed:
+        return ""
+    relative = f" ({100 * (b - a) / abs(a):+.1f} %)" if a else ""
+    return (_number(b - a) + relative).replace("-", "−")
 
 
 def _short(pair: Pair) -> Pair:
@@ -123,66 +99,84 @@ def _short(pair: Pair) -> Pair:
     return a, b
 
 
-def _figures(stage: StageDifference) -> str:
-    """Those that changed; the others are folded away."""
-    changed = [figure for figure in stage.figures if figure.changed]
-    equal = [figure for figure in stage.figures if not figure.changed]
-    made = _figure_table(changed, "Figures that differ") if changed else ""
-    if equal:
-        folded = _figure_table(equal, "Equal in both")
-        made += f"<details><summary>{len(equal)} figures are equal</summary>{folded}</details>"
-    return made
-
-
-def _figure_table(figures: list[Figure], caption: str) -> str:
-    rows = [
-        [f"<code>{escape(each.name)}</code>", _value(each, 0), _value(each, 1), _change(each),
-         _luck(each.sentence, each)]
-        for each in figures
-    ]  # fmt: skip
-    return table(["figure", "A", "B", "B − A", "verdict"], rows, caption, numbers_from=9)
-
-
-def _change(figure: Figure) -> str:
-    a, b = figure.values
-    if a is None or b is None or not figure.changed:
-        return ""
-    share = f" ({100 * (b - a) / abs(a):+.1f} %)" if a else ""
-    return f'<span class="value">{(number(b - a) + share).replace("-", "−")}</span>'
-
-
-def _value(figure: Figure, side: int) -> str:
-    return f'<span class="value">{with_interval(figure, side)}</span>'
-
-
-def _pictures(stage: StageDifference) -> str:
-    """Each picture of A beside B's of the same name, and where they differ."""
+def _pictures(stage: StageDifference) -> list[list[dict[str, Any]]]:
+    """Each picture of A beside B's picture of the same name, and their difference."""
     a, b = stage.pictures
-    made = []
+    rows = []
     for name in dict.fromkeys([*a, *b]):
-        album, figures = Album(), []
-        for letter, data in zip_longest("AB", (a.get(name), b.get(name))):
-            if data is not None:
-                figures.append(
-                    album.photo(f"{letter}_{name}", data, f"{name} of {letter}", f"<b>{letter}</b> {escape(name)}")
-                )
-        made.append(row(figures + _difference(name, a.get(name), b.get(name))))
-    return "<h3>Pictures</h3>" + "".join(made) if made else ""
+        pair = zip_longest("AB", (a.get(name), b.get(name)))
+        row = [{"data": data, "caption": f"{letter} {name}"} for letter, data in pair if data is not None]
+        if name in a and name in b:
+            row.append(_difference(a[name], b[name]))
+        rows.append(row)
+    return rows
 
 
-def _difference(name: str, a: bytes | None, b: bytes | None) -> list[str]:
-    if a is None or b is None:
-        return []
+def _difference(a: bytes, b: bytes) -> dict[str, Any]:
+    """The absolute difference of two PNGs, inverted and amplified; `data` is None where there is nothing to show."""
     if a == b:
-        return ['<figure class="photo"><figcaption>Equal to the bit.</figcaption></figure>']
+        return {"data": None, "caption": "Equal to the bit."}
     one, other = decode_png(a), decode_png(b)
     if one.shape != other.shape:
-        return ['<figure class="photo"><figcaption>Of different sizes.</figcaption></figure>']
-    apart = cv2.absdiff(np.asarray(one), np.asarray(other))
-    shown = 255 - np.clip(apart.astype(np.int32) * 2, 0, 255).astype(np.uint8)
-    caption = f"where they differ, twice as strong; at most {int(apart.max())} of 255"
-    return [Album().photo(f"difference_{name}", encode_png(shown), f"difference of {name}", caption)]
+        return {"data": None, "caption": "Of different sizes."}
+    difference = cv2.absdiff(np.asarray(one), np.asarray(other))
+    shown = 255 - np.clip(difference.astype(np.int32) * 2, 0, 255).astype(np.uint8)
+    caption = f"difference, amplified twice; maximum {int(difference.max())} of 255"
+    return {"data": encode_png(shown), "caption": caption}
 
 
-def _anchor(stage: StageDifference) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", stage.name.lower())
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.4g}"
+
+
+def _with_interval(figure: Figure, side: int) -> str:
+    """A value, and its interval where one is recorded."""
+    value, interval = figure.values[side], figure.intervals[side]
+    return _number(value) + (f" [{interval[0]:.3g}, {interval[1]:.3g}]" if interval else "")
+
+
+def _description(side: Side) -> str:
+    """When it ran, from which code, and how it ended."""
+    code = f"commit {side.commit[:8]}" if side.commit else "no commit"
+    uncommitted = " with uncommitted changes" if side.dirty else ""
+    return f"{side.started}, profile {side.profile}, {code}{uncommitted}, {side.status.lower()}"
+
+
+def _changes(comparison: Comparison) -> list[str]:
+    """One sentence each on parameters, data and code."""
+    stages = comparison.stages
+    params = [f"{stage.name}: {name}" for stage in stages for name in stage.params]
+    data = list(dict.fromkeys(path for stage in stages for path in stage.data))
+    a, b = comparison.sides
+    if a.commit != b.commit:
+        code = f"The commit differs: {a.commit[:8] or 'none'} and {b.commit[:8] or 'none'}."
+    else:
+        code = f"The commit is the same ({a.commit[:8] or 'none'})."
+    dirty = [name for name, side in zip("AB", (a, b), strict=True) if side.dirty]
+    if dirty:
+        code += f" {' and '.join(dirty)} ran with uncommitted changes, which the commit does not contain."
+    return [_listed(params, "parameter", "differ"), _listed(data, "folder of data or models", "differ"), code]
+
+
+def _verdict(stage: StageDifference) -> str:
+    """The result for the stage's main figure, or the number of figures that differ."""
+    a, b = stage.runs
+    if a is None or b is None:
+        return f"only in {'A' if b is None else 'B'}"
+    if a.id == b.id:
+        return "the same run"
+    if stage.same:
+        return "nothing differs"
+    if stage.headline is not None:
+        return stage.headline.sentence
+    changed = sum(figure.changed for figure in stage.figures)
+    return f"{changed} of {len(stage.figures)} figures differ; the stage has no main figure"
+
+
+def _listed(names: list[str], noun: str, verb: str) -> str:
+    if not names:
+        return f"No {noun} {verb}s."
+    more = len(names) - _MAX_NAMES
+    shown = ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
+    plural = noun.replace("parameter", "parameters").replace("folder", "folders") if len(names) > 1 else noun
+    return f"{len(names)} {plural} {verb if len(names) > 1 else verb + 's'}: {shown}."

@@ -1,23 +1,15 @@
-"""A plan of many co-paintings in tables, which the terminal and a page that needs nothing else share."""
+"""A plan of many co-paintings as tables, for the terminal and as a self-contained HTML page."""
 
 from collections.abc import Callable, Sequence
-from html import escape
-from importlib import resources
 from typing import NamedTuple
 
-from pentimento.report.html import table
+from pentimento.report.templates import render
 from pentimento.report.wording import count, decimal, percent
-from pipelines._review.rates import CLUSTER, STAGE, Timing
-from pipelines._review.scale import Interval, Plan
-
-_STYLE = """
-h1 { font-size: 2.2rem; } caption { font-size: 1.4rem; margin-top: 3rem; }
-tbody th, td { overflow-wrap: anywhere; vertical-align: top; } tbody th { min-width: 9rem; }
-"""
+from pipelines._review.scale import CLUSTER, STAGE, Interval, Plan, Timing
 
 
 class Table(NamedTuple):
-    """Plain text in rows under a title, and what there is to say of it."""
+    """Rows of plain text under a title, with notes."""
 
     title: str
     head: tuple[str, ...]
@@ -26,22 +18,22 @@ class Table(NamedTuple):
 
 
 def headline(plan: Plan) -> str:
-    """The plan in one sentence."""
-    priced = "" if plan.price is None else f", at a price of {_several(plan.cost(plan.machines), decimal)}"
+    """Return the plan in one sentence."""
+    priced = "" if plan.price is None else f", at a price of {_with_range(plan.cost(plan.machines), decimal)}"
     scaled = "" if plan.profile is None else f", scaled to profiles/{plan.profile}.yaml"
     return (
         f"{plan.paintings:,} co-paintings on {count(plan.machines, 'machine')} of {count(plan.cores, 'core')}{scaled}: "
-        f"{_several(plan.wall_s(plan.machines), duration)}, {gigabytes(plan.kept_bytes())}{priced}."
+        f"{_with_range(plan.wall_s(plan.machines), duration)}, {gigabytes(plan.kept_bytes())}{priced}."
     )
 
 
 def tables(plan: Plan) -> list[Table]:
-    """All there is to say."""
+    """Return the tables of the plan."""
     return [_measured(plan), _machines(plan), _serial(plan), _space(plan), _laws(plan)]
 
 
 def text(plan: Plan) -> str:
-    """For the terminal."""
+    """Return the plan for the terminal."""
     lines = [headline(plan)]
     for each in tables(plan):
         widths = [max(len(row[i]) for row in [each.head, *each.rows]) for i in range(len(each.head))]
@@ -55,28 +47,9 @@ def text(plan: Plan) -> str:
 
 
 def page(plan: Plan) -> str:
-    """Return the page."""
-    style = resources.files("pentimento.report").joinpath("templates/style.css").read_text(encoding="utf-8")
-    body = "".join(
-        "<section>"
-        + table(
-            [escape(cell) for cell in each.head],
-            [[escape(cell) for cell in row] for row in each.rows],
-            escape(each.title),
-            numbers_from=9,
-        )
-        + "".join(f"<p>{escape(note)}</p>" for note in each.notes)
-        + "</section>"
-        for each in tables(plan)
-    )
+    """Return the plan as a self-contained HTML page."""
     title = f"{plan.paintings:,} co-paintings"
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="color-scheme" content="light dark">'
-        f"<title>{title}</title>\n<style>\n{style}{_STYLE}</style></head>\n"
-        f"<body><header><h1>{title}</h1><p>{escape(headline(plan))}</p></header><main>{body}</main></body></html>\n"
-    )
+    return render("scale.html", title=title, headline=headline(plan), tables=tables(plan))
 
 
 def _measured(plan: Plan) -> Table:
@@ -88,7 +61,7 @@ def _measured(plan: Plan) -> Table:
         "Measured rates",
         ("rate", "value", "from"),
         [
-            ("core-seconds for a painting", _several(plan.painting_s(), decimal), spread),
+            ("core-seconds for a painting", _with_range(plan.painting_s(), decimal), spread),
             ("before workers paint", duration(rates.begin_s), run),
             ("after the last shard, for a painting", f"{decimal(1000 * rates.end_s / rates.paintings)} ms", run),
             ("pairs of a painting", decimal(rates.pairs / rates.paintings), folder),
@@ -116,7 +89,7 @@ def _machines(plan: Plan) -> Table:
             str(machines),
             duration(plan.sharded_s(machines).mean),
             duration(plan.serial_s()),
-            _several(plan.wall_s(machines), duration),
+            _with_range(plan.wall_s(machines), duration),
             decimal(plan.speed_up(machines)),
         ]
         for machines in shown
@@ -128,7 +101,7 @@ def _machines(plan: Plan) -> Table:
     ]
     if plan.price is not None:
         head.append("price")
-        rows = [[*row, _several(plan.cost(machines), decimal)] for row, machines in zip(rows, shown, strict=True)]
+        rows = [[*row, _with_range(plan.cost(machines), decimal)] for row, machines in zip(rows, shown, strict=True)]
         notes.append(
             f"At {decimal(plan.price)} for a machine and hour: all of them while they paint, one for the rest."
         )
@@ -136,11 +109,15 @@ def _machines(plan: Plan) -> Table:
 
 
 def _serial(plan: Plan) -> Table:
-    own = _origin(plan.rates.timing)
+    origin = _origin(plan.rates.timing)
     rows = [(timing.name, duration(timing.seconds), _origin(timing)) for timing in plan.rates.serial]
     rows += [
-        (f"{STAGE}: before workers paint", duration(plan.rates.begin_s), own),
-        (f"{STAGE}: scoring and keeping pairs", duration(plan.keeping_s()), f"{own}, in proportion to the paintings"),
+        (f"{STAGE}: before workers paint", duration(plan.rates.begin_s), origin),
+        (
+            f"{STAGE}: scoring and keeping pairs",
+            duration(plan.keeping_s()),
+            f"{origin}, in proportion to the paintings",
+        ),
     ]
     return Table(
         "What does not shard",
@@ -220,16 +197,16 @@ def _whose(plan: Plan) -> str:
 
 
 def duration(seconds: float) -> str:
-    """3.2 h, 12 min, 45 s."""
+    """Format a duration: 3.2 h, 12 min, 45 s."""
     if seconds >= 3600:
         return f"{decimal(seconds / 3600)} h"
     return f"{decimal(seconds / 60)} min" if seconds >= 60 else f"{decimal(seconds)} s"
 
 
 def gigabytes(size: float) -> str:
-    """Of 10^9 bytes."""
+    """Format a number of bytes in units of 10^9."""
     return f"{decimal(size / 1e9)} GB"
 
 
-def _several(interval: Interval, said: Callable[[float], str]) -> str:
-    return f"{said(interval.mean)} [{said(interval.low)}, {said(interval.high)}]"
+def _with_range(interval: Interval, form: Callable[[float], str]) -> str:
+    return f"{form(interval.mean)} [{form(interval.low)}, {form(interval.high)}]"

@@ -1,4 +1,4 @@
-"""Each execution of a stage is one run in MLflow. Only this package and `_review`, which reads it, know MLflow."""
+"""Records each execution of a stage as one run in MLflow. Only this package and `_review` import MLflow."""
 
 from pipelines._tracking.dvc_files import input_digest
 from pipelines._tracking.run import Run, tracked_run

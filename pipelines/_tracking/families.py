@@ -1,6 +1,10 @@
-"""What reviewers look at first: of each stage its family, its main figure, and the strongest trivial one beside it."""
+"""What a reviewer sees first: the family of each stage, its main figure with a baseline, and the note on its run."""
 
+import ast
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 FAMILIES = {
     "strokes": ("collect_strokes", "train_stroke_dynamics", "diagnose_gap"),
@@ -18,16 +22,16 @@ FAMILIES = {
     "delivery": ("deploy", "run_bundle", "report"),
 }
 OTHER = "other"
-"""Where stages are tracked that belong to no family (see tests/pipelines/test_families.py)."""
+"""Family of stages that no other family has."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """A stage's main figure on held-out data, by the names of its metrics."""
+    """The main figure of a stage on held-out data, by the names of its metrics."""
 
     metric: str
     baseline: str | None
-    """The strongest answer that needs no such model; None where there is none to compare with."""
+    """The metric of the strongest trivial answer; None where there is none to compare with."""
 
 
 HEADLINES = {
@@ -45,15 +49,75 @@ HEADLINES = {
 
 
 def family_of(stage: str) -> str:
-    """The family of a stage, `OTHER` where it has none."""
+    """Return the family of a stage, `OTHER` where it has none."""
     return next((family for family, stages in FAMILIES.items() if stage in stages), OTHER)
 
 
 def experiment_of(stage: str) -> str:
-    """The name of MLflow's experiment for a stage: one for each family, so that its columns belong together."""
+    """Return the name of a stage's MLflow experiment: one for each family, so that its columns are comparable."""
     return f"pentimento/{family_of(stage)}"
 
 
 def experiments() -> list[str]:
-    """The names of all experiments."""
+    """Return the names of all experiments."""
     return [f"pentimento/{family}" for family in (*FAMILIES, OTHER)]
+
+
+_MAX_ROWS = 24  # of a table; all figures are among the run's metrics
+_PIPELINES = Path(__file__).resolve().parents[1]
+
+
+def note(stage: str, metrics: Mapping[str, Any]) -> str:
+    """Return the note on the page of a stage's run as Markdown; `metrics` as in its metrics.json, nested."""
+    paragraphs = [purpose(stage)] if purpose(stage) else []
+    headline = HEADLINES.get(stage)
+    if headline is not None:
+        figure, baseline = (_at(metrics, name) for name in (headline.metric, headline.baseline))
+        if figure is not None:
+            beside = f", beside {baseline:.4g} of `{headline.baseline}`" if baseline is not None else ""
+            paragraphs.append(f"**`{headline.metric}` {figure:.4g}**{beside}.")
+    groups = sorted(_groups(metrics, ""), key=lambda group: group[0].startswith("training"))  # held-out figures first
+    paragraphs += [_table(name, group) for name, group in groups]
+    return "\n\n".join(paragraphs)
+
+
+def purpose(stage: str) -> str:
+    """Return the first line of the stage module's docstring; empty for an unknown stage."""
+    file = _PIPELINES / f"{stage}.py"
+    if not file.is_file():
+        return ""
+    return (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "").partition("\n")[0]
+
+
+def _groups(metrics: Mapping[str, Any], name: str) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the mappings in `metrics` whose entries have equal keys, such as a model and its baselines."""
+    inner = {key: value for key, value in metrics.items() if isinstance(value, Mapping)}
+    if (
+        len(inner) > 1
+        and len({tuple(_figures(value)) for value in inner.values()}) == 1
+        and _figures(next(iter(inner.values())))
+    ):
+        return [(name, inner)]
+    return [group for key, value in inner.items() for group in _groups(value, f"{name}.{key}".strip("."))]
+
+
+def _figures(values: Mapping[str, Any]) -> list[str]:
+    return sorted(key for key, value in values.items() if isinstance(value, int | float))
+
+
+def _table(name: str, group: Mapping[str, Any]) -> str:
+    """Return a table with a row for each figure and a column for each entry."""
+    figures = _figures(next(iter(group.values())))[:_MAX_ROWS]
+    lines = [f"| {name or 'figure'} | {' | '.join(group)} |", f"|---|{'---:|' * len(group)}"]
+    lines += [
+        f"| {figure} | " + " | ".join(f"{each[figure]:.4g}" for each in group.values()) + " |" for figure in figures
+    ]
+    return "\n".join(lines)
+
+
+def _at(metrics: Mapping[str, Any], name: str | None) -> float | None:
+    """Return the number under a dotted name; None where there is none."""
+    found: Any = metrics
+    for key in (name or "").split("."):
+        found = found.get(key) if isinstance(found, Mapping) else None
+    return float(found) if isinstance(found, int | float) else None

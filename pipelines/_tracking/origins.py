@@ -1,4 +1,4 @@
-"""Whose the data are that a run reads, and under which licence: as the data themselves say it."""
+"""Source and licence of the data that a run reads, as the data themselves state them."""
 
 import re
 from collections import Counter
@@ -12,43 +12,43 @@ import pyarrow.parquet as pq
 SOURCE, LICENCE = "source:", "licence:"
 """Prefixes of a run's tags, by the name of what it read."""
 _COLUMNS = ["source", "licence"]
-_LONGEST = 1000  # letters of a tag
+_MAX_LETTERS = 1000  # of a tag
 _FRONT_MATTER = re.compile(r"---\n(.*?)^---\s*", re.DOTALL | re.MULTILINE)
 _LISTED = re.compile(r"^- (?P<amount>\d+ \w+): (?P<source>.+), (?P<licence>[^,\n]+)$", re.MULTILINE)
 
 
 class Origin(NamedTuple):
-    """Of a part of a data set, or of the whole; what is not known is empty."""
+    """Source and licence of a data set or of a part of it; unknown ones are empty."""
 
     source: str
     licence: str
     amount: str = ""
-    """How much of the data set, such as ``180 scenes``."""
+    """The size of the part, such as ``180 scenes``."""
 
 
 def origin_tags(inputs: Mapping[str, Path]) -> dict[str, str]:
-    """Tags ``source:<name>`` and ``licence:<name>`` of data by their names; none of what the data do not say."""
+    """Return tags ``source:<name>`` and ``licence:<name>`` of inputs by name, without unknown ones."""
     tags: dict[str, str] = {}
     for name, path in inputs.items():
         origins = origins_of(path)
         sources = [each.source + (f" ({each.amount})" if each.amount else "") for each in origins if each.source]
         licences = {each.licence: each.source for each in origins if each.licence}
-        whose = [licence if len(licences) == 1 else f"{licence} ({source})" for licence, source in licences.items()]
-        tags |= {f"{SOURCE}{name}": "; ".join(sources), f"{LICENCE}{name}": "; ".join(whose)}
-    return {name: value[:_LONGEST] for name, value in tags.items() if value}
+        by_source = [licence if len(licences) == 1 else f"{licence} ({source})" for licence, source in licences.items()]
+        tags |= {f"{SOURCE}{name}": "; ".join(sources), f"{LICENCE}{name}": "; ".join(by_source)}
+    return {name: value[:_MAX_LETTERS] for name, value in tags.items() if value}
 
 
-def told_origin(tags: Mapping[str, str], name: str) -> str:
-    """What a run's tags say of the data of that name, in words; empty where they say nothing."""
+def described_origin(tags: Mapping[str, str], name: str) -> str:
+    """Return source and licence of an input from a run's tags, as text; empty where they are unknown."""
     source, licence = tags.get(f"{SOURCE}{name}", ""), tags.get(f"{LICENCE}{name}", "not recorded")
     return f"{source.rstrip('.')}; licence {licence}" if source else ""
 
 
 def origins_of(path: Path) -> list[Origin]:
-    """Where a data set (a Parquet file, or a folder) comes from: each row may say it for itself, or README.md for all.
+    """Return the origins of a data set (a Parquet file or a folder), from its rows or from README.md.
 
-    A card says it in lines ``- 180 scenes: source, licence``, or in its first paragraph, and the licence in its front
-    matter. What cannot be read is not known: the stage that reads it will say what is wrong.
+    A README states them in lines ``- 180 scenes: source, licence``, or the source in its first paragraph and the
+    licence in its front matter. Unreadable data have no known origin; the stage that reads them reports the error.
     """
     try:
         return _of_rows(path) or _of_card(path / "README.md")
@@ -63,7 +63,7 @@ def _of_rows(path: Path) -> list[Origin]:
         if file.suffix != ".parquet" or not set(_COLUMNS) <= set(pq.read_schema(file).names):
             return []
         rows = pq.read_table(file, columns=_COLUMNS)
-        counted.update(zip(*([str(said or "") for said in rows[name].to_pylist()] for name in _COLUMNS), strict=True))
+        counted.update(zip(*([str(value or "") for value in rows[name].to_pylist()] for name in _COLUMNS), strict=True))
     return [Origin(*origin, f"{count} rows") for origin, count in sorted(counted.items())]
 
 
@@ -77,5 +77,5 @@ def _of_card(card: Path) -> list[Origin]:
     front = _FRONT_MATTER.match(text)
     licence = re.search(r"^licen[cs]e: *(.+?) *$", front[1], re.MULTILINE) if front else None
     paragraphs = [each for each in re.split(r"\n\s*\n", text[front.end() if front else 0 :]) if each.strip()]
-    said = next((each for each in paragraphs if not each.lstrip().startswith(("#", "|"))), "")
-    return [Origin(" ".join(said.split()), licence[1] if licence else "")]
+    first = next((each for each in paragraphs if not each.lstrip().startswith(("#", "|"))), "")
+    return [Origin(" ".join(first.split()), licence[1] if licence else "")]

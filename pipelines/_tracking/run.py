@@ -1,11 +1,11 @@
-"""A stage's execution as a run in MLflow (imported lazily: 3 s): parameters, curves, figures, pictures, data, tags.
+"""A stage's execution as a run in MLflow (imported lazily: 3 s): parameters, metrics, pictures, inputs, tags.
 
-Tracked outputs hold no wall times and no run ids, because they would change every hash. Those are kept in
-MLflow and in `data/timings/` (untracked). The id of an interrupted run is kept in `.pentimento/`
-(git-ignored); the next execution of the same stage item with equal parameters and inputs continues that run.
+Outputs that DVC tracks hold no wall times and no run ids, because these would change every hash. Both are in MLflow and
+in `data/timings/` (untracked). The id of an interrupted run is in `.pentimento/` (git-ignored); the next execution
+of the same stage item with equal parameters and inputs continues that run.
 
-The same names everywhere: a figure `x` (or `x.value`) has its 95 % interval in `x.low` and `x.high`, and the values
-of the single held-out items that it is the mean of as steps of the curve `items.x`.
+Names of metrics: a figure `x` (or `x.value`) has its 95 % interval in `x.low` and `x.high`. The values of the held-out
+items whose mean it is are the steps of the curve `items.x`.
 """
 
 import json
@@ -24,11 +24,17 @@ from pentimento.contracts.atomic import atomic_write
 from pipelines._io import failure_sentence
 from pipelines._params import read_yaml
 from pipelines._tracking.dvc_files import flatten, input_digest, matrix_items, md5, params_digest, value_digest
-from pipelines._tracking.execution import PART, STAGE, execution_name, execution_run
-from pipelines._tracking.families import HEADLINES, experiment_of, family_of
-from pipelines._tracking.notes import note
+from pipelines._tracking.families import HEADLINES, experiment_of, family_of, note
 from pipelines._tracking.origins import origin_tags
-from pipelines._tracking.store import experiment_id, open_store, store_errors
+from pipelines._tracking.store import (
+    PART,
+    STAGE,
+    execution_name,
+    execution_run,
+    experiment_id,
+    open_store,
+    store_errors,
+)
 from pipelines._tracking.timings import write_timing
 
 if TYPE_CHECKING:
@@ -45,14 +51,14 @@ _PARAM_LENGTH = 6000  # MLflow's limit
 
 @dataclass
 class Run:
-    """What a stage may say about its execution."""
+    """The run of a stage's execution, to which the stage logs."""
 
     id: str
     _client: "MlflowClient"
     parent: str | None = None
-    """The id of the execution's run above it."""
+    """The id of the parent run of the execution."""
     metrics: dict[str, Any] = field(default_factory=dict)
-    """What `log_metrics` was given, nested."""
+    """The metrics given to `log_metrics`, nested."""
     _pending: list["Metric"] = field(default_factory=list)
 
     def log(self, name: str, value: float, step: int | None = None) -> None:
@@ -81,16 +87,16 @@ class Run:
                     self.log(f"{name.removesuffix('_ci')}.{end}", bound)
 
     def log_items(self, name: str, items: Sequence[object], values: Sequence[float]) -> None:
-        """Log what each held-out item contributes to the figure `name`, so that runs are compared item by item.
+        """Log the contribution of each held-out item to the figure `name`, so that runs are compared item by item.
 
-        `items` are ids that mean the same in every run on the same data, one for each value.
+        `items` are ids with the same meaning in every run on the same data, one for each value.
         """
         for step, value in enumerate(values):
             self.log(f"items.{name}", value, step)
         self.tag(f"items.{name}", value_digest([str(item) for item in items]))
 
     def tag(self, name: str, value: str) -> None:
-        """Say something of the run by which it can be found."""
+        """Set a tag of the run."""
         self._client.set_tag(self.id, name, value)
 
     def log_picture(self, path: Path) -> None:
@@ -102,9 +108,11 @@ class Run:
         from mlflow.entities import Metric
 
         parent = self._client.get_run(self.id)
-        own = {"mlflow.parentRunId": self.id, "kind": PART}
-        own |= {name: parent.data.tags[name] for name in ("stage", "item", "execution") if name in parent.data.tags}
-        child = self._client.create_run(parent.info.experiment_id, run_name=name, tags=own | dict(tags))
+        own_tags = {"mlflow.parentRunId": self.id, "kind": PART}
+        own_tags |= {
+            name: parent.data.tags[name] for name in ("stage", "item", "execution") if name in parent.data.tags
+        }
+        child = self._client.create_run(parent.info.experiment_id, run_name=name, tags=own_tags | dict(tags))
         now = int(time.time() * 1000)
         points = [
             Metric(metric, float(value), now, step) for metric, curve in curves.items() for step, value in curve.items()
@@ -125,7 +133,7 @@ class Run:
         self._pending.clear()
 
     def end(self, status: str, **tags: str) -> None:
-        """Close the run as FINISHED, FAILED or KILLED (which may be continued), and what is above it."""
+        """Close the run and its parent as FINISHED, FAILED or KILLED; a killed run can be continued."""
         self.flush()
         for name, value in tags.items():
             self._client.set_tag(self.id, name, value)
@@ -133,8 +141,8 @@ class Run:
         if self.parent is not None:
             self._client.set_terminated(self.parent, status)
 
-    def say(self, stage: str, item: str | None) -> None:
-        """Write the note on the run's page, and lift the main figure into the run above it."""
+    def summarise(self, stage: str, item: str | None) -> None:
+        """Write the note on the run's page, and copy the main figure into the parent run."""
         self._client.set_tag(self.id, "mlflow.note.content", note(stage, self.metrics))
         headline, figures = HEADLINES.get(stage), flatten(self.metrics)
         if self.parent is None or headline is None:
@@ -156,7 +164,7 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
     digests = {label: input_digest(path) for label, path in inputs.items()}
     started = time.perf_counter()
     with store_errors():
-        with _alone():
+        with _begin_lock():
             client = open_store()
             run = _begin(client, stage, item, name, _key(params, digests))
         _describe(client, run.id, params, inputs, digests)
@@ -165,34 +173,34 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
         except (KeyboardInterrupt, SystemExit):
             run.end("KILLED")
             raise
-        except Exception as error:  # whatever it was, the run must say so; it goes on to the caller
+        except Exception as error:  # recorded in the run, then raised again
             _end_failed(run, failure_sentence(error))
             _state_file(name).unlink()
             raise
         seconds = time.perf_counter() - started
         run.log("wall_s", seconds)
-        run.say(stage, item)
+        run.summarise(stage, item)
         run.end("FINISHED")
     _state_file(name).unlink()
     write_timing(name, run.id, seconds)
 
 
 def _end_failed(run: Run, sentence: str) -> None:
-    """Mark a failed run, as far as the store still works: the stage's own error is the one to report."""
+    """Mark a failed run if the store still works; the stage's own error is the one to report."""
     from mlflow.exceptions import MlflowException
 
     with suppress(MlflowException):
         run.end("FAILED", error=sentence)
 
 
-def _alone() -> FileLock:
-    """While stages begin at once, store, experiment and execution are made by the first of them only."""
+def _begin_lock() -> FileLock:
+    """Return the lock under which the first of several stages creates store, experiment and execution."""
     _LOCK.parent.mkdir(parents=True, exist_ok=True)
     return FileLock(_LOCK)
 
 
 def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key: str) -> Run:
-    """Open the stage's run, below the run of the execution that this process belongs to."""
+    """Open the stage's run below the parent run of this process's execution."""
     experiment = experiment_id(client, experiment_of(stage))
     tags, execution, parent = _tags(stage, item), execution_name(), None
     if execution:
@@ -212,15 +220,15 @@ def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags
     state = _state_file(name)
     if state.is_file():
         try:
-            left = json.loads(state.read_text())
-            if left["key"] == key:
-                client.update_run(left["run_id"], status="RUNNING")
-                for tag, value in tags.items():  # the commit may be another one by now
-                    client.set_tag(left["run_id"], tag, value)
-                return str(left["run_id"])
-            client.set_terminated(left["run_id"], "KILLED")  # it was killed without a chance to say so
+            unfinished = json.loads(state.read_text())
+            if unfinished["key"] == key:
+                client.update_run(unfinished["run_id"], status="RUNNING")
+                for tag, value in tags.items():  # the commit may differ by now
+                    client.set_tag(unfinished["run_id"], tag, value)
+                return str(unfinished["run_id"])
+            client.set_terminated(unfinished["run_id"], "KILLED")  # it was killed without closing the run
         except (MlflowException, ValueError, KeyError, TypeError):
-            pass  # that run was deleted from the store, or the file was damaged: there is nothing to continue
+            pass  # the run was deleted from the store or the file is damaged: nothing to continue
     run = client.create_run(experiment, run_name=name.replace("@", " · "), tags=dict(tags))
     state.parent.mkdir(parents=True, exist_ok=True)
     atomic_write(state, json.dumps({"run_id": run.info.run_id, "key": key}).encode())
@@ -234,7 +242,7 @@ def _describe(
     inputs: Mapping[str, Path],
     digests: Mapping[str, str],
 ) -> None:
-    """Log parameters, dataset inputs and whose the data are. A continued run has equal ones (see `_key`)."""
+    """Log parameters, inputs and their origins. A continued run has equal ones (see `_key`)."""
     from mlflow.entities import Dataset, DatasetInput, InputTag, Param, RunTag
 
     flat = [Param(name, str(value)[:_PARAM_LENGTH]) for name, value in flatten(params).items()]
@@ -272,7 +280,7 @@ def _tags(stage: str, item: str | None) -> dict[str, str]:
 
 
 def _as_written(stage: str, item: str | None) -> dict[str, str]:
-    """What the pipeline's files say of the stage: its section's digest, and what kind of thing its item is."""
+    """Return tags from params.yaml and dvc.yaml: the digest of the stage's parameters, and its matrix item by axis."""
     tags = {}
     if Path("params.yaml").is_file() and stage in (sections := read_yaml(Path("params.yaml"))):
         tags["params_md5"] = params_digest(stage, sections)

@@ -1,4 +1,10 @@
-"""MLflow's store: SQLite in the repository's root unless MLFLOW_TRACKING_URI says otherwise; a client of it."""
+"""MLflow's store, and the runs of executions in it.
+
+The store is SQLite in the repository's root unless MLFLOW_TRACKING_URI names another. MLflow nests runs within one
+experiment only. An execution of the pipeline therefore has a parent run in the experiment of each family of which a
+stage ran. All parents have the execution's name as run name and as tag `execution`. `make repro` sets the name in the
+environment; in `dvc exp run` it is the DVC experiment; a bare `dvc repro` has none.
+"""
 
 import os
 from collections.abc import Iterator
@@ -11,13 +17,17 @@ from pentimento.contracts.errors import PentimentoError
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
+VARIABLE = "PENTIMENTO_EXECUTION"
+"""Environment variable of a stage: the name of the execution that it belongs to."""
+EXECUTION, STAGE, PART = "execution", "stage", "part"
+"""Values of the tag `kind`: a parent, a stage, a part of a stage."""
 _TEMPORARY = Path(".dvc/tmp/exps")
-"""Where DVC runs queued experiments, in copies of the repository that it removes."""
+"""Where DVC runs queued experiments, in temporary copies of the repository."""
 
 
 @contextmanager
 def store_errors() -> Iterator[None]:
-    """Turn what MLflow raises (a store that does not open, a full disk) into our sentence."""
+    """Turn errors of MLflow (a store that does not open, a full disk) into a PentimentoError."""
     _settings()
     from alembic.util import CommandError
     from mlflow.exceptions import MlflowException
@@ -34,32 +44,49 @@ def store_errors() -> Iterator[None]:
 
 
 def open_store() -> "MlflowClient":
-    """Return a client of the store; inside `store_errors`, which names the store."""
+    """Return a client of the store; call inside `store_errors`, which sets the address."""
     from mlflow import MlflowClient
 
     return MlflowClient(os.environ["MLFLOW_TRACKING_URI"])
 
 
 def experiment_id(client: "MlflowClient", name: str) -> str:
-    """Return the id of the experiment `name`, which is made where there is none."""
+    """Return the id of the experiment `name`; create it where there is none."""
     known = client.get_experiment_by_name(name)
     if known is not None:
         return known.experiment_id
     uri = os.environ["MLFLOW_TRACKING_URI"]
     beside = Path(uri.removeprefix("sqlite:///")).parent / "mlartifacts"
-    location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own place
+    location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own location
     return client.create_experiment(name, artifact_location=location)
+
+
+def execution_name() -> str:
+    """Return the name of the execution that this process belongs to; empty where it has none."""
+    name = os.environ.get(VARIABLE) or os.environ.get("DVC_EXP_NAME", "")
+    return name.replace("'", "")  # which MLflow's queries cannot hold
+
+
+def execution_run(client: "MlflowClient", experiment: str, execution: str, tags: dict[str, str]) -> str:
+    """Return the id of the execution's run in an experiment (an id); create it with `tags` where there is none."""
+    found = client.search_runs(
+        [experiment], f"tags.kind = '{EXECUTION}' AND tags.execution = '{execution}'", max_results=1
+    )
+    if found:
+        return found[0].info.run_id
+    tags_of_kind = {"kind": EXECUTION, "execution": execution}
+    return client.create_run(experiment, run_name=execution, tags=tags | tags_of_kind).info.run_id
 
 
 def _settings() -> None:
     os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{_repository(Path.cwd()) / 'mlflow.db'}")
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
-    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")  # what it raises is said in a sentence
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")  # its errors become sentences
 
 
 def _repository(folder: Path) -> Path:
-    """The repository to whose history runs in `folder` belong."""
+    """Return the repository to whose history runs in `folder` belong."""
     for above in folder.parents:
         if folder.is_relative_to(above / _TEMPORARY):
             return above

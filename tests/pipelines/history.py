@@ -9,7 +9,7 @@ import pytest
 from pentimento.contracts.images import write_png
 from pipelines._review.agreement import link
 from pipelines._tracking import tracked_run
-from pipelines._tracking.execution import VARIABLE
+from pipelines._tracking.store import VARIABLE
 
 ITEMS = 20
 

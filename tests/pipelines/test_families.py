@@ -4,7 +4,7 @@ import pytest
 
 from pipelines._imports import ROOT
 from pipelines._params import read_yaml
-from pipelines._review.judgement import less_is_better
+from pipelines._review.figures import less_is_better
 from pipelines._tracking.families import FAMILIES, HEADLINES, OTHER, experiment_of, experiments, family_of
 
 STAGES = list(read_yaml(ROOT / "dvc.yaml")["stages"])

@@ -9,7 +9,7 @@ import pytest
 from pentimento.contracts import scenes
 from pentimento.contracts.tables import write_table
 from pentimento.copainting.synthesis.dataset import Threshold, dataset_card
-from pipelines._tracking.origins import origin_tags, told_origin
+from pipelines._tracking.origins import described_origin, origin_tags
 from tests.copainting.painters import MARKER
 
 
@@ -21,7 +21,7 @@ def test_scenes_say_it_row_by_row(tmp_path: Path) -> None:
     write_table(tmp_path / "scenes", scenes.example_table(6), scenes.CONTRACT, "# Scenes\n\nFor a test.\n")
     tags = origin_tags({"scenes": tmp_path / "scenes"})
     assert tags == {"source:scenes": "example (6 rows)", "licence:scenes": "CC0-1.0"}
-    assert told_origin(tags, "scenes") == "example (6 rows); licence CC0-1.0"
+    assert described_origin(tags, "scenes") == "example (6 rows); licence CC0-1.0"
 
 
 def test_rows_of_several_origins_are_counted_over_all_shards(tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_another_card_says_it_in_its_first_paragraph(
     (tmp_path / "README.md").write_text(card)
     tags = origin_tags({"strokes": tmp_path})
     assert (tags.get("source:strokes"), tags.get("licence:strokes")) == (source, licence)
-    assert told_origin(tags, "strokes") == (
+    assert described_origin(tags, "strokes") == (
         f"{source.rstrip('.')}; licence {licence or 'not recorded'}" if source else ""
     )
 

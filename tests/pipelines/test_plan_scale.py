@@ -14,8 +14,7 @@ import pytest
 from pentimento.contracts.errors import PentimentoError
 from pipelines import plan_scale
 from pipelines._imports import ROOT
-from pipelines._review.rates import CLUSTER, Rates, needed_for, read_rates, shard_seconds, sizes_of
-from pipelines._review.scale import Plan
+from pipelines._review.scale import CLUSTER, Plan, Rates, needed_for, read_rates, shard_seconds, sizes_of
 from pipelines._tracking.store import experiment_id, open_store, store_errors
 from pipelines._tracking.timings import TIMINGS, write_timing
 
@@ -212,7 +211,7 @@ def test_what_was_not_measured_or_makes_no_sense_is_refused(
 
 
 def test_without_the_cluster_s_overhead_it_is_refused(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines._review.rates.CLUSTER", Path("data/studies/none.json"))
+    monkeypatch.setattr("pipelines._review.scale.CLUSTER", Path("data/studies/none.json"))
     with pytest.raises(PentimentoError, match=r"none\.json does not exist; run `python -m studies\.cluster`"):
         ask()
 

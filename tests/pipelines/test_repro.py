@@ -7,7 +7,7 @@ import pytest
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._params import merge, read_yaml
 from pipelines._repro import main, overlay, restore_missing
-from pipelines._tracking.execution import VARIABLE
+from pipelines._tracking.store import VARIABLE
 
 SOURCE = Path("profiles/smoke.yaml")
 

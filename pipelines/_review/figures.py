@@ -1,4 +1,4 @@
-"""Which of two figures is the better one, and whether the difference could be luck."""
+"""Figures of two runs: which side is better, and whether the difference could be luck."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from pentimento.contracts.statistics import Estimate, difference, item_resamples
 
 Side = Literal["A", "B"]
 
-_FEWEST = 6  # items: a bootstrap over fewer is no interval
+_MIN_ITEMS = 6  # a bootstrap over fewer items gives no useful interval
 _EQUAL = 1e-9  # relative; metrics.json keeps 9 digits
 _LESS_IS_BETTER = {
     "mse", "l1", "weighted_l1", "loss", "error", "deviation", "chamfer_mm", "emd_mm", "l_3d_mm2", "l_viz", "delta_pix",
@@ -24,8 +24,8 @@ _MORE_IS_BETTER = {
     "iou", "gap_closed", "recognised", "clip_score", "judge_score", "objects", "kept", "retrieval", "sim2real_factor",
     "replanning_lowers_error_by", "plan_execution_factor", "vae_ink_recall",
 }  # fmt: skip
-# What is no result of ours but what it is measured against, or a count.
-_NO_RESULT = re.compile(
+# Baselines and counts, of which neither side is better.
+_BASELINE = re.compile(
     r"(^|[./])(blank|unchanged|chance|floor|polyline|copy_input|no_change|mean_footprint|oracle)([./]|$)"
 )
 _BOUND = re.compile(r"(.*)[._](low|high)$")
@@ -40,11 +40,11 @@ class Figure:
     intervals: tuple[tuple[float, float] | None, tuple[float, float] | None]
     """95 %, as recorded."""
     better: Side | None
-    """By value alone; None where they are equal, or where neither more nor less is better."""
+    """By value alone; None where the values are equal or the direction is unknown."""
     paired: Estimate | None
     """B − A over the same held-out items, with a 95 % bootstrap interval."""
     items: int
-    """So many are paired."""
+    """Number of paired items."""
 
     @property
     def changed(self) -> bool:
@@ -54,7 +54,7 @@ class Figure:
 
     @property
     def beyond_luck(self) -> bool | None:
-        """Whether the held-out items that happened to be drawn do not explain the difference; None if unknown."""
+        """Whether the choice of held-out items does not explain the difference; None if unknown."""
         if not self.changed:
             return False
         if self.paired is not None:
@@ -64,27 +64,27 @@ class Figure:
 
     @property
     def sentence(self) -> str:
-        """Which is better, and is it luck."""
+        """Which side is better, and whether the difference could be luck."""
         if not self.changed:
             return "equal"
         if None in self.values:
             return "in one run only"
-        said = f"{self.better} is better" if self.better else "differs"
+        better = f"{self.better} is better" if self.better else "differs"
         if self.beyond_luck is None:
-            return f"{said}; no interval recorded, so luck is not ruled out"
+            return f"{better}; no interval recorded, so luck is not ruled out"
         if self.paired is not None:
             by = f"B − A = {self.paired.value:+.3g} [{self.paired.low:+.3g}, {self.paired.high:+.3g}]"
             luck = "beyond luck" if self.beyond_luck else "may be luck"
-            return f"{said}; {luck}: {by.replace('-', '−')}, paired over {self.items} held-out items"
+            return f"{better}; {luck}: {by.replace('-', '−')}, paired over {self.items} held-out items"
         return (
-            f"{said}; beyond luck: the intervals do not overlap"
+            f"{better}; beyond luck: the intervals do not overlap"
             if self.beyond_luck
-            else (f"{said}; may be luck: the intervals overlap")
+            else (f"{better}; may be luck: the intervals overlap")
         )
 
 
 def figures(a: Mapping[str, float], b: Mapping[str, float]) -> list[Figure]:
-    """Every metric of either run that is no bound of an interval and no list of items, without pairing."""
+    """Return every metric of either run, unpaired, except bounds of intervals and values of items."""
     names = dict.fromkeys([*a, *b])
     return [
         Figure(name, (a.get(name), b.get(name)), (_interval(a, name), _interval(b, name)), _better(a, b, name), None, 0)
@@ -94,16 +94,16 @@ def figures(a: Mapping[str, float], b: Mapping[str, float]) -> list[Figure]:
 
 
 def paired(figure: Figure, a: Sequence[float], b: Sequence[float], seed: int) -> Figure:
-    """The figure with its difference over the same items; as it was where there are too few."""
-    if len(a) != len(b) or len(a) < _FEWEST:
+    """Return the figure with its paired difference over the same items; unchanged where there are too few."""
+    if len(a) != len(b) or len(a) < _MIN_ITEMS:
         return figure
     estimate = difference(np.asarray(b), np.asarray(a), item_resamples(len(a), seed))
     return Figure(figure.name, figure.values, figure.intervals, figure.better, estimate, len(a))
 
 
 def less_is_better(name: str) -> bool | None:
-    """Of a metric's name, whose most special part counts; None where neither is better, or it is no result of ours."""
-    if _NO_RESULT.search(name):
+    """Return the direction of a metric by the last known part of its name; None where it is unknown or a baseline."""
+    if _BASELINE.search(name):
         return None
     for part in reversed(re.split(r"[./]", name)):
         if part in _LESS_IS_BETTER:
@@ -121,7 +121,7 @@ def _better(a: Mapping[str, float], b: Mapping[str, float], name: str) -> Side |
 
 
 def _interval(values: Mapping[str, float], name: str) -> tuple[float, float] | None:
-    """`x.low`, `x.high` beside `x` or `x.value`; `x_low`, `x_high` beside `x`."""
+    """Return the interval `x.low`, `x.high` or `x_low`, `x_high` of a figure `x` or `x.value`."""
     stem = name.removesuffix(".value")
     for mark in "._":
         if f"{stem}{mark}low" in values and f"{stem}{mark}high" in values:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipelines._review.judgement import Figure, figures, less_is_better, paired
+from pipelines._review.figures import Figure, figures, less_is_better, paired
 
 
 def only(a: dict[str, float], b: dict[str, float]) -> Figure:
