@@ -1,4 +1,4 @@
-"""`pentimento diagnose`; see README, "What the simulation gets wrong"."""
+"""`pentimento diagnose`; the method is described in docs/diagnosis.md."""
 
 from __future__ import annotations
 
