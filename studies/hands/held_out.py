@@ -76,7 +76,7 @@ def _session(model: TrajVAE, strokes: Demonstrated, name: str, few: int, config:
     for sampler, of in zip(SAMPLERS[:2], (adapted, model), strict=True):
         samples[sampler] = sampled_strokes(of, learned, count, rng)
     hand = decoder_of(adapted, learned, name)
-    samples[SAMPLERS[2]] = in_standard_frame(hand.decode(hand.some(count, rng))[0].astype(np.float64))
+    samples[SAMPLERS[2]] = in_standard_frame(hand.decode(hand.sample(count, rng))[0].astype(np.float64))
     samples[SAMPLERS[3]] = in_standard_frame(gaussian(few_m, count, rng))
     samples[SAMPLERS[4]] = in_standard_frame(copies(few_m, count, rng))
     samples[SAMPLERS[5]] = others.xy_m.double().numpy()[rng.integers(len(others.xy_m), size=count)]
