@@ -7,11 +7,12 @@ from pathlib import Path
 from pentimento.report.benchmarks import read_benchmarks
 from pentimento.report.copainting import read_copainting
 from pentimento.report.diagnoses import read_diagnosis
-from pentimento.report.hands import read_hands
-from pentimento.report.inputs import read_painting, read_tool
-from pentimento.report.page import ReportConfig, build_report
+from pentimento.report.handwriting import read_handwriting
+from pentimento.report.page import ReportConfig, ReportInputs, build_report
+from pentimento.report.paintings import read_painting
 from pentimento.report.performances import read_performances
 from pentimento.report.sculpting import read_sculpture
+from pentimento.report.tools import read_tool
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main
 from pipelines._tracking import tracked_run
@@ -37,20 +38,22 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {"demonstrations": arguments.demonstrations}
     inputs |= {"performances": arguments.performances, "benchmarks": arguments.benchmarks}
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
-        files = build_report(
-            [read_painting(setting, folder) for setting, folder in paintings.items()],
-            [read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
-            read_benchmarks(arguments.benchmarks),
-            config,
-            [read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
-            [read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
-            read_performances(arguments.performances),
-            [
-                read_sculpture(name, arguments.sculptures / name, weights, arguments.gap / f"push_{name}")
-                for name, weights in sculpted.items()
+        report_inputs = ReportInputs(
+            paintings=[read_painting(setting, folder) for setting, folder in paintings.items()],
+            tools=[read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
+            benchmarks=read_benchmarks(arguments.benchmarks),
+            diagnoses=[read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
+            handwriting=read_handwriting(
+                arguments.hands, arguments.models / "trajvae/weights", arguments.demonstrations
+            ),
+            evaluations=[read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
+            sculptures=[
+                read_sculpture(name, arguments.sculptures / name, folder, arguments.gap / f"push_{name}")
+                for name, folder in sculpted.items()
             ],
-            read_hands(arguments.hands, arguments.models / "trajvae/weights", arguments.demonstrations),
+            performances=read_performances(arguments.performances),
         )
+        files = build_report(report_inputs, config)
         for name, data in files.items():
             (out / name).write_bytes(data)
         run.log("page_bytes", len(files["index.html"]))
@@ -63,11 +66,11 @@ if __name__ == "__main__":
     parser.add_argument("--gap", required=True, type=Path, help="folder of a diagnosis for each tool")
     parser.add_argument("--paintings", required=True, type=Path)
     parser.add_argument("--evaluations", required=True, type=Path, help="folder of an evaluation for each setting")
-    parser.add_argument("--performances", required=True, type=Path, help="what the runner painted from the bundle")
+    parser.add_argument("--performances", required=True, type=Path, help="what the bundle painted")
     parser.add_argument("--sculptures", required=True, type=Path, help="folder of a sculpture for each material")
-    parser.add_argument("--hands", required=True, type=Path, help="drawings in hands")
+    parser.add_argument("--hands", required=True, type=Path, help="drawings in handwriting styles")
     parser.add_argument("--demonstrations", required=True, type=Path)
-    parser.add_argument("--benchmarks", required=True, type=Path, help="what `make bench` wrote")
+    parser.add_argument("--benchmarks", required=True, type=Path, help="output of `make bench`")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")
     parser.add_argument("--evaluated", required=True, nargs="+", help="settings of co-painting, likewise")

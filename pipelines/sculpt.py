@@ -30,7 +30,7 @@ from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.planning.pushes.goal import GoalFit, GoalSettings, fit_goal
 from pentimento.planning.pushes.plan import PushPlan, plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
-from pentimento.report.pictures import time_lapse
+from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector, load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot

@@ -1,4 +1,4 @@
-"""A tiny pipeline's results, made up: six strokes and their model, a painting of three strokes on 60 x 40 mm."""
+"""Results of a tiny synthetic pipeline: six strokes and their model, a painting of three strokes on 60 × 40 mm."""
 
 import json
 from collections.abc import Callable
@@ -16,7 +16,8 @@ from pentimento.contracts.tables import write_table
 from pentimento.dynamics.strokes.evaluation import constant_width
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.report.benchmarks import BenchmarkInputs, Timing
-from pentimento.report.inputs import PaintingInputs, StrokePictures, ToolInputs, read_painting, read_tool
+from pentimento.report.paintings import PaintingInputs, read_painting
+from pentimento.report.tools import StrokePictures, ToolInputs, read_tool
 
 PICTURES = StrokePictures(shown=3, path_points=16, pixels_per_m=1000.0, margin_m=0.012)
 MODEL = Traj2StrokeParameters((0.98, 1.02), (0.0003, -0.0002), 0.6, 0.0008, 0.2, 0.9)
@@ -36,7 +37,7 @@ METRICS: dict[str, Any] = {
 def tool_folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """(strokes, weights) of a tool, as the stages write them."""
     folder = tmp_path_factory.mktemp("tool")
-    write_table(folder / "strokes", example_table(6), CONTRACT, "# Made up")
+    write_table(folder / "strokes", example_table(6), CONTRACT, "# Synthetic")
     weights = folder / "weights"
     weights.mkdir()
     scores = {
@@ -95,15 +96,15 @@ def painting(painting_folder: Path) -> PaintingInputs:
 
 @pytest.fixture(scope="session")
 def benchmarks() -> BenchmarkInputs:
-    """Made-up times: in proportion to strokes, and to the canvas's width."""
+    """Synthetic times, proportional to strokes and to the canvas's width."""
     ours = {size: [Timing(n, 1e-5 * n * size / 256) for n in (20, 100, 400)] for size in (256, 512)}
     peers = {"FRIDA, 256²": [Timing(20, 0.25), Timing(400, 6.0)], "Guessed, 256²": [Timing(400, 30.0, True)]}
-    return BenchmarkInputs("a made-up processor", ours, [Timing(20, 2.0)], peers)
+    return BenchmarkInputs("a synthetic processor", ours, [Timing(20, 2.0)], peers)
 
 
 @pytest.fixture(scope="session")
 def worse(painting: PaintingInputs) -> Callable[[], PaintingInputs]:
-    """The same painting, had replanning done harm and the learned model been the worse one."""
+    """The same painting with a harmful replanning and a learned model worse than the polyline."""
 
     def make() -> PaintingInputs:
         return replace(

@@ -43,7 +43,7 @@ def written(folder: Path, results: dict[str, Any]) -> Path:
     return path
 
 
-def test_only_plain_cases_of_one_thread_and_the_drawn_paths_are_read(tmp_path: Path) -> None:
+def test_only_plain_cases_of_one_thread_and_charted_paths_are_read(tmp_path: Path) -> None:
     inputs = read_benchmarks(written(tmp_path, RESULTS))
     assert inputs.ours == {256: [Timing(20, 0.001), Timing(400, 0.006)], 512: [Timing(400, 0.02)]}
     assert inputs.reference == [Timing(20, 5.0)]
@@ -58,7 +58,7 @@ def test_only_plain_cases_of_one_thread_and_the_drawn_paths_are_read(tmp_path: P
         (json.dumps(RESULTS | {"cases": []}), r"holds no times of 32-point paths.*make bench"),
     ],
 )
-def test_what_is_not_a_file_of_benchmarks_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+def test_invalid_file_of_benchmarks_is_an_error(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / "benchmarks.json"
     with pytest.raises(ContractError, match="make bench"):
         read_benchmarks(path)
@@ -67,23 +67,23 @@ def test_what_is_not_a_file_of_benchmarks_is_one_sentence(tmp_path: Path, text: 
         read_benchmarks(path)
 
 
-def test_the_sentence_is_true_whichever_is_faster(benchmarks: BenchmarkInputs) -> None:
+def test_comparison_states_which_renderer_is_faster(benchmarks: BenchmarkInputs) -> None:
     assert comparison(benchmarks) == (
         "400 strokes on 256² pixels and all of their gradients take 4.00 ms, 1500 times less than the 6.00 s of FRIDA."
     )
     slow = replace(benchmarks, ours={256: [Timing(400, 12.0)]})
     assert "2.00 times more than the 6.00 s" in comparison(slow)
-    assert "Nothing in common" in comparison(replace(benchmarks, ours={256: [Timing(7, 1.0)]}))
+    assert "No common case" in comparison(replace(benchmarks, ours={256: [Timing(7, 1.0)]}))
 
 
-def test_the_section_has_its_picture_and_says_what_was_not_measured_here(benchmarks: BenchmarkInputs) -> None:
+def test_section_has_its_picture_and_names_extrapolation(benchmarks: BenchmarkInputs) -> None:
     album = Album()
     html = benchmark_section(benchmarks, album)
     assert set(album.files) == {"renderer_time.png"} and 'id="speed"' in html
-    assert "a made-up processor" in html and "extrapolated" in html
+    assert "a synthetic processor" in html and "extrapolated" in html
 
 
-def test_a_slower_peer_is_drawn_higher(benchmarks: BenchmarkInputs) -> None:
+def test_slower_renderer_is_drawn_higher(benchmarks: BenchmarkInputs) -> None:
     def mean_row(seconds: float) -> float:
         peers = {"FRIDA, 256²": [Timing(20, seconds), Timing(400, seconds)], "other": [Timing(400, 30.0)]}
         picture = PIL.Image.open(io.BytesIO(draw_times(replace(benchmarks, peers=peers)))).convert("RGB")

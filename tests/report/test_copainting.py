@@ -42,9 +42,9 @@ METRICS: dict[str, Any] = {
 }  # fmt: skip
 
 
-def test_where_base_and_oracle_do_not_differ_it_is_said(folder: Path) -> None:
+def test_missing_gap_between_base_and_oracle_is_stated(folder: Path) -> None:
     section = copainting_section([read_copainting("marker", folder)], Album())
-    assert "Of the gap Δ<sub>pix</sub> between base and oracle, fine-tuning closes" in section
+    assert "of the gap in Δ<sub>pix</sub> between base and oracle." in section
     assert "The base’s Δ<sub>sem</sub> is no larger than the oracle’s: there is no gap to close." in section
 
 
@@ -56,7 +56,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_method_stands_in_the_table_with_its_interval(folder: Path) -> None:
+def test_every_method_is_in_the_table_with_its_interval(folder: Path) -> None:
     album = Album()
     section = copainting_section([read_copainting("marker", folder)], album)
     assert read(section).open == []
@@ -64,14 +64,14 @@ def test_every_method_stands_in_the_table_with_its_interval(folder: Path) -> Non
         assert words in section
     assert "13.00<br><small>3.00&nbsp;… 23.00</small>" in section
     assert section.count('<td class="number">–</td>') >= 2  # no gap where there is no goal
-    assert "4.769 (4.759&nbsp;… 4.779)" in section and "100 held-out prompts" in section and "1 prompt." in section
+    assert "4.769 (4.759\u00a0… 4.779)" in section and "100 held-out prompts" in section and "1 prompt." in section
     assert "turn 3" in section and "0.325" in section and "r = −0.480, p = 2e−31" in section
     assert {f"copainting_marker_{name}.png" for name in ("methods", "on_paper", "other_medium", "turns")} == set(
         album.files
     )
 
 
-def test_what_is_no_evaluation_is_one_sentence(folder: Path) -> None:
+def test_incomplete_evaluation_is_an_error(folder: Path) -> None:
     (folder / "turns.png").unlink()
     with pytest.raises(ContractError, match="run the stage evaluate_copainting"):
         read_copainting("marker", folder)

@@ -9,12 +9,9 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
-from pentimento.report.benchmarks import BenchmarkInputs
 from pentimento.report.diagnoses import DiagnosisInputs, diagnoses_section, read_diagnosis
 from pentimento.report.html import Album
-from pentimento.report.inputs import PaintingInputs, ToolInputs
-from pentimento.report.page import build_report
-from tests.report.test_page import CONFIG, read
+from tests.report.test_page import read
 
 VERDICT: dict[str, Any] = {
     "schema": 1,
@@ -46,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_section_says_what_was_found_for_each_tool(folder: Path) -> None:
+def test_section_has_the_verdict_and_figures_of_each_tool(folder: Path) -> None:
     album = Album()
     html = diagnoses_section([read_diagnosis("round_brush", folder), read_diagnosis("marker", folder)], album)
     assert read(html).open == []
@@ -57,35 +54,24 @@ def test_the_section_says_what_was_found_for_each_tool(folder: Path) -> None:
     }
 
 
-def test_nothing_found_makes_no_table() -> None:
+def test_verdict_without_causes_has_no_table() -> None:
     nothing = VERDICT | {"established": [], "sentence": "No known cause is established."}
     html = diagnoses_section([DiagnosisInputs("marker", nothing, {})], Album())
     assert "No known cause" in html and "<table" not in html and "<img" not in html
 
 
-def test_an_unknown_floor_is_not_spoken_of() -> None:
+def test_unknown_floor_is_left_out() -> None:
     unknown = VERDICT | {
         "mse": VERDICT["mse"] | {"floor": None, "floor_ci": None},
         "gap_closed": {"test": None, "ci": None, "shifted": None},
     }
     html = diagnoses_section([DiagnosisInputs("marker", unknown, {})], Album())
-    assert "noise floor is" not in html and "None" not in html and "share of the error" in html
+    assert "noise floor is" not in html and "None" not in html and "fraction of the error" in html
 
 
-def test_a_missing_or_other_verdict_is_named(folder: Path, tmp_path: Path) -> None:
+def test_missing_verdict_or_other_schema_is_an_error(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="diagnose_gap"):
         read_diagnosis("marker", tmp_path / "nowhere")
     (folder / "verdict.json").write_text(json.dumps(VERDICT | {"schema": 2}))
     with pytest.raises(ContractError, match="schema 2"):
         read_diagnosis("marker", folder)
-
-
-def test_the_page_holds_the_section_and_leads_to_it(
-    painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs, folder: Path
-) -> None:
-    files = build_report([painting], [tool], benchmarks, CONFIG, [read_diagnosis("round_brush", folder)])
-    page = files["index.html"].decode()
-    assert read(page).open == [] and '<a href="#gap">' in page and 'id="gap"' in page
-    assert "gap_round_brush_leave_one_out.png" in files
-    without = build_report([painting], [tool], benchmarks, CONFIG)["index.html"].decode()
-    assert 'id="gap"' not in without and "#gap" not in without

@@ -6,8 +6,18 @@ import PIL.Image
 import pytest
 
 from pentimento.contracts.plan import Plan, PlannedStroke
-from pentimento.report.figures import BLUE, Series, difference_maps, line_chart, shared_top, stroke_lines
-from pentimento.report.inputs import PaintingInputs
+from pentimento.report.figures import (
+    BLUE,
+    Series,
+    difference,
+    difference_maps,
+    line_chart,
+    resized,
+    shared_top,
+    stroke_lines,
+    time_lapse,
+)
+from pentimento.report.paintings import PaintingInputs
 
 
 def pixels(png: bytes) -> np.ndarray:
@@ -25,7 +35,7 @@ def test_scales_are_shared_and_rounded_up() -> None:
     assert shared_top([np.zeros((4, 4))]) == pytest.approx(0.05)
 
 
-def test_a_larger_difference_is_darker() -> None:
+def test_larger_difference_is_darker() -> None:
     picture = pixels(difference_maps({"a": np.zeros((20, 30)), "b": np.full((20, 30), 0.5)}, "difference"))
     middle = picture.shape[0] // 2
     left, right = picture[middle, picture.shape[1] // 5], picture[middle, 3 * picture.shape[1] // 5]
@@ -47,3 +57,38 @@ def test_strokes_are_drawn_with_x_to_the_right_and_y_up(painting: PaintingInputs
     along = (column - columns.min()) / (columns.max() - columns.min())
     assert down == pytest.approx(1 - 0.036 / 0.04, abs=0.03)
     assert along == pytest.approx(0.010 / 0.06, abs=0.03)
+
+
+def solid(level: int, shape: tuple[int, int] = (4, 6)) -> np.ndarray:
+    return np.full((*shape, 3), level, dtype=np.uint8)
+
+
+def test_difference_is_the_root_mean_square_over_channels() -> None:
+    other = solid(0)
+    other[0, 0] = (255, 0, 0)
+    found = difference(solid(0), other)
+    assert found[0, 0] == pytest.approx(np.sqrt(1 / 3)) and found[1:].max() == 0
+
+
+def test_mean_squared_difference_is_the_mse() -> None:
+    one, other = (np.random.default_rng(seed).integers(0, 256, (4, 6, 3), dtype=np.uint8) for seed in (0, 1))
+    mse = np.square(one / 255 - other / 255).mean()
+    assert np.square(difference(one, other)).mean() == pytest.approx(mse, rel=1e-5)
+
+
+def test_photograph_of_higher_resolution_is_averaged_in_linear_light() -> None:
+    stripes = solid(0, (8, 12))
+    stripes[::2] = 255
+    assert resized(stripes, (4, 6, 3)) == pytest.approx(np.full((4, 6, 3), 0.7354), abs=1e-3)  # sRGB of half the light
+
+
+def test_time_lapse_has_every_frame_and_holds_the_last() -> None:
+    frames = [solid(level) for level in (250, 120, 10)]
+    data = time_lapse(frames, 300)
+    assert data == time_lapse(frames, 300)
+    with PIL.Image.open(io.BytesIO(data)) as lapse:
+        assert lapse.n_frames == 3 and lapse.info["loop"] == 0
+        for number, level in enumerate((250, 120, 10)):
+            lapse.seek(number)
+            assert abs(int(np.asarray(lapse.convert("RGB")).mean()) - level) <= 4
+            assert lapse.info["duration"] == (300 if number < 2 else 3600)

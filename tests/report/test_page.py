@@ -1,11 +1,17 @@
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
 from pentimento.report.benchmarks import BenchmarkInputs
-from pentimento.report.inputs import PaintingInputs, ToolInputs
-from pentimento.report.page import ReportConfig, build_report
+from pentimento.report.diagnoses import DiagnosisInputs
+from pentimento.report.handwriting import read_handwriting
+from pentimento.report.page import ReportConfig, ReportInputs, build_report
+from pentimento.report.paintings import PaintingInputs
+from pentimento.report.sculpting import read_sculpture
+from pentimento.report.tools import ToolInputs
 from tests.report.conftest import PICTURES
 
 CONFIG = ReportConfig(frame_ms=100, strokes=PICTURES)
@@ -13,8 +19,13 @@ VOID = {"meta", "img", "source", "br"}
 
 
 @pytest.fixture(scope="module")
-def files(painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs) -> dict[str, bytes]:
-    return build_report([painting], [tool], benchmarks, CONFIG)
+def inputs(painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs) -> ReportInputs:
+    return ReportInputs([painting], [tool], benchmarks)
+
+
+@pytest.fixture(scope="module")
+def files(inputs: ReportInputs) -> dict[str, bytes]:
+    return build_report(inputs, CONFIG)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +34,7 @@ def page(files: dict[str, bytes]) -> str:
 
 
 class Reader(HTMLParser):
-    """Collects tags and ids, and checks that every tag is closed in its turn."""
+    """Collects tags and attributes, and checks that tags are closed in order."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,7 +61,7 @@ def without_pictures(page: str) -> str:
     return re.sub(r"base64,[A-Za-z0-9+/=]*", "", page)
 
 
-def test_tags_are_balanced_and_links_lead_somewhere(page: str, files: dict[str, bytes]) -> None:
+def test_tags_are_balanced_and_links_have_targets(page: str, files: dict[str, bytes]) -> None:
     reader = read(page)
     assert reader.open == []
     ids = {attrs["id"] for _, attrs in reader.tags if "id" in attrs}
@@ -60,7 +71,7 @@ def test_tags_are_balanced_and_links_lead_somewhere(page: str, files: dict[str, 
             assert target.removeprefix("#") in ids if target.startswith("#") else target in files
 
 
-def test_the_page_needs_nothing_else(page: str) -> None:
+def test_page_is_self_contained(page: str) -> None:
     for tag, attrs in read(page).tags:
         assert tag not in ("script", "link")
         for name in ("src", "srcset"):
@@ -68,23 +79,43 @@ def test_the_page_needs_nothing_else(page: str) -> None:
     assert "http" not in without_pictures(page) and "url(" not in page
 
 
-def test_every_picture_has_a_text_and_stands_beside_the_page(page: str, files: dict[str, bytes]) -> None:
+def test_every_picture_has_an_alt_text_and_a_file(page: str, files: dict[str, bytes]) -> None:
     pictures = [attrs for tag, attrs in read(page).tags if tag == "img"]
     assert len(pictures) >= 15 and all(len(attrs["alt"] or "") > 10 for attrs in pictures)
     assert {"colour_timelapse.gif", "colour_plan.svg", "colour_sim2real.png", "renderer_time.png"} <= set(files)
     assert files["colour_plan.svg"] == b"<svg/>"
 
 
-def test_equal_inputs_give_equal_bytes(
-    painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs, files: dict[str, bytes]
+def test_equal_inputs_give_equal_bytes(inputs: ReportInputs, files: dict[str, bytes]) -> None:
+    assert build_report(inputs, CONFIG) == files
+
+
+def test_optional_sections_are_on_the_page_and_linked_only_with_inputs(
+    inputs: ReportInputs, page: str, tmp_path: Path
 ) -> None:
-    assert build_report([painting], [tool], benchmarks, CONFIG) == files
+    from tests.report.test_diagnoses import VERDICT
+    from tests.report.test_handwriting import write as write_handwriting
+    from tests.report.test_sculpting import write as write_sculpture
+
+    write_sculpture(tmp_path)
+    sculpture = read_sculpture("foam", tmp_path, tmp_path / "metrics_of_model", tmp_path / "gap")
+    full = replace(
+        inputs,
+        diagnoses=[DiagnosisInputs("round_brush", VERDICT, {})],
+        handwriting=read_handwriting(*write_handwriting(tmp_path / "hands")),
+        sculptures=[sculpture],
+    )
+    with_all = build_report(full, CONFIG)["index.html"].decode()
+    assert read(with_all).open == []
+    for target in ("gap", "hands", "sculpting-foam"):
+        for text in (f'<a href="#{target}">', f'<section id="{target}">'):
+            assert text in with_all and text not in page
 
 
-def test_the_page_holds_no_dates_paths_or_run_ids(page: str) -> None:
+def test_page_has_no_dates_paths_or_run_ids(page: str) -> None:
     assert not re.search(r"20\d\d-\d\d|\b[0-9a-f]{32}\b|/tmp|/home|/work", without_pictures(page))
 
 
-def test_a_frame_that_browsers_would_slow_down_is_refused() -> None:
+def test_frame_duration_below_20_ms_is_refused() -> None:
     with pytest.raises(ValueError, match="frame_ms"):
         ReportConfig(frame_ms=5, strokes=PICTURES)

@@ -1,4 +1,4 @@
-"""The runner's paintings on the page."""
+"""The report's section on execution from the bundle."""
 
 import json
 from pathlib import Path
@@ -19,13 +19,13 @@ def write(folder: Path, name: str, words: str | None) -> dict[str, object]:
     (folder / name).mkdir()
     for part in ("goal", "plan", "canvas"):
         (folder / name / f"{part}.png").write_bytes(PICTURE)
-    told: dict[str, object] = {
+    metrics_: dict[str, object] = {
         "setting": "colour", "words": words, "strokes": 40, "error": {"plan": 0.004, "canvas": 0.0055},
     }  # fmt: skip
-    return told if words else told | {"workshop": {"strokes": 42, "error": 0.005}}
+    return metrics_ if words else metrics_ | {"workshop": {"strokes": 42, "error": 0.005}}
 
 
-def test_each_painting_is_shown_with_its_goal_and_beside_the_workshop_s(tmp_path: Path) -> None:
+def test_paintings_are_compared_with_those_of_pytorch(tmp_path: Path) -> None:
     metrics = {"cat": write(tmp_path, "cat", None), "hut": write(tmp_path, "hut", "a hut & a <tree>")}
     (tmp_path / "metrics.json").write_text(json.dumps(metrics))
     (tmp_path / "sculptures.json").write_text("{}")
@@ -36,13 +36,13 @@ def test_each_painting_is_shown_with_its_goal_and_beside_the_workshop_s(tmp_path
     assert percent(0.0055 / 0.005 - 1) in html
 
 
-def test_a_sculpture_is_shown_and_a_rise_of_an_error_is_called_one(tmp_path: Path) -> None:
+def test_sculpture_with_an_increased_error_says_raised(tmp_path: Path) -> None:
     (tmp_path / "metrics.json").write_text("{}")
-    told = {
+    metrics_ = {
         "material": "foam", "letter": "A", "actions": 12,
         "error_3d_mm2": {"before": 2.0, "after": 0.5}, "visual_error": {"before": 0.02, "after": 0.03},
     }  # fmt: skip
-    (tmp_path / "sculptures.json").write_text(json.dumps({"letter": told}))
+    (tmp_path / "sculptures.json").write_text(json.dumps({"letter": metrics_}))
     (tmp_path / "letter").mkdir()
     for part in ("before", "goal", "result"):
         (tmp_path / f"letter/{part}.png").write_bytes(PICTURE)
@@ -53,6 +53,6 @@ def test_a_sculpture_is_shown_and_a_rise_of_an_error_is_called_one(tmp_path: Pat
     assert f"raised that in slope by {percent(0.5)}" in html
 
 
-def test_a_folder_without_paintings_is_named_with_its_stage(tmp_path: Path) -> None:
+def test_folder_without_paintings_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="run_bundle"):
         read_performances(tmp_path)

@@ -1,4 +1,4 @@
-"""Sculptures on the page: pictures, errors, and what the reader makes of them, whichever way it went."""
+"""The report's section on sculpting."""
 
 import json
 from pathlib import Path
@@ -9,13 +9,9 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import encode_png
-from pentimento.report.benchmarks import BenchmarkInputs
+from pentimento.report.figures import time_lapse
 from pentimento.report.html import Album
-from pentimento.report.inputs import PaintingInputs, ToolInputs
-from pentimento.report.page import ReportConfig, build_report
-from pentimento.report.pictures import time_lapse
 from pentimento.report.sculpting import read_sculpture, sculpting_section
-from tests.report.conftest import PICTURES
 
 PICTURE = np.full((8, 8, 3), 150, np.uint8)
 
@@ -59,7 +55,7 @@ def section(tmp_path: Path) -> tuple[str, Album]:
     ), album
 
 
-def test_every_goal_is_shown_in_the_order_of_sculpting(section: tuple[str, Album]) -> None:
+def test_goals_are_in_the_order_of_execution(section: tuple[str, Album]) -> None:
     html, album = section
     assert html.index("The letter A") < html.index("The letter B") < html.index("bust")
     assert {f"foam_{name}_{part}.png" for name in ("0_A", "2_B", "10_bust") for part in ("goal", "result")} <= set(
@@ -68,30 +64,19 @@ def test_every_goal_is_shown_in_the_order_of_sculpting(section: tuple[str, Album
     assert {"foam_sculpting.gif", "foam_sculpting_curve.png", "foam_pushes.png"} <= set(album.files)
 
 
-def test_sentences_say_which_way_it_went(section: tuple[str, Album]) -> None:
+def test_sentences_state_the_direction_of_the_result(section: tuple[str, Album]) -> None:
     html, _ = section
     assert "lowered the error in height by 75\u00a0%" in html
     assert "raised the error in height by 50\u00a0%" in html
-    assert "reads it right" in html and "takes it for E" in html
+    assert "reads the letter correctly" in html and "reads it as E" in html
     assert "2 pushes" in html and "0.0123" in html
     assert "Springback &amp; &lt;nothing&gt; else." in html
 
 
-def test_names_of_files_are_escaped(section: tuple[str, Album]) -> None:
+def test_file_names_are_escaped(section: tuple[str, Album]) -> None:
     assert "bust&lt;1&gt;.stl" in section[0] and "bust<1>" not in section[0]
 
 
-def test_a_folder_without_a_sculpture_is_named_with_its_stages(tmp_path: Path) -> None:
+def test_folder_without_a_sculpture_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="train_push_dynamics, diagnose_pushes and sculpt"):
         read_sculpture("foam", tmp_path, tmp_path, tmp_path)
-
-
-def test_the_page_links_to_the_section(
-    tmp_path: Path, painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs
-) -> None:
-    write(tmp_path)
-    sculpture = read_sculpture("foam", tmp_path, tmp_path / "metrics_of_model", tmp_path / "gap")
-    config = ReportConfig(frame_ms=100, strokes=PICTURES)
-    page = build_report([painting], [tool], benchmarks, config, sculptures=[sculpture])["index.html"].decode()
-    assert '<a href="#sculpting-foam">' in page and '<section id="sculpting-foam">' in page
-    assert "sculpting" not in build_report([painting], [tool], benchmarks, config)["index.html"].decode()

@@ -3,11 +3,11 @@ import pytest
 import torch
 
 from pentimento.dynamics.strokes.evaluation import score_model
-from pentimento.report.inputs import ToolInputs
-from pentimento.report.stroke_sheet import choose, predict, stroke_scores
+from pentimento.report.stroke_sheet import choose, predict_photos, stroke_scores
+from pentimento.report.tools import ToolInputs
 
 
-def test_strokes_run_from_the_best_foretold_through_the_median_to_the_worst(tool: ToolInputs) -> None:
+def test_strokes_are_ordered_from_the_best_prediction_to_the_worst(tool: ToolInputs) -> None:
     rows = choose(tool.held_out, tool.model, tool.polyline, 3)
     assert [row.label for row in rows] == ["best", "median", "worst"]
     ious = [row.iou[0] for row in rows]
@@ -16,7 +16,7 @@ def test_strokes_run_from_the_best_foretold_through_the_median_to_the_worst(tool
 
 
 def test_scores_of_single_strokes_average_to_the_model_s(tool: ToolInputs) -> None:
-    iou, _ = stroke_scores(predict(tool.model, tool.held_out), tool.held_out)
+    iou, _ = stroke_scores(predict_photos(tool.model, tool.held_out), tool.held_out)
     assert float(iou.nanmean()) == pytest.approx(score_model(tool.model, tool.held_out).iou, rel=1e-5)
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from pentimento.report.wording import count, decimal, lowered, percent, signed_mm, times, tool_name
+from pentimento.report.wording import comparison, count, decimal, lowered, percent, signed_mm, tool_name
 
 
 @pytest.mark.parametrize(
@@ -28,13 +28,18 @@ def test_the_verb_follows_the_sign(share: float, verb: str) -> None:
 
 @pytest.mark.parametrize(
     ("factor", "text"),
-    [(3.1, "3.10 times smaller"), (0.5, "2.00 times larger"), (1.0, "as large"), (0.0, "infinitely larger")],
+    [
+        (3.1, "3.10 times smaller than"),
+        (0.5, "2.00 times larger than"),
+        (1.0, "as large as"),
+        (0.0, "infinitely larger than"),
+    ],
 )
-def test_a_factor_below_one_is_said_the_other_way_round(factor: float, text: str) -> None:
-    assert times(factor, "smaller", "larger") == text
+def test_factor_below_one_is_inverted(factor: float, text: str) -> None:
+    assert comparison(factor, "smaller", "larger") == text
 
 
-def test_lengths_bear_a_true_sign_and_zero_bears_none() -> None:
+def test_lengths_have_a_minus_sign_and_zero_has_none() -> None:
     assert [signed_mm(x).replace("\N{NO-BREAK SPACE}", " ") for x in (3.1e-4, -2e-4, -1e-7)] == [
         "+0.31 mm", "\N{MINUS SIGN}0.20 mm", "0.00 mm"
     ]  # fmt: skip

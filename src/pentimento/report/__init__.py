@@ -1,1 +1,1 @@
-"""The report: what the pipeline made, as one HTML page that explains each of its pictures."""
+"""The report: the pipeline's results as one HTML page."""

@@ -1,24 +1,25 @@
-"""The report's section on speed: what the renderer takes, beside the published ones (docs/benchmarks.md has it all)."""
+"""The report's section on rendering speed, with published renderers (docs/benchmarks.md has all cases)."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from html import escape
 from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pentimento.contracts.errors import ContractError
 from pentimento.report.figures import BLUE, OCHRE, drawing, png
 from pentimento.report.html import Album
+from pentimento.report.templates import render
 from pentimento.report.wording import decimal
 
 POINTS = 32
-"""Of the paths whose times are drawn."""
+"""Of the paths in the chart."""
 _SHADES = ("#1f6f8b", "#58a0b8", "#9cc7d5")
 _PEER_COLOURS = (OCHRE, "#8a4a9c", "#4f7d3a", "#a0522d", "#66665f")
 _MARKERS = "sD^vP"
@@ -26,7 +27,7 @@ _MARKERS = "sD^vP"
 
 @dataclass(frozen=True)
 class Timing:
-    """Forward + backward of some strokes."""
+    """Seconds of forward + backward for a number of strokes."""
 
     strokes: int
     s: float
@@ -35,11 +36,11 @@ class Timing:
 
 @dataclass(frozen=True)
 class BenchmarkInputs:
-    """What ``make bench`` measured on one thread, and what others are known to take."""
+    """Results of ``make bench`` on one thread, and published timings of other renderers."""
 
     cpu: str
     ours: dict[int, list[Timing]]
-    """By the canvas's width in px: paths of POINTS points, medians."""
+    """By the canvas's width in px: medians for paths of POINTS points."""
     reference: list[Timing]
     """The dense reference at 256²."""
     peers: dict[str, list[Timing]]
@@ -72,40 +73,33 @@ def read_benchmarks(path: Path) -> BenchmarkInputs:
     return BenchmarkInputs(cpu, ours, reference, peers)
 
 
-def benchmark_section(inputs: BenchmarkInputs, album: Album) -> str:
+def benchmark_section(inputs: BenchmarkInputs, album: Album) -> Markup:
     """HTML of the section; its picture goes into the album."""
-    plot = album.plot(
-        "renderer_time.png",
-        draw_times(inputs),
-        "Seconds against number of strokes, both logarithmic: Pentimento’s renderer on canvases of "
-        f"{', '.join(f'{size} px' for size in inputs.ours)}, the dense reference, and others’ renderers.",
-        f"One image and all of its gradients, forward + backward, on one thread. <b>Filled circles</b>: Pentimento, "
-        f"paths of {POINTS} points, on {escape(inputs.cpu)}. <b>Crosses</b>: the dense reference of the same formula, "
-        "there too. <b>The rest</b>: others’ renderers as published or measured elsewhere, on another machine; open "
-        "where extrapolated.",
+    return render(
+        "report/benchmarks.html",
+        album=album,
+        inputs=inputs,
+        comparison=comparison(inputs),
+        chart=draw_times(inputs),
+        sizes=", ".join(f"{size} px" for size in inputs.ours),
+        points=POINTS,
     )
-    return f"""<section id="speed">
-<h2>What rendering costs</h2>
-<p>{comparison(inputs)} A planner renders hundreds of times for one picture, so this is what its speed hangs on;
-<code>docs/benchmarks.md</code> has every case.</p>
-{plot}
-</section>"""
 
 
 def comparison(inputs: BenchmarkInputs) -> str:
-    """The largest number of strokes that both we and the first peer rendered, as a sentence that is true either way."""
+    """A sentence that compares both renderers at the max number of strokes measured for both."""
     size = min(inputs.ours)
     name, theirs = next(iter(inputs.peers.items()))
     common = {t.strokes: t.s for t in inputs.ours[size]}
     known = [t for t in theirs if t.strokes in common and not t.extrapolated]
     if not known:
-        return f"Nothing in common was measured with {escape(name)}."
+        return f"No common case was measured with {name}."
     other = max(known, key=lambda timing: timing.strokes)
     own = common[other.strokes]
     factor = f"{round(other.s / own):d} times less" if other.s > own else f"{decimal(own / other.s)} times more"
     return (
         f"{other.strokes} strokes on {size}² pixels and all of their gradients take {decimal(1000 * own)} ms, "
-        f"{factor} than the {decimal(other.s)} s of {escape(name.partition(',')[0])}."
+        f"{factor} than the {decimal(other.s)} s of {name.partition(',')[0]}."
     )
 
 
@@ -133,7 +127,7 @@ def draw_times(inputs: BenchmarkInputs) -> bytes:
 
 
 def _draw(axes: Axes, timings: list[Timing], label: str, colour: str, marker: str, line: str = "-") -> None:
-    """A curve with its marks; marks of what was not measured are open."""
+    """A curve with markers, which are open where extrapolated."""
     x, y = [t.strokes for t in timings], [t.s for t in timings]
     axes.plot(x, y, line, color=colour, lw=1.6, marker=marker, markersize=6, label=label)
     guessed = [t for t in timings if t.extrapolated]

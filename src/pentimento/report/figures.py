@@ -1,7 +1,6 @@
-"""Drawn figures as PNG bytes: curves, difference maps, the strokes as lines.
+"""Figures as PNG bytes (curves, difference maps, stroke paths), image differences and time-lapses.
 
-Drawn with matplotlib's own defaults, whatever the user's settings, and without metadata: equal data give
-equal bytes.
+Drawn with matplotlib's defaults, independent of the user's settings, and without metadata: equal data give equal bytes.
 """
 
 from __future__ import annotations
@@ -11,22 +10,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+import cv2
 import matplotlib.style
 import numpy as np
+import PIL.Image
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float
 from pentimento.contracts.plan import Plan
 
 FloatArray = NDArray[np.float64]
+Image = NDArray[np.uint8]
 
 INK, BLUE, OCHRE = "#2b2b2b", "#1f6f8b", "#c26a1b"
 ERROR_COLOURS = "OrRd"
 _DPI = 130
 _MM = 1000.0
+_HOLD = 12  # frames for which a time-lapse shows its last picture
 _STYLE: dict[str, Any] = {
     "font.size": 11.0,
     "text.color": INK,
@@ -54,7 +58,7 @@ class Series(NamedTuple):
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """The settings under which every figure is made and saved."""
+    """The settings with which every figure is drawn and saved."""
     with matplotlib.style.context(["default", _STYLE]):
         yield
 
@@ -67,13 +71,15 @@ def png(figure: Figure) -> bytes:
 
 
 def line_chart(series: Sequence[Series], x_label: str, y_label: str, size_in: tuple[float, float]) -> bytes:
-    """Curves over a common axis, from zero up; a legend where there is more than one."""
+    """Curves over a common axis, from zero; a legend where there is more than one."""
     with drawing():
         figure = Figure(figsize=size_in, layout="constrained")
         axes = figure.add_subplot()
-        for one in series:
-            marker = "o" if len(one.x) <= 40 else None
-            axes.plot(one.x, one.y, one.line, label=one.label, color=one.colour, lw=2, marker=marker, markersize=4)
+        for curve in series:
+            marker = "o" if len(curve.x) <= 40 else None
+            axes.plot(
+                curve.x, curve.y, curve.line, label=curve.label, color=curve.colour, lw=2, marker=marker, markersize=4
+            )
         axes.set(xlabel=x_label, ylabel=y_label)
         axes.set_ylim(bottom=0)
         axes.margins(x=0.01)
@@ -85,7 +91,7 @@ def line_chart(series: Sequence[Series], x_label: str, y_label: str, size_in: tu
 
 
 def difference_maps(maps: Mapping[str, FloatArray], label: str) -> bytes:
-    """Images [H, W] under their titles side by side on one colour scale, with its bar."""
+    """Images [H, W] under their titles side by side with a common colour scale."""
     top = shared_top(list(maps.values()))
     height, width = next(iter(maps.values())).shape
     cell_in = 3.4
@@ -134,14 +140,46 @@ def stroke_lines(plan: Plan) -> bytes:
         return png(figure)
 
 
+def difference(predicted: Image, real: Image) -> FloatArray:
+    """Root mean squared difference over the channels, sRGB in [0, 1], [H, W] of `predicted`.
+
+    A `real` photograph of another resolution is resampled to that of `predicted` by area averages of linear light.
+    """
+    squared = np.square(to_float(predicted).astype(np.float64) - resized(real, predicted.shape))
+    return np.asarray(np.sqrt(squared.mean(axis=-1)))
+
+
+def resized(image: Image, shape: Sequence[int]) -> FloatArray:
+    """An sRGB image as floats [h, w, 3] at `shape` (h, w, ...)."""
+    srgb = to_float(image).astype(np.float64)
+    if image.shape[:2] == tuple(shape[:2]):
+        return srgb
+    linear = cv2.resize(srgb_to_linear(srgb), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
+    return linear_to_srgb(np.asarray(linear, dtype=np.float64))
+
+
+def time_lapse(frames: Sequence[Image], frame_ms: int) -> bytes:
+    """An endless GIF of sRGB frames [H, W, 3]; the last one is held.
+
+    All frames share one palette of 256 colours, so that colours do not flicker.
+    """
+    strip = PIL.Image.fromarray(np.concatenate(list(frames)))
+    palette = strip.quantize(256, method=PIL.Image.Quantize.MEDIANCUT)
+    pages = [PIL.Image.fromarray(frame).quantize(palette=palette, dither=PIL.Image.Dither.NONE) for frame in frames]
+    durations = [frame_ms] * (len(pages) - 1) + [frame_ms * _HOLD]
+    data = io.BytesIO()
+    pages[0].save(data, "GIF", save_all=True, append_images=pages[1:], duration=durations, loop=0)
+    return data.getvalue()
+
+
 def shared_top(maps: Sequence[FloatArray]) -> float:
-    """A common upper end for colour scales: the 99.5th percentile of all, rounded up to 0.05."""
+    """A common max of colour scales: the 99.5th percentile of all, rounded up to 0.05."""
     high = float(np.percentile(np.concatenate([values.ravel() for values in maps]), 99.5))
     return max(float(np.ceil(high / 0.05)) * 0.05, 0.05)
 
 
 def _beside(axes: Axes) -> Axes:
-    """Where a colour bar as tall as `axes` stands."""
+    """Axes for a colour bar of the height of `axes`."""
     return axes.inset_axes((1.03, 0.0, 0.035, 1.0))
 
 

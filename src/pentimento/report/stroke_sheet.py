@@ -1,4 +1,4 @@
-"""Measured strokes beside their predictions: which to show, and the sheet that shows them (thesis Figure 4.8)."""
+"""Recorded strokes with their predictions: selection and drawing of a sheet (thesis Figure 4.8)."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class ShownStroke(NamedTuple):
 def choose(
     samples: StrokeSamples, model: Traj2StrokeParameters, polyline: Traj2StrokeParameters, shown: int
 ) -> list[ShownStroke]:
-    """Strokes from the best foretold by the model (by IoU) through the median to the worst, evenly by rank.
+    """Strokes from the model's best prediction (by IoU) through the median to the worst, evenly by rank.
 
-    Strokes without visible ink have no IoU and are left out, unless there are no others.
+    Strokes without visible ink have no IoU and are excluded unless there are no others.
     """
     predicted = [predict_photos(parameters, samples) for parameters in (model, polyline)]
     ious, l1s = zip(*(stroke_scores(image, samples) for image in predicted), strict=True)
@@ -64,7 +64,7 @@ def choose(
 
 
 def predict_photos(parameters: Traj2StrokeParameters, samples: StrokeSamples) -> Tensor:
-    """What a model says the photographs after the strokes will be, sRGB [B, H, W, 3]."""
+    """The photographs after the strokes as predicted by a model, sRGB [B, H, W, 3]."""
     with torch.no_grad():
         return predict(Traj2Stroke(parameters), samples)
 
@@ -156,7 +156,7 @@ def _rank_name(rank: int, of: int) -> str:
 def _shown(
     label: str, samples: StrokeSamples, predicted: list[Tensor], index: int, ious: list[float], l1s: list[float]
 ) -> ShownStroke:
-    """One stroke's pictures without their padding, at the right and at the bottom."""
+    """One stroke's pictures without their padding (right and bottom)."""
     valid = samples.valid[index] > 0
     height, width = int(valid.any(1).sum()), int(valid.any(0).sum())
 

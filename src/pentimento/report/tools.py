@@ -1,91 +1,177 @@
-"""The report's section on one tool: what its model learned and how well it foretells strokes it has not seen."""
+"""The report's section on one tool: its learned stroke model and the errors on held-out strokes."""
 
 from __future__ import annotations
 
-from html import escape
+from dataclasses import dataclass
+from pathlib import Path
 
+import torch
+from markupsafe import Markup
+
+from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import read_table
 from pentimento.dynamics.strokes.evaluation import StrokeScores
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
 from pentimento.report.figures import BLUE, Series, line_chart
-from pentimento.report.html import Album, row, table
-from pentimento.report.inputs import ToolInputs
-from pentimento.report.parameters import parameter_table, polyline_sentence
+from pentimento.report.files import incomplete, read_json
+from pentimento.report.html import Album
 from pentimento.report.stroke_sheet import choose, draw_sheet
-from pentimento.report.wording import count, decimal, times, tool_name
+from pentimento.report.templates import render
+from pentimento.report.wording import comparison, decimal, percent, signed_mm
 
-_NAMES = {"model": "Traj2Stroke", "polyline": "polyline", "blank": "nothing happens"}
+_MM = 1000.0
+_COMMANDED_MM = 50.0  # length of the example that the table explains scales with
+_NAMES = {"model": "Traj2Stroke", "polyline": "polyline", "blank": "no mark"}
 
 
-def tool_section(inputs: ToolInputs, shown: int, album: Album) -> str:
+@dataclass(frozen=True)
+class StrokePictures:
+    """How recorded strokes are shown."""
+
+    shown: int
+    """Held-out strokes of each tool, from the best prediction through the median to the worst."""
+    path_points: int
+    """Points to which a path is resampled for prediction."""
+    pixels_per_m: float
+    """Photographs of a higher resolution are averaged down to about this."""
+    margin_m: float
+    """Windows are trimmed to this much around the commanded path."""
+
+    def __post_init__(self) -> None:
+        if self.shown < 1:
+            raise ValueError(f"shown is {self.shown}; show at least one stroke.")
+        at_least(self, 2, "path_points")
+        above_zero(self, "pixels_per_m", "margin_m")
+
+
+@dataclass(frozen=True, eq=False)
+class ToolInputs:
+    """One tool: held-out strokes, the model and the baseline, and their scores."""
+
+    name: str
+    held_out: StrokeSamples
+    model: Traj2StrokeParameters
+    polyline: Traj2StrokeParameters
+    """The constant-width pen of min MSE on the training strokes."""
+    crisp: Traj2StrokeParameters
+    """The one of max IoU."""
+    scores: dict[str, dict[str, StrokeScores]]
+    """[`held_out` or `training`][`model`, `polyline` or `blank`]."""
+    counts: dict[str, int]
+    """Rows: `training`, `held_out`, `quarantined`."""
+    epochs: list[float]
+    weighted_l1: list[float]
+
+
+def read_tool(name: str, strokes: Path, weights: Path, config: StrokePictures) -> ToolInputs:
+    """Read a tool's table of strokes and the folder of its trained model.
+
+    Raises:
+        ContractError: a file is missing or does not hold what it should.
+    """
+    table = read_table(strokes, CONTRACT).table
+    samples = load_samples(table, config.path_points, config.pixels_per_m, config.margin_m)
+    held_out_actions = torch.tensor(read_json(weights / "held_out_actions.json"), dtype=torch.int64)
+    held_out = samples.pick(torch.isin(samples.action, held_out_actions))
+    if len(held_out.path) == 0:
+        raise ContractError(
+            f"None of the actions in {weights / 'held_out_actions.json'} is in {strokes}; "
+            "train the model on these strokes again."
+        )
+    metrics, curve = read_json(weights / "metrics.json"), read_json(weights / "curve.json")
+    try:
+        return ToolInputs(
+            name=name,
+            held_out=held_out,
+            model=read_parameters(weights / "parameters.json"),
+            polyline=read_parameters(weights / "polyline.json"),
+            crisp=read_parameters(weights / "polyline_for_iou.json"),
+            scores={
+                part: {model: StrokeScores(**metrics[part][model]) for model in ("model", "polyline", "blank")}
+                for part in ("held_out", "training")
+            },
+            counts={part: metrics["strokes"][part] for part in ("training", "held_out", "quarantined")},
+            epochs=curve["epoch"],
+            weighted_l1=curve["weighted_l1"],
+        )
+    except (KeyError, TypeError) as error:
+        raise incomplete(weights, error, "train_stroke_dynamics") from error
+
+
+def tool_section(inputs: ToolInputs, shown: int, album: Album) -> Markup:
     """HTML of the section; its pictures go into the album."""
-    name = escape(tool_name(inputs.name))
     strokes = choose(inputs.held_out, inputs.model, inputs.crisp, shown)
-    sheet = album.plot(
-        f"strokes_{inputs.name}.png",
-        draw_sheet(strokes),
-        f"A row for each of {count(len(strokes), 'stroke')} of the {tool_name(inputs.name)}: photographs before and "
-        "after, the predictions of Traj2Stroke and of the polyline, and maps of their errors.",
-        f"Strokes that the model has not seen, from the best foretold (by IoU) through the median to the worst; "
-        f"{'all at' if len(strokes) > 1 else 'at'} one scale, the dark bar is 10&nbsp;mm. <b>Before</b>: the canvas, "
-        "with the commanded path in ochre and a dot where it starts. <b>After</b>: the photograph of the stroke. "
-        "<b>Traj2Stroke</b> and <b>polyline</b>: what the two models say the photograph will be (the polyline "
-        "fitted for the IoU). <b>|error|</b>: how "
-        "far each is off, sRGB in [0, 1], pale where right and dark where wrong.",
-    )  # fmt: skip
-    curve = album.plot(
-        f"training_{inputs.name}.png",
-        line_chart(
-            [Series("weighted L1", inputs.epochs, inputs.weighted_l1, BLUE)],
-            "epoch",
-            "weighted L1",
-            (5.2, 3.2),
+    model, polyline = inputs.scores["held_out"]["model"], inputs.scores["held_out"]["polyline"]
+    return render(
+        "report/tool.html",
+        album=album,
+        tool=inputs,
+        shown=len(strokes),
+        sheet=draw_sheet(strokes),
+        gap=comparison(polyline.mse / model.mse, "smaller", "larger") if model.mse > 0 else "0, smaller than",
+        parameter_rows=parameter_rows(inputs.model),
+        width_mm=2 * inputs.polyline.thickness_at_contact_m * _MM,
+        crisp_width_mm=2 * inputs.crisp.thickness_at_contact_m * _MM,
+        score_rows=[_score_row(inputs, model, name) for model, name in _NAMES.items()],
+        curve=line_chart(
+            [Series("weighted L1", inputs.epochs, inputs.weighted_l1, BLUE)], "epoch", "weighted L1", (5.2, 3.2)
         ),
-        f"Curve of the training loss of the {tool_name(inputs.name)}, from {decimal(inputs.weighted_l1[0])} to "
-        f"{decimal(inputs.weighted_l1[-1])}.",
-        "The training loss: mean absolute difference between prediction and photograph, in which a pixel under the "
-        "new stroke weighs more than a blank one (thesis 5.3.4).",
-    )  # fmt: skip
-    return f"""<section id="tool-{escape(inputs.name)}">
-<h3>The {name}</h3>
-<p>{tool_summary(inputs)}</p>
-{sheet}
-{parameter_table(inputs.model, name)}
-<p>{polyline_sentence(inputs.polyline, inputs.crisp)}</p>
-{row([_score_table(inputs), curve])}
-</section>"""
-
-
-def tool_summary(inputs: ToolInputs) -> str:
-    """How well the model foretells strokes, in words that stay true where it is the worse one."""
-    counts, scores = inputs.counts, inputs.scores["held_out"]
-    model, polyline = scores["model"], scores["polyline"]
-    quarantined = (
-        f" ({count(counts['quarantined'], 'row')} of the table broke the contract and were left out)"
-        if counts["quarantined"]
-        else ""
     )
-    ahead = "more" if model.iou >= polyline.iou else "less"
-    factor = times(polyline.mse / model.mse, "smaller", "larger") if model.mse > 0 else "nil, smaller"
-    than = "as" if factor == "as large" else "than"
+
+
+def parameter_rows(parameters: Traj2StrokeParameters) -> list[tuple[str, ...]]:
+    """Symbol, name, value with its unit and meaning of the parameters of Traj2Stroke (thesis 5.3.4)."""
+    (m_x, m_y), (b_x, b_y) = parameters.scale, parameters.offset_m
+    alpha, beta_mm = parameters.thickness_per_press, parameters.thickness_at_contact_m * _MM
+    opacity = (
+        f"On its path the mark covers {percent(parameters.opacity)} of what lies below. The thesis assumes "
+        f"{percent(1.0)}."
+    )
+    rows = (
+        ("<i>m</i><sub>x</sub>", "scale along x", f"{m_x:.3f}", _scaled(m_x, "across the canvas (x)")),
+        ("<i>m</i><sub>y</sub>", "scale along y", f"{m_y:.3f}", _scaled(m_y, "up the canvas (y)")),
+        ("<i>b</i><sub>x</sub>", "shift along x", signed_mm(b_x), _shifted(b_x, "right", "left")),
+        ("<i>b</i><sub>y</sub>", "shift along y", signed_mm(b_y), _shifted(b_y, "above", "below")),
+        ("<i>α</i>", "thickness per press", f"{alpha:.3f}\u00a0mm/mm", _pressed(alpha)),
+        ("<i>β</i>", "thickness at contact", f"{beta_mm:.2f} mm".replace("-", "−"), _touched(alpha, beta_mm)),
+        ("<i>c</i>", "softness", f"{parameters.softness:.3f}", _soft(parameters.softness)),
+        ("<i>ρ</i>", "opacity", f"{parameters.opacity:.3f}", opacity),
+    )
+    return [(Markup(symbol), *rest) for symbol, *rest in rows]
+
+
+def _score_row(inputs: ToolInputs, model: str, name: str) -> tuple[str, ...]:
+    held_out, training = inputs.scores["held_out"][model], inputs.scores["training"][model]
+    return name, f"{held_out.iou:.3f}", decimal(held_out.l1), decimal(held_out.mse), f"{training.iou:.3f}"
+
+
+def _scaled(scale: float, direction: str) -> str:
+    return f"A stroke commanded {_COMMANDED_MM:.0f} mm {direction} is {_COMMANDED_MM * scale:.1f} mm long."
+
+
+def _shifted(shift_m: float, positive: str, negative: str) -> str:
+    if abs(shift_m) * _MM < 0.005:
+        return "The mark has the commanded position."
+    side = positive if shift_m > 0 else negative
+    side = f"to the {side} of" if side in ("right", "left") else side
+    return f"The mark lies {abs(shift_m) * _MM:.2f} mm {side} the commanded position."
+
+
+def _pressed(alpha: float) -> str:
+    return f"Each millimetre of press widens the mark by {2 * alpha:.2f} mm."
+
+
+def _touched(alpha: float, beta_mm: float) -> str:
+    if beta_mm > 0:
+        return f"Light contact draws a line {2 * beta_mm:.2f} mm wide."
+    return f"The mark widens only beyond a press of {-beta_mm / alpha:.2f} mm."
+
+
+def _soft(softness: float) -> str:
     return (
-        f"The model learned from {count(counts['training'], 'stroke')} and was tested on "
-        f"{counts['held_out']} others{quarantined}. On those, predicted and photographed ink overlap by "
-        f"{model.iou:.3f} (IoU; 1 is perfect), {abs(model.iou - polyline.iou):.3f} {ahead} than with the polyline; "
-        f"its mean squared error is {factor} {than} the polyline’s."
+        f"Half-way between path and rim, the coverage is {percent(0.5**softness)} of that on the "
+        "path: 100\u00a0% is a hard edge, 50\u00a0% a linear decrease."
     )
-
-
-def _score_table(inputs: ToolInputs) -> str:
-    rows = []
-    for model, name in _NAMES.items():
-        held_out, training = inputs.scores["held_out"][model], inputs.scores["training"][model]
-        rows.append((name, *_cells(held_out), f"{training.iou:.3f}"))
-    caption = (
-        f"Scores on the {count(inputs.counts['held_out'], 'held-out stroke')}: IoU higher is better, L1 and MSE lower. "
-        "The last column is the IoU on the training strokes; far above the first, it would mean that the "
-        "model had learned them by heart."
-    )
-    return table(("model", "IoU", "L1", "MSE", "IoU, training"), rows, caption)
-
-
-def _cells(scores: StrokeScores) -> tuple[str, str, str]:
-    return f"{scores.iou:.3f}", decimal(scores.l1), decimal(scores.mse)

@@ -1,4 +1,4 @@
-"""Drawings in hands on the page: pictures, the confusion matrix and its rivals, whichever way it went."""
+"""The report's section on handwriting styles."""
 
 import json
 from pathlib import Path
@@ -9,12 +9,8 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import encode_png
-from pentimento.report.benchmarks import BenchmarkInputs
-from pentimento.report.hands import hands_section, read_hands
+from pentimento.report.handwriting import handwriting_section, read_handwriting
 from pentimento.report.html import Album
-from pentimento.report.inputs import PaintingInputs, ToolInputs
-from pentimento.report.page import ReportConfig, build_report
-from tests.report.conftest import PICTURES
 
 PICTURE = encode_png(np.full((8, 8, 3), 150, np.uint8))
 NAMES = ("ann", "b<o>b", "bezier", "nobody")
@@ -23,7 +19,7 @@ NAMES = ("ann", "b<o>b", "bezier", "nobody")
 def write(folder: Path) -> tuple[Path, Path, Path]:
     drawings, weights, demonstrations = (folder / name for name in ("drawings", "weights", "demonstrations"))
     executed = {"ann": [0.9, 0.1], "b<o>b": [0.3, 0.7], "bezier": [1.0, 0.0], "nobody": [0.5, 0.5]}
-    told: dict[str, Any] = {
+    taken_for: dict[str, Any] = {
         "hands": ["ann", "b<o>b"], "executed": executed, "people": {}, "diagonal": 0.8, "diagonal_min": 0.7,
         "diagonal_people": 0.99, "chance": 0.5,
     }  # fmt: skip
@@ -31,7 +27,7 @@ def write(folder: Path) -> tuple[Path, Path, Path]:
         "error": {name: 0.02 for name in NAMES} | {"blank": 0.09},
         "strokes": dict.fromkeys(NAMES, 40),
         "ink_m": dict.fromkeys(NAMES, 2.5),
-        "taken_for": told,
+        "taken_for": taken_for,
     }
     errors = {"fine_tuned": 0.4, "pretrained": 0.6, "nearest_demonstration": 1.2, "mean_stroke": 3.0}
     near = {"nearest_of_same_hand": 0.97, "nearest_of_same_hand_by_coordinates": 0.9, "chance": 0.5}
@@ -48,36 +44,24 @@ def write(folder: Path) -> tuple[Path, Path, Path]:
     return drawings, weights, demonstrations
 
 
-def test_the_section_shows_every_drawing_beside_its_rivals(tmp_path: Path) -> None:
+def test_section_has_all_drawings_and_the_confusion_matrix(tmp_path: Path) -> None:
     album = Album()
-    html = hands_section(read_hands(*write(tmp_path)), album)
+    html = handwriting_section(read_handwriting(*write(tmp_path)), album)
     assert {f"hands_{name}.png" for name in ("target", "ann", "b<o>b", "bezier", "latent_map")} <= set(album.files)
     assert "b<o>b" not in html
-    for said in (
+    for text in (
         "<b>90\u00a0%</b>",
         "80\u00a0% on average",
         "chance is 50\u00a0%",
         "Bézier strokes",
         "blank sheet 0.0900",
-        "nobody",
+        "random latents",
     ):
-        assert said in html
+        assert text in html
 
 
-def test_the_page_has_the_section_only_where_there_are_drawings(
-    tmp_path: Path, painting: PaintingInputs, tool: ToolInputs, benchmarks: BenchmarkInputs
-) -> None:
-    config = ReportConfig(frame_ms=100, strokes=PICTURES)
-    hands = read_hands(*write(tmp_path))
-    with_hands = build_report([painting], [tool], benchmarks, config, hands=hands)["index.html"].decode()
-    without = build_report([painting], [tool], benchmarks, config)["index.html"].decode()
-    assert '<section id="hands">' in with_hands
-    assert 'href="#hands"' in with_hands
-    assert 'id="hands"' not in without
-
-
-def test_what_is_missing_is_said(tmp_path: Path) -> None:
+def test_missing_drawing_is_an_error(tmp_path: Path) -> None:
     folders = write(tmp_path)
     (folders[0] / "ann/drawing.png").unlink()
     with pytest.raises(ContractError, match="run the stages"):
-        read_hands(*folders)
+        read_handwriting(*folders)
