@@ -26,7 +26,7 @@ def repeated(call: Call, budget_s: float, minimum: int = 5, most: int = 60) -> T
 
 
 def in_turns(calls: Sequence[Call], rounds: int) -> list[Times]:
-    """Time calls against each other: one run of each a round, so that whatever else goes on falls on all alike."""
+    """Time calls in rounds of one run each, so that other load on the machine affects all equally."""
     times = [[_once(call) for call in calls] for _ in range(rounds)]
     return [Times(statistics.median(of_one), min(of_one), rounds) for of_one in zip(*times, strict=True)]
 

@@ -1,4 +1,4 @@
-"""What others' renderers take, forward + backward on one thread; measured elsewhere, never run here."""
+"""Published timings of other renderers, forward + backward on one thread, measured on other machines."""
 
 from typing import Any
 

@@ -2,7 +2,8 @@
 
 `python -m benchmarks.replanning` measures in a process without PyTorch, in turns with the workshop's PyTorch in
 another one: the same strokes, the same compiled renderer; only brush and semantic objective differ. An iteration is one
-of `planning.descent.descend`: strokes rendered, compared, differentiated and moved. Bars are judged by the fastest one.
+of `planning.descent.descend`: strokes rendered, compared, differentiated and moved. Bars are measured by the fastest
+one.
 """
 
 from __future__ import annotations
@@ -104,8 +105,8 @@ def measure(bundle: Bundle, parts: Parts, case: Case) -> Steps:
     target = fit_to_canvas(load_photograph(PICTURE), (SIDE_PX, SIDE_PX)).astype(np.float32)
     brush, meaning = parts(case, target)
     scene = replace(scene_with(brush, tool, (SIDE_PX / planner.pixels_per_m,) * 2, target), threads=case.threads)
-    likeness = Term("print", 1.0, PrintObjective(target, planner.distances_px))
-    terms = (likeness, Term("semantic", SEMANTIC_WEIGHT if case.semantic else 0.0, meaning))
+    similarity = Term("print", 1.0, PrintObjective(target, planner.distances_px))
+    terms = (similarity, Term("semantic", SEMANTIC_WEIGHT if case.semantic else 0.0, meaning))
     return time_steps(scene, planner, WeightedObjective(terms), STROKES, _STEPS)
 
 

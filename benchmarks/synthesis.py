@@ -63,7 +63,7 @@ An iteration is one of the real descent: {strokes} random strokes of a round bru
 (Traj2Stroke and bristle lag) on {side}² pixels, rendered, compared, differentiated and moved; one thread, the fastest
 of several runs. *Guided* adds the semantic objective with {views} moved view, by an untrained encoder of the default
 shape. FRIDA's figure is {frida} s for {frida_strokes} strokes at {side}², forward + backward of its **renderer alone**,
-measured elsewhere ({where}).
+measured on other machines ({where}).
 Its time is linear in strokes, so {iteration:.2f} s an iteration are taken for {strokes}; its objectives, its CLIP
 losses and its optimiser come on top and are left out here, while ours are counted. Paintings an hour are for
 {iterations} iterations each.

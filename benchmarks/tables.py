@@ -13,7 +13,7 @@ _INTRODUCTION = """\
 Written by `make bench`; do not edit. Random strokes of 20 to 60 px with radii of 1.5 to 5 px on square canvases,
 float32. Times are wall times of `render_strokes` as a user calls it through PyTorch's autograd, medians of several
 runs after compiling; backward means the gradients of everything, the canvas's too. One thread unless another number is
-given. Every case runs in a process of its own. The bars are judged by the fastest run, which is what the work takes
+given. Every case runs in a process of its own. The bars are measured by the fastest run, which is what the work takes
 when the machine does nothing else; its speed changes by half from minute to minute, as the medians below show."""
 _REFERENCE = """\
 The dense reference in PyTorch evaluates every segment at every pixel, stroke after stroke: its time and memory are
@@ -46,7 +46,7 @@ def page(results: Results) -> str:
         machine_line(results["machine"]),
         "## Bars",
         bar_table([*bars(results), *planning.bars(results["planner"], results["plan"])]),
-        f"Peers' figures were measured elsewhere: {WHERE}. The bars in seconds were set for that kind of machine.",
+        f"Peers' figures were measured on other machines: {WHERE}. The bars in seconds are for that kind of machine.",
         "## Beside the dense reference",
         _REFERENCE,
         _reference_table(results),
@@ -69,7 +69,7 @@ def page(results: Results) -> str:
         "In brackets the fastest run.",
         _case_table(results["cases"]),
         "## Others",
-        f"Forward + backward as measured elsewhere ({WHERE}); italics: extrapolated.",
+        f"Forward + backward as measured on other machines ({WHERE}); italics: extrapolated.",
         _peer_table(results["peers"]),
     ]
     return "\n\n".join(sections) + "\n"

@@ -1,4 +1,4 @@
-"""What the gap finder says of photographed robot strokes, as a page: `python -m studies.measured`.
+"""The diagnosis of photographed robot strokes, as a page: `python -m studies.measured`.
 
 Reads `frida_strokes/*.parquet` in the folder that PENTIMENTO_MEASURED names; diagnoses each into
 `data/studies/measured/<set>/` unless that has a verdict already; writes `docs/measured_strokes.md` and two figures.
@@ -22,10 +22,10 @@ FIGURES_OF = ("brush_2022a", "sharpie_short")
 DOCS = Path("docs")
 
 _HEAD = """\
-# What the gap finder says of measured strokes
+# The diagnosis of measured strokes
 
 Written by `python -m studies.measured`; do not edit. The strokes were recorded by the authors of FRIDA and
-Spline-FRIDA and are not part of this repository. Errors are of sealed strokes that took no part in search or
+Spline-FRIDA and are not part of this repository. Errors are of test strokes that took no part in search or
 confirmation: mean squared, sRGB, over whole windows. No set repeats an action, so **the noise floor is unknown**, and
 gains are shares of the whole error. ± is a standard error that takes each action as one witness. A *rival* is a cause
 whose refit in the named one's place is not worse at 5 %.
@@ -39,13 +39,13 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.measured", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("data/studies/measured"))
-    given = parser.parse_args()
+    args = parser.parse_args()
     folder = os.environ.get("PENTIMENTO_MEASURED")
     if not folder:
         raise ConfigError("PENTIMENTO_MEASURED names no folder; it must hold frida_strokes/*.parquet.")
     rows = []
     for path in sorted(Path(folder, "frida_strokes").glob("*.parquet")):
-        out = given.out / path.stem
+        out = args.out / path.stem
         if not (out / "verdict.json").exists():
             print(f"{path.stem} …", flush=True)
             write_diagnosis(pq.read_table(path), out, 0, lambda line: None)
@@ -53,7 +53,7 @@ def main() -> None:
     for name in FIGURES_OF:
         target = DOCS / "measured"
         target.mkdir(parents=True, exist_ok=True)
-        shutil.copy(given.out / name / "figures" / "strokes.png", target / f"{name}.png")
+        shutil.copy(args.out / name / "figures" / "strokes.png", target / f"{name}.png")
     (DOCS / "measured_strokes.md").write_text(page(rows))
 
 
@@ -75,12 +75,12 @@ def page(verdicts: list[tuple[str, dict[str, Any]]]) -> str:
 `path_scale` on {len(scale)} ({_list(scale)}): ink falls short of its command and cuts corners. Pens are the negative
 control, for a hard tip does not trail: neither is established on {len(clear)} of {len(pens)} sets ({_list(clear)}).
 
-**What these tables cannot decide.** Strokes are told from their own start: nothing that depends on the place on the
-canvas (`canvas_tilt`, `lens_distortion`, `vignetting`, `illumination_gradient`) or on how a stroke is turned there
-(`path_offset`, `backlash`, `orientation_width`) can be seen, and of `path_scale` one factor only. There are no times:
-neither `latency` nor any effect of speed can be told from `bristle_lag`, which is therefore named for what it is in
-space and not for its reason. Nothing crosses paint. Nothing is repeated, so it is unknown how much of what is left is
-noise.
+**What these tables cannot decide.** Strokes are recorded relative to their own start: nothing that depends on the place
+on the canvas (`canvas_tilt`, `lens_distortion`, `vignetting`, `illumination_gradient`) or on how a stroke is turned
+there (`path_offset`, `backlash`, `orientation_width`) can be seen, and of `path_scale` one factor only. There are no
+times: neither `latency` nor any effect of speed can be distinguished from `bristle_lag`, which is therefore named for
+what it is in space and not for its reason. Nothing crosses paint. Nothing is repeated, so it is unknown how much of
+what is left is noise.
 
 **What would settle it.** `next_actions.parquet` of each set: strongly bent strokes of different lengths, on which a
 trailing patch cuts the corner and a shrunken path does not; and the same strokes at several speeds, several times.

@@ -2,7 +2,7 @@
 
 For each seed a brush is drawn: its size, bundle and paint, the arm, the sheet, the camera, and a strength for every
 effect that a dipped round brush can have. It is set up in a copy of a pipeline that is up to date (``--pipeline``),
-which is told a tool file and nothing else of it, and painted with by the commands of docs/new_brush.md. The error of
+which gets only its tool file, and painted with by the commands of docs/new_brush.md. The error of
 its painting stands beside that of the brush it follows, which was developed for, and beside a blank sheet's.
 
 A table goes to the screen and to ``--out``. Exit status 1 where a brush misses a bar.
@@ -62,14 +62,14 @@ def main() -> int:
     parser.add_argument("--pipeline", type=Path, default=Path(), help="a folder that is up to date")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3], help="a brush each")
     parser.add_argument("--out", type=Path, default=Path("data/studies/new_brush.json"))
-    given = parser.parse_args()
+    args = parser.parse_args()
     brushes = []
-    for seed in given.seeds:
+    for seed in args.seeds:
         with tempfile.TemporaryDirectory() as temporary:
-            brushes.append(paint_with(seed, given.pipeline.resolve(), Path(temporary) / "pipeline"))
+            brushes.append(paint_with(seed, args.pipeline.resolve(), Path(temporary) / "pipeline"))
         print(line(brushes[-1]), flush=True)
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    write_json(given.out, {"brushes": [asdict(brush) for brush in brushes]})
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    write_json(args.out, {"brushes": [asdict(brush) for brush in brushes]})
     return 0 if all(brush.met for brush in brushes) else 1
 
 
@@ -110,7 +110,7 @@ def world_text(world: World) -> str:
 
 
 def tool_text(followed: str, size: float) -> str:
-    """What a ruler says of a brush so much larger than the one whose tool file is given."""
+    """What a ruler says of a brush so much larger than the one whose tool file is args."""
     changed = {
         f'name = "{LIKE}"': f'name = "{NAME}"',
         'nominal_width = "7 mm"': f'nominal_width = "{7 * size:.1f} mm"',
@@ -130,11 +130,11 @@ def paint_with(seed: int, pipeline: Path, folder: Path) -> Painted:
     unneeded = shutil.ignore_patterns(".git", ".venv", ".profiles", ".pentimento", "cache", "tmp", "data", "mlflow*")
     shutil.copytree(pipeline, folder, ignore=unneeded)
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
-    told, hidden = folder.with_name("told.toml"), folder.with_name("hidden.toml")
-    told.write_text(tool_text((folder / f"src/pentimento/robots/tools/{LIKE}.toml").read_text(), size))
+    tool, hidden = folder.with_name("tool.toml"), folder.with_name("hidden.toml")
+    tool.write_text(tool_text((folder / f"src/pentimento/robots/tools/{LIKE}.toml").read_text(), size))
     hidden.write_text(world_text(world))
     began = time.perf_counter()
-    new = ["pentimento.cli.main", "new", "tool", NAME, "--like", LIKE, "--tool-file", str(told), "--world", str(hidden)]
+    new = ["pentimento.cli.main", "new", "tool", NAME, "--like", LIKE, "--tool-file", str(tool), "--world", str(hidden)]
     _run(new, folder)
     _run(["dvc", "repro", "-s", *(f"{stage}@{NAME}" for stage in STAGES)], folder)
     seconds = time.perf_counter() - began

@@ -179,17 +179,17 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "data" / "studies" / "on_a_gpu.json")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "on_a_gpu.md")
     parser.add_argument("--steps", type=int, default=40, help="of each training")
-    given = parser.parse_args()
+    args = parser.parse_args()
     if (missing := gpu.missing()) is not None:
         sys.exit(f"{missing} Run this on a machine that has one.")
     renderer = [gpu.measure_gpu(case) for case in gpu.CASES]
-    trainings = [measure_training(row, given.steps) for row in TRAININGS]
+    trainings = [measure_training(row, args.steps) for row in TRAININGS]
     results = rounded(
-        {"machine": machine.describe(), "renderer": renderer, "trainings": trainings, "steps": given.steps}
+        {"machine": machine.describe(), "renderer": renderer, "trainings": trainings, "steps": args.steps}
     )
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(results, indent=1) + "\n")
-    given.page.write_text(page(results))
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    args.out.write_text(json.dumps(results, indent=1) + "\n")
+    args.page.write_text(page(results))
     print(page(results))
 
 

@@ -1,4 +1,4 @@
-"""Worlds of simulators that the finder was not made with: each is made, judged by its table alone, and kept."""
+"""Worlds of independent simulators: each is made, diagnosed from its table alone, and its verdict is kept."""
 
 from __future__ import annotations
 
@@ -15,60 +15,59 @@ from studies.blind.truth import write_parquet
 
 
 class OtherWorld(Protocol):
-    """What is known of one."""
+    """A world of another simulator."""
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Shown on the page."""
 
     @property
     def seed(self) -> int:
-        """No two have the same."""
+        """Unique."""
 
     @property
     def truth(self) -> frozenset[str]:
-        """What the finder should name."""
+        """The causes that a diagnosis should name."""
 
 
 W = TypeVar("W", bound=OtherWorld)
 
 
 def verdicts(
-    worlds: Iterable[W], recorded: Callable[[W], pa.Table], judged: Callable[[Path], dict[str, Any]], out: Path
+    worlds: Iterable[W], recorded: Callable[[W], pa.Table], diagnosed: Callable[[Path], dict[str, Any]], out: Path
 ) -> dict[W, dict[str, Any]]:
-    """What is said of each world whose table alone is ``judged``; worlds that have a verdict in ``out`` are not judged
-    again.
-    """
+    """The result of ``diagnosed`` for each world's table; worlds that have a verdict in ``out`` are not diagnosed
+    again."""
     out.mkdir(parents=True, exist_ok=True)
-    said = {}
+    results = {}
     for world in worlds:
         kept = out / f"{world.seed}.json"
         if not kept.exists():
             with tempfile.TemporaryDirectory() as folder:
                 table = Path(folder) / "table.parquet"
                 write_parquet(table, recorded(world))
-                atomic_write(kept, (json.dumps(judged(table)) + "\n").encode())
-        said[world] = json.loads(kept.read_text())
-        print(f"{world.name}: hidden {listed(world.truth)}, named {listed(named(said[world]))}", flush=True)
-    return said
+                atomic_write(kept, (json.dumps(diagnosed(table)) + "\n").encode())
+        results[world] = json.loads(kept.read_text())
+        print(f"{world.name}: hidden {listed(world.truth)}, named {listed(named(results[world]))}", flush=True)
+    return results
 
 
 def named(result: dict[str, Any]) -> frozenset[str]:
-    """What a verdict says is established."""
+    """The established causes of a verdict."""
     return frozenset(entry["cause"] for entry in result["verdict"]["established"])
 
 
 def rivals(result: dict[str, Any]) -> list[str]:
-    """What it says could stand in the place of that."""
+    """The rivals of the established causes."""
     return sorted({rival for entry in result["verdict"]["established"] for rival in entry["rivals"]})
 
 
 def share_closed(result: dict[str, Any]) -> str:
-    """Of the gap on sealed actions, for people."""
+    """The fraction of the gap closed on the test split, in words."""
     closed = result["verdict"]["gap_closed"]["test"]
     return "–" if closed is None or not named(result) else f"{closed:.2f}"
 
 
 def listed(causes: Iterable[str]) -> str:
-    """For people."""
+    """The causes in words."""
     return ", ".join(sorted(causes)) or "nothing"

@@ -1,4 +1,4 @@
-"""How well push models foretell, in hidden worlds of clay: `python -m studies.push_models`.
+"""Prediction errors of push models, in hidden worlds of clay: `python -m studies.push_models`.
 
 Each world is drawn by its seed: foam, dough and sand whose strengths and constants differ from the bundled files. The
 robot makes 400 designed pushes in each (24 actions three times); a quarter of the actions is held out. Every part of
@@ -292,13 +292,13 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=20)
     parser.add_argument("--parts", type=int, default=10**6, help="stop after so many parts that were not there")
     parser.add_argument("--out", type=Path, default=Path("data/studies/push_models"))
-    given = parser.parse_args()
+    args = parser.parse_args()
     torch.set_num_threads(1)
-    left, seeds = given.parts, range(1, given.worlds + 1)
+    left, seeds = args.parts, range(1, args.worlds + 1)
     found: dict[int, dict[str, Any]] = {seed: {} for seed in seeds}
     # Part by part: a study that is stopped has its first parts of all worlds.
-    for name, seed in product(World(given.out, 1).parts(), seeds):
-        world = World(given.out, seed)
+    for name, seed in product(World(args.out, 1).parts(), seeds):
+        world = World(args.out, seed)
         file = world.folder / f"{name}.json"
         if not file.exists() and left > 0:
             print(f"world {seed}: {name} …", flush=True)

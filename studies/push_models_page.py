@@ -21,7 +21,7 @@ def page(worlds: list[Parts]) -> str:
 
 
 _HEAD = """\
-# How well push models foretell
+# Prediction errors of push models
 
 Written by `python -m studies.push_models`; do not edit. Drawn worlds so far: {worlds} of 20. A world is foam, dough and
 sand whose constants and strengths of effects differ from the bundled files, with 400 designed pushes of the ball in
@@ -63,7 +63,7 @@ def _held_out(worlds: list[Parts]) -> str:
             )
     lines.append(
         "\nThe model knows neither dwell nor speeds, which differ between actions and not between repeats, nor what\n"
-        "was pressed before except by its shape: what is above the floor is what the gap finder looks for."
+        "was pressed before except by its shape: what is above the floor is what the diagnosis looks for."
     )
     return "\n".join(lines) + "\n"
 

@@ -1,1 +1,1 @@
-"""A second simulator of pushes, for the gap finder alone: it shares no form with the studio or the models."""
+"""A second simulator of pushes, for the diagnosis only: it shares no form with the studio or the models."""

@@ -29,7 +29,7 @@ _FAR_MM = 35.0
 
 @dataclass(frozen=True)
 class Command:
-    """What the arm is told, from the surface at its start."""
+    """The commanded push, relative to the surface at its start."""
 
     x_mm: float
     y_mm: float

@@ -110,7 +110,7 @@ def _command(rng: np.random.Generator, clay: Clay, over: Command | None) -> Comm
 
 
 def _measured(rng: np.random.Generator) -> dict[str, float]:
-    """What else is told of a push: the last two do nothing."""
+    """Other columns of a push; the last two have no effect."""
     return {
         "temperature_c": rng.uniform(17, 27),
         "humidity_pct": rng.uniform(25, 65),

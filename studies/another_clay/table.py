@@ -1,7 +1,7 @@
-"""What the gap finder names in worlds of the second clay, as a page: `python -m studies.another_clay.table`.
+"""The diagnosis of worlds of a second clay simulator, as a page: `python -m studies.another_clay.table`.
 
 Makes each world, gives its table alone to a process of its own, and writes `docs/another_clay.md`. A world that has a
-verdict in `data/studies/another_clay/` is not judged again.
+verdict in `data/studies/another_clay/` is not diagnosed again.
 """
 
 from __future__ import annotations
@@ -48,31 +48,31 @@ WORLDS = (
 )
 
 _HEAD = """\
-# The gap finder in another clay
+# The diagnosis in another clay
 
 Written by `python -m studies.another_clay.table`; do not edit. The worlds of the [blind tests](blind_pushes.md) are the
 virtual studio's. These are of a second simulator: a ball that goes over into a cone ploughs a height field station by
 station and lays what is in its way around itself; faults follow laws of their own (creep during the rest, talus, play
-by each axis, hardening by the strain that the tool feels). The finder gets the table alone. *Hidden* has nothing where
-what is hidden has no name in the vocabulary: there *told of* should have what it goes with.
+by each axis, hardening by the strain that the tool feels). The diagnosis gets the table alone. *Hidden* has nothing
+where what is hidden has no name in the vocabulary: there *unexplained* should have its covariate.
 
 What a base that is wrong about shapes can look like, and how much such a cause must remove (`_min_error`, `signature`
 of `springback`), came of a first draft of this simulator with other numbers drawn. That a groove's start may close up
 came of three of these very worlds (*soft*, *a ball*, *stays as it was cut*), that fits heed signs of *sticks*. The
 other worlds changed nothing in the finder.
 
-| world | hidden | named | rivals | gap closed | told of | s |
+| world | hidden | named | rivals | gap closed | unexplained | s |
 |---|---|---|---|---|---|---|
 """
-_MAX_TOLD = 3
+_MAX_UNEXPLAINED = 3
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.another_clay.table", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("data/studies/another_clay"))
-    given = parser.parse_args()
-    said = verdicts(WORLDS, recorded, partial(verdict_by_table, module=kind_of("pushes").verdict_module), given.out)
+    args = parser.parse_args()
+    said = verdicts(WORLDS, recorded, partial(verdict_by_table, module=kind_of("pushes").verdict_module), args.out)
     Path("docs/another_clay.md").write_text(page(said))
 
 
@@ -90,10 +90,12 @@ def page(said: dict[World, dict[str, Any]]) -> str:
 
 def _line(world: World, result: dict[str, Any]) -> str:
     right = "" if world.truth == named(result) else " **(not exact)**"
-    told = [f"{entry['mode']} by {entry['covariate']}" for entry in result["verdict"]["unexplained"][:_MAX_TOLD]]
+    entries = [
+        f"{entry['mode']} by {entry['covariate']}" for entry in result["verdict"]["unexplained"][:_MAX_UNEXPLAINED]
+    ]
     return (
         f"| {world.name} | {listed(world.truth)} | {listed(named(result))}{right} | {', '.join(rivals(result)) or '–'} "
-        f"| {share_closed(result)} | {', '.join(told) or '–'} | {result['seconds']:.0f} |"
+        f"| {share_closed(result)} | {', '.join(entries) or '–'} | {result['seconds']:.0f} |"
     )
 
 

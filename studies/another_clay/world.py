@@ -10,10 +10,11 @@ _NAMES = {"stiff_when_cold": "stiffness_drift", "stiffens": "stiffness_drift"}
 
 @dataclass(frozen=True)
 class Effects:
-    """How strong each fault is; 0: there is none. Each is named as the gap finder should name it, or told below."""
+    """How strong each fault is; 0: there is none. Each is named as the diagnosis should name it, or as described
+    below."""
 
     height_offset: float = 0.0
-    """Millimetres by which the tool goes lower than it is told."""
+    """Millimetres by which the tool goes lower than commanded."""
     tool_backlash: float = 0.0
     """Play of x, millimetres; y has three fifths of it."""
     springback: float = 0.0

@@ -80,7 +80,7 @@ class Arm:
         return xy, np.maximum(press_m, 0)
 
     def _with_play(self, xy: Array) -> Array:
-        """The load of each axis moves only where its motor has taken up the play."""
+        """The load of each axis moves only where its motor has crossed the play."""
         half, moved = self._effects.backlash / 2, xy.copy()
         for k, point in enumerate(xy):
             self._play_offset_m = np.clip(self._play_offset_m + point - self._last_m, -half, half)

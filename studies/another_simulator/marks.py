@@ -33,7 +33,7 @@ class Tool:
 
 
 def drawn_tool(rng: np.random.Generator, kind: ToolKind) -> Tool:
-    """A tool; a tuft of hairs lies alike in all directions about its middle."""
+    """A tool; a tuft of hairs is isotropic."""
     radius, angle = np.sqrt(rng.random(_PAIRS)), rng.uniform(0, 2 * np.pi, _PAIRS)
     press_m = rng.uniform(0, 0.0005, _PAIRS)
     turned = [angle + k * np.pi / 2 for k in range(4)]

@@ -1,7 +1,7 @@
-"""What the gap finder names in worlds of the second simulator, as a page: `python -m studies.another_simulator.table`.
+"""The diagnosis of worlds of a second simulator, as a page: `python -m studies.another_simulator.table`.
 
 Makes each world, gives its table alone to a process of its own, and writes `docs/another_simulator.md`. A world that
-has a verdict in `data/studies/another_simulator/` is not judged again.
+has a verdict in `data/studies/another_simulator/` is not diagnosed again.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ WORLDS = (
 )
 
 _HEAD = """\
-# The gap finder in another simulator
+# The diagnosis in another simulator
 
 Written by `python -m studies.another_simulator.table`; do not edit. The worlds of the [blind tests](blind_tests.md)
 are the virtual studio's. These are of a second simulator, which draws discs, swept boxes and hairs as polygons, and
-whose faults follow laws of their own: a tractrix for hairs that drag, play that is taken up point by point, a pure
-delay, paint that thins hyperbolically. The finder gets the table alone. *Hidden* has `orientation_width` wherever the
-tool is a broad box, for nothing in the table says so. *Pixels*: how many causes the likelihood of pixels names with
+whose faults follow laws of their own: a tractrix for hairs that drag, play that is crossed point by point, a pure
+delay, paint that thins hyperbolically. The diagnosis gets the table alone. *Hidden* has `orientation_width` wherever
+the tool is a broad box, for nothing in the table says so. *Pixels*: how many causes the likelihood of pixels names with
 the same base and candidates (BIC, forward).
 
 Two worlds mix paint with what is below it in the numbers of the picture, not in its light.
@@ -69,8 +69,8 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.another_simulator.table", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("data/studies/another_simulator"))
-    given = parser.parse_args()
-    said = verdicts(WORLDS, recorded, verdict_by_table, given.out)
+    args = parser.parse_args()
+    said = verdicts(WORLDS, recorded, verdict_by_table, args.out)
     Path("docs/another_simulator.md").write_text(page(said))
 
 

@@ -14,7 +14,7 @@ _BY_SPEED = frozenset({"latency", "speed_width", "speed_density"})
 
 @dataclass(frozen=True)
 class Effects:
-    """How strong each fault is; 0: there is none. Each is named as the gap finder should name it."""
+    """How strong each fault is; 0: there is none. Each is named as the diagnosis should name it."""
 
     path_scale: float = 0.0
     """Share by which paths are too long about their start, four fifths of that along y."""

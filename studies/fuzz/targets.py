@@ -243,23 +243,23 @@ def _datasets(folder: Path) -> list[Target]:
     said = pq.read_table(folder / "ours" / episodes)
     plain = said.select([name for name in said.column_names if not name.startswith("pentimento")])
     pq.write_table(plain, folder / "theirs" / episodes)
-    told = Description(Placement.parsed("0 mm, 0 mm, 300 mm, 210 mm", None, False), "quill", 1.0, None, None)
+    description = Description(Placement.parsed("0 mm, 0 mm, 300 mm, 210 mm", None, False), "quill", 1.0, None, None)
 
-    def altered(whose: str, told: Description | None, name: Path) -> Target:
+    def altered(whose: str, description: Description | None, name: Path) -> Target:
         path = folder / whose / name
         sound = path.read_bytes()
 
         def attempt(data: bytes) -> Any:
             path.write_bytes(data)
             try:
-                return import_lerobot(folder / whose, told, folder / "imported")
+                return import_lerobot(folder / whose, description, folder / "imported")
             finally:
                 path.write_bytes(sound)
 
         return Target(f"LeRobot dataset: {whose}/{name}", (sound,), attempt)
 
     names = (Path("meta/info.json"), episodes, Path("data/chunk-000/file-000.parquet"))
-    return [altered(whose, what, name) for whose, what in (("ours", None), ("theirs", told)) for name in names]
+    return [altered(whose, what, name) for whose, what in (("ours", None), ("theirs", description)) for name in names]
 
 
 def _bundles(folder: Path, bundle: Path) -> list[Target]:

@@ -1,1 +1,1 @@
-"""TrajVAE on strokes that people drew: how near, what few strokes add, and whether samples can be told from people."""
+"""TrajVAE on people's strokes: reconstruction error, gain from few strokes, and discrimination of its samples."""

@@ -23,7 +23,7 @@ from pentimento.handwriting.gather import Gathered, gather
 from pentimento.handwriting.repair import Limits
 from pentimento.handwriting.training import Course, TrajVAEConfig, pretrain
 from pipelines._io import write_json
-from studies.hands.by_number import told_by_number
+from studies.hands.by_number import auc_by_known_strokes
 from studies.hands.held_out import SAMPLERS, SessionResult, held_out_sessions, pretrained_without, told_apart
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
@@ -55,7 +55,7 @@ def main(arguments: argparse.Namespace) -> None:
             "gathered": gathered.counts,
             "sessions": [_numbers(result) for result in results],
             "auc": told_apart(results, SEED),
-            "auc_by_number": [asdict(told) for told in told_by_number(models, strokes, CONFIG)],
+            "auc_by_number": [asdict(result) for result in auc_by_known_strokes(models, strokes, CONFIG)],
         }
         print(f"{name}: done")
     found["quickdraw"] = _quickdraw(arguments.measured)

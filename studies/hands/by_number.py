@@ -1,4 +1,4 @@
-"""How many strokes of a session a model must know until its samples are not told from the session's other strokes."""
+"""Discrimination of a model's samples from a session's strokes, by the number of strokes the model is fitted to."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DRAWS = 4
 
 
 @dataclass(frozen=True)
-class Told:
+class Discrimination:
     """One session, of which so many strokes are known: means over random splits."""
 
     session: str
@@ -37,7 +37,9 @@ class Told:
     """Of 20 samples against 20 strokes (or all, if there are fewer)."""
 
 
-def told_by_number(models: Mapping[str, TrajVAE], strokes: Demonstrated, config: TrajVAEConfig) -> list[Told]:
+def auc_by_known_strokes(
+    models: Mapping[str, TrajVAE], strokes: Demonstrated, config: TrajVAEConfig
+) -> list[Discrimination]:
     """Of each session that a model has not seen, if at least two of ``NUMBERS`` can be known."""
     found = []
     for session, model in models.items():
@@ -46,7 +48,7 @@ def told_by_number(models: Mapping[str, TrajVAE], strokes: Demonstrated, config:
         numbers = [number for number in NUMBERS if number <= _KNOWN * count]
         for known in numbers if len(numbers) > 1 else []:
             aucs = [_aucs(model, session, own, others, known, split, config) for split in range(_SPLITS)]
-            found.append(Told(session, known, count - known, *np.mean(aucs, axis=0).tolist()))
+            found.append(Discrimination(session, known, count - known, *np.mean(aucs, axis=0).tolist()))
     return found
 
 

@@ -17,12 +17,13 @@ def page(found: Mapping[str, Any], few: int) -> str:
         "mean.\n"
     ]
     for name, title in TITLES.items():
-        told = found[name]
-        faults = {fault: n for fault, n in told["gathered"]["faults"].items() if n}
+        result = found[name]
+        gathered = result["gathered"]
+        faults = {fault: n for fault, n in gathered["faults"].items() if n}
         parts.append(
-            f"## {title}\n\n{told['gathered']['recorded']} strokes recorded, {told['gathered']['kept']} kept; faults: "
-            f"{faults or 'none'}.\n\n{_sessions(told['sessions'], few)}\n\n{_auc(told['auc'])}\n\n"
-            f"{_by_number(told['auc_by_number'])}\n\n"
+            f"## {title}\n\n{gathered['recorded']} strokes recorded, {gathered['kept']} kept; faults: "
+            f"{faults or 'none'}.\n\n{_sessions(result['sessions'], few)}\n\n{_auc(result['auc'])}\n\n"
+            f"{_by_number(result['auc_by_number'])}\n\n"
             f"People's strokes, and below them as many samples, two rows a session:\n\n![]({name}_samples.png)\n\n"
             f"The latent space:\n\n![]({name}_map.png)\n"
         )
@@ -40,9 +41,9 @@ def _sessions(sessions: list[dict[str, Any]], few: int) -> str:
         f"| session | strokes measured | pretrained | fine-tuned on {few} | nearest | mean |",
         "|---|---|---|---|---|---|",
     ]
-    for told in sessions:
-        numbers = (f"{told[key]:.2f}" for key in ("pretrained_mm", "fine_tuned_mm", "nearest_mm", "mean_stroke_mm"))
-        lines.append(f"| {told['session']} | {told['measured']} | {' | '.join(numbers)} |")
+    for result in sessions:
+        numbers = (f"{result[key]:.2f}" for key in ("pretrained_mm", "fine_tuned_mm", "nearest_mm", "mean_stroke_mm"))
+        lines.append(f"| {result['session']} | {result['measured']} | {' | '.join(numbers)} |")
     return "\n".join(lines)
 
 
@@ -51,12 +52,12 @@ def _auc(auc: Mapping[str, float]) -> str:
     return "\n".join(lines + [f"| {name} | {value:.2f} |" for name, value in auc.items()])
 
 
-def _by_number(told: list[dict[str, Any]]) -> str:
+def _by_number(result: list[dict[str, Any]]) -> str:
     lines = [
         "| session | strokes known | strokes measured | AUC of samples | AUC, 20 against 20 |",
         "|---|---|---|---|---|",
     ]
-    for row in told:
+    for row in result:
         aucs = f"{row['auc']:.2f} | {row['auc_of_few']:.2f}"
         lines.append(f"| {row['session']} | {row['known']} | {row['measured']} | {aucs} |")
     return "\n".join(lines)

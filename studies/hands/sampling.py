@@ -67,8 +67,8 @@ def difference_auc(one_m: Sequence[FloatArray], other_m: Sequence[FloatArray], s
     of_other = np.repeat([0, 1], [len(one_m), len(other_m)])
     trees = ExtraTreesClassifier(TREES, min_samples_leaf=2, random_state=seed, class_weight="balanced", n_jobs=1)
     split = StratifiedKFold(folds, shuffle=True, random_state=seed)
-    told = cross_val_predict(trees, seen, of_other, cv=split, method="predict_proba")[:, 1]
-    return float(roc_auc_score(of_other, told))
+    result = cross_val_predict(trees, seen, of_other, cv=split, method="predict_proba")[:, 1]
+    return float(roc_auc_score(of_other, result))
 
 
 def _coordinates(paths_m: Sequence[FloatArray]) -> FloatArray:

@@ -97,8 +97,10 @@ def _smoothing(runs: list[dict[str, Any]]) -> str:
     lines = []
     for said in runs:
         for name in ("visual", "chamfer"):
-            told = said[name]
-            shares = [percent(told[key][-1] / told[key][0]) for key in ("visual_error", "error_3d_mm2", "chamfer_mm2")]
+            result = said[name]
+            shares = [
+                percent(result[key][-1] / result[key][0]) for key in ("visual_error", "error_3d_mm2", "chamfer_mm2")
+            ]
             lines.append(f"| {said['tool']} | {said['seed']} | {name} | {' | '.join(shares)} |")
     return f"""
 ## A thin line smoothed in ten pushes (thesis Figure 7.12)
@@ -137,9 +139,9 @@ def _losses(runs: list[dict[str, Any]], pictures: Path) -> str:
 ## Fifty actions: pushed and pinched (thesis Figure 7.11)
 
 A large X, sunk into the material. What is left after fifty actions, as a share of the error before; the last column is
-how far the scans were from what had been foretold, mm² over the whole slab.
+how far the scans were from what had been predicted, mm² over the whole slab.
 
-| tool | seed | height | slope | slope at its least | foretold, off by |
+| tool | seed | height | slope | slope at its least | predicted, off by |
 |---|---|---|---|---|---|
 {chr(10).join(lines)}
 

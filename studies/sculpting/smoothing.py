@@ -49,7 +49,7 @@ def main(arguments: argparse.Namespace) -> None:
     smooth = ClayObjective(_goal(fresh, given), (0.0, 0.0, 0.2, 0.2), Weights(1.0, 1.0))
     said["fresh_visual_error"] = float(smooth.visual_error(fresh))
     shown: list[NDArray[np.uint8]] = []
-    for name in ("visual", "chamfer"):  # each in the same dough, pressed alike
+    for name in ("visual", "chamfer"):  # each in the same dough, with the same pushes
         heights, window_m = _smoothed(name, arguments, given)
         goal = _goal(heights[0], given)
         judge = ClayObjective(goal, window_m, Weights(1.0, 1.0))

@@ -45,16 +45,16 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--out", type=Path, default=Path("data/studies/stroke_models"))
     parser.add_argument("--only", choices=("studio", "measured", "curve", "page"), help="one part, then the page")
-    given = parser.parse_args()
+    args = parser.parse_args()
     torch.set_num_threads(1)
-    if given.strokes:
-        own(given.strokes, given.seeds, given.out)
+    if args.strokes:
+        own(args.strokes, args.seeds, args.out)
         return
     parts_of = {"studio": studio, "measured": measured, "curve": curve}
     for name, do in parts_of.items():
-        if given.only in (None, name):
-            do(given.out, given.seeds)
-    write_page(given.out)
+        if args.only in (None, name):
+            do(args.out, args.seeds)
+    write_page(args.out)
 
 
 def own(strokes: Path, seeds: int, out: Path) -> None:

@@ -1,4 +1,4 @@
-"""The models that are compared, each trained on the same strokes: what it foretells, and how long that takes."""
+"""The models that are compared, each trained on the same strokes: what it predicts, and how long that takes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ STEPS, STEPS_OF_NUMBERS = 400, 800
 """In batches of 8: of a U-Net, and of a network that draws from numbers; small sets are seen more often."""
 NETWORK = replace(ANALYTIC, epochs=1, batch=8, learning_rate=0.003, held_out=0.15)
 DIAGNOSED = 120
-"""Strokes that the gap finder gets at most."""
+"""Strokes that the diagnosis gets at most."""
 
 NAMES = {
     "blank": "blank paper",
@@ -61,7 +61,7 @@ NAMES = {
     "traj2stroke": "Traj2Stroke",
     "refined": "Traj2Stroke + U-Net",
     "mechanisms": "Traj2Stroke + mechanisms",
-    "imprint": "Traj2Stroke + mechanisms + learnt imprint",
+    "imprint": "Traj2Stroke + mechanisms + learned soft edges",
 }
 TRIVIAL = ("blank", "stamp", "polyline")
 _BASE, _EXTENDED = ("traj2stroke",), ("mechanisms", "traj2stroke")
@@ -147,7 +147,7 @@ class Training:
         return self._base
 
     def extended(self) -> tuple[StrokeModel, dict[str, Any]]:
-        """What the gap finder establishes on the training strokes, fitted jointly with Traj2Stroke; and what it said.
+        """Traj2Stroke with the causes that the diagnosis establishes on the training strokes, and the verdict.
 
         It is done once.
         """

@@ -1,4 +1,4 @@
-"""Pictures of the comparison: strokes beside what each model foretells, mean errors, learning curves."""
+"""Pictures of the comparison: strokes beside what each model predicts, mean errors, learning curves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COLOURS = {
 
 
 def strokes(folder: Path, test: str, out: Path) -> None:
-    """A row for each stroke of a test set that was kept: command, photograph, and what each model foretold."""
+    """A row for each stroke of a test set that was kept: command, photograph, and what each model predicted."""
     measured = np.load(folder / "measured.npz")
     found = {name: np.load(folder / f"{name}.npz")[test] for name in NAMES if (folder / f"{name}.npz").exists()}
     found.pop("blank", None)

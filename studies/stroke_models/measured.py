@@ -29,7 +29,7 @@ LIKE = {
     "sharpie_short": "sharpie_spline_1019",
     "marker_6x6": "sharpie_short",
 }
-"""A set of a like tool, recorded at another time. ``brush_2022c`` has no twin; ``brush_small_spline`` is executed as
+"""A set of a similar tool, recorded at another time. ``brush_2022c`` has none; ``brush_small_spline`` is executed as
 splines, and its like as Bézier strokes."""
 QUARTERS = 4
 _OTHER = 120

@@ -36,13 +36,14 @@ over strokes at 1 px/mm. Trivial models are fitted to each score by itself. To c
 | Traj2Stroke | seven numbers and an opacity (5.3.4) |
 | Traj2Stroke + U-Net | frozen for the first half, its last convolution zero (5.4.3) |
 | Traj2Stroke + mechanisms | with what `pentimento diagnose` establishes on the training strokes, fitted jointly |
-| Traj2Stroke + mechanisms + learnt imprint | the same, frozen; a small network says pixel by pixel what else is there |
+| Traj2Stroke + mechanisms + learned soft edges | the same, frozen; a small network says pixel by pixel what else is
+there |
 
 A tool that is never pressed, a pen, has no scale m in the rows with mechanisms, unless the finder establishes one: a
 rigid tip goes where it is led. All networks hold that a tool is symmetric: each sees half of the strokes in a mirror.
-That of the imprint sees no picture but how a pixel lies about the mark, the command and the stroke's frame, press and
-bend there, where the tip came from and where it goes, and length, bend, headings and press of the stroke. It is
-believed by the share at which networks like it foretell training strokes best that they have not seen; that may be
+The network of the soft edges sees no picture but how a pixel lies about the mark, the command and the stroke's frame,
+press and bend there, where the tip came from and where it goes, and length, bend, headings and press of the stroke. It
+is believed by the share at which networks like it predict training strokes best that they have not seen; that may be
 none.
 """
 

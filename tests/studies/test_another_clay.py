@@ -38,7 +38,7 @@ def middle(pressed: np.ndarray) -> tuple[float, float]:
     return float((dent * X_MM).sum() / dent.sum()), float((dent * Y_MM).sum() / dent.sum())
 
 
-def test_a_push_lies_on_its_way_is_deepest_at_its_end_and_keeps_its_volume() -> None:
+def test_push_follows_its_path_is_deepest_at_its_end_and_keeps_the_volume() -> None:
     made = change()
     row, column = np.unravel_index(made.argmin(), made.shape)
     end = 90 + 20 * np.cos(0.5), 110 + 20 * np.sin(0.5)
@@ -50,7 +50,7 @@ def test_a_push_lies_on_its_way_is_deepest_at_its_end_and_keeps_its_volume() -> 
     assert 10 < ahead < 20 and abs(aside) < 0.3
 
 
-def test_a_tool_goes_lower_and_aside_as_its_faults_say() -> None:
+def test_tool_offsets_follow_its_faults() -> None:
     still = middle(change())
     assert change(Effects(height_offset=1.0)).min() < change().min() - 0.7
     x, y = middle(change(Effects(tool_backlash=2.0)))
@@ -65,7 +65,7 @@ def test_a_dent_springs_back_the_less_the_longer_the_tool_rests() -> None:
     assert change().min() < long < short - 0.5
 
 
-def test_volume_goes_or_comes_up_far_around() -> None:
+def test_volume_is_lost_or_rises_far_around() -> None:
     assert change(Effects(volume_loss=0.5)).sum() < -0.2 * np.abs(change()).sum() / 2
     far = change(Effects(far_field=0.5))
     assert abs(far.sum()) < 0.02 * np.abs(far).sum()
@@ -110,7 +110,7 @@ def test_a_long_rest_lets_a_tool_sink() -> None:
     assert long < change().min() - 0.5 < short - 1.0
 
 
-def test_slopes_slide_until_they_stand_and_keep_their_volume() -> None:
+def test_slopes_slide_to_a_stable_angle_and_keep_the_volume() -> None:
     pit = np.where(np.hypot(X_MM - 100, Y_MM - 100) < 10, 35.0, 40.0)
     slid = pit.copy()
     slide(slid, 1.0, (0, PIXELS, 0, PIXELS), 500)
@@ -119,7 +119,7 @@ def test_slopes_slide_until_they_stand_and_keep_their_volume() -> None:
     assert slid.sum() == pytest.approx(pit.sum(), rel=1e-9)
 
 
-def test_repeats_are_of_one_command_on_fresh_slabs_and_scans_have_holes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_repeats_have_one_command_on_fresh_slabs_and_scans_have_holes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "_SINGLES", 6)
     monkeypatch.setattr(session, "_AGAIN", 2)
     table = recorded(World("", 3, Clay(), repeats_together=True)).to_pydict()
@@ -136,8 +136,8 @@ def test_repeats_are_of_one_command_on_fresh_slabs_and_scans_have_holes(monkeypa
 def test_the_page_counts_what_is_exact() -> None:
     entry = {"cause": "far_field", "rivals": []}
     verdict = {"established": [entry], "gap_closed": {"test": 0.9}, "unexplained": []}
-    told = [{"mode": "width", "covariate": "humidity_pct"}]
-    nothing = {"established": [], "gap_closed": {"test": 0.0}, "unexplained": told}
+    entries = [{"mode": "width", "covariate": "humidity_pct"}]
+    nothing = {"established": [], "gap_closed": {"test": 0.0}, "unexplained": entries}
     worlds = World("far", 1, Clay(), Effects(far_field=0.5)), World("damp", 2, Clay(), Effects(wide_when_damp=0.1))
     said = {world: {"verdict": v, "seconds": 9.0} for world, v in zip(worlds, (verdict, nothing), strict=True)}
     text = page(said)

@@ -11,7 +11,7 @@ from pentimento.handwriting.gather import gather
 from pentimento.handwriting.repair import Limits
 from pentimento.handwriting.synthetic_writers import SyntheticConfig, synthetic_sessions
 from pentimento.handwriting.training import Course, TrajVAEConfig
-from studies.hands.by_number import told_by_number
+from studies.hands.by_number import auc_by_known_strokes
 from studies.hands.held_out import SAMPLERS, held_out_sessions, pretrained_without, told_apart
 from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
@@ -79,12 +79,15 @@ def test_samples_of_a_long_session_are_told_apart_by_how_many_strokes_are_known(
 
     monkeypatch.setattr("studies.hands.by_number.difference_auc", auc)
     strokes = strokes.pick(np.array(long + short))
-    told = told_by_number(pretrained_without(strokes, 20, CONFIG), strokes, CONFIG)
+    result = auc_by_known_strokes(pretrained_without(strokes, 20, CONFIG), strokes, CONFIG)
     rest = len(long) - 20
-    assert [(row.session, row.known, row.measured) for row in told] == [("arcs_0", 20, rest), ("arcs_0", 40, rest - 20)]
+    assert [(row.session, row.known, row.measured) for row in result] == [
+        ("arcs_0", 20, rest),
+        ("arcs_0", 40, rest - 20),
+    ]
     assert set(compared) == {(rest, rest), (rest - 20, rest - 20), (min(20, rest - 20),) * 2, (20, 20)}
-    assert told[0].auc == pytest.approx(rest / 100)
-    assert told[0].auc_of_few == pytest.approx(0.2)
+    assert result[0].auc == pytest.approx(rest / 100)
+    assert result[0].auc_of_few == pytest.approx(0.2)
 
 
 def _found(auc: dict[str, float]) -> dict[str, object]:

@@ -29,12 +29,12 @@ def test_brushes_differ_from_seed_to_seed_and_from_the_one_they_follow() -> None
 
 
 def test_the_robot_is_told_the_size_and_no_more(tmp_path: Path) -> None:
-    (tmp_path / "told.toml").write_text(tool_text(FOLLOWED, 1.2))
-    told, followed = load_tool(tmp_path / "told.toml"), load_tool(LIKE)
-    assert told.nominal_width_m == pytest.approx(1.2 * followed.nominal_width_m)
-    assert told.press_range_m == pytest.approx((followed.press_range_m[0], 1.2 * followed.press_range_m[1]))
+    (tmp_path / "tool.toml").write_text(tool_text(FOLLOWED, 1.2))
+    tool, followed = load_tool(tmp_path / "tool.toml"), load_tool(LIKE)
+    assert tool.nominal_width_m == pytest.approx(1.2 * followed.nominal_width_m)
+    assert tool.press_range_m == pytest.approx((followed.press_range_m[0], 1.2 * followed.press_range_m[1]))
     same = {"name": LIKE, "nominal_width_m": followed.nominal_width_m, "press_range_m": followed.press_range_m}
-    assert told.name == NAME and replace(told, **same) == followed
+    assert tool.name == NAME and replace(tool, **same) == followed
 
 
 def test_a_tool_file_of_another_shape_is_said() -> None:

@@ -97,7 +97,7 @@ def test_a_stroke_without_ink_has_no_iou() -> None:
     assert estimate([run], "cnn", "B", "iou").value == pytest.approx(0.5)
 
 
-def test_the_page_says_what_is_met_and_what_is_not() -> None:
+def test_page_states_which_bars_are_met() -> None:
     l1 = {name: 0.05 - 0.002 * place for place, name in enumerate(NAMES)} | {"traj2stroke": 0.02, "mechanisms": 0.01}
     iou = {name: 0.4 + 0.01 * place for place, name in enumerate(NAMES)}
     run = _run(l1, iou, ("A", "B"))
@@ -110,7 +110,7 @@ def test_the_page_says_what_is_met_and_what_is_not() -> None:
         in said
     )
     assert "over the next of the thesis's models (Traj2Stroke): 0.50 (0.50 to 0.50), bar ≤ 0.75 (met)" in said
-    for better, sets in (("mechanisms", 7), ("mechanisms + learnt imprint", 8)):
+    for better, sets in (("mechanisms", 7), ("mechanisms + learned soft edges", 8)):
         won = f"{better} has a better IoU than all other rows on {sets} of 8 brush sets, bar 6 of 8 (met)"
         assert said.count(f"Traj2Stroke + {won}") == 2
     assert said.count("the polyline has a better IoU than it on 1 of 4 sets, bar none (not met)") == 2
