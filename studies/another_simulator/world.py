@@ -76,7 +76,7 @@ class World:
 
     @property
     def truth(self) -> frozenset[str]:
-        """What the finder should name: a broad edge is a cause, for no table says which tool it is of; what goes with
+        """What the diagnosis should name: a broad edge is a cause, because no table names its tool; what goes with
         speed is none where no times were recorded.
         """
         hidden = frozenset() if self.timed else _BY_SPEED

@@ -39,7 +39,7 @@ over strokes at 1 px/mm. Trivial models are fitted to each score by itself. To c
 | Traj2Stroke + mechanisms + learned soft edges | the same, frozen; a small network says pixel by pixel what else is
 there |
 
-A tool that is never pressed, a pen, has no scale m in the rows with mechanisms, unless the finder establishes one: a
+A tool that is never pressed, a pen, has no scale m in the rows with mechanisms, unless the diagnosis establishes one: a
 rigid tip goes where it is led. All networks hold that a tool is symmetric: each sees half of the strokes in a mirror.
 The network of the soft edges sees no picture but how a pixel lies about the mark, the command and the stroke's frame,
 press and bend there, where the tip came from and where it goes, and length, bend, headings and press of the stroke. It

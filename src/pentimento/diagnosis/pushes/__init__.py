@@ -1,1 +1,1 @@
-"""The gap finder on pushes: which causes explain what an analytic model gets wrong about a soft material."""
+"""The diagnosis on pushes: which causes explain what an analytic model gets wrong about a soft material."""

@@ -1,1 +1,1 @@
-"""The gap finder: what a simulation gets wrong, and why."""
+"""The diagnosis: what a simulation gets wrong, and why."""

@@ -1,4 +1,4 @@
-"""Rows of the strokes contract as the gap finder needs them: images of one size, covariates, actions."""
+"""Rows of the strokes contract as the diagnosis needs them: images of one size, covariates, actions."""
 
 from __future__ import annotations
 
