@@ -287,7 +287,9 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, float]:
         "constant_lower_by": median(row["constant_lower_by"] for row in rows),
         "in_paints_lower_by": median(1 - r["paints"]["ours"]["loss"] / r["paints"]["adam"]["loss"] for r in rows),
         "executed_lower_by": median(1 - p["ours"]["executed"] / p["adam"]["executed"] for p in painted),
-        "executed_lower_than_told_by": median(1 - p["ours"]["executed"] / p["adam_told"]["executed"] for p in painted),
+        "executed_lower_than_noise_aware_adam_by": median(
+            1 - p["ours"]["executed"] / p["adam_told"]["executed"] for p in painted
+        ),
         "better_paintings": sum(p["ours"]["executed"] < p["adam"]["executed"] for p in painted) / len(painted),
     }
 

@@ -9,7 +9,7 @@ from benchmarks.peers import FRIDA_PLAN_S
 PICTURES, SEEDS = planner.PICTURES[:6], (1,)
 _BASELINES = (
     ("adam", "plain Adam", "executed_lower_by"),
-    ("adam_told", "plain Adam told what execution may take", "executed_lower_than_told_by"),
+    ("adam_told", "plain Adam told what execution may take", "executed_lower_than_noise_aware_adam_by"),
 )
 
 

@@ -1,6 +1,6 @@
 """params.yaml as a whole: presets, and the profiles that overlay it.
 
-A mapping with the key `preset` stands for the mapping of that name elsewhere in the file (a dotted path from the top,
+A mapping with the key `preset` stands for the mapping of that name in the same file (a dotted path from the top,
 such as `planners.pen`), with its other keys in place of the preset's, key by key:
 
     planner: {preset: planners.pen, iterations_free: 40}

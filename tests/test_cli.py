@@ -103,7 +103,7 @@ def test_diagnose_rejects_too_few_rows(
         ({"window_m": [0.1, 0.1, 0.05, 0.2]}, "window_m"),
         ({"path": [[0.0, 0.1, float("nan"), 0.0, 0.0]] * 3}, "NaN"),
     ],
-    ids=["torn images", "windows elsewhere", "windows inside out", "paths without places"],
+    ids=["torn images", "windows at another place", "windows inside out", "paths without places"],
 )
 def test_diagnose_rejects_malformed_rows(
     values: dict[str, Any], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

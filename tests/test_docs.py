@@ -38,7 +38,7 @@ class Command(NamedTuple):
 
 
 def blocks_and_spans(text: str) -> tuple[str, list[str]]:
-    """The lines of all fenced blocks, and what stands in `backticks` elsewhere."""
+    """The lines of all fenced blocks, and what stands in `backticks` outside of them."""
     fence = re.compile(r"^ *```.*?\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
     return "".join(fence.findall(text)), re.findall(r"`([^`\n]+)`", fence.sub("", text))
 

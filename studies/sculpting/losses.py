@@ -52,7 +52,7 @@ def main(arguments: argparse.Namespace) -> None:
         "seed": arguments.seed,
         "error_3d_mm2": objective.error_3d_mm2(made.heights_m).tolist(),
         "visual_error": objective.visual_error(made.heights_m).tolist(),
-        "foretold_off_mm2": float(np.square(1e3 * (made.heights_m[1:] - made.predicted_m)).mean()),
+        "prediction_error_mm2": float(np.square(1e3 * (made.heights_m[1:] - made.predicted_m)).mean()),
     }
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     pair = np.hstack([photograph(each, scan.window_m, 2) for each in (fit.height_m, made.heights_m[-1])])

@@ -131,7 +131,7 @@ def _losses(runs: list[dict[str, Any]], pictures: Path) -> str:
         series.append(Series(f"slope, {name}", steps, [value / slope[0] for value in slope], OCHRE, line))
         lines.append(
             f"| {name} | {said['seed']} | {percent(height[-1] / height[0])} | {percent(slope[-1] / slope[0])} | "
-            f"{percent(min(slope) / slope[0])} | {decimal(said['foretold_off_mm2'])} |"
+            f"{percent(min(slope) / slope[0])} | {decimal(said['prediction_error_mm2'])} |"
         )
     chart = line_chart(series, "actions", "share of the error at the start", (8, 4))
     atomic_write(pictures / "losses.png", chart)

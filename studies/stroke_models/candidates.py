@@ -61,11 +61,11 @@ NAMES = {
     "traj2stroke": "Traj2Stroke",
     "refined": "Traj2Stroke + U-Net",
     "mechanisms": "Traj2Stroke + mechanisms",
-    "imprint": "Traj2Stroke + mechanisms + learned soft edges",
+    "soft_edge": "Traj2Stroke + mechanisms + learned soft edges",
 }
 TRIVIAL = ("blank", "stamp", "polyline")
 _BASE, _EXTENDED = ("traj2stroke",), ("mechanisms", "traj2stroke")
-BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "imprint": _EXTENDED}
+BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "soft_edge": _EXTENDED}
 """Models that are trained once, of which a model is one or builds on one: on the first that is there."""
 NETWORKS = ("param2stroke", "cnn", "coordconv")
 """Of the thesis; ``path_image`` is not."""
@@ -130,7 +130,7 @@ class Training:
                 model, said = self.extended()
                 mark = model.mark()
                 trained = _of(lambda strokes: predict_extended(mark, model.mechanisms, strokes), said)
-            case "imprint":
+            case "soft_edge":
                 model, said = self.extended()
                 learnt = fit_soft_edge(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
                 trained = _of(learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.believed})

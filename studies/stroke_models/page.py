@@ -11,7 +11,7 @@ from studies.stroke_models.compare import Results
 from studies.stroke_models.measured import BRUSHES, LIKE, PENS
 from studies.stroke_models.statistics import Estimate, estimate, mean_of, ratio
 
-OURS, OURS_IMPRINT = "mechanisms", "imprint"
+OURS, OURS_SOFT_EDGE = "mechanisms", "soft_edge"
 _CNNS = ("cnn", "coordconv")
 _EXTRA = "path_image"
 _RATIO, _BELOW_NEXT, _BEST_OF_BRUSHES, _SECONDS = 0.6, 0.75, 6, 60.0
@@ -126,7 +126,7 @@ def _studio_bars(tool: str, runs: Sequence[Results]) -> list[str]:
             f"{_met(found.value <= _RATIO)}."
         )
     if OURS in there:
-        rivals = [name for name in there if name not in (OURS, OURS_IMPRINT, *TRIVIAL)]
+        rivals = [name for name in there if name not in (OURS, OURS_SOFT_EDGE, *TRIVIAL)]
         for chosen, whom in (([n for n in rivals if n != _EXTRA], "the thesis's models"), (rivals, "all")):
             best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").value)
             found = ratio(runs, OURS, best, "B", "l1")
@@ -198,7 +198,7 @@ def _brush_bar(sets: Mapping[str, Sequence[Results]]) -> str:
     if not there:
         return ""
     lines = []
-    for ours, other in ((OURS, OURS_IMPRINT), (OURS_IMPRINT, OURS)):
+    for ours, other in ((OURS, OURS_SOFT_EDGE), (OURS_SOFT_EDGE, OURS)):
         done = [name for name in there if ours in _common(sets[name])]
         for test, where in (("own", "held-out strokes"), ("other", "another set")) if done else ():
             for left_out, whom in (((_EXTRA,), "the thesis's models and the trivial ones"), ((), "all other rows")):

@@ -35,7 +35,7 @@ PLANNER: dict[str, Any] = {
     ],
     "summary": {
         "speedup": 6.0, "lower_by": 0.1, "constant_speedup": 4.0, "constant_lower_by": 0.5, "executed_lower_by": 1 / 3,
-        "executed_lower_than_told_by": -0.05,
+        "executed_lower_than_noise_aware_adam_by": -0.05,
     },
 }  # fmt: skip
 
@@ -102,7 +102,7 @@ def test_bars_tell_what_is_met_from_what_is_not_and_from_what_is_unknown() -> No
     assert unknown.met is None and unknown.measured == "not measured"
 
 
-def test_the_planner_s_bars_are_judged_one_by_one() -> None:
+def test_planner_bars_are_evaluated_one_by_one() -> None:
     plan, *against, painted, told = planning.bars(PLANNER, [{"way": "ours", "s": 9.0}])
     assert [bar.met for bar in (plan, *against, painted, told)] == [False, False, True, True, False, True, False]
     never = PLANNER | {"summary": PLANNER["summary"] | {"constant_speedup": 0.0}}

@@ -28,7 +28,7 @@ def test_bars_are_met_from_their_own_edge_on() -> None:
     assert [bar.met for bar in bars(measured(two_s=1 / 1.7))] == [True, True, False]
 
 
-def test_two_workers_are_not_judged_on_one_core() -> None:
+def test_two_workers_are_not_compared_on_one_core() -> None:
     last = bars(measured(two_s=1.0, cores=1))[-1]
     assert last.met is None and last.measured == "1.00 ×"
 

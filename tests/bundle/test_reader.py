@@ -117,8 +117,8 @@ def _missing(folder: Path) -> None:
 
 
 def _link(folder: Path) -> None:
-    (folder / SEMANTIC).replace(folder.parent / "elsewhere.onnx")
-    (folder / SEMANTIC).symlink_to(folder.parent / "elsewhere.onnx")
+    (folder / SEMANTIC).replace(folder.parent / "outside.onnx")
+    (folder / SEMANTIC).symlink_to(folder.parent / "outside.onnx")
 
 
 def _linked_folder(folder: Path) -> None:
@@ -132,7 +132,7 @@ def _linked_manifest(folder: Path) -> None:
 
 
 def _hard_link(folder: Path) -> None:
-    os.link(folder / SEMANTIC, folder.parent / "elsewhere.onnx")
+    os.link(folder / SEMANTIC, folder.parent / "outside.onnx")
 
 
 def _pipe(folder: Path) -> None:

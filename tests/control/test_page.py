@@ -68,7 +68,7 @@ def test_page_accepts_known_commands_only(served: tuple[Page, Control]) -> None:
     page, control = served
     assert _ask(page, "command", "POST", "your turn")[0] == 204
     assert control.poll() == "your turn"
-    for path, body in (("command", "explode"), ("command", ""), ("elsewhere", "stop"), ("command", "stop" * 1000)):
+    for path, body in (("command", "explode"), ("command", ""), ("unknown", "stop"), ("command", "stop" * 1000)):
         assert _ask(page, path, "POST", body)[0] == 400
     assert control.poll() is None
     assert _ask(page, "command")[0] == 404

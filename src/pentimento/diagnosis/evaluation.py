@@ -100,7 +100,7 @@ class Floor(NamedTuple):
 def floor_of_repeats(rest: Array, valid: Array, groups: Sequence[Array], seed: int) -> Floor | None:
     """The floor from residuals [B, H, W, ...] and groups of rows of one action each; None with too few groups.
 
-    Only pixels count that are ``valid`` [B, H, W] in all rows of an action; residuals elsewhere are 0.
+    Only pixels count that are ``valid`` [B, H, W] in all rows of an action; all other residuals are 0.
     """
     values = repeat_variances(rest, valid, groups)
     if len(values) < MIN_REPEATED:

@@ -19,7 +19,7 @@ def changed(rows: dict[int, dict[str, Any]], table: pa.Table = TABLE) -> pa.Tabl
     )
 
 
-ELSEWHERE = {"window_m": [1.0, 1.0, 1.08, 1.056]}
+OUTSIDE = {"window_m": [1.0, 1.0, 1.08, 1.056]}
 STILL = {"path": [[t, 0.1, 0.1, -0.001, 0.0] for t in (0.0, 0.5, 1.0)]}
 
 
@@ -28,7 +28,7 @@ def test_usable_rows_pass_unchanged() -> None:
     assert sound.table is TABLE and not sound.bad and not sound.copies and sound.sentences() == []
 
 
-@pytest.mark.parametrize(("fault", "says"), [(ELSEWHERE, "indow"), (STILL, "does not move")])
+@pytest.mark.parametrize(("fault", "says"), [(OUTSIDE, "indow"), (STILL, "does not move")])
 def test_single_bad_row_is_left_out_and_named(fault: dict[str, Any], says: str) -> None:
     sound = usable_rows(changed({4: fault}))
     assert list(sound.bad) == [4] and says in sound.bad[4]

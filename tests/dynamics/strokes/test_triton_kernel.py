@@ -1,6 +1,6 @@
 """The GPU's renderer against the dense reference and the CPU's kernel.
 
-Where a CUDA device is met, the comparisons run on it. Elsewhere they run in Triton's interpreter, in a process of
+Where a CUDA device is met, the comparisons run on it. Otherwise they run in Triton's interpreter, in a process of
 their own: Triton reads TRITON_INTERPRET when it is imported. Without Triton nothing here can run, and it says so.
 """
 

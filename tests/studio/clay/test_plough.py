@@ -73,7 +73,7 @@ def test_a_push_is_symmetric_about_its_way() -> None:
 def test_a_push_turned_by_a_right_angle_is_the_same_push() -> None:
     right, *_ = ploughed()
     down, *_ = ploughed(heading=(0.0, 1.0))
-    assert_allclose(down, right.T, atol=2e-4)  # sectors of the contact begin elsewhere
+    assert_allclose(down, right.T, atol=2e-4)  # sectors of the contact begin at another place
     assert_allclose(np.corrcoef(down.ravel(), right.T.ravel())[0, 1], 1.0, atol=1e-3)
 
 
