@@ -58,7 +58,7 @@ def test_pushes_made_in_the_studio(folder: Path) -> None:
     assert 0.001 < metrics["repeat_floor_mm2"] < 0.1
 
 
-def test_pushes_measured_outside the studio_are_taken_in_with_their_bad_rows_counted(folder: Path) -> None:
+def test_imports_measured_pushes_and_counts_bad_rows(folder: Path) -> None:
     rows = example_table(150).to_pylist()
     rows[7]["action"] = [float("nan")] * 5
 
