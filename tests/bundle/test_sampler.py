@@ -16,6 +16,7 @@ from pentimento.copainting.goal.planner import (
     GoalPlanner,
     GoalPlannerShape,
     Prediction,
+    SeededSampling,
     build_goal_planner,
     text_encoder_of,
 )
@@ -88,7 +89,8 @@ def _canvases() -> np.ndarray:
 @pytest.mark.parametrize(("text_guidance", "steps"), [(4.0, 7), (1.0, 10)])
 def test_complete_equals_the_diffusers_pipeline(prediction: Prediction, text_guidance: float, steps: int) -> None:
     planner, seed = _planner(prediction), 5
-    theirs = complete_in_workshop(planner, _canvases(), CAPTIONS, steps, 1.5, text_guidance, seed)
+    sampling = SeededSampling(steps, 1.5, text_guidance, seed)
+    theirs = complete_in_workshop(planner, _canvases(), CAPTIONS, sampling)
     latent = SIDE // planner.vae_scale_factor
     noise = np.concatenate([normal((1, 4, latent, latent), seed_for(seed, i)) for i in range(len(CAPTIONS))])
     ours = complete(

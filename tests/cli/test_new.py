@@ -30,7 +30,7 @@ def copy_project(folder: Path) -> Path:
     """dvc.yaml, params.yaml, and the package's tool and world files, under ``folder``."""
     for name in ("dvc.yaml", "params.yaml"):
         shutil.copy(ROOT / name, folder)
-    for name in ("robots/tools", "studio/worlds", "studio/clay/worlds"):
+    for name in ("robots/tools", "studio/strokes/worlds", "studio/clay/worlds"):
         shutil.copytree(ROOT / "src/pentimento" / name, folder / "src/pentimento" / name)
     return folder
 
@@ -139,7 +139,7 @@ def test_a_tool_like_one_without_a_painting_gets_none(tmp_path: Path) -> None:
         ("quill_base", "round_brush", None, "_base"),
         ("quill", "feather", None, "known are marker"),
         ("quill", "round_brush", 'base = "plain.toml"\n', "is that of round_brush"),
-        ("quill", "round_brush", 'base = "plain.toml"\n[tool]\nnam = "quill"\n', "Unknown key nam"),
+        ("quill", "round_brush", 'base = "plain.toml"\n[tool]\nnam = "quill"\n', r"unknown keys \['nam'\]"),
         ("quill", "round_brush", "torn = [", "not valid TOML"),
     ],
 )

@@ -20,5 +20,5 @@ def test_the_drivers_of_this_project_are_declared() -> None:
 @pytest.mark.parametrize("name", ["gcode", "grbl", "xarm", "franka"])
 def test_a_driver_refuses_a_table_of_another_machine_before_it_connects(name: str) -> None:
     module, _, function = DECLARED[name].partition(":")
-    with pytest.raises(ConfigError, match=r"\[machine\] of rig bench: missing keys .*, unknown keys \['engine'\]"):
+    with pytest.raises(ConfigError, match=r"\[machine\] of rig bench: .*unknown keys \['engine'\]"):
         getattr(importlib.import_module(module), function)(make_rig(machine={"engine": "steam"}))

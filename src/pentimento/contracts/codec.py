@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from tomllib import TOMLDecodeError, loads
@@ -109,7 +109,13 @@ def check_keys(table: Any, required: frozenset[str], optional: frozenset[str], w
     missing, unknown = sorted(required - table.keys()), sorted(table.keys() - required - optional)
     if missing or unknown:
         may = f" and may have {sorted(optional)}" if optional else ""
-        raise ConfigError(f"{where}: missing keys {missing}, unknown keys {unknown}; it has {sorted(required)}{may}.")
+        raise ConfigError(f"{where}: {_key_faults(missing, unknown)}; it has {sorted(required)}{may}.")
+
+
+def _key_faults(missing: Sequence[str], unknown: Sequence[str]) -> str:
+    """What is wrong with a mapping's keys, in words; one of the lists may be empty."""
+    faults = {"missing": missing, "unknown": unknown}
+    return ", ".join(f"{fault} keys {list(keys)}" for fault, keys in faults.items() if keys)
 
 
 def _encoded(value: Any) -> Any:
@@ -132,7 +138,7 @@ def _message(fault: str, kind: Any, value: Any, where: str) -> str:
         expected = _inner(expected, name)
     if problem.startswith("Object missing required field"):
         present, known = set(found), {field.name for field in fields(expected)}
-        return f"{place}: missing keys {sorted(known - present)}, unknown keys {sorted(present - known)}."
+        return f"{place}: {_key_faults(sorted(known - present), sorted(present - known))}."
     if problem.startswith("Invalid enum value") or get_origin(expected) is Literal:
         return f"{place} is {found!r}; it must be one of {list(get_args(expected))}."
     if match := re.match(r"Expected `([^`]+)`(?: of length (\d+))?", problem):
@@ -171,7 +177,7 @@ def _check_tree(value: Any, built: Any, where: str, error: type[PentimentoError]
     if isinstance(built, dict):
         missing, unknown = sorted(built.keys() - value.keys()), sorted(value.keys() - built.keys())
         if missing or unknown:
-            raise error(f"{where}: missing keys {missing}, unknown keys {unknown}.")
+            raise error(f"{where}: {_key_faults(missing, unknown)}.")
         for name, entry in built.items():
             _check_tree(value[name], entry, f"{where}.{name}", error)
     elif isinstance(built, list | tuple):
