@@ -24,6 +24,9 @@ from studies.blind.pushes.worlds import sketch_world
 from tests.diagnosis.pushes.conftest import LOST, Played
 from tests.dynamics.pushes.played_pushes import blank
 
+WORLDS: tuple[tuple[int, str | None, float], ...] = ((1, "tool_backlash", 1.5), (4, None, 0.0))
+"""Seed, hidden cause, its strength."""
+
 
 def test_establishes_only_hidden_cause(lossy: Played) -> None:
     assert [finding.cause for finding in lossy.diagnosis.established] == ["volume_loss"]
@@ -113,10 +116,16 @@ def test_verdict_names_pushes_and_square_millimetres(lossy: Played) -> None:
     assert result["established"][0]["parameters"]["lost_share"]["value"] > 0
 
 
-@pytest.mark.timeout(600)
-def test_names_hidden_cause_of_small_simulated_world() -> None:
-    sketch = sketch_world("one", 1, "tool_backlash")
+def hidden_and_named(seed: int, cause: str | None, strength: float) -> tuple[set[str], set[str]]:
+    """Hidden causes of a world, and the causes that the verdict on its table establishes."""
+    sketch = sketch_world("none" if cause is None else "one", seed, cause)
     small = replace(sketch, config=replace(sketch.config, pushes=60, repeated=9, times=2))
-    rows = recorded_rows(small, small.with_strengths({"tool_backlash": 1.5}), 1)
-    result, _ = verdict_on(as_table(rows, decoys(len(rows), 1)), 0)
-    assert {entry["cause"] for entry in result["established"]} == set(small.causes) == {"tool_backlash"}
+    rows = recorded_rows(small, small.with_strengths({} if cause is None else {cause: strength}), seed)
+    result, _ = verdict_on(as_table(rows, decoys(len(rows), seed)), 0)
+    return set(small.causes), {entry["cause"] for entry in result["established"]}
+
+
+@pytest.mark.timeout(600)
+def test_names_hidden_causes_of_small_simulated_worlds() -> None:
+    found = [hidden_and_named(*world) for world in WORLDS]
+    assert all(hidden == named for hidden, named in found), found

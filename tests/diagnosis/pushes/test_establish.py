@@ -122,7 +122,7 @@ def test_confirmation_depends_on_direction_of_effect(with_backlash: MeasuredPush
 def test_lookalike_replaces_cause_only_if_as_good(
     named: type[Mechanism], hidden: list[tuple[type[Mechanism], dict[str, float]]], as_good: bool
 ) -> None:
-    measured = measure(played([mechanism(kind, blank(28), **values) for kind, values in hidden], 28))
+    measured = measure(played([mechanism(kind, blank(), **values) for kind, values in hidden]))
     known, _ = observable_causes(measured, [named])
     base = fit(first_model(measured.scene), measured)
     model = fit(base.plus(known[named.cause]), measured)

@@ -83,7 +83,7 @@ def test_floor_in_search_is_at_most_discovery_error() -> None:
 @pytest.fixture(scope="module")
 def exact() -> tuple[AnalyticPush, MeasuredPushes]:
     """Pushes into new and old surfaces that a model predicts exactly."""
-    measured = measure(played(actions=28, noise_m=0.0), HALF_WIDTH_M)
+    measured = measure(played(actions=40, noise_m=0.0), HALF_WIDTH_M)
     model = first_model(measured.scene)
     return model, replace(measured, after=measured.scene.before + model.change(measured.scene))
 
@@ -111,7 +111,7 @@ def steepness(measured: MeasuredPushes) -> np.ndarray:
 
 def test_execution_noise_error_matches_simulation(exact: tuple[AnalyticPush, MeasuredPushes]) -> None:
     model, measured = exact
-    noisy = [scattered(model, measured, seed) for seed in range(8)]
+    noisy = [scattered(model, measured, seed) for seed in range(12)]
     predicted = np.mean([error_of_execution_noise(model, each, rows_of_repeats(each)) for each in noisy], axis=0)
     real = np.mean([mean_squared_error(residual(model, each), each) for each in noisy], axis=0)
     assert predicted.mean() == pytest.approx(real.mean(), rel=0.2)

@@ -96,7 +96,7 @@ def test_implausible_nuisance_steps_hide_no_cause(monkeypatch: pytest.MonkeyPatc
     )
     monkeypatch.setattr(candidates, "linearise", lambda model, measured: statistics)
     stiff = evaluate_candidates(model, [darker], measured, 0)[0][Vignetting.cause]
-    monkeypatch.setattr(candidates, "steadied", lambda statistics, model, share: statistics)
+    monkeypatch.setattr(candidates, "stiffened", lambda statistics, model, share: statistics)
     free = evaluate_candidates(model, [darker], measured, 0)[0][Vignetting.cause]
     assert stiff.p < 0.001 and stiff.gain > 0 and free.p > 0.05
 
