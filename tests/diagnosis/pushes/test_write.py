@@ -89,7 +89,7 @@ def test_proposed_pushes_are_feasible_pairs(lossy: Played, screened: tuple[PushS
 
 
 def test_report_page_is_reproducible(lossy: Played, screened: tuple[PushScreening, PushProposal]) -> None:
-    verdict = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35}
+    verdict = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35, "mse": {"floor": 0.01}}
     one, other = (build_page(lossy.diagnosis, *screened, verdict) for _ in range(2))
     assert one == other and b"volume_loss" in one["report.html"] and b"A note." in one["report.html"]
 
