@@ -59,27 +59,27 @@ def humid() -> tuple[Model, Measured]:
 
 
 @pytest.fixture(scope="module")
-def modulated(humid: tuple[Model, Measured]) -> Generic:
+def design_value(humid: tuple[Model, Measured]) -> Generic:
     model, strokes = humid
     both = left("width", "humidity") + left("normal", "decoy")
     return evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
 
 
-def test_modulator_closes_most_of_a_covariates_gap(humid: tuple[Model, Measured], modulated: Generic) -> None:
+def test_modulator_closes_most_of_a_covariates_gap(humid: tuple[Model, Measured], worth: Generic) -> None:
     model, strokes = humid
     test_split = strokes.pick(TEST_SPLIT)
     valid = test_split.samples.valid.numpy()
     base = np.square(residual(model, test_split)).sum((1, 2, 3)) / valid.sum((1, 2)) / 3
-    closed = modulated.gain / (1 - NOISE**2 / base.mean())
+    closed = worth.gain / (1 - NOISE**2 / base.mean())
     assert closed > 0.8
-    assert 0 < modulated.gain_interval[0] < modulated.gain < modulated.gain_interval[1] < 1
-    assert modulated.gain_of["width", "humidity"] == pytest.approx(modulated.gain, abs=0.05)
-    assert abs(modulated.gain_of["normal", "decoy"]) < 0.03
-    np.testing.assert_allclose(modulated.losses.mean(), (1 - modulated.gain) * base.mean(), rtol=1e-5)
+    assert 0 < worth.gain_interval[0] < worth.gain < worth.gain_interval[1] < 1
+    assert worth.gain_of["width", "humidity"] == pytest.approx(worth.gain, abs=0.05)
+    assert abs(worth.gain_of["normal", "decoy"]) < 0.03
+    np.testing.assert_allclose(worth.losses.mean(), (1 - worth.gain) * base.mean(), rtol=1e-5)
 
 
-def test_modulator_recovers_the_law(modulated: Generic) -> None:
-    (curve,) = [curve for curve in modulated.modulator.curves if curve.mode == "width"]
+def test_modulator_recovers_the_law(worth: Generic) -> None:
+    (curve,) = [curve for curve in worth.modulator.curves if curve.mode == "width"]
     law = np.interp(curve.knots, np.sort(HUMIDITY), LAW[np.argsort(HUMIDITY)])
     assert np.corrcoef(curve.amounts, law)[0, 1] > 0.95
     amounts = np.interp(HUMIDITY[KNOWN], curve.knots, curve.amounts)
