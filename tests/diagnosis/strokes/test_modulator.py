@@ -59,27 +59,27 @@ def humid() -> tuple[Model, Measured]:
 
 
 @pytest.fixture(scope="module")
-def design_value(humid: tuple[Model, Measured]) -> Generic:
+def generic_result(humid: tuple[Model, Measured]) -> Generic:
     model, strokes = humid
     both = left("width", "humidity") + left("normal", "decoy")
     return evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
 
 
-def test_modulator_closes_most_of_a_covariates_gap(humid: tuple[Model, Measured], worth: Generic) -> None:
+def test_modulator_closes_most_of_a_covariates_gap(humid: tuple[Model, Measured], generic_result: Generic) -> None:
     model, strokes = humid
     test_split = strokes.pick(TEST_SPLIT)
     valid = test_split.samples.valid.numpy()
     base = np.square(residual(model, test_split)).sum((1, 2, 3)) / valid.sum((1, 2)) / 3
-    closed = worth.gain / (1 - NOISE**2 / base.mean())
+    closed = generic_result.gain / (1 - NOISE**2 / base.mean())
     assert closed > 0.8
-    assert 0 < worth.gain_interval[0] < worth.gain < worth.gain_interval[1] < 1
-    assert worth.gain_of["width", "humidity"] == pytest.approx(worth.gain, abs=0.05)
-    assert abs(worth.gain_of["normal", "decoy"]) < 0.03
-    np.testing.assert_allclose(worth.losses.mean(), (1 - worth.gain) * base.mean(), rtol=1e-5)
+    assert 0 < generic_result.gain_interval[0] < generic_result.gain < generic_result.gain_interval[1] < 1
+    assert generic_result.gain_of["width", "humidity"] == pytest.approx(generic_result.gain, abs=0.05)
+    assert abs(generic_result.gain_of["normal", "decoy"]) < 0.03
+    np.testing.assert_allclose(generic_result.losses.mean(), (1 - generic_result.gain) * base.mean(), rtol=1e-5)
 
 
-def test_modulator_recovers_the_law(worth: Generic) -> None:
-    (curve,) = [curve for curve in worth.modulator.curves if curve.mode == "width"]
+def test_modulator_recovers_the_law(generic_result: Generic) -> None:
+    (curve,) = [curve for curve in generic_result.modulator.curves if curve.mode == "width"]
     law = np.interp(curve.knots, np.sort(HUMIDITY), LAW[np.argsort(HUMIDITY)])
     assert np.corrcoef(curve.amounts, law)[0, 1] > 0.95
     amounts = np.interp(HUMIDITY[KNOWN], curve.knots, curve.amounts)
