@@ -22,7 +22,7 @@ from pentimento.planning.strokes.config import Log, PlannerConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.planner import plan
-from pentimento.planning.strokes.relocate import contributions
+from pentimento.planning.strokes.relocate import without_harmful
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene, Style, objective_for
 from pentimento.robots.driver import Robot
@@ -216,22 +216,6 @@ def replanned_and_pruned(
     """``replanned`` on a canvas that a person has changed: strokes that increase the objective now are removed."""
     moved = replanned(context, remaining, canvas, goal=goal, start=start)
     return without_harmful(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)
-
-
-def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
-    """The strokes without those whose removal lowers the objective.
-
-    Each round removes the worse half of the harmful strokes, because removing one stroke can make another useful.
-    """
-    strokes = _copy(strokes)
-    while len(strokes):
-        worth = contributions(strokes, canvas, scene, config)
-        harmful = np.flatnonzero(worth < 0)
-        if not len(harmful):
-            break
-        worst = harmful[np.argsort(worth[harmful], kind="stable")][: (len(harmful) + 1) // 2]
-        strokes = _copy(strokes.pick(np.setdiff1d(np.arange(len(strokes)), worst)))
-    return strokes
 
 
 def predict_canvas(context: PaintContext, strokes: Strokes, canvas: Image, start: Start) -> Array:

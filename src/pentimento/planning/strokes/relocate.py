@@ -54,10 +54,9 @@ def contributions(strokes: PlannedPaths, canvas: Array, scene: Scene, config: Pl
 
 
 def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
-    """The strokes without those whose absence lowers the error.
+    """The strokes without those whose removal lowers the objective.
 
-    A target that needs few strokes is not spoilt by the many that were allowed. Each pass removes the worst half of the
-    harmful strokes only, since a stroke may be useful once another is gone.
+    Each round removes the worse half of the harmful strokes, because removing one stroke can make another useful.
     """
     left = strokes.pick(slice(None))
     while len(left):

@@ -10,8 +10,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class BristleLag(Mechanism):
-    """See the module."""
-
     cause = "bristle_lag"
     site = "trajectory"
     driving_covariate = "motion"

@@ -10,8 +10,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class CurvatureWidth(Mechanism):
-    """See the module."""
-
     cause = "curvature_width"
     site = "width"
     driving_covariate = "bend"

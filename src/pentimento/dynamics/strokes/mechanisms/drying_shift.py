@@ -23,8 +23,6 @@ _SHORTEST_S = 0.1
 
 
 class DryingShift(Mechanism):
-    """See the module."""
-
     cause = "drying_shift"
     site = "density"
     driving_covariate = "session"

@@ -10,8 +10,6 @@ from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeCo
 
 
 class IlluminationGradient(Mechanism):
-    """See the module."""
-
     cause = "illumination_gradient"
     site = "camera"
     driving_covariate = "place"

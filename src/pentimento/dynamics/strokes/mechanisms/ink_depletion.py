@@ -12,8 +12,6 @@ _COLUMNS = ("ink_since_reload_m", "since_reload")
 
 
 class InkDepletion(Mechanism):
-    """See the module."""
-
     cause = "ink_depletion"
     site = "density"
     driving_covariate = "load"

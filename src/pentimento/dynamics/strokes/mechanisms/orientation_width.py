@@ -23,8 +23,6 @@ _LITTLE = 0.1
 
 
 class OrientationWidth(Mechanism):
-    """See the module."""
-
     cause = "orientation_width"
     site = "width"
     driving_covariate = "heading"

@@ -18,8 +18,6 @@ _CONTRASTS = 5
 
 
 class PaperBleed(Mechanism):
-    """See the module."""
-
     cause = "paper_bleed"
     site = "density"
     driving_covariate = "paper"

@@ -8,8 +8,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class PathOffset(Mechanism):
-    """See the module."""
-
     cause = "path_offset"
     site = "trajectory"
     driving_covariate = "frame"

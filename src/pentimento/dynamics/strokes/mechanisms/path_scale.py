@@ -11,8 +11,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class PathScale(Mechanism):
-    """See the module."""
-
     cause = "path_scale"
     site = "trajectory"
     driving_covariate = "extent"

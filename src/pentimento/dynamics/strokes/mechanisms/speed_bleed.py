@@ -8,8 +8,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class SpeedBleed(Mechanism):
-    """See the module."""
-
     cause = "speed_bleed"
     site = "density"
     driving_covariate = "speed"

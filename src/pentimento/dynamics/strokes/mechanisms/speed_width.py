@@ -10,8 +10,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 
 
 class SpeedWidth(Mechanism):
-    """See the module."""
-
     cause = "speed_width"
     site = "width"
     driving_covariate = "speed"

@@ -10,8 +10,6 @@ from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeCo
 
 
 class Vignetting(Mechanism):
-    """See the module."""
-
     cause = "vignetting"
     site = "camera"
     driving_covariate = "place"

@@ -16,8 +16,6 @@ from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Qua
 
 
 class WetMixing(Mechanism):
-    """See the module."""
-
     cause = "wet_mixing"
     site = "composite"
     driving_covariate = "paint below"
