@@ -231,5 +231,5 @@ def test_the_full_profile_is_of_one_size_throughout(tmp_path: Path) -> None:
     assert {(medium.side_m, medium.planner.pixels_per_m) for medium in media} == {(side_m, pixels_per_m)}
     assert deployed.settings["marker"].canvas_m == setting.canvas_m
     assert deployed.settings["marker"].planner == setting.planner
-    learnt = scenes.most * (1 - scenes.val_share - scenes.test_share)
+    learnt = scenes.max_scenes * (1 - scenes.val_share - scenes.test_share)
     assert learnt > full["synthesize_copaintings"].scenes.train == 20000

@@ -114,7 +114,7 @@ def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
     [
         ("gather_demonstrations", "points", 1, gather.GatherDemonstrations, "points is 1"),
         ("train_trajvae", "few", 1, train.TrainTrajVAE, "few is 1"),
-        ("draw_in_hands", "darkest", 1.0, draw.DrawInHands, "darkest is 1.0; below 1"),
+        ("draw_in_hands", "darkest", 1.0, draw.DrawInHands, "darkest is 1.0; it must be below 1"),
     ],
 )
 def test_a_number_out_of_its_range_is_one_sentence(
