@@ -63,7 +63,7 @@ def test_first_pass_targets_the_style_picture_without_print_objective() -> None:
 
 
 def test_rejects_style_objective_for_a_scene_without_style() -> None:
-    with pytest.raises(ConfigError, match="ask for a style, but the scene that is planned for has none"):
+    with pytest.raises(ConfigError, match="objectives include a style, but the scene has none"):
         objective_for(scene(), replace(CONFIG, objectives=ObjectivesConfig(1.0, STYLE)))
 
 
