@@ -174,7 +174,7 @@ def test_collected_strokes_distinguish_rivals_of_a_raster(
     assert rest[0].startswith("Round 1: 16 strokes to separate ")
     verdict = json.loads((tmp_path / "out/verdict.json").read_text())
     assert [(entry["cause"], entry["rivals"]) for entry in verdict["established"]] == [("ink_depletion", [])]
-    assert verdict["rows"] == 70 and "16 of the strokes were made as proposed, in 1 round." in verdict["sentence"]
+    assert verdict["rows"] == 70 and "16 of the strokes were collected as proposed, in 1 round." in verdict["sentence"]
     assert read_table(tmp_path / "out/strokes", CONTRACT).table.num_rows == 70
 
 
