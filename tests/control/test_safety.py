@@ -109,6 +109,38 @@ def test_envelope_accepts_every_feasible_timed_stroke(name: str, data: st.DataOb
 
 
 @PROPERTY
+@given(seed=st.integers(0, 2**31), count=st.integers(2, 40), spread_m=st.floats(1e-3, 0.15))
+def test_envelope_accepts_a_random_path_only_if_it_keeps_each_limit(seed: int, count: int, spread_m: float) -> None:
+    rng = np.random.default_rng(seed)
+    xyz_yaw = np.cumsum(rng.normal(size=(count, 4)) * [spread_m / 6, spread_m / 6, 5e-4, 0.2], axis=0)
+    xyz_yaw[:, :2] += rng.uniform((0, 0), CANVAS_M)
+    path = timed_path(xyz_yaw, rng.uniform(0.03, 0.15), rng.uniform(0.5, 4))
+    try:
+        BRUSH.check_path(path)
+    except EnvelopeViolation:
+        assert not keeps_limits(path, tolerance=-1e-6)
+    else:
+        assert keeps_limits(path, tolerance=1e-6)
+
+
+def keeps_limits(path: np.ndarray, tolerance: float) -> bool:
+    """The brush's limits by definition, each wider by `tolerance`; rates by 1 %, for rounding."""
+    low, high = np.array([0, 0, -0.004]) - tolerance, np.array([0.3, 0.2, 0.05]) + tolerance
+    dt = np.diff(path[:, 0])
+    speed = np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1) / dt
+    rates = 1 + 0.01 * np.sign(tolerance)
+    return bool(
+        (path[:, 1:4] >= low).all()
+        and (path[:, 1:4] <= high).all()
+        and (np.abs(path[:, 4]) <= 2 * math.pi + tolerance).all()
+        and speed.max() <= 0.12 * rates
+        and (np.abs(np.diff(path[:, 4])) / dt).max() <= math.pi * rates
+        and tip_accelerations(path).max() <= 2.5 * rates
+        and path[-1, 0] <= 30 * rates
+    )
+
+
+@PROPERTY
 @given(point=st.integers(0, 31), column=st.integers(0, 4), bad=st.sampled_from((math.nan, math.inf, -math.inf)))
 def test_envelope_rejects_a_non_finite_value_anywhere(point: int, column: int, bad: float) -> None:
     path = good_path()
