@@ -42,7 +42,7 @@ def main(arguments: argparse.Namespace) -> None:
     inputs = {} if config.imported is None else {"source": Path(config.imported.path)}
     with tracked_run("build_scenes", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         table, quarantined, origin = _scenes(config, run)
-        metrics = _metrics(table, quarantined)
+        metrics = scene_metrics(table, quarantined)
         card = (
             f"# Scenes\n\n{origin} {table.num_rows} captioned pictures with regions; "
             f"{sum(quarantined.values())} left out."
@@ -68,7 +68,8 @@ def _scenes(config: BuildScenes, run: Run) -> tuple[pa.Table, dict[str, int], st
     return imported.table, imported.quarantined, origin
 
 
-def _metrics(table: pa.Table, quarantined: dict[str, int]) -> dict[str, Any]:
+def scene_metrics(table: pa.Table, quarantined: dict[str, int]) -> dict[str, Any]:
+    """Return the counts of a scenes table, and of the rows that were left out, by reason."""
     splits = Counter(table.column("split").to_pylist())
     objects = [kinds or [] for kinds in table.column("objects").to_pylist()]
     return {

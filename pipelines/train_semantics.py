@@ -76,17 +76,19 @@ class TrainSemantics:
 
 def main(arguments: argparse.Namespace) -> None:
     """Write `--semantics` and `--judge`: each a model in the published layout, with metrics.json and curve.json."""
-    config = load_section(Path("params.yaml"), "train_semantics", TrainSemantics)
+    config = load_section(arguments.params, "train_semantics", TrainSemantics)
     single_threaded()
+    scenes = {"main": arguments.scenes, "judge": arguments.judge_scenes or arguments.scenes}
+    inputs = {"scenes": arguments.scenes} | ({"judge_scenes": s} if (s := arguments.judge_scenes) else {})
     with (
-        tracked_run("train_semantics", None, asdict(config), {"scenes": arguments.scenes}) as run,
+        tracked_run("train_semantics", None, asdict(config), inputs) as run,
         output_folder(arguments.semantics) as main_out,
         output_folder(arguments.judge) as judge_out,
     ):
         outs = {"main": main_out, "judge": judge_out}
         # Each process creates its own examples, which takes no longer than creating them once on one core.
         with ProcessPoolExecutor(len(outs), multiprocessing.get_context("spawn"), end_with_parent) as pool:
-            begun = {name: pool.submit(_train, name, config, arguments.scenes, out) for name, out in outs.items()}
+            begun = {name: pool.submit(_train, name, config, scenes[name], out) for name, out in outs.items()}
             results = {name: future.result() for name, future in begun.items()}
         for name, (metrics, curve) in results.items():
             for step, loss in zip(curve["step"], curve["loss"], strict=True):
@@ -178,7 +180,9 @@ def _first(rows: Captioned, count: int) -> Captioned:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="train_semantics", description=__doc__)
+    parser.add_argument("--params", type=Path, default=Path("params.yaml"))
     parser.add_argument("--scenes", required=True, type=Path)
+    parser.add_argument("--judge-scenes", type=Path, help="the judge learns from these instead")
     parser.add_argument("--semantics", required=True, type=Path, help="where the main encoder goes")
     parser.add_argument("--judge", required=True, type=Path, help="where the judge goes")
     stage_main(main, parser)

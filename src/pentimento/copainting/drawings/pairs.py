@@ -1,0 +1,164 @@
+"""Pairs of a begun and a finished drawing of a scene with named things, and the scenes themselves as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts.images import image_cell
+from pentimento.contracts.ranges import at_least
+from pentimento.contracts.scenes import CONTRACT
+from pentimento.contracts.schema import arrow_schema
+from pentimento.copainting.drawings.scenes import (
+    DrawnScene,
+    Medium,
+    caption,
+    caption_of,
+    draw_scene,
+    render_scene,
+)
+from pentimento.copainting.drawings.sources import LICENCES, Source, vocabulary
+from pentimento.copainting.scenes.edits import Pair
+from pentimento.copainting.scenes.ink import random_strokes
+
+MEDIUM_WORDS: Final[dict[Medium, str]] = {"marker": "with a marker", "colour": "in colours"}
+"""What the request of a pair says of its medium."""
+_MEDIA: Final[tuple[Medium, ...]] = ("marker", "colour")
+_BLANK_SHARE: Final = 0.4  # of the pairs of scenes with several things: the canvas is blank
+_BEGUN_SHARE: Final = 0.15  # of the pairs: part of a missing thing is drawn already
+_SCRIBBLE_SHARE: Final = 0.1  # of the pairs: the canvas shows other strokes, which the finished drawing keeps
+_MISSING_SHARE: Final = 0.6  # of the requests: they name the missing things, not the whole scene
+_SCRIBBLES: Final = (1, 8)
+_SCRIBBLE_WIDTHS: Final = (0.012, 0.025)  # in sides of the picture
+
+
+@dataclass(frozen=True)
+class DrawnScenesConfig:
+    """How many scenes are drawn for encoders, and how."""
+
+    scenes: int
+    side_px: int
+    val_share: float
+    test_share: float
+    wordings: int
+    """Captions of each scene."""
+    alone_share: float
+    """Of the scenes: those with one thing."""
+    sources: tuple[Source, ...]
+    """A scene is drawn by one of these, and shows only things that the source draws."""
+    seed: int
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "scenes", "wordings")
+        at_least(self, 32, "side_px")
+        at_least(self, 0, "val_share", "test_share", "alone_share", "seed")
+
+
+def nouns_of(source: Source) -> list[str]:
+    """The nouns that a source draws, in alphabetical order."""
+    return [name for name, noun in vocabulary().items() if source in noun.sources]
+
+
+def drawn_scenes(config: DrawnScenesConfig) -> pa.Table:
+    """A table of the `scenes` contract; row i depends on (seed, i) only. Every second scene is a pen drawing.
+
+    The splits `train` and `val` share compositions; `test` shows held-out ones. A scene with one thing is in any split.
+    """
+    rows = [_row(index, config) for index in range(config.scenes)]
+    return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT))
+
+
+def _row(index: int, config: DrawnScenesConfig) -> dict[str, Any]:
+    generator = np.random.default_rng([config.seed, index])
+    chance = generator.random()
+    split = (
+        "test" if chance < config.test_share else "val" if chance < config.test_share + config.val_share else "train"
+    )
+    source = config.sources[index // 2 % len(config.sources)]
+    scene = draw_scene(
+        "test" if split == "test" else "train",
+        nouns_of(source),
+        source,
+        alone_share=config.alone_share,
+        generator=generator,
+    )
+    everything = range(len(scene.things))
+    rendered = render_scene(scene, everything, _MEDIA[index % 2], config.side_px)
+    captions = [caption(scene, generator) for _ in range(config.wordings)]
+    return {
+        "image": image_cell(rendered.image),
+        "caption": captions[0],
+        "regions": image_cell(rendered.regions),
+        "source": source,
+        "licence": LICENCES[source],
+        "scene_id": f"drawn_{config.seed}_{index:06d}",
+        "split": split,
+        "captions": captions,
+        "objects": [thing.noun for thing in scene.things],
+        "colors": [],
+        "arrangement": scene.relation,
+        "ground": "line" if scene.ground_y is not None else "none",
+    }
+
+
+def drawn_pairs(
+    count: int, split: str, nouns: Sequence[str], *, alone_share: float, side_px: int, seed: int
+) -> list[Pair]:
+    """`count` pairs of scenes of a split, which OpenMoji draws; pair i depends on (seed, i) only.
+
+    The request ends with the words of the medium. The canvas shows some or none of the things, each of them whole
+    except for one that may be half drawn; it may also show strokes that belong to nothing.
+    """
+    return [_pair(split, nouns, alone_share, side_px, np.random.default_rng([seed, index])) for index in range(count)]
+
+
+def _pair(split: str, nouns: Sequence[str], alone_share: float, side_px: int, generator: np.random.Generator) -> Pair:
+    scene = draw_scene(split, nouns, "openmoji", alone_share=alone_share, generator=generator)
+    medium = _MEDIA[int(generator.integers(len(_MEDIA)))]
+    number = len(scene.things)
+    missing = set(range(number))
+    if number > 1 and generator.random() >= _BLANK_SHARE:
+        missing = set(generator.permutation(number)[: int(generator.integers(1, number))].tolist())
+    kept = set(range(number)) - missing
+    full = render_scene(scene, range(number), medium, side_px).image
+    canvas = render_scene(scene, kept, medium, side_px).image
+    if generator.random() < _BEGUN_SHARE:
+        canvas = _begun(scene, kept, sorted(missing)[0], canvas, medium, generator)
+    if generator.random() < _SCRIBBLE_SHARE:
+        canvas, full = _scribbled(canvas, full, generator)
+    whole = number == 1 or not kept or generator.random() >= _MISSING_SHARE
+    request = caption(scene, generator) if whole else caption_of(scene, missing, generator)
+    return Pair(canvas, full, f"{request}, {MEDIUM_WORDS[medium]}")
+
+
+def _begun(
+    scene: DrawnScene,
+    kept: set[int],
+    begun: int,
+    canvas: NDArray[np.uint8],
+    medium: Medium,
+    generator: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """The canvas with the part of a missing thing that lies on one side of a random line through it."""
+    side = canvas.shape[0]
+    thing = scene.things[begun]
+    angle = generator.uniform(0, 2 * np.pi)
+    y, x = (np.mgrid[:side, :side] + 0.5) / side
+    reach = (x - thing.x) * np.cos(angle) + (y - thing.y) * np.sin(angle) < generator.uniform(-0.2, 0.1) * thing.size
+    return np.where(reach[..., None], render_scene(scene, kept | {begun}, medium, side).image, canvas)
+
+
+def _scribbled(
+    canvas: NDArray[np.uint8], full: NDArray[np.uint8], generator: np.random.Generator
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Both pictures with the same random strokes on top."""
+    side = canvas.shape[0]
+    widths = (_SCRIBBLE_WIDTHS[0] * side, _SCRIBBLE_WIDTHS[1] * side)
+    strokes = random_strokes(side, int(generator.integers(*_SCRIBBLES)), widths, generator).astype(np.float64)
+    through = strokes / strokes.max((0, 1))  # of white paper: 1 where nothing is drawn
+    return tuple(np.round(picture * through).astype(np.uint8) for picture in (canvas, full))  # type: ignore[return-value]

