@@ -64,7 +64,7 @@ def main(arguments: argparse.Namespace) -> None:
         columns = {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()}
         strokes = MeasuredStrokes(samples, columns)
         training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
-        found = write_diagnosis(table, gap, config.seed, lambda line: print(line, file=sys.stderr))
+        found = write_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
         causes = _established(found)
         joint = fit_jointly(base, causes, training, validation, timing_of(columns), fit, run.log)
         metrics = verdict_metrics(gap / "verdict.json") | {

@@ -48,7 +48,7 @@ def main() -> None:
         out = args.out / path.stem
         if not (out / "verdict.json").exists():
             print(f"{path.stem} …", flush=True)
-            write_diagnosis(pq.read_table(path), out, 0, lambda line: None)
+            write_diagnosis(pq.read_table(path), out, 0, log=lambda line: None)
         rows.append((path.stem, json.loads((out / "verdict.json").read_text())))
     for name in FIGURES_OF:
         target = DOCS / "measured"

@@ -38,7 +38,7 @@ def test_chooses_fewest_quantities_among_nearly_equal_causes(
     quantities = {kind.cause: len(kind.quantities) for kind in (SpeedWidth, SpeedBleed)}
     removed = np.random.default_rng(0).uniform(0.9, 1.1, 60)
     losses = {"speed_bleed": 3.0 - removed, "speed_width": 3.0 - by_the_simple * removed}
-    step = most_parsimonious({}, losses, 3.0, quantities, 0, lambda line: None)
+    step = most_parsimonious({}, losses, 3.0, quantities=quantities, seed=0, log=lambda line: None)
     assert (step.chosen, step.rivals) == (chosen, rivals)
 
 
@@ -90,10 +90,16 @@ def test_displacement_by_speed_decides_between_lag_and_latency(
     scatter = 1e-6 * np.random.default_rng(4).standard_normal(60)
     losses = {hidden.cause: 1e-4 + worse_by + scatter, other: np.full(60, 1e-4)}
     step = Step({}, other, (hidden.cause,) if worse_by < 1e-6 else ())
-    settled = prefer_same_family(step, losses, 3e-4, refits, observed, 0, lambda line: None)
+    settled = prefer_same_family(step, losses, 3e-4, refits=refits, measured=observed, seed=0, log=lambda line: None)
     assert (settled.chosen, settled.rivals) == (hidden.cause, ())
     kept = prefer_same_family(
-        replace(step, chosen=hidden.cause, rivals=(other,)), losses, 3e-4, refits, observed, 0, print
+        replace(step, chosen=hidden.cause, rivals=(other,)),
+        losses,
+        3e-4,
+        refits=refits,
+        measured=observed,
+        seed=0,
+        log=print,
     )
     assert (kept.chosen, kept.rivals) == (hidden.cause, ())
 
@@ -102,14 +108,18 @@ def test_same_family_cause_with_small_effect_replaces_nothing() -> None:
     refits, observed = refitted(Latency, [0.05], TRAILING)
     losses = {"latency": np.full(60, 2.5e-4), "bristle_lag": np.full(60, 1e-4)}
     step = Step({}, "bristle_lag", ())
-    assert prefer_same_family(step, losses, 3e-4, refits, observed, 0, lambda line: None) == step
+    assert (
+        prefer_same_family(step, losses, 3e-4, refits=refits, measured=observed, seed=0, log=lambda line: None) == step
+    )
 
 
 def test_causes_with_equal_covariates_are_compared_by_error_only() -> None:
     refits, observed = refitted(SpeedWidth, [0.4], (SpeedWidth, SpeedBleed))
     losses = {"speed_width": np.full(60, 1e-4), "speed_bleed": np.full(60, 1e-4)}
     step = Step({}, "speed_bleed", ("speed_width",))
-    assert prefer_same_family(step, losses, 3e-4, refits, observed, 0, lambda line: None) == step
+    assert (
+        prefer_same_family(step, losses, 3e-4, refits=refits, measured=observed, seed=0, log=lambda line: None) == step
+    )
 
 
 def refitted(

@@ -10,7 +10,7 @@ from pentimento.diagnosis.score import (
     evidence_for,
     held_out_gains,
     information,
-    interval_of_mean,
+    mean_over_actions,
     projected_scores,
     scatter,
     score_statistic,
@@ -62,10 +62,11 @@ def test_projected_scores_are_orthogonal_to_nuisances() -> None:
 
 
 def test_p_is_uniform_under_the_null_with_clustered_errors() -> None:
-    single = [score_tests(world(seed), HELD, INDEX, 199, seed)["c1"][0] for seed in range(150)]
+    single = [score_tests(world(seed), HELD, INDEX, draws=199, seed=seed)["c1"][0] for seed in range(150)]
     assert kstest(single, "uniform").pvalue > 0.01
     any_name = [
-        min(p for _, p in score_tests(world(seed), HELD, INDEX, 199, seed).values()) <= 0.05 for seed in range(150)
+        min(p for _, p in score_tests(world(seed), HELD, INDEX, draws=199, seed=seed).values()) <= 0.05
+        for seed in range(150)
     ]
     assert np.mean(any_name) < 0.12
 
@@ -73,10 +74,10 @@ def test_p_is_uniform_under_the_null_with_clustered_errors() -> None:
 def test_evidence_belongs_to_candidates_of_any_number_of_quantities() -> None:
     """The first candidate matters; it is found as the second of one number, and as a part of the first of two."""
     statistics, blocks = world(4, effect=0.8), np.arange(ACTIONS) // 3
-    single = evidence_for(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, blocks, 0)
+    single = evidence_for(statistics, NUISANCES, {"c0": 1, "c1": 1, "rest": 2}, block=blocks, seed=0)
     assert single["c0"].p_adjusted < 0.02 and single["c0"].min_gain > 0
     assert all(single[name].gain < 0.1 * single["c0"].gain for name in ("c1", "rest"))
-    paired = evidence_for(statistics, NUISANCES, {"both": 2, "others": 2}, blocks, 0)
+    paired = evidence_for(statistics, NUISANCES, {"both": 2, "others": 2}, block=blocks, seed=0)
     assert paired["both"].p_adjusted < 0.02 < paired["others"].p_adjusted
     assert paired["both"].gain == pytest.approx(single["c0"].gain, rel=0.1)
 
@@ -93,7 +94,7 @@ def test_pixelwise_likelihood_rejects_the_null_everywhere() -> None:
 
 
 def test_finds_the_true_effect_and_no_other() -> None:
-    found = [score_tests(world(seed, effect=0.8), HELD, INDEX, 499, seed) for seed in range(20)]
+    found = [score_tests(world(seed, effect=0.8), HELD, INDEX, draws=499, seed=seed) for seed in range(20)]
     assert np.mean([tests["c0"][1] < 0.02 for tests in found]) > 0.9
     assert np.mean([min(tests[f"c{i}"][1] for i in (1, 2, 3)) < 0.02 for tests in found]) < 0.2
 
@@ -113,7 +114,9 @@ def test_finds_cause_that_few_actions_show() -> None:
         statistics = at_fitted_nuisances(np.concatenate([columns, seldom], axis=2), y)
         last = NUISANCES + CANDIDATES
         for scales in ((information,), BOTH):
-            tests = score_tests(statistics, HELD, INDEX | {"seldom": np.arange(last, last + 4)}, 999, seed, scales)
+            tests = score_tests(
+                statistics, HELD, INDEX | {"seldom": np.arange(last, last + 4)}, draws=999, seed=seed, scales=scales
+            )
             found[len(scales)].append(tests["seldom"][1] < 0.02)
     assert np.mean(found[1]) > 0.8 and np.mean(found[2]) > 0.7
 
@@ -131,14 +134,14 @@ def test_scatter_metric_finds_quantity_beside_a_noisy_one() -> None:
     by_error, by_scatter = [], []
     for seed in range(20):
         statistics, candidate = beside_what_scatters(seed, 0.4)
-        by_error.append(score_tests(statistics, HELD, candidate, 499, seed)["both"][0])
-        by_scatter.append(score_tests(statistics, HELD, candidate, 499, seed, BOTH)["both"][0])
+        by_error.append(score_tests(statistics, HELD, candidate, draws=499, seed=seed)["both"][0])
+        by_scatter.append(score_tests(statistics, HELD, candidate, draws=499, seed=seed, scales=BOTH)["both"][0])
     assert np.mean(np.array(by_scatter) < 0.02) > 0.8 > 0.4 > np.mean(np.array(by_error) < 0.02)
 
 
 def test_p_is_uniform_under_the_null_with_both_metrics() -> None:
     worlds = (beside_what_scatters(seed, 0.0) for seed in range(150))
-    p = [score_tests(world, HELD, candidate, 199, 0, BOTH)["both"][0] for world, candidate in worlds]
+    p = [score_tests(world, HELD, candidate, draws=199, seed=0, scales=BOTH)["both"][0] for world, candidate in worlds]
     assert kstest(p, "uniform").pvalue > 0.01
 
 
@@ -177,22 +180,22 @@ def test_p_equals_that_of_wildboottest() -> None:
         boot.get_tstat()
         boot.get_pvalue()
         theirs.append(float(boot.pvalue))
-        ours.append(score_tests(world(seed, effect), HELD, {"c0": INDEX["c0"]}, 4999, seed)["c0"][0])
+        ours.append(score_tests(world(seed, effect), HELD, {"c0": INDEX["c0"]}, draws=4999, seed=seed)["c0"][0])
     np.testing.assert_allclose(ours, theirs, atol=0.03)
     assert min(theirs) < 0.01 and max(theirs) > 0.5
 
 
 def test_adjusted_p_is_at_least_the_single_p() -> None:
-    for p, adjusted in score_tests(world(3, effect=0.3), HELD, INDEX, 499, 0).values():
+    for p, adjusted in score_tests(world(3, effect=0.3), HELD, INDEX, draws=499, seed=0).values():
         assert adjusted >= p
 
 
 def test_held_out_gain_equals_the_effects_error() -> None:
     effect = 1.0
     statistics = world(5, effect=effect)
-    gains = held_out_gains(statistics, HELD, INDEX["c0"], np.arange(ACTIONS), 0)
+    gains = held_out_gains(statistics, HELD, INDEX["c0"], block=np.arange(ACTIONS), seed=0)
     true = effect**2 * statistics.curvature[:, 3, 3].mean()
     assert gains.mean() == pytest.approx(true, rel=0.5)
-    assert interval_of_mean(gains, 499, 0)[0] > 0
-    inactive = held_out_gains(world(5), HELD, INDEX["c1"], np.arange(ACTIONS), 0)
+    assert mean_over_actions(gains, 499, 0).interval[0] > 0
+    inactive = held_out_gains(world(5), HELD, INDEX["c1"], block=np.arange(ACTIONS), seed=0)
     assert abs(inactive.mean()) < 0.15 * true

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.residual_structure import TemporalDrift, temporal_drift
+from pentimento.diagnosis.residual_structure import ModeScores, TemporalDrift, temporal_drift
 
 Array = NDArray[np.float64]
 
@@ -27,8 +27,12 @@ def state(period: float) -> Array:
     return np.sqrt(2) * np.sin(2 * np.pi * np.arange(ROWS) / period)
 
 
+def scored(amounts: Array, error: float = ERROR) -> ModeScores:
+    return ModeScores(amounts, np.full(amounts.shape, ENERGY), error)
+
+
 def found_in(scores: Array, action: NDArray[np.int64], seed: int = 0) -> TemporalDrift | None:
-    return temporal_drift(("blur", "width"), scores, np.full(scores.shape, ENERGY), ERROR, action, TURN, seed)
+    return temporal_drift(("blur", "width"), scored(scores), action, turn=TURN, seed=seed)
 
 
 @pytest.mark.parametrize("period", [15.0, 40.0])
@@ -49,8 +53,7 @@ def test_drift_does_not_depend_on_the_row_order_in_the_table() -> None:
     scores, action = NOISE * rng.standard_normal((ROWS, 2)), actions(rng)
     scores[:, 1] += state(20)
     shuffled = rng.permutation(ROWS)
-    energy = np.full(scores.shape, ENERGY)
-    found = temporal_drift(("blur", "width"), scores[shuffled], energy, ERROR, action[shuffled], shuffled, 0)
+    found = temporal_drift(("blur", "width"), scored(scores[shuffled]), action[shuffled], turn=shuffled, seed=0)
     unshuffled = found_in(scores, action)
     assert found is not None and unshuffled is not None and found.mse == pytest.approx(unshuffled.mse, rel=1e-9)
     assert found.amount == pytest.approx(unshuffled.amount)
@@ -85,18 +88,12 @@ def test_tiny_drift_is_not_reported() -> None:
     rng = np.random.default_rng(7)
     scores = NOISE * rng.standard_normal((ROWS, 2))
     scores[:, 1] += state(20)
-    assert (
-        temporal_drift(("blur", "width"), scores, np.full(scores.shape, ENERGY), 100 * ERROR, actions(rng), TURN, 0)
-        is None
-    )
+    assert temporal_drift(("blur", "width"), scored(scores, 100 * ERROR), actions(rng), turn=TURN, seed=0) is None
 
 
 def test_zero_residual_has_no_drift() -> None:
     rng = np.random.default_rng(8)
-    nothing = np.zeros((ROWS, 2))
-    assert (
-        temporal_drift(("blur", "width"), nothing, np.full(nothing.shape, ENERGY), 0.0, actions(rng), TURN, 0) is None
-    )
-    assert (
-        temporal_drift(("width",), np.ones((1, 1)), np.ones((1, 1)), 1.0, np.zeros(1, int), np.zeros(1, int), 0) is None
-    )
+    nothing, single = np.zeros((ROWS, 2)), np.zeros(1, int)
+    assert temporal_drift(("blur", "width"), scored(nothing, 0.0), actions(rng), turn=TURN, seed=0) is None
+    one = ModeScores(np.ones((1, 1)), np.ones((1, 1)), 1.0)
+    assert temporal_drift(("width",), one, single, turn=single, seed=0) is None

@@ -23,13 +23,13 @@ def drawn(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_held_out_predictions_recover_the_signal() -> None:
     features, missing, fold = drawn(0)
-    _, predictions, share = cross_fitted(features, missing, np.ones(1200), fold, 40)
+    _, predictions, share = cross_fitted(features, missing, np.ones(1200), fold=fold, count=40)
     assert np.corrcoef(predictions, missing)[0, 1] > 0.95 and share > 0.95
 
 
 def test_pixels_without_a_fold_get_the_mean_of_all_folds() -> None:
     features, missing, fold = drawn(0)
-    trees, predictions, _ = cross_fitted(features, missing, np.ones(1200), fold, 40)
+    trees, predictions, _ = cross_fitted(features, missing, np.ones(1200), fold=fold, count=40)
     np.testing.assert_allclose(predict_held_out(trees, features, fold), predictions)
     beyond = predict_held_out(trees, np.abs(features) + 1.0, fold)
     assert beyond.min() > 0.8
@@ -40,7 +40,7 @@ def test_pixels_without_a_fold_get_the_mean_of_all_folds() -> None:
 def test_shrinkage_of_noise_is_near_zero() -> None:
     features, _, fold = drawn(1)
     noise = np.random.default_rng(2).normal(size=1200)
-    assert cross_fitted(features, noise, np.ones(1200), fold, 40)[2] < 0.15
+    assert cross_fitted(features, noise, np.ones(1200), fold=fold, count=40).share < 0.15
 
 
 def test_trees_use_one_openmp_thread(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,5 +58,5 @@ def test_trees_use_one_openmp_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(boosting, "HistGradientBoostingRegressor", Counting)
     features, missing, fold = drawn(3)
     with threadpool_limits(2, "openmp"):
-        cross_fitted(features, missing, np.ones(1200), fold, 2)
+        cross_fitted(features, missing, np.ones(1200), fold=fold, count=2)
     assert threads == [1] * 6

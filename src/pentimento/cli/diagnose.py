@@ -79,14 +79,22 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
     def diagnosed(table: pa.Table, added: str | None) -> Diagnosis:
         notes = [line for line in (_left_out(checked), added) if line]
         found = write_diagnosis(
-            table, arguments.out, arguments.seed, _progress, outside, " ".join(notes) or None, given
+            table,
+            arguments.out,
+            arguments.seed,
+            log=_progress,
+            outside=outside,
+            left_out=" ".join(notes) or None,
+            given=given,
         )
         print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
         return found
 
     if arguments.collect:
         execute = _robot_in(arguments.world, checked.table, arguments.seed)
-        diagnose_in_rounds(checked.table, arguments.out, arguments.collect, diagnosed, execute, print)
+        diagnose_in_rounds(
+            checked.table, arguments.out, arguments.collect, diagnosed=diagnosed, made=execute, log=print
+        )
     else:
         diagnosed(checked.table, None)
     print(f"The report is {arguments.out / 'report.html'}.")

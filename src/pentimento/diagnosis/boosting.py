@@ -21,8 +21,14 @@ Array = NDArray[Any]
 
 _FOLDS = 3
 """Folds of actions."""
-_LEAVES, _PIXELS_A_LEAF, _RATE, _BINS = 64, 30, 0.18, 255
-"""Leaves a tree, pixels a leaf at least, learning rate, bins a feature."""
+_LEAVES = 64
+"""Leaves of a tree."""
+_PIXELS_A_LEAF = 30
+"""Pixels of a leaf, at least."""
+_RATE = 0.18
+"""Learning rate."""
+_BINS = 255
+"""Bins of a feature."""
 _CAUSE_RIDGE = 1e-4
 """Relative ridge of the projection on causes."""
 _SURE_OF_CAUSE = 3.5
@@ -52,9 +58,17 @@ def folds(action: Array, rows: Array, seed: int) -> Array:
     return fold
 
 
-def cross_fitted(
-    features: Array, missing: Array, weight: Array, fold: Array, count: int
-) -> tuple[tuple[Trees, ...], Array, float]:
+class CrossFitted(NamedTuple):
+    """Trees of each fold with their held-out predictions for n pixels."""
+
+    trees: tuple[Trees, ...]
+    predictions: Array
+    """[n]; the mean of all folds for pixels without a fold."""
+    share: float
+    """Shrinkage factor, 0 to 1, that minimises the held-out error."""
+
+
+def cross_fitted(features: Array, missing: Array, weight: Array, *, fold: Array, count: int) -> CrossFitted:
     """Fit ``count`` trees for each fold to the pixels of the other folds.
 
     Args:
@@ -63,28 +77,24 @@ def cross_fitted(
         weight: of each pixel's squared error, [n].
         fold: [n]; -1 for pixels that no trees are fitted to.
         count: of boosting rounds.
-
-    Returns:
-        The trees of each fold; the held-out predictions [n] (the mean of all folds where ``fold`` is -1); and the
-            shrinkage factor, 0 to 1, that minimises their held-out error.
     """
     known = fold >= 0
+    held_out = [~known | (fold == k) for k in range(_FOLDS)]  # pixels of this fold, and all without a fold
 
-    def of_fold(k: int) -> tuple[Trees, Array, Array]:
-        part = grow(features, missing, weight, known & (fold != k), count)
-        held_out = ~known | (fold == k)  # held-out pixels of this fold, and all without a fold
-        return part, held_out, part.predict(features[held_out])
+    def of_fold(k: int) -> tuple[Trees, Array]:
+        part = grow(features, missing, weight, used=~held_out[k], count=count)
+        return part, part.predict(features[held_out[k]])
 
-    trees, *parts = zip(*in_threads(of_fold, range(_FOLDS), get_num_threads()), strict=True)
+    trees, parts = zip(*in_threads(of_fold, range(_FOLDS), get_num_threads()), strict=True)
     predictions = np.zeros(len(missing))
-    for held_out, predicted in zip(*parts, strict=True):
-        predictions[held_out] += predicted
+    for pixels, predicted in zip(held_out, parts, strict=True):
+        predictions[pixels] += predicted
     predictions[~known] /= _FOLDS
     right = (weight * missing * predictions)[known].sum() / max((weight * predictions**2)[known].sum(), 1e-12)
-    return trees, predictions, float(np.clip(right, 0.0, 1.0))
+    return CrossFitted(trees, predictions, float(np.clip(right, 0.0, 1.0)))
 
 
-def grow(features: Array, missing: Array, weight: Array, used: Array, count: int) -> Trees:
+def grow(features: Array, missing: Array, weight: Array, *, used: Array, count: int) -> Trees:
     """Fit ``count`` trees to ``missing`` at the pixels ``used``, bool[n]; other arguments as for ``cross_fitted``."""
     seen = features[used]
     edges = np.quantile(seen, np.linspace(0, 1, _BINS + 1)[1:-1], axis=0).T

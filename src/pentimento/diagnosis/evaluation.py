@@ -17,8 +17,10 @@ _FEWEST_ACTIONS = 12
 """Below it, three splits are too small for any test."""
 _FEWEST_REPEATED = 6
 """From this number on, repeated actions go to the test split first."""
-_TEST, _CONFIRMATION = 0.2, 0.2
-"""Shares of the actions."""
+_TEST = 0.2
+"""Share of the actions in the test split."""
+_CONFIRMATION = 0.2
+"""Share of the actions in the confirmation split."""
 MIN_REPEATED = 3
 """Repeated actions that a noise floor needs."""
 _DRAWS = 1999

@@ -107,7 +107,7 @@ def screening_of(
         strengths["extended"],
         tuple(covariates),
         tuple(modes),
-        dependences(modes, base, extended, covariates, strengths, action),
+        dependences(modes, base, extended, covariates=covariates, strengths=strengths, action=action),
         *residuals,
     )
 
@@ -124,7 +124,7 @@ class ResidualMap(NamedTuple):
 
 
 def residual_maps(
-    base: ResidualMap, extended: ResidualMap, x_label: str, y_label: str, square: bool, unit: str = "sRGB"
+    base: ResidualMap, extended: ResidualMap, x_label: str, *, y_label: str, square: bool, unit: str = "sRGB"
 ) -> bytes:
     """Mean and worst residual of both models; a symmetric scale for the means and one for the worst."""
     tall = base.mean.shape[0] / base.mean.shape[1] if square else 0.5

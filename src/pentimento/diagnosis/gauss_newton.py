@@ -21,9 +21,9 @@ _OPEN = 0.01
 
 
 class Statistics(NamedTuple):
-    """Sums of n actions for P parameters (docs/diagnosis.md §3).
+    """Sums of n actions, or of n rows, for P parameters (docs/diagnosis.md §3).
 
-    Each row's sums are divided by its number of pixels, then averaged over the rows of an action.
+    Each row's sums are divided by its number of pixels; those of an action are means over its rows.
     """
 
     curvature: Array  # [n, P, P] J^T J
@@ -44,7 +44,7 @@ def by_action(values: Array, action: Array) -> Array:
 
 
 def damped_step(
-    now: Array, away: Array, statistics: Statistics, damping: float, hold: Array, low: Array, high: Array
+    now: Array, away: Array, statistics: Statistics, *, damping: float, hold: Array, bounds: tuple[Array, Array]
 ) -> Array:
     """The parameters [P] after one Levenberg-Marquardt step; a parameter that would leave its range stays at its bound.
 
@@ -53,9 +53,9 @@ def damped_step(
         away: their distance [P] from the prior's mean.
         damping: share of each parameter's own curvature that is added to the diagonal.
         hold: curvature [P, P] of the Gaussian prior.
-        low: lower bounds [P].
-        high: upper bounds [P].
+        bounds: lower and upper, [P] each.
     """
+    low, high = bounds
     curvature = statistics.curvature.mean(0) + hold
     slope = statistics.slope.mean(0) - hold @ away
     diagonal = np.diag(curvature)

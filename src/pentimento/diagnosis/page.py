@@ -45,6 +45,7 @@ def render_report(
     template_name: str,
     diagnosis: DiagnosisResult,
     screening: Screening[Any, Any],
+    *,
     verdict: Mapping[str, Any],
     kind: Kind,
     drawn: Mapping[str, bytes],

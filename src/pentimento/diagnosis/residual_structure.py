@@ -10,6 +10,7 @@ is sought, so that covariates that only correlate with it are not reported besid
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,18 @@ _MIN_DRIFT = 0.05
 _TINY = 1e-12
 
 
+@dataclass(frozen=True)
+class ModeScores:
+    """Amounts of M residual modes in B rows."""
+
+    amounts: Array
+    """[B, M] of each mode in each row's residual, in typical sizes."""
+    energy: Array
+    """[B, M] error of a row that one typical size of each mode makes: sRGB in [0, 1] squared, or mm²."""
+    error: float
+    """Mean error of the rows, in the same unit."""
+
+
 class Unexplained(NamedTuple):
     """A residual mode that still depends on a covariate."""
 
@@ -46,36 +59,40 @@ class Unexplained(NamedTuple):
     """Share of the error that a generic function of the covariate in this mode would remove."""
 
 
+@dataclass(frozen=True)
+class Structure:
+    """Dependence of M residual modes on C covariates."""
+
+    unexplained: tuple[Unexplained, ...]
+    """The significant pairs, strongest first."""
+    strength: Array
+    """[M, C] statistic |t| of every pair."""
+    covariates: tuple[str, ...]
+    """Names, [C]."""
+
+
 def find_structure(
-    modes: Sequence[str],
-    scores: Array,
-    energy: Array,
-    error: float,
-    columns: Mapping[str, Array],
-    action: Array,
-    seed: int,
-) -> tuple[list[Unexplained], Array, list[str]]:
-    """The significant pairs of mode and covariate, strongest first; all statistics |t| [M, C]; the covariates' names.
+    modes: Sequence[str], scores: ModeScores, columns: Mapping[str, Array], *, action: Array, seed: int
+) -> Structure:
+    """Which modes depend on which covariates.
 
     Args:
         modes: names, [M].
-        scores: amount of each mode in each row's residual, in typical sizes, [B, M].
-        energy: error of a row that one typical size of each mode makes, [B, M].
-        error: mean over the rows.
+        scores: of the modes.
         columns: covariates, [B] each, without gaps.
         action: rows of equal value repeat one command, [B].
         seed: of the permutations.
     """
-    names = list(columns)
+    names = tuple(columns)
     if not names:
-        return [], np.zeros((len(modes), 0)), []
-    scores, weight, spread = standardise(scores, energy)
-    root = np.sqrt(weight)
+        return Structure((), np.zeros((len(modes), 0)), ())
+    robust = _standardised(scores)
+    weight, root = robust.weight, np.sqrt(robust.weight)
     lines = np.stack([_standard(c) for c in columns.values()])  # [C, B]
     basis = np.stack([lines, np.stack([_standard(line**2) for line in lines])])
-    whole = _strength(scores, weight, basis)
+    whole = _strength(robust.amounts, weight, basis)
     found: list[Unexplained] = []
-    left = scores
+    left = robust.amounts
     while len(found) < _MAX_PAIRS:
         observed = _strength(left, weight, basis)
         rng = np.random.default_rng([seed, 9, len(found)])
@@ -87,25 +104,37 @@ def find_structure(
         if not len(standing):
             break
         # One effect excites several modes: report the one whose dependence explains most of the error.
-        gains = [_generic_gain(left[:, m] * spread[m], energy[:, m], basis[:, c].T) / error for m in standing]
+        gains = [
+            _generic_gain(left[:, m] * robust.spread[m], scores.energy[:, m], basis[:, c].T) / scores.error
+            for m in standing
+        ]
         m = int(standing[int(np.argmax(gains))])
         p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
         found.append(Unexplained(modes[m], names[c], p, float(max(gains))))
         one = np.column_stack([np.ones(len(left)), basis[:, c].T])
         left = np.stack([left[:, m] - one @ _least_squares(one, left[:, m], root[:, m]) for m in range(len(modes))], 1)
-    return found, np.sqrt(whole), names
+    return Structure(tuple(found), np.sqrt(whole), names)
 
 
-def standardise(scores: Array, energy: Array) -> tuple[Array, Array, Array]:
-    """Scores [B, M] in robust deviations about the median, outliers clipped; weights [B, M] with mean 1; deviations
-    [M].
-    """
-    scores = scores - np.median(scores, axis=0)
-    spread = np.median(np.abs(scores), axis=0) * 1.4826 + 1e-12
-    scores = scores / spread
-    weight = _certainty(scores, energy)
+@dataclass(frozen=True)
+class _Standardised:
+    """Amounts of M modes in B rows on a common scale."""
+
+    amounts: Array
+    """[B, M] about the median, in robust standard deviations, outliers clipped."""
+    weight: Array
+    """[B, M], 1 on average in each mode."""
+    spread: Array
+    """[M] robust standard deviation, in typical sizes."""
+
+
+def _standardised(scores: ModeScores) -> _Standardised:
+    amounts = scores.amounts - np.median(scores.amounts, axis=0)
+    spread = np.median(np.abs(amounts), axis=0) * 1.4826 + 1e-12
+    amounts = amounts / spread
+    weight = _certainty(amounts, scores.energy)
     root = np.sqrt(weight)
-    return np.clip(scores * root, -_OUTLYING, _OUTLYING) / root, weight, spread
+    return _Standardised(np.clip(amounts * root, -_OUTLYING, _OUTLYING) / root, weight, spread)
 
 
 def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Array:
@@ -207,6 +236,7 @@ def dependences(
     modes: Sequence[str],
     base: Array,
     extended: Array,
+    *,
     covariates: dict[str, Array],
     strengths: dict[str, Array],
     action: Array,
@@ -261,7 +291,7 @@ class TemporalDrift(NamedTuple):
 
 
 def temporal_drift(
-    modes: Sequence[str], scores: Array, energy: Array, error: float, action: Array, turn: Array, seed: int
+    modes: Sequence[str], scores: ModeScores, action: Array, *, turn: Array, seed: int
 ) -> TemporalDrift | None:
     """The mode with the strongest lag-1 autocovariance in the order of execution; None if it is not significant.
 
@@ -271,15 +301,14 @@ def temporal_drift(
 
     Args:
         modes: names, [M].
-        scores: amount of each mode in each row's residual, [B, M].
-        energy: error of a row that one unit of each mode makes, [B, M].
-        error: mean over the rows.
+        scores: of the modes.
         action: rows of equal value repeat one command, [B].
         turn: rank of each row in the order of execution, [B].
         seed: of the permutations.
     """
-    amounts, weight, spread = standardise(scores, energy)
-    amounts = amounts - (weight * amounts).sum(0) / weight.sum(0)
+    robust = _standardised(scores)
+    weight = robust.weight
+    amounts = robust.amounts - (weight * robust.amounts).sum(0) / weight.sum(0)
     order = np.argsort(turn)
     pairs = np.stack([order[:-1], order[1:]])
     pairs = pairs[:, action[pairs[0]] != action[pairs[1]]]  # rows of one action are correlated anyway
@@ -300,10 +329,10 @@ def temporal_drift(
     def mse_of(pairs: Array) -> float:
         weights = weight[:, m][pairs].prod(0)
         covariance = (weights * amounts[:, m][pairs].prod(0)).sum() / weights.sum()
-        return max(float(covariance * spread[m] ** 2 * energy[:, m].mean()), 0.0)
+        return max(float(covariance * robust.spread[m] ** 2 * scores.energy[:, m].mean()), 0.0)
 
     whole = mse_of(pairs)
-    if p >= _P or whole <= _MIN_DRIFT * error:
+    if p >= _P or whole <= _MIN_DRIFT * scores.error:
         return None
     apart = _at_the_times_of_repeats(action, order)
     of_repeats = max(whole - mse_of(apart), 0.0) if apart.size else 0.0

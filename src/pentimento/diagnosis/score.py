@@ -24,12 +24,16 @@ _RIDGE = 1e-6
 """Relative ridge of linear systems."""
 _FOLDS = 6
 """Folds of blocks for held-out gains."""
-_DRAWS, _RESAMPLED = 4999, 999
+_SIGN_FLIPS = 4999
+"""Draws of a wild bootstrap or a paired test."""
+RESAMPLES = 999
+"""Resamples of the bounds of a gain."""
 Scale = Callable[[Array, Array], Array]
 """Maps projected slope [n, Q] and curvature [n, Q, Q] of the actions to the metric [Q, Q] of the summed score."""
-_SIGN_FLIPS = 4999
-_WORSE_P, _CONFIRMED_P = 0.05, 0.4
-"""Below it a refit is worse than the best one; p up to the second value is enough to confirm the first cause."""
+_WORSE_P = 0.05
+"""Paired p below which a refit is worse than the best one."""
+_CONFIRMED_P = 0.4
+"""Confirmation p up to which the first cause is confirmed."""
 _NEARLY = 0.95
 """A candidate that removes this share of what the best one removes counts as tied with it, even if surely worse."""
 
@@ -71,6 +75,7 @@ def evidence_for(
     statistics: Statistics,
     nuisances: int,
     quantities: Mapping[str, int],
+    *,
     block: Array,
     seed: int,
     scales: Sequence[Scale] = (information,),
@@ -87,14 +92,13 @@ def evidence_for(
     """
     held = np.arange(nuisances)
     index = _columns(nuisances, quantities)
-    tests = score_tests(statistics, held, index, _DRAWS, seed, scales)
+    tests = score_tests(statistics, held, index, draws=_SIGN_FLIPS, seed=seed, scales=scales)
     error = float(statistics.energy.mean())
     evidence = {}
     for cause, columns in index.items():
-        gains = held_out_gains(statistics, held, columns, block, seed) / error
+        gains = held_out_gains(statistics, held, columns, block=block, seed=seed) / error
         p, adjusted = tests[cause]
-        gain, interval, minimum = mean_and_bounds(gains, _RESAMPLED, seed)
-        evidence[cause] = Evidence(p, adjusted, gain, interval, minimum)
+        evidence[cause] = Evidence(p, adjusted, *mean_over_actions(gains, RESAMPLES, seed))
     return evidence
 
 
@@ -149,6 +153,7 @@ def score_tests(
     statistics: Statistics,
     nuisances: Array,
     candidates: Mapping[str, Array],
+    *,
     draws: int,
     seed: int,
     scales: Sequence[Scale] = (information,),
@@ -180,7 +185,7 @@ def _share_at_most(values: Array) -> Array:
     return np.searchsorted(np.sort(values), values, side="right") / len(values)
 
 
-def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, block: Array, seed: int) -> Array:
+def held_out_gains(statistics: Statistics, nuisances: Array, candidate: Array, *, block: Array, seed: int) -> Array:
     """By how much the candidate lowers each action's error [n] when it is fitted to the other folds.
 
     To second order about the fitted model. The nuisances are projected out once, over all actions, because refits
@@ -208,15 +213,20 @@ def folds(block: Array, seed: int) -> Array:
     return np.array([fold_of[b] for b in block])
 
 
-def interval_of_mean(values: Array, draws: int, seed: int) -> tuple[float, float]:
-    """95 % bootstrap interval of the mean over actions."""
-    return mean_and_bounds(values, draws, seed)[1]
+class Mean(NamedTuple):
+    """A mean over actions with bootstrap bounds."""
+
+    value: float
+    interval: tuple[float, float]
+    """95 %."""
+    minimum: float
+    """Lower bound, 5 %, one-sided."""
 
 
-def mean_and_bounds(values: Array, draws: int, seed: int) -> tuple[float, tuple[float, float], float]:
-    """The mean, its 95 % bootstrap interval over actions, and its one-sided 5 % bound."""
+def mean_over_actions(values: Array, draws: int, seed: int) -> Mean:
+    """The mean of ``values`` [n] of actions, with bounds from so many ``draws`` of actions."""
     means = values[resamples(len(values), draws, [seed, 3])].mean(1)
-    return float(values.mean()), interval(means), float(np.quantile(means, 0.05))
+    return Mean(float(values.mean()), interval(means), float(np.quantile(means, 0.05)))
 
 
 def _ridged(curvature: Array) -> Array:
@@ -241,6 +251,7 @@ def most_parsimonious(
     evidence: dict[str, Evidence],
     losses: Mapping[str, Array],
     error: float,
+    *,
     quantities: Mapping[str, int],
     seed: int,
     log: Callable[[str], None],

@@ -126,6 +126,7 @@ def verdict(
     diagnosis: DiagnosisResult,
     rows: int,
     actions: int,
+    *,
     shifted: float | None = None,
     notes: Sequence[str] = (),
     given_mse: float | None = None,

@@ -15,20 +15,15 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
-from pentimento.diagnosis.strokes.model import Model, identity
-from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable
+from pentimento.diagnosis.strokes.model import Model, observable_causes
+from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
 
 def named_by_pixels(base: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> tuple[str, ...]:
     """The selected causes, in order of selection."""
-    candidates: list[Mechanism] = []
-    for kind in vocabulary:
-        try:
-            candidates.append(identity(kind, measured.context))
-        except NotObservable:
-            continue
+    candidates = list(observable_causes(vocabulary, measured.context)[0].values())
     model = base.plus(*candidates)
     statistics = linearise(model, measured)
     columns = {m.cause: model.columns_of(m.cause) for m in candidates}

@@ -43,7 +43,7 @@ def verdict_on(
     shifted = None
     if outside is not None:
         shifted = gap_closed_on(load_measured(usable_rows(outside).table), found, paints_of(measured), seed)
-    return verdict(found, len(measured), len(set(measured.action.tolist())), shifted), found, measured
+    return verdict(found, len(measured), len(set(measured.action.tolist())), shifted=shifted), found, measured
 
 
 def main() -> None:

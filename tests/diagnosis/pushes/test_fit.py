@@ -137,7 +137,9 @@ def test_mode_scores_recover_mode_amount(mode: str, amount: float, measured: Mea
     values = amount * (np.arange(len(MODES)) == MODES.index(mode))
     changed = model.plus(AllModes(values, {})).change(measured.scene)
     played_out = replace(measured, after=measured.scene.before + changed)
-    scores = mode_scores(model, played_out)[0][:, MODES.index(mode)] * AllModes.quantities[MODES.index(mode)].typical
+    scores = (
+        mode_scores(model, played_out).amounts[:, MODES.index(mode)] * AllModes.quantities[MODES.index(mode)].typical
+    )
     assert np.median(scores) == pytest.approx(amount, rel=0.25)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pentimento.diagnosis.pushes.fit import action_losses, fit
 from pentimento.diagnosis.pushes.measured import measure
-from pentimento.diagnosis.pushes.search import _Thresholds, _with_all, could_be_the_base, observable_causes
+from pentimento.diagnosis.pushes.search import _linearised, _Thresholds, could_be_the_base, observable_causes
 from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, first_model
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.height_offset import HeightOffset
@@ -53,9 +53,9 @@ def test_refit_with_given_jacobian_matches_fresh_refit() -> None:
     measured = measure(played())
     model = fit(first_model(measured.scene), measured)
     known, _ = observable_causes(measured, [VolumeLoss, HeightOffset])
-    with_all, slopes, _ = _with_all(model, known, measured)
+    full = _linearised(model, known, measured)
     for cause, still in known.items():
-        at_start = slopes.of(np.append(np.arange(len(model.vector)), with_all.columns_of(cause)))
+        at_start = full.slopes.of(np.append(np.arange(len(model.vector)), full.model.columns_of(cause)))
         found, anew = fit(model.plus(still), measured, at_start), fit(model.plus(still), measured)
         np.testing.assert_allclose(found.vector, anew.vector, rtol=1e-3, atol=1e-4)
 

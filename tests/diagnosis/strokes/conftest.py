@@ -30,7 +30,7 @@ class Written:
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     """The strokes grow paler with the length drawn since the last dip; the last row is a copy of the first."""
     folder, lines, table = tmp_path_factory.mktemp("diagnosis") / "out", list[str](), example_table(56)
-    diagnosis = write_diagnosis(pa.concat_tables([table, table.slice(0, 1)]), folder, 0, lines.append)
+    diagnosis = write_diagnosis(pa.concat_tables([table, table.slice(0, 1)]), folder, 0, log=lines.append)
     measured = load_measured(table)
     seen = screen(diagnosis)
     return Written(folder, lines, diagnosis, measured, seen, proposal_for(diagnosis, seen, 0))

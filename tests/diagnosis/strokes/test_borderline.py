@@ -26,7 +26,7 @@ def halves(strokes: Measured) -> tuple[Measured, NDArray[np.bool_]]:
 def ended(discovery_split: Measured, model: Model, p_adjusted: float) -> Search:
     """A search without causes, in which an offset is borderline."""
     observable = {kind.cause: identity(kind, discovery_split.context) for kind in (PathOffset, PathScale)}
-    evidence = evaluate_candidates(model, list(observable.values()), discovery_split, 0)[0]
+    evidence = evaluate_candidates(model, list(observable.values()), discovery_split, seed=0)[0]
     evidence["path_offset"] = evidence["path_offset"]._replace(p_adjusted=p_adjusted, gain=0.1)
     evidence["path_scale"] = evidence["path_scale"]._replace(p_adjusted=0.9)
     return Search(model, model, (Step(evidence, None, ()),), observable, {}, 0.0, {}, frozenset())
@@ -38,7 +38,7 @@ def test_accepts_borderline_cause_that_confirmation_supports(p_adjusted: float, 
     discovery_split, fresh = halves(strokes)
     _, plain = strokes_of(PathOffset, 0.0, 0.0)
     begun = ended(discovery_split, fit(plain, discovery_split), p_adjusted)
-    found = accept_borderline(begun, discovery_split, strokes, fresh, 0, lambda _: None)
+    found = accept_borderline(begun, discovery_split, strokes, fresh=fresh, seed=0, log=lambda _: None)
     assert found.found == ({"path_offset"} if named else frozenset())
     if named:
         assert [step.chosen for step in found.steps] == ["path_offset", None]
@@ -57,13 +57,13 @@ def test_rejects_borderline_cause_without_confirmation() -> None:
     after[in_discovery_split] = with_offset.samples.after[in_discovery_split]
     known = replace(without, samples=without.samples._replace(after=after))
     begun = ended(discovery_split, fit(plain, discovery_split), 0.1)
-    assert accept_borderline(begun, discovery_split, known, fresh, 0, lambda _: None) is begun
+    assert accept_borderline(begun, discovery_split, known, fresh=fresh, seed=0, log=lambda _: None) is begun
 
 
 def test_confirmation_tests_the_fitted_direction() -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, 0.0)
     discovery_split, fresh = halves(strokes)
     model = fit(plain.plus(identity(PathOffset, strokes.context)), discovery_split)
-    assert confirmation_p(model, "path_offset", strokes, fresh, 0) < 0.01
+    assert confirmation_p(model, "path_offset", strokes, fresh=fresh, seed=0) < 0.01
     other_way = model.at(np.where(np.arange(len(model.vector)) >= model.nuisances, -model.vector, model.vector))
-    assert confirmation_p(other_way, "path_offset", strokes, fresh, 0) > 0.5
+    assert confirmation_p(other_way, "path_offset", strokes, fresh=fresh, seed=0) > 0.5

@@ -56,7 +56,7 @@ def test_shortlists_significant_cause_with_small_second_order_gain() -> None:
 
 def worth_a_refit(evidence: dict[str, Evidence], limit: float) -> list[str]:
     observable = {kind.cause: kind(torch.zeros(len(kind.quantities)), {}) for kind in (BristleLag, PathScale)}
-    return shortlist(evidence, limit, 0.05, observable)
+    return shortlist(evidence, limit, 0.05, observable=observable)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -75,7 +75,7 @@ def test_gradient_of_the_prior_is_charged_to_no_cause() -> None:
     strokes = photographed(measured, noisy)
     model = fit(first_model(strokes), strokes)
     lag = identity(BristleLag, strokes.context)
-    assert evaluate_candidates(model, [lag], strokes, 0)[0][BristleLag.cause].p > 0.05
+    assert evaluate_candidates(model, [lag], strokes, seed=0)[0][BristleLag.cause].p > 0.05
 
 
 def test_implausible_nuisance_steps_hide_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,9 +95,9 @@ def test_implausible_nuisance_steps_hide_no_cause(monkeypatch: pytest.MonkeyPatc
         np.square(missing).mean(1),
     )
     monkeypatch.setattr(candidates, "linearise", lambda model, measured: statistics)
-    stiff = evaluate_candidates(model, [darker], measured, 0)[0][Vignetting.cause]
+    stiff = evaluate_candidates(model, [darker], measured, seed=0)[0][Vignetting.cause]
     monkeypatch.setattr(candidates, "stiffened", lambda statistics, model, share: statistics)
-    free = evaluate_candidates(model, [darker], measured, 0)[0][Vignetting.cause]
+    free = evaluate_candidates(model, [darker], measured, seed=0)[0][Vignetting.cause]
     assert stiff.p < 0.001 and stiff.gain > 0 and free.p > 0.05
 
 
@@ -105,7 +105,7 @@ def test_refit_from_known_statistics_is_the_same() -> None:
     strokes = load_measured(example_table(40))
     model = fit(first_model(strokes), strokes)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (BristleLag, PathScale)}
-    _, at_start = evaluate_candidates(model, list(observable.values()), strokes, 0)
+    _, at_start = evaluate_candidates(model, list(observable.values()), strokes, seed=0)
     from_tests = {cause: fit(model.plus(kind), strokes, at_start[cause]) for cause, kind in observable.items()}
     for cause, kind in observable.items():
         np.testing.assert_allclose(from_tests[cause].vector, fit(model.plus(kind), strokes).vector, atol=1e-5)
@@ -118,7 +118,7 @@ def test_backward_elimination_is_stricter_for_uneven_ends(
     measured = load_measured(example_table(12))
     model = first_model(measured).plus(*(identity(k, measured.context) for k in (UnevenEnds, PathScale, BristleLag)))
     monkeypatch.setattr(candidates, "paired_p", lambda differences, seed: p)
-    left = backward_elimination(model, frozenset(), measured, 0, lambda line: None)
+    left = backward_elimination(model, frozenset(), measured, seed=0, log=lambda line: None)
     assert {m.cause for m in left.mechanisms} == stay | {"bristle_lag"}
 
 
@@ -127,10 +127,13 @@ def test_refit_evidence_replaces_insignificant_score_test(offset_m: float) -> No
     strokes, plain = strokes_of(PathOffset, offset_m, 0.0)
     silent = {PathOffset.cause: Evidence(0.5, 0.9, 0.01, (-0.01, 0.02), -0.01)}
     refit = fit(plain.plus(identity(PathOffset, strokes.context)), strokes)
-    evidence = with_refit_evidence(silent, {PathOffset.cause: refit}, 0.01, plain, strokes, 0)
+    evidence = with_refit_evidence(silent, {PathOffset.cause: refit}, 0.01, model=plain, measured=strokes, seed=0)
     assert (evidence[PathOffset.cause].p_adjusted < 0.01) == (offset_m > 0)
     evidence = {PathOffset.cause: Evidence(0.001, 0.002, 0.01, (0.005, 0.02), 0.006)}
-    assert with_refit_evidence(evidence, {PathOffset.cause: refit}, 0.01, plain, strokes, 0) == evidence
+    assert (
+        with_refit_evidence(evidence, {PathOffset.cause: refit}, 0.01, model=plain, measured=strokes, seed=0)
+        == evidence
+    )
 
 
 def test_backward_elimination_drops_causes_with_impossible_sign() -> None:
@@ -138,7 +141,7 @@ def test_backward_elimination_drops_causes_with_impossible_sign() -> None:
     model = fit(plain.plus(*(identity(kind, strokes.context) for kind in (BristleLag, PathOffset))), strokes)
     assert float(model.mechanisms[0].values) < 0
     kept = frozenset({BristleLag.cause})
-    assert [m.cause for m in backward_elimination(model, kept, strokes, 0, lambda _: None).mechanisms] == [
+    assert [m.cause for m in backward_elimination(model, kept, strokes, seed=0, log=lambda _: None).mechanisms] == [
         PathOffset.cause
     ]
 

@@ -36,7 +36,15 @@ def strokes_of(kind: type[Mechanism], *values: float) -> tuple[Measured, Model]:
 @pytest.mark.parametrize(("distance_m", "large"), [(0.009, True), (0.0004, False)])
 def test_finds_lag_that_uneven_ends_could_hide(distance_m: float, large: bool) -> None:
     measured, base = strokes_of(BristleLag, distance_m)
-    begun = find_large(base, measured, measured.context, 0.0, (BristleLag, PathScale), 0, lambda line: None)
+    begun = find_large(
+        base,
+        measured,
+        measured.context,
+        noise_share=0.0,
+        vocabulary=(BristleLag, PathScale),
+        seed=0,
+        log=lambda line: None,
+    )
     assert begun.found == {"bristle_lag"}
     assert (begun.found == begun.large) == large
     lag = begun.model.mechanisms[-1]
@@ -47,7 +55,15 @@ def test_finds_lag_that_uneven_ends_could_hide(distance_m: float, large: bool) -
 
 def test_uneven_ends_without_lag_stay_in_the_base() -> None:
     measured, base = strokes_of(UnevenEnds, -0.0008, 0.0008, 0.3, 0.0)
-    begun = find_large(base, measured, measured.context, 0.0, (BristleLag, Latency), 0, lambda line: None)
+    begun = find_large(
+        base,
+        measured,
+        measured.context,
+        noise_share=0.0,
+        vocabulary=(BristleLag, Latency),
+        seed=0,
+        log=lambda line: None,
+    )
     assert begun.found == set()
     assert [m.cause for m in begun.base.mechanisms] == ["uneven_ends"]
 

@@ -56,7 +56,7 @@ def test_predicts_common_streak_of_held_out_strokes(
 ) -> None:
     plain, clean, causes = strokes
     measured, model = streaked
-    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     noise = error(clean, plain, FRESH)
     assert error(model, learnt, FRESH) - noise < 0.3 * (error(model, measured, FRESH) - noise)
 
@@ -73,7 +73,8 @@ def test_learns_streak_despite_scattered_positions(streaked: tuple[Measured, Mod
         )[0]
     scattered = photographed(measured, measured.samples.after.numpy() + apart)
     calm, found = (
-        learn_residual(each, model, KNOWN, causes, 0)[1].residual_prediction[FRESH] for each in (measured, scattered)
+        learn_residual(each, model, KNOWN, candidates=causes, seed=0)[1].residual_prediction[FRESH]
+        for each in (measured, scattered)
     )
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()
 
@@ -83,7 +84,7 @@ def test_learned_residual_lowers_misfit_and_keeps_scores(
 ) -> None:
     causes = strokes[2]
     measured, model = streaked
-    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     before, after = (linearise(model, m.pick(KNOWN)) for m in (measured, learnt))
     unit = np.sqrt(np.einsum("npp->p", before.curvature) * before.energy.sum())
     free = unit > 0
@@ -105,7 +106,7 @@ def test_learned_residual_leaves_a_constant_lag(
     late = photographed(measured, measured.samples.after.numpy() + predicted(full.at(lagging), measured))
     late = photographed(late, late.samples.after.numpy() - predicted(full, measured))
     model = fit(model, late.pick(KNOWN))
-    _, learnt = learn_residual(late, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(late, model, KNOWN, candidates=causes, seed=0)
     before, after = (linearise(model.plus(*causes), m.pick(KNOWN)).slope.sum(0)[lag] for m in (late, learnt))
     assert after == pytest.approx(before, rel=0.1)
 
@@ -114,7 +115,7 @@ def test_chance_resemblance_to_a_cause_is_no_evidence(streaked: tuple[Measured, 
     """Speeds and times are random; the streak's visibility correlates with them by chance."""
     measured, model = streaked
     causes = [identity(kind, measured.context) for kind in (SpeedDensity, ToolWear)]
-    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     full = model.plus(*causes)
     before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
     scores = np.stack([before.slope.sum(0), after.slope.sum(0)])[:, full.nuisances :]
@@ -124,7 +125,7 @@ def test_chance_resemblance_to_a_cause_is_no_evidence(streaked: tuple[Measured, 
 
 def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
     measured, model, causes = strokes
-    _, learnt = learn_residual(measured, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     for rows in (KNOWN, FRESH):
         assert error(model, learnt, rows) == pytest.approx(error(model, measured, rows), rel=0.01)
 
@@ -136,7 +137,7 @@ def test_learned_residual_leaves_covariate_dependent_shift(strokes: tuple[Measur
     moved = model.plus(causes[1]).at(np.append(model.vector, [0.5, 0.0]))
     change = predicted(moved, measured) - predicted(model, measured)
     shifted = photographed(measured, measured.samples.after.numpy() + amount[:, None, None, None] * change)
-    _, learnt = learn_residual(shifted, model, KNOWN, causes, 0)
+    _, learnt = learn_residual(shifted, model, KNOWN, candidates=causes, seed=0)
     kept = (residual(model, learnt) * change).sum((1, 2, 3)) / np.square(change).sum((1, 2, 3))
     assert float((kept * amount).mean()) == pytest.approx(1.0, abs=0.1)
 
@@ -145,7 +146,7 @@ def test_new_strokes_get_the_same_predictions(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:
     measured, model = streaked
-    learned_residual, learnt = learn_residual(measured, model, KNOWN, strokes[2], 0)
+    learned_residual, learnt = learn_residual(measured, model, KNOWN, candidates=strokes[2], seed=0)
     np.testing.assert_allclose(
         learned_residual.of(measured.pick(FRESH)).residual_prediction, learnt.residual_prediction[FRESH], atol=1e-5
     )
@@ -156,7 +157,7 @@ def test_refit_to_all_strokes_predicts_test_strokes_better(
 ) -> None:
     plain, clean, causes = strokes
     measured, model = streaked
-    learned_residual, learnt = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], causes, 0)
+    learned_residual, learnt = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], candidates=causes, seed=0)
     more, known = learned_residual.learnt_from_all(learnt, KNOWN)
     np.testing.assert_array_equal(known.residual_prediction[KNOWN], learnt.residual_prediction[KNOWN])
     np.testing.assert_allclose(
@@ -171,7 +172,7 @@ def test_unknown_paint_changes_no_prediction(
 ) -> None:
     """Another table may have paints that the diagnosed one lacks."""
     measured, model = streaked
-    learned_residual, _ = learn_residual(measured, model, KNOWN, strokes[2], 0)
+    learned_residual, _ = learn_residual(measured, model, KNOWN, candidates=strokes[2], seed=0)
     more = replace(
         learned_residual.model, color_offset=np.concatenate([learned_residual.model.color_offset, np.zeros((2, 3))])
     )
@@ -209,7 +210,7 @@ def test_detects_symmetric_tool(
     laid = ink(model, measured).footprint
     pale = sum(np.exp(-(((laid.place[..., :1] - side) / 0.15) ** 2)) for side in sides)
     streaked = photographed(measured, measured.samples.after.numpy() + 0.2 * pale * (laid.coverage[..., None] > 0.5))
-    learned_residual, _ = learn_residual(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, causes, 0)
+    learned_residual, _ = learn_residual(streaked, fit(model, streaked.pick(KNOWN)), KNOWN, candidates=causes, seed=0)
     assert learned_residual.mirrored == mirrored
 
 
@@ -222,6 +223,7 @@ def test_learns_streak_despite_scattered_widths(streaked: tuple[Measured, Model]
     scattered = photographed(measured, measured.samples.after.numpy() + apart)
     causes: list[Mechanism] = [identity(BristleLag, measured.context)]
     calm, found = (
-        learn_residual(each, model, KNOWN, causes, 0)[1].residual_prediction[FRESH] for each in (measured, scattered)
+        learn_residual(each, model, KNOWN, candidates=causes, seed=0)[1].residual_prediction[FRESH]
+        for each in (measured, scattered)
     )
     assert np.square(found - calm).sum() < 0.1 * np.square(calm).sum()

@@ -62,7 +62,7 @@ def wear_gives_way(model: Model, strokes: Measured) -> bool:
     assert (
         action_losses(worn, test_split).mean() < 0.97 * action_losses(model, test_split).mean()
     )  # it does explain something
-    return generic_curve_suffices(wear, worn, model, known, test_split, 0)
+    return generic_curve_suffices(wear, worn, model, known=known, test_split=test_split, seed=0)
 
 
 def test_wear_yields_to_a_curve_over_temperature() -> None:

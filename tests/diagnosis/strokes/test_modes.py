@@ -8,11 +8,11 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.residual_structure import find_structure, permuted_actions
+from pentimento.diagnosis.residual_structure import ModeScores, find_structure, permuted_actions
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown, load_measured
 from pentimento.diagnosis.strokes.model import Model
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation, unexplained
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation, structured_residual
 from pentimento.diagnosis.strokes.predict import ink, predicted_linear
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
@@ -45,18 +45,18 @@ def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:
 def test_reports_mode_with_driving_covariate_only(mode: str, strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
     strokes_then = warmed(mode, measured, model)
-    left, strength, names = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
+    structure = structured_residual(model, strokes_then, covariates_shown(strokes_then), seed=0)
+    left = structure.unexplained
     assert [(one.mode, one.covariate) for one in left[:1]] == [(mode, "temperature_c")]
     assert "clock_s" not in {one.covariate for one in left}
-    assert strength.shape == (len(MODES), len(names))
+    assert structure.strength.shape == (len(MODES), len(structure.covariates))
     assert left[0].generic_gain > 0.01
 
 
 def test_reports_nothing_without_structure(strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
     strokes_then = warmed(None, measured, model)
-    left, _, _ = unexplained(model, strokes_then, covariates_shown(strokes_then), 0)
-    assert left == []
+    assert structured_residual(model, strokes_then, covariates_shown(strokes_then), seed=0).unexplained == ()
 
 
 def test_weights_modes_by_their_energy() -> None:
@@ -65,17 +65,20 @@ def test_weights_modes_by_their_energy() -> None:
     energy = np.where(rng.random(160) < 0.3, 1.0, 0.004)[:, None]  # what noise of 1 leaves of it is 1 / root of that
     scores = 1.2 * speed[:, None] + rng.standard_normal((160, 1)) / np.sqrt(energy)
     columns = {"speed": speed, "else": rng.standard_normal(160)}
-    found, strength, _ = find_structure(("width",), scores, energy, 1.0, columns, rows, 0)
-    assert [one.covariate for one in found] == ["speed"]
-    unweighted, same, _ = find_structure(("width",), scores, np.ones_like(energy), 1.0, columns, rows, 0)
-    assert not unweighted and same[0, 0] < strength[0, 0]
+    found, unweighted = (
+        find_structure(("width",), ModeScores(scores, known, 1.0), columns, action=rows, seed=0)
+        for known in (energy, np.ones_like(energy))
+    )
+    assert [one.covariate for one in found.unexplained] == ["speed"]
+    assert not unweighted.unexplained and unweighted.strength[0, 0] < found.strength[0, 0]
 
 
 def test_equal_energies_give_plain_correlation() -> None:
     rng = np.random.default_rng(4)
     speed = rng.standard_normal(90)
     scores = 0.2 * speed[:, None] + rng.standard_normal((90, 1))
-    _, strength, _ = find_structure(("width",), scores, np.ones((90, 1)), 1.0, {"speed": speed}, np.arange(90), 0)
+    scored = ModeScores(scores, np.ones((90, 1)), 1.0)
+    strength = find_structure(("width",), scored, {"speed": speed}, action=np.arange(90), seed=0).strength
     assert strength[0, 0] == pytest.approx(np.sqrt(90) * abs(np.corrcoef(speed, scores[:, 0])[0, 1]), rel=1e-6)
 
 

@@ -62,7 +62,7 @@ def humid() -> tuple[Model, Measured]:
 def generic_result(humid: tuple[Model, Measured]) -> Generic:
     model, strokes = humid
     both = left("width", "humidity") + left("normal", "decoy")
-    return evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), both, 0)
+    return evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left=both, seed=0)
 
 
 def test_modulator_closes_most_of_a_covariates_gap(humid: tuple[Model, Measured], generic_result: Generic) -> None:
@@ -90,13 +90,17 @@ def test_modulator_recovers_the_law(generic_result: Generic) -> None:
 def test_shuffled_covariate_closes_nothing(humid: tuple[Model, Measured]) -> None:
     model, strokes = humid
     shuffled = replace(strokes, covariates={"humidity": np.random.default_rng(7).permutation(HUMIDITY)})
-    found = evaluate_modulator(model, shuffled.pick(KNOWN), shuffled.pick(TEST_SPLIT), left("width", "humidity"), 0)
+    found = evaluate_modulator(
+        model, shuffled.pick(KNOWN), shuffled.pick(TEST_SPLIT), left=left("width", "humidity"), seed=0
+    )
     assert found.gain < 0.1
 
 
 def test_modulator_finds_shifts(humid: tuple[Model, Measured]) -> None:
     model, strokes = measured_with("normal", 2 * np.sign(HUMIDITY - 0.45), {"humidity": HUMIDITY})
-    found = evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("normal", "humidity"), 0)
+    found = evaluate_modulator(
+        model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left=left("normal", "humidity"), seed=0
+    )
     assert found.gain_interval[0] > 0.2
     (curve,) = found.modulator.curves
     assert curve.amounts[0] < -1 and curve.amounts[-1] > 1
@@ -105,7 +109,9 @@ def test_modulator_finds_shifts(humid: tuple[Model, Measured]) -> None:
 def test_modulator_is_empty_without_structure(humid: tuple[Model, Measured]) -> None:
     """Cross-validation over blocks rejects curves on noise."""
     model, strokes = measured_with("width", np.zeros(72), {"humidity": HUMIDITY})
-    found = evaluate_modulator(model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left("width", "humidity"), 0)
+    found = evaluate_modulator(
+        model, strokes.pick(KNOWN), strokes.pick(TEST_SPLIT), left=left("width", "humidity"), seed=0
+    )
     assert found.gain == pytest.approx(0.0, abs=0.01)
     constant = replace(strokes, covariates={"humidity": np.full(72, 0.4)})
     assert fit_modulator(model, constant, [("width", "humidity")], 0) == Modulator(())

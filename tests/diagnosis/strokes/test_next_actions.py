@@ -42,7 +42,7 @@ def proposal(model: Model, strokes: Measured) -> Proposal:
 
 def test_proposal_lowers_aliasing_more_than_random_actions(model: Model, strokes: Measured, proposal: Proposal) -> None:
     before, after = proposal.aliasing[PAIR]
-    so_far, ranges = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes)
+    so_far, ranges = linearise_rows(model, strokes).curvature.sum(0), ranges_of(strokes)
     by_chance = [
         pair_aliasing(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns_of(model), PAIR)
         for actions in (draw_sequence(np.random.default_rng(seed), ranges, strokes, 8) for seed in range(7))
@@ -52,7 +52,7 @@ def test_proposal_lowers_aliasing_more_than_random_actions(model: Model, strokes
 
 
 def test_proposal_beats_random_designs(model: Model, strokes: Measured, proposal: Proposal) -> None:
-    so_far, ranges, columns = linearise_rows(model, strokes)[0].sum(0), ranges_of(strokes), columns_of(model)
+    so_far, ranges, columns = linearise_rows(model, strokes).curvature.sum(0), ranges_of(strokes), columns_of(model)
 
     def value(actions: Sequence[Action]) -> float:
         return design_value(so_far + curvatures([actions], model, strokes, ranges)[1][0].sum(0), columns, [PAIR])
@@ -136,7 +136,7 @@ def test_single_cause_gains_information(strokes: Measured) -> None:
     kinds = {kind.cause: kind for kind in VOCABULARY}
     model = first_model(strokes).plus(identity(kinds["ink_depletion"], strokes.context))
     proposal = propose(model, strokes, [("ink_depletion",)], 0, count=4)
-    so_far = linearise_rows(model, strokes)[0].sum(0)
+    so_far = linearise_rows(model, strokes).curvature.sum(0)
     more = so_far + curvatures([proposal.actions], model, strokes, ranges_of(strokes))[1][0].sum(0)
     index = columns_of(model).causes["ink_depletion"]
     variances = [np.diag(np.linalg.pinv(total, hermitian=True))[index] for total in (so_far, more)]

@@ -35,7 +35,7 @@ def played(folder: Path, rounds: int, rivals: Sequence[tuple[str, ...]], propose
         return with_humidity(example_table(actions.num_rows, seed=number), None)
 
     start = with_humidity(example_table(8), 0.4)
-    table = diagnose_in_rounds(start, folder, rounds, diagnose, make, lines.append)
+    table = diagnose_in_rounds(start, folder, rounds, diagnosed=diagnose, made=make, log=lines.append)
     return table, diagnosed, collected, lines
 
 

@@ -49,7 +49,7 @@ def test_further_cause_must_exceed_form_errors_of_others() -> None:
 def test_recheck_keeps_the_best_fitting_cause(taken: type[Mechanism], rival: type[Mechanism]) -> None:
     strokes, plain = strokes_of(PathOffset, 0.0008, -0.0005)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (taken, rival)}
-    evidence = evaluate_candidates(plain, list(observable.values()), strokes, 0)[0]
+    evidence = evaluate_candidates(plain, list(observable.values()), strokes, seed=0)[0]
     model = fit(plain.plus(observable[taken.cause]), strokes)
     step, last = Step(evidence, taken.cause, (rival.cause,)), Step(evidence, None, ())
     begun = Search(plain, model, (step, last), observable, {}, 0.0, {taken.cause: 1e-4}, frozenset())
@@ -64,15 +64,15 @@ def test_lag_is_needless_beside_sufficient_latency(taken: type[Mechanism], needl
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
     model = fit(plain.plus(observable[taken.cause]), strokes)
     (other,) = observable.keys() - {taken.cause}
-    assert same_family_suffices(other, model, observable, strokes, 0) == needless
-    assert not same_family_suffices(other, plain, observable, strokes, 0)
+    assert same_family_suffices(other, model, observable, measured=strokes, seed=0) == needless
+    assert not same_family_suffices(other, plain, observable, measured=strokes, seed=0)
 
 
 def test_recheck_replaces_lag_by_latency() -> None:
     """Although latency was not among its rivals."""
     strokes, plain = strokes_of(Latency, 0.05)
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag)}
-    evidence = evaluate_candidates(plain, list(observable.values()), strokes, 0)[0]
+    evidence = evaluate_candidates(plain, list(observable.values()), strokes, seed=0)[0]
     model = fit(plain.plus(observable["bristle_lag"]), strokes)
     begun = Search(
         plain, model, (Step(evidence, "bristle_lag", ()),), observable, {}, 0.0, {"bristle_lag": 1e-4}, frozenset()
@@ -86,5 +86,5 @@ def test_finds_latency_hidden_by_uneven_ends(hidden: type[Mechanism], seconds: f
     observable = {kind.cause: identity(kind, strokes.context) for kind in (Latency, BristleLag, PathOffset)}
     with_ends = fit(plain.plus(identity(UnevenEnds, strokes.context)), strokes)
     candidates = list(observable.values())
-    assert _hidden_by_ends(with_ends, candidates, observable, strokes, 0) == asked_for
-    assert _hidden_by_ends(plain, candidates, observable, strokes, 0) == []
+    assert _hidden_by_ends(with_ends, candidates, observable, measured=strokes, seed=0) == asked_for
+    assert _hidden_by_ends(plain, candidates, observable, measured=strokes, seed=0) == []

@@ -79,7 +79,7 @@ def test_unobservable_causes_are_grouped_by_reason(written: Written) -> None:
 
 @pytest.mark.parametrize("shifted", [0.87, None])
 def test_verdict_mentions_the_outside_table(written: Written, shifted: float | None) -> None:
-    content = verdict(written.diagnosis, 56, 42, shifted)
+    content = verdict(written.diagnosis, 56, 42, shifted=shifted)
     assert content["gap_closed"]["shifted"] == shifted
     assert ("outside table" in content["sentence"]) == (shifted is not None)
 

@@ -73,7 +73,7 @@ def test_outside_table_of_the_same_world_shows_the_same_gain(written: Written) -
 
 def test_writes_nothing_for_too_few_rows(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="12"):
-        write_diagnosis(example_table(8), tmp_path / "out", 0, lambda line: None)
+        write_diagnosis(example_table(8), tmp_path / "out", 0, log=lambda line: None)
     assert not (tmp_path / "out").exists()
 
 

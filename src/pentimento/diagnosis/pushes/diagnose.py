@@ -140,7 +140,7 @@ def _evaluate(found: _Discovery, decision: Decision, splits: PushSplits, seed: i
     base = fit(decision.search.base, discovery)
     extended = fit(decision.model, discovery) if decision.model.mechanisms else base
     floor = floor_of_test_split(extended, measured, splits.test, seed)
-    drifts = temporal_drift(MODES, *mode_scores(extended, measured), measured.action, measured.turn, seed)
+    drifts = temporal_drift(MODES, mode_scores(extended, measured), measured.action, turn=measured.turn, seed=seed)
     if floor and drifts:
         floor = floor.moved(-drifts.mse_of_repeats)
     base_losses = action_losses(base, test)
@@ -155,7 +155,7 @@ def _evaluate(found: _Discovery, decision: Decision, splits: PushSplits, seed: i
         for m in decision.search.model.mechanisms
         if m.cause not in names
     )
-    left, strength, covariates = structured_residual(extended, found.weighted.pick(splits.discovery), seed)
+    structure = structured_residual(extended, found.weighted.pick(splits.discovery), seed)
     return PushDiagnosis(
         splits=splits,
         measured=measured,
@@ -169,9 +169,9 @@ def _evaluate(found: _Discovery, decision: Decision, splits: PushSplits, seed: i
         drifts=drifts,
         base_losses=base_losses,
         extended_losses=action_losses(extended, test),
-        unexplained=tuple(left),
-        mode_strength=strength,
-        covariates=tuple(covariates),
+        unexplained=structure.unexplained,
+        mode_strength=structure.strength,
+        covariates=structure.covariates,
     )
 
 

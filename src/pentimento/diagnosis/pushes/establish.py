@@ -28,27 +28,41 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
 
-_CONFIRMED_BESIDE_P, _DENIED_P = 0.1, 0.05
-"""p on the test split at which a further cause counts as confirmed, and at which a fall of error counts as a rise."""
-_SURE_P, _CERTAIN_P = 0.01, 0.001
-"""p at which the scores alone count as sure of a cause: on the test split, and on both splits together."""
-_BORDERLINE_P, _MAX_BORDERLINE = 0.35, 2
-"""Discovery p up to which a candidate is borderline, and how many of them are refitted. Beyond that p, the test split
-would be the only evidence."""
+_CONFIRMED_BESIDE_P = 0.1
+"""p on the test split at which a further cause counts as confirmed."""
+_DENIED_P = 0.05
+"""p on the test split at which a fall of error counts as a rise."""
+_SURE_P = 0.01
+"""p on the test split at which the scores alone count as sure of a cause."""
+_CERTAIN_P = 0.001
+"""The same on both splits together."""
+_BORDERLINE_P = 0.35
+"""Discovery p up to which a candidate is borderline. Beyond it, the test split would be the only evidence."""
+_MAX_BORDERLINE = 2
+"""Borderline candidates that are refitted."""
 _TOGETHER_P = 0.003
 """Combined p that a borderline candidate needs."""
 _MIN_GAIN = 0.01
 """Minimum fall of error on the test split, as a fraction of the gap and of the noise floor."""
-_MIN_IF_ALIASABLE, _MIN_IF_SURE, _MIN_OF_WHAT_IS_LEFT = 0.025, 0.0125, 0.4
-"""Minimum fall of error by a cause that an inexact base can look like: as a fraction of the noise floor (the second
-where scores are sure of the cause), and of the error that certainly remains above it. Where much more error remains
-than the cause removes, it is one of many errors of the base."""
-_SURE_SE, _CERTAIN_SE = 2.0, 4.0
-"""Standard errors at which the sign of a quantity counts as sure and as certain."""
-_AS_GOOD, _NEARLY_AS_GOOD = 0.95, 0.88
-"""Fraction of the cause's fall of error at which a look-alike is as good: if it is certainly worse, and otherwise."""
-_CERTAINLY_WORSE_P, _CERTAINLY_BY_PLACE_P = 0.001, 0.001
-"""p at which a look-alike is certainly worse, and at which a cause certainly varies over the table."""
+_MIN_IF_ALIASABLE = 0.025
+"""Minimum fall of error by a cause that an inexact base can look like, as a fraction of the noise floor."""
+_MIN_IF_SURE = 0.0125
+"""The same where the scores are sure of the cause."""
+_MIN_OF_WHAT_IS_LEFT = 0.4
+"""The same as a fraction of the error that certainly remains above the noise floor. Where much more error remains than
+the cause removes, it is one of many errors of the base."""
+_SURE_SE = 2.0
+"""Standard errors at which the sign of a quantity is sure."""
+_CERTAIN_SE = 4.0
+"""Standard errors at which it is certain."""
+_AS_GOOD = 0.95
+"""Fraction of the cause's fall of error at which a look-alike is as good, if it is certainly worse."""
+_NEARLY_AS_GOOD = 0.88
+"""The same for a look-alike that is not certainly worse."""
+_CERTAINLY_WORSE_P = 0.001
+"""p at which a look-alike is certainly worse."""
+_CERTAINLY_BY_PLACE_P = 0.001
+"""p at which a cause certainly varies over the table."""
 
 
 @dataclass(frozen=True)

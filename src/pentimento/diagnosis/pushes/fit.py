@@ -63,9 +63,12 @@ _TOLERANCE = 5e-4
 """Relative fall of the error below which a fit has converged."""
 _TOLERANCE_AT_REACH = _TOLERANCE / 10
 """The same while a parameter moves by its maximum step: a slight slide may show late."""
-_FIRST_DAMPING, _NEXT_DAMPING, _MIN_DAMPING = 1e-4, 1e-3, 1e-7
-"""Damping relative to a parameter's own curvature: at first, after a failed step (``_NEXT_DAMPING``), and at least
-(``_MIN_DAMPING``)."""
+_FIRST_DAMPING = 1e-4
+"""Damping at the start, relative to a parameter's own curvature."""
+_NEXT_DAMPING = 1e-3
+"""Damping after a failed step, at least."""
+_MIN_DAMPING = 1e-7
+"""Damping after successful steps, at least."""
 _CURVED = 0.1
 """Fraction of the predicted fall below which the valley counts as curved."""
 _NEARLY_LINEAR = 0.7
@@ -113,7 +116,9 @@ def fit(
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
         improved = False
         for _ in range(6):
-            moved = damped_step(model.vector, _offset(model, start), statistics, damping, prior, *near)
+            moved = damped_step(
+                model.vector, _offset(model, start), statistics, damping=damping, hold=prior, bounds=near
+            )
             candidate = model.at(moved)
             new = _loss(candidate, measured) + _cost(_offset(candidate, start), prior)
             if new < loss:

@@ -63,7 +63,7 @@ class LearnedPushResidual:
         push, weight = np.nonzero(seen)[0], measured.weight[seen]
         left, target = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
         target -= action_effect(left, _noise_at(self.model, measured, seen), weight, push)
-        trees = grow(features, target, weight, np.isin(push, rows), _TREES)
+        trees = grow(features, target, weight, used=np.isin(push, rows), count=_TREES)
         learned_residual = replace(self, trees=(trees,))
         learned_mm = learned_residual._with_prediction(bare, seen, trees.predict(features)).learned_mm
         learned_mm[rows] = measured.learned_mm[rows]
@@ -91,10 +91,10 @@ def learn_residual(
     fold = folds(measured.action, rows, seed)[push]
     target = residual(model, measured)[seen].astype(np.float64)
     weight = measured.weight[seen]
-    _, predicted, share = cross_fitted(features, target, weight, fold, _FIRST_TREES)
+    _, predicted, share = cross_fitted(features, target, weight, fold=fold, count=_FIRST_TREES)
     # Execution noise hides the systematic residual, so it is removed once part of the residual has been learned.
     target -= action_effect(target - share * predicted, _noise_at(model, measured, seen), weight, push)
-    trees, predicted, share = cross_fitted(features, target, weight, fold, _TREES)
+    trees, predicted, share = cross_fitted(features, target, weight, fold=fold, count=_TREES)
     full = model.plus(*candidates)
     maps = share * _maps(predicted, seen)
     predicted_only = replace(

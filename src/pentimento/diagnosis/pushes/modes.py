@@ -6,23 +6,24 @@ volume.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.pushes.fit import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.residual_structure import Unexplained, find_structure
+from pentimento.diagnosis.residual_structure import ModeScores, Structure, find_structure
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled, spread
 
 Array = NDArray[Any]
 
-_SMOOTHED, _SWOLLEN = 0.4, 1.5
-"""Widths of the smoothing kernel (``_SMOOTHED``) and of the added volume (``_SWOLLEN``), in half-widths of the
-footprint."""
+_SMOOTHED = 0.4
+"""Width of the smoothing kernel, in half-widths of the footprint."""
+_SWOLLEN = 1.5
+"""Width of the added volume, in half-widths of the footprint."""
 
 
 class AllModes(Mechanism):
@@ -60,17 +61,6 @@ class AllModes(Mechanism):
 MODES = tuple(quantity.name for quantity in AllModes.quantities)
 
 
-class ModeScores(NamedTuple):
-    """Amounts of the modes in the residuals of B rows."""
-
-    amounts: Array
-    """[B, M], in typical sizes."""
-    energy: Array
-    """[B, M] of one typical size of each mode, mm²."""
-    error: float
-    """Mean squared error of the rows, mm²."""
-
-
 def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> ModeScores:
     """Amounts of the modes in the residuals of a model."""
     curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
@@ -78,11 +68,10 @@ def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> ModeScores:
     return ModeScores(slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean()))
 
 
-def structured_residual(
-    model: AnalyticPush, measured: MeasuredPushes, seed: int
-) -> tuple[list[Unexplained], Array, list[str]]:
-    """Significant dependences of modes on covariates, all statistics |t| [M, covariates], and the covariates' names."""
-    return find_structure(MODES, *mode_scores(model, measured), varying_covariates(measured), measured.action, seed)
+def structured_residual(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Structure:
+    """Dependences of the modes on the covariates that vary."""
+    scores, columns = mode_scores(model, measured), varying_covariates(measured)
+    return find_structure(MODES, scores, columns, action=measured.action, seed=seed)
 
 
 def varying_covariates(measured: MeasuredPushes) -> dict[str, Array]:

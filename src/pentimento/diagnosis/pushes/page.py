@@ -41,14 +41,14 @@ def build_page(
     drawn = {
         "pushes.png": push_sheet(diagnosis, screening),
         "residual_push.png": residual_maps(
-            maps[0], maps[1], "mm along the travel from the start", "mm to the left", square=True, unit="mm"
+            maps[0], maps[1], "mm along the travel from the start", y_label="mm to the left", square=True, unit="mm"
         ),
     }
     if len(proposal.action):
         drawn["next_actions.png"] = proposal_lines(proposal, screening.measured)
     return render_report(
-        "diagnosis_pushes.html", diagnosis, screening, verdict, PUSHES, drawn, proposal.aliasing,
-        splits=diagnosis.splits, proposed=len(proposal.action),
+        "diagnosis_pushes.html", diagnosis, screening, verdict=verdict, kind=PUSHES, drawn=drawn,
+        pairs=proposal.aliasing, splits=diagnosis.splits, proposed=len(proposal.action),
     )  # fmt: skip
 
 

@@ -22,26 +22,34 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
 
-FIRST_P, LATER_P = 0.05, 0.03
-"""Score p below which a candidate is refitted: first, and beside a cause that was found. Unconfirmed causes end as
-suspected."""
+FIRST_P = 0.05
+"""Score p below which a first candidate is refitted. Unconfirmed causes end as suspected."""
+LATER_P = 0.03
+"""The same beside a cause that was found."""
 _ALIASABLE_P = 0.02
 """p of the fall of error that an aliasable cause needs."""
 _SHORTLIST = 0.3
 """Fraction of the best gain above which a candidate is refitted as well."""
 _MAX_REFITS = 4
-_MIN_OF_FLOOR, _MIN_IF_ALIASABLE, _MIN_OF_MISFIT = 0.005, 0.0075, 0.01
-"""Minimum fall of error as a fraction of the noise floor (the second for an aliasable cause), and of the error above
-it: in a base with many errors, some of the residual always resembles a cause a little."""
+_MIN_OF_FLOOR = 0.005
+"""Minimum fall of error as a fraction of the noise floor."""
+_MIN_IF_ALIASABLE = 0.0075
+"""The same for an aliasable cause."""
+_MIN_OF_MISFIT = 0.01
+"""Minimum fall of error as a fraction of the error above the noise floor: in a base with many errors, some of the
+residual always resembles a cause a little."""
 _MIN_OF_MISFIT_BESIDE = 0.02
-"""The last, for an aliasable cause beside others: the forms of the causes that were found are inexact as well."""
-_BESIDE, _BESIDE_SAME_COVARIATE = 0.01, 0.7
-"""Minimum fall of error beside a cause that was found, as a fraction of that cause's; the second for a cause with the
-same driving covariate, which can take over its effect."""
-_LEFT_BESIDE, _LEFT_BESIDE_ITS_RIVAL = 0.2, 0.7
+"""The same for an aliasable cause beside others: the forms of the causes that were found are inexact as well."""
+_BESIDE = 0.01
+"""Minimum fall of error beside a cause that was found, as a fraction of that cause's."""
+_BESIDE_SAME_COVARIATE = 0.7
+"""The same for a cause with that cause's driving covariate, which can take over its effect."""
+_LEFT_BESIDE = 0.2
 """Minimum fall of error, as a fraction of what the cause removed when it was refitted in place of a cause that was
-found; the second where it was that cause's rival. Of two explanations of one effect, the second removes little beside
-the first; of two effects, each keeps its own."""
+found. Of two effects, each keeps its own."""
+_LEFT_BESIDE_ITS_RIVAL = 0.7
+"""The same where it was that cause's rival. Of two explanations of one effect, the second removes little beside the
+first."""
 MAX_CAUSES = 6
 _MAX_STEPS = 9
 
@@ -134,18 +142,18 @@ def search(
     evidence: dict[str, Evidence] = {}
     dismissed: set[str] = set()
     """Causes whose refit is unphysical or removes too little."""
-    with_all, slopes, statistics = _with_all(model, observable, measured)
+    full = _linearised(model, observable, measured)
     while True:
         taken = {m.cause for m in model.mechanisms}
         own = np.arange(len(model.vector))
-        columns = {cause: with_all.columns_of(cause) for cause in observable if cause not in taken | dismissed}
-        fresh = _evidence(statistics, own, columns, measured, seed=seed + len(steps))
+        columns = {cause: full.model.columns_of(cause) for cause in observable if cause not in taken | dismissed}
+        fresh = _evidence(full.statistics, own, columns, measured, seed=seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         short = _shortlist(fresh, LATER_P if taken else FIRST_P)
         if not short or len(taken) == MAX_CAUSES or len(steps) == _MAX_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        at_start = {cause: slopes.of(np.append(own, columns[cause])) for cause in short}
+        at_start = {cause: full.slopes.of(np.append(own, columns[cause])) for cause in short}
         refits = {cause: fit(model.plus(observable[cause]), measured, at_start[cause]) for cause in short}
         losses = {cause: action_losses(m, measured) for cause, m in refits.items() if m.mechanisms[-1].physical}
         before = action_losses(model, measured)
@@ -160,26 +168,32 @@ def search(
         dismissed |= set(short) - set(losses)
         if not losses:
             continue
-        step = most_parsimonious(evidence, losses, error, quantities, seed, log)
+        step = most_parsimonious(evidence, losses, error, quantities=quantities, seed=seed, log=log)
         steps.append(step)
         assert step.chosen is not None
         thresholds.add(step, {cause: falls[cause] for cause in losses})
         model = _pruned(refits[step.chosen], base, measured, seed=seed, log=log)
-        with_all, slopes, statistics = _with_all(model, observable, measured)
+        full = _linearised(model, observable, measured)
     error = float(action_losses(model, measured).mean())
     others = set(observable) - {m.cause for m in model.mechanisms}
     minimum = {cause: thresholds.minimum(cause, error) for cause in others}
     return Search(base, model, tuple(steps), observable, unseen, minimum)
 
 
-def _with_all(
-    model: AnalyticPush, observable: Mapping[str, Mechanism], measured: MeasuredPushes
-) -> tuple[AnalyticPush, Slopes, Statistics]:
-    """A fitted model with all further observable causes, its Jacobian and its statistics."""
+@dataclass(frozen=True)
+class _Linearised:
+    """A fitted model with all further observable causes at zero, linearised there."""
+
+    model: AnalyticPush
+    slopes: Slopes
+    statistics: Statistics
+
+
+def _linearised(model: AnalyticPush, observable: Mapping[str, Mechanism], measured: MeasuredPushes) -> _Linearised:
     taken = {m.cause for m in model.mechanisms}
     with_all = model.plus(*(m for cause, m in observable.items() if cause not in taken))
     slopes = slopes_of(with_all, measured)
-    return with_all, slopes, slopes.statistics(with_all)
+    return _Linearised(with_all, slopes, slopes.statistics(with_all))
 
 
 def _evidence(
@@ -197,7 +211,9 @@ def _evidence(
     _, first = np.unique(measured.action, return_index=True)
     quantities = {cause: len(its) for cause, its in columns.items()}
     some = statistics.of(np.concatenate([own, *columns.values()]))
-    return evidence_for(some, len(own), quantities, measured.block[first], seed, (information, scatter))
+    return evidence_for(
+        some, len(own), quantities, block=measured.block[first], seed=seed, scales=(information, scatter)
+    )
 
 
 def could_be_the_base(mechanism: Mechanism, falls: Array, seed: int) -> bool:

@@ -75,7 +75,7 @@ def write_push_diagnosis(
     screening = screen(found)
     proposal = proposal_for(found, screening, seed)
     actions = len(set(measured.action.tolist()))
-    result = verdict(found, len(measured), actions, other_gap_closed, notes, kind=PUSHES)
+    result = verdict(found, len(measured), actions, shifted=other_gap_closed, notes=notes, kind=PUSHES)
     files = build_page(found, screening, proposal, result)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal), parquet, compression="zstd")

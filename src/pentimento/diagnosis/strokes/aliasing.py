@@ -14,8 +14,8 @@ from pentimento.contracts.schema import IMAGE, vector
 from pentimento.diagnosis.experiment_design import Aliasing, Columns, aliasing
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.model import Model, identity
-from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable
+from pentimento.diagnosis.strokes.model import Model, observable_causes
+from pentimento.dynamics.strokes.simulation import Mechanism
 
 _PAPER = 237
 """Grey of blank paper, 0 to 255."""
@@ -35,15 +35,8 @@ def columns_of(model: Model) -> Columns:
 def with_all(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Model:
     """The model with every observable cause that it lacks, with all quantities 0."""
     there = {mechanism.cause for mechanism in model.mechanisms}
-    more = []
-    for kind in vocabulary:
-        if kind.cause in there:
-            continue
-        try:
-            more.append(identity(kind, measured.context))
-        except NotObservable:
-            continue
-    return model.plus(*more)
+    lacking, _ = observable_causes([kind for kind in vocabulary if kind.cause not in there], measured.context)
+    return model.plus(*lacking.values())
 
 
 def aliasing_of(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Aliasing:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import (
+    RESAMPLES,
     Evidence,
     evidence_for,
     held_out_gains,
-    mean_and_bounds,
+    mean_over_actions,
     paired_p,
     statistics_with_each,
 )
@@ -27,25 +28,35 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
-FIRST_P, LATER_P = 0.02, 0.01
-"""Limits of the adjusted p in the first and in later rounds (docs/diagnosis.md §5)."""
+FIRST_P = 0.02
+"""Limit of the adjusted p in the first round (docs/diagnosis.md §5)."""
+LATER_P = 0.01
+"""Limit of the adjusted p in later rounds."""
 _KEEP_P = 0.05
 """A cause of the model stays if dropping it is worse at this level; uneven ends need the level of a new cause."""
 _SHORTLIST = 0.4
 """Share of the best gain that a candidate needs for a refit."""
-_MAX_REFITS, _MAX_FAMILY = 4, 2
+_MAX_REFITS = 4
+"""Refitted candidates with a good gain."""
+_MAX_FAMILY = 2
+"""Further refitted candidates at the best one's site."""
 _LARGE = 2.0
 """Multiple of the typical size from which an effect is large."""
-_LEFT, _LEFT_TO_SAME_FAMILY, _LEFT_TO_UNRELATED = 0.05, 0.1, 0.01
-"""Share of a cause's effect that its inexact functional form may leave for another cause: in general, for one of the
-same family, for one with other covariates."""
-_MIN_PICKUP, _MAX_PICKUP = -0.5, 3.0
-"""Bounds of a lens's non-linear displacement at the strokes' edge relative to the linear one. A purely linear
-displacement is a wrong scale and no lens."""
+_LEFT = 0.05
+"""Share of a cause's effect that its inexact functional form may leave for another cause."""
+_LEFT_TO_SAME_FAMILY = 0.1
+"""The same for another cause of its family."""
+_LEFT_TO_UNRELATED = 0.01
+"""The same for a cause with other covariates."""
+_MIN_ABSORBED = -0.5
+"""Lower bound of a lens's linear displacement at the strokes' edge, which rectification absorbs, relative to its cubic
+one."""
+_MAX_ABSORBED = 3.0
+"""Upper bound of the same. A purely linear displacement is a wrong scale and no lens."""
 
 
 def evaluate_candidates(
-    model: Model, candidates: Sequence[Mechanism], measured: Measured, seed: int
+    model: Model, candidates: Sequence[Mechanism], measured: Measured, *, seed: int
 ) -> tuple[dict[str, Evidence], dict[str, Statistics]]:
     """Evidence for each candidate at a fitted model, and the statistics of the model with it."""
     if not candidates:
@@ -58,7 +69,7 @@ def evaluate_candidates(
     _, first = np.unique(measured.action, return_index=True)
     quantities = {mechanism.cause: len(mechanism.quantities) for mechanism in candidates}
     size = len(model.vector)
-    return evidence_for(stiff, size, quantities, measured.block[first], seed), statistics_with_each(
+    return evidence_for(stiff, size, quantities, block=measured.block[first], seed=seed), statistics_with_each(
         statistics, size, quantities
     )
 
@@ -69,7 +80,7 @@ def is_significant(evidence: Evidence, limit: float) -> bool:
 
 
 def shortlist(
-    evidence: Mapping[str, Evidence], limit: float, family_limit: float, observable: Mapping[str, Mechanism]
+    evidence: Mapping[str, Evidence], limit: float, family_limit: float, *, observable: Mapping[str, Mechanism]
 ) -> list[str]:
     """The candidates to refit: the best significant one, those with a similar gain, and those at its site with p up to
     ``family_limit``. A large effect is far from linear and may show little in a test at 0.
@@ -92,6 +103,7 @@ def refits_with(
     model: Model,
     causes: Sequence[str],
     observable: Mapping[str, Mechanism],
+    *,
     measured: Measured,
     at_start: Mapping[str, Statistics] | None = None,
 ) -> dict[str, Model]:
@@ -126,7 +138,7 @@ def held_out_losses(model: Model, measured: Measured, seed: int) -> Array:
     nuisances = np.setdiff1d(np.arange(len(model.vector)), columns)
     _, first = np.unique(measured.action, return_index=True)
     gains = held_out_gains(
-        with_prior(linearise(model, measured), model), nuisances, columns, measured.block[first], seed
+        with_prior(linearise(model, measured), model), nuisances, columns, block=measured.block[first], seed=seed
     )
     return action_losses(model, measured) - gains
 
@@ -135,6 +147,7 @@ def with_refit_evidence(
     evidence: Mapping[str, Evidence],
     refits: Mapping[str, Model],
     limit: float,
+    *,
     model: Model,
     measured: Measured,
     seed: int,
@@ -151,15 +164,16 @@ def with_refit_evidence(
     for cause in unsaid:
         gains = before - held_out_losses(refits[cause], measured, seed)
         p = paired_p(gains, seed)
-        weighed[cause] = Evidence(p, min(len(unsaid) * p, 1.0), *mean_and_bounds(gains / before.mean(), 999, seed))
+        gain = mean_over_actions(gains / before.mean(), RESAMPLES, seed)
+        weighed[cause] = Evidence(p, min(len(unsaid) * p, 1.0), *gain)
     return weighed
 
 
 def is_physical(mechanism: Mechanism) -> bool:
     """Whether a mechanism's quantities have possible signs; for a lens, whether they can belong to one picture."""
     if isinstance(mechanism, LensDistortion):
-        at_edge, picked_up = map(float, mechanism.values)
-        return _MIN_PICKUP * at_edge**2 <= picked_up * at_edge <= _MAX_PICKUP * at_edge**2
+        cubic, absorbed = map(float, mechanism.values)
+        return _MIN_ABSORBED * cubic**2 <= absorbed * cubic <= _MAX_ABSORBED * cubic**2
     return signs_are_valid(mechanism)
 
 
@@ -208,7 +222,7 @@ def form_error_share(other: Mechanism, mechanism: Mechanism) -> float:
 
 
 def backward_elimination(
-    model: Model, kept: frozenset[str], measured: Measured, seed: int, log: Callable[[str], None]
+    model: Model, kept: frozenset[str], measured: Measured, *, seed: int, log: Callable[[str], None]
 ) -> Model:
     """Drop mechanisms that the model no longer needs beside its last one, or whose sign became impossible.
 
@@ -227,5 +241,5 @@ def backward_elimination(
         worse_p = paired_p(action_losses(refit, measured) - action_losses(model, measured), seed)
         if not possible or worse_p > limit:
             log(f"{mechanism.cause} is no longer needed")
-            return backward_elimination(refit, kept, measured, seed, log)
+            return backward_elimination(refit, kept, measured, seed=seed, log=log)
     return model

@@ -37,6 +37,7 @@ def choose(
     evidence: dict[str, Evidence],
     losses: Mapping[str, Array],
     error: float,
+    *,
     refits: Mapping[str, Model],
     measured: Measured,
     seed: int,
@@ -54,14 +55,17 @@ def choose(
         log: gets one line.
     """
     quantities = {cause: len(refits[cause].mechanisms[-1].quantities) for cause in losses}
-    step = most_parsimonious(evidence, losses, error, quantities, seed, log)
-    return prune_redundant(prefer_same_family(step, losses, error, refits, measured, seed, log), refits, measured)
+    step = most_parsimonious(evidence, losses, error, quantities=quantities, seed=seed, log=log)
+    return prune_redundant(
+        prefer_same_family(step, losses, error, refits=refits, measured=measured, seed=seed, log=log), refits, measured
+    )
 
 
 def prefer_same_family(
     step: Step,
     losses: Mapping[str, Array],
     error: float,
+    *,
     refits: Mapping[str, Model],
     measured: Measured,
     seed: int,
@@ -106,12 +110,11 @@ def same_family(mechanism: Mechanism, others: Sequence[Mechanism]) -> list[str]:
 
 def displacement_left(model: Model, measured: Measured, columns: Mapping[str, Array], seed: int) -> tuple[bool, float]:
     """Whether the residual's displacement significantly depends on one of the columns [B]; and the strength, |t|."""
-    scores, energy, error = mode_scores(model, measured)
+    scores = mode_scores(model, measured)
     own = [MODES.index(mode) for mode in _DISPLACED]
-    left, strength, _ = find_structure(
-        _DISPLACED, scores[:, own], energy[:, own], error, columns, measured.action, seed
-    )
-    return bool(left), float(strength.max())
+    displaced = replace(scores, amounts=scores.amounts[:, own], energy=scores.energy[:, own])
+    structure = find_structure(_DISPLACED, displaced, columns, action=measured.action, seed=seed)
+    return bool(structure.unexplained), float(structure.strength.max())
 
 
 def covariates_of_one_only(one: Mechanism, other: Mechanism, measured: Measured) -> dict[str, Array]:

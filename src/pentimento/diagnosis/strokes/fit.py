@@ -55,13 +55,17 @@ _RANGE = (
 """Bounds of the base's parameters."""
 _MAX_OF_USUAL = 3.0
 """Huber's limit: an action's error counts as at most so many times the median."""
-_FARTHEST_ENDS, _MAX_UNEVEN = 0.5, 0.2
-"""Half-widths by which both ends, and each of two uneven ends, may miss their command."""
+_FARTHEST_ENDS = 0.5
+"""Half-widths by which both ends may miss their command."""
+_MAX_UNEVEN = 0.2
+"""Half-widths by which each of two uneven ends may miss it."""
 _MAX_WIDENED = 3.0  # times what is typical
 _FLATTEST = 1e-6  # m of press: below it all presses count as one
 _MIXING_START = -0.4
-_MIXING_P, _MIN_MIXING = 0.01, 0.1
-"""Significance, and minimum share of the error removed, for a mixing other than in linear light."""
+_MIXING_P = 0.01
+"""p below which paint mixes otherwise than in linear light."""
+_MIN_MIXING = 0.1
+"""Share of the error that such a mixing must remove."""
 
 
 def first_model(measured: Measured) -> Model:
@@ -99,7 +103,8 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
         improved = False
         for _ in range(6):
-            candidate = model.at(damped_step(model.vector, model.vector, statistics, damping, hold, *near))
+            moved = damped_step(model.vector, model.vector, statistics, damping=damping, hold=hold, bounds=near)
+            candidate = model.at(moved)
             step = candidate.vector - model.vector
             promise = predicted_decrease(step, model.vector, statistics, hold)
             # A step at its limit has not converged, however small its decrease.

@@ -6,7 +6,7 @@ central differences. All parameters of a row share one pass over its pixels.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,22 +82,20 @@ def linearise(model: Model, measured: Measured) -> Statistics:
     return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
 
 
-def linearise_rows(model: Model, measured: Measured) -> tuple[Array, Array, Array]:
-    """Weighted sums of each row: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
+def linearise_rows(model: Model, measured: Measured) -> Statistics:
+    """The same for each row, weighted: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
     mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
 
-    def of(some: slice) -> tuple[Array, Array, Array]:
+    def of(some: slice) -> Statistics:
         return _row_statistics(model, measured.pick(some), mark[some], number, changes[:, some])
 
     parts = in_batches(of, len(measured), ROWS_AT_ONCE)
     curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
     weight = measured.weight
-    return curvature * weight[:, None, None], slope * weight[:, None], energy * weight
+    return Statistics(curvature * weight[:, None, None], slope * weight[:, None], energy * weight)
 
 
-def _row_statistics(
-    model: Model, measured: Measured, mark: Array, number: Array, changes: Array
-) -> tuple[Array, Array, Array]:
+def _row_statistics(model: Model, measured: Measured, mark: Array, number: Array, changes: Array) -> Statistics:
     """J^T J [B, P, P], J^T r [B, P] and r^T r [B] of each row, over its number of pixels.
 
     A parameter of the mark changes all channels of a pixel in proportion, so that its part of J is one map of coverage.
@@ -156,14 +154,14 @@ def _row_statistics(
         curvature[b][np.ix_(index, index)] += flat @ flat.T
         slope[b][index] += flat @ missing[own].ravel()
     if gains := {p: gain for p, _, gain in of_paint if gain is not None}:
-        _add_bare_ground(curvature, slope, rest, gains, laid, measured)
+        _add_bare_ground(curvature, slope, rest, gains=gains, laid=laid, measured=measured)
     energy = np.square(rest).sum((1, 2, 3)).astype(np.float64)
     count = valid.sum((1, 2)) * 3
-    return curvature / count[:, None, None], slope / count[:, None], energy / count
+    return Statistics(curvature / count[:, None, None], slope / count[:, None], energy / count)
 
 
 def _add_bare_ground(
-    curvature: Array, slope: Array, rest: Array, gains: dict[int, Array], laid: Ink, measured: Measured
+    curvature: Array, slope: Array, rest: Array, *, gains: dict[int, Array], laid: Ink, measured: Measured
 ) -> None:
     """Add to the sums the pixels without ink, which change with the camera's gain only.
 
@@ -237,22 +235,29 @@ def _changes_of_paint(model: Model, measured: Measured, footprint: Footprint) ->
 def _slopes(laid: Ink, measured: Measured, pixels: Array | None = None) -> tuple[Array, Array]:
     """Derivatives of the windows' linear light by coverage and by paint, [..., 3], as from ``at_pixels``."""
     gain = at_pixels(laid.gain, pixels)[..., None]
-    slopes = slopes_of_mixture(*_mixed(laid, measured, pixels), laid.power)
+    slopes = slopes_of_mixture(*_layers(laid, measured, pixels), laid.power)
     by_coverage, by_paint = (slope * gain for slope in slopes)
     return by_coverage, by_paint
 
 
 def _by_mixing(laid: Ink, measured: Measured, pixels: Array | None = None) -> Array:
     """Derivative of the windows' linear light by ``mixing``: central differences."""
-    mixed = _mixed(laid, measured, pixels)
-    up, down = (mixture(*mixed, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
+    layers = _layers(laid, measured, pixels)
+    up, down = (mixture(*layers, laid.power * np.exp(sign * _COLOR_STEP)) for sign in (1, -1))
     return np.asarray((up - down) / (2 * _COLOR_STEP) * at_pixels(laid.gain, pixels)[..., None])
 
 
-def _mixed(laid: Ink, measured: Measured, pixels: Array | None) -> tuple[Array, Array, Array]:
-    """What is below, the paint, and its coverage."""
+class _Layers(NamedTuple):
+    """Paint on its ground, as arguments of ``mixture``; linear light as from ``at_pixels``."""
+
+    below: Array
+    paint: Array
+    coverage: Array
+
+
+def _layers(laid: Ink, measured: Measured, pixels: Array | None) -> _Layers:
     below = at_pixels(measured.samples.before_linear.numpy(), pixels)
-    return below, paint_at(laid, pixels), at_pixels(laid.footprint.coverage, pixels)[..., None]
+    return _Layers(below, paint_at(laid, pixels), at_pixels(laid.footprint.coverage, pixels)[..., None])
 
 
 def _srgb_and_slope(linear: Array) -> tuple[Array, Array]:

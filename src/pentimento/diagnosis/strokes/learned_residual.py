@@ -48,10 +48,13 @@ _STEADIED = 0.001
 _TURNED_RAD = 0.2
 """Standard deviation of a tool's yaw from which the tool's lie is an input."""
 _TREES = 50
+"""Boosting rounds."""
 _FIRST_TREES = 20
 """Boosting rounds of the first fit; enough to estimate each stroke's displacement."""
-_LEFT, _SINE = 0, 8
-"""Indices of features that change their sign under reflection."""
+_LEFT = 0
+"""Index of the feature "left of the path", which changes its sign under reflection."""
+_SINE = 8
+"""Index of the sine of the tool's lie, likewise."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class LearnedResidual:
         left = pixels.along_slope(residual(self.model, measured))
         missing = pixels.along_slope(residual(self.model, bare))
         missing -= action_effect(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
-        trees = grow(self._inputs_of(pixels), missing, pixels.depth, np.isin(pixels.stroke, rows), _TREES)
+        trees = grow(self._inputs_of(pixels), missing, pixels.depth, used=np.isin(pixels.stroke, rows), count=_TREES)
         learned_residual = replace(self, trees=(trees,))
         residual_prediction = learned_residual._joined(
             bare, pixels, learned_residual._predict(pixels)
@@ -118,7 +121,7 @@ class LearnedResidual:
 
 
 def learn_residual(
-    measured: Measured, model: Model, rows: Array, candidates: Sequence[Mechanism], seed: int
+    measured: Measured, model: Model, rows: Array, *, candidates: Sequence[Mechanism], seed: int
 ) -> tuple[LearnedResidual, Measured]:
     """Fit to the strokes with the indices ``rows``, and return all strokes with predictions that replace any earlier
     ones.
@@ -136,14 +139,14 @@ def learn_residual(
     pixels = _Pixels(model, measured, turned)
     missing = pixels.along_slope(residual(model, measured))
     features, fold = pixels.features, folds(measured.action, rows, seed)[pixels.stroke]
-    trees, predictions, share = cross_fitted(features, missing, pixels.depth, fold, _FIRST_TREES)
+    trees, predictions, share = cross_fitted(features, missing, pixels.depth, fold=fold, count=_FIRST_TREES)
     both = (predictions + predict_held_out(trees, mirrored_features(features), fold)) / 2
     learnt = fold >= 0
     mirrored = bool((pixels.depth * (np.square(missing - both) - np.square(missing - predictions)))[learnt].sum() < 0)
     # Each stroke's own displacement and width are chance. They are estimated once the common part is subtracted.
     missing -= action_effect(missing - share * predictions, pixels.by_place_and_width, pixels.depth, pixels.stroke)
     features = one_sided(features) if mirrored else features
-    trees, predictions, share = cross_fitted(features, missing, pixels.depth, fold, _TREES)
+    trees, predictions, share = cross_fitted(features, missing, pixels.depth, fold=fold, count=_TREES)
     full = model.plus(*candidates)
     amounts = _fitted(share * pixels.photographs(predictions), measured, full, rows)
     unlike = [m.cause for m in candidates if not amounts[full.columns_of(m.cause)].any()]

@@ -23,7 +23,14 @@ from pentimento.diagnosis.strokes.candidates import FIRST_P, held_out_losses
 from pentimento.diagnosis.strokes.fit import fit, values_with_errors
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, fit_modulator, mode_scores, modulated, unexplained
+from pentimento.diagnosis.strokes.modes import (
+    MODES,
+    AllModes,
+    fit_modulator,
+    mode_scores,
+    modulated,
+    structured_residual,
+)
 from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.geometry import speed_m_s
@@ -45,10 +52,12 @@ _POWER_OF_SPEED = {BristleLag.cause: 0, Latency.cause: 1}
 _ANOTHER_POWER = 0.15
 """Deviation from that power which counts as another power. A fitted wrong cause hides half or more of a difference of
 1: .16 to .55 remain visible, for a right cause at most .2."""
-_LEADS, _LEADS_BACKWARDS = 0.45, 0.5
-"""Leading distance beside a lag, as a share of the lag, that refutes it; and the opposite one. Overlapping paint shows
-.7, less if weak. Real and simulated lags show at most .33 and .38. Marks drawn outwards on both sides of bends show -1.
-"""
+_LEADS = 0.45
+"""Leading distance beside a lag, as a share of the lag, that refutes it. Overlapping paint shows .7, less if weak; real
+and simulated lags show at most .33."""
+_LEADS_BACKWARDS = 0.5
+"""The opposite distance that refutes it. Real and simulated lags show at most .38; marks drawn outwards on both sides
+of bends show 1."""
 
 
 def shows_signature(mechanism: Mechanism, values: Mapping[str, tuple[float, float]]) -> bool:
@@ -77,10 +86,10 @@ def trails_by_another_power(mechanism: Mechanism, model: Model, measured: Measur
     if any(isinstance(m, UnevenEnds) for m in model.mechanisms):
         model = fit(model.without(UnevenEnds.cause), measured)
     tangential = MODES.index("tangential")
-    scores, energy, _ = mode_scores(model, measured)
-    weight, log_speed = energy[:, tangential], np.log(speed)
+    scores = mode_scores(model, measured)
+    weight, log_speed = scores.energy[:, tangential], np.log(speed)
     centred = log_speed - np.average(log_speed, weights=weight)
-    shift_m = scores[:, tangential] * AllModes.quantities[tangential].typical
+    shift_m = scores.amounts[:, tangential] * AllModes.quantities[tangential].typical
     shift_m -= np.average(shift_m, weights=weight)
     information = float((weight * centred**2).sum())
     if information <= 0:
@@ -145,7 +154,7 @@ class _Leading(BristleLag):
 
 
 def generic_curve_suffices(
-    mechanism: Mechanism, model: Model, rest: Model, known: Measured, test_split: Measured, seed: int
+    mechanism: Mechanism, model: Model, rest: Model, *, known: Measured, test_split: Measured, seed: int
 ) -> bool:
     """Whether a curve over covariates that the cause does not depend on can replace it.
 
@@ -157,10 +166,10 @@ def generic_curve_suffices(
         rest: without it, likewise.
         test_split: strokes of the comparison.
     """
-    left, _, _ = unexplained(rest, known, _foreign(mechanism, known), seed)
-    if not left:
+    structure = structured_residual(rest, known, _foreign(mechanism, known), seed=seed)
+    if not structure.unexplained:
         return False
-    pairs = [(one.mode, one.covariate) for one in left]
+    pairs = [(one.mode, one.covariate) for one in structure.unexplained]
 
     def with_curve(bare: Model) -> Array:
         return action_losses(*modulated(bare, fit_modulator(bare, known, pairs, seed), test_split))

@@ -24,7 +24,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.strokes.soft_edge import LEVELS
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.mechanisms.geometry import arc_m, bending_per_m, moved_ends, tangent
-from pentimento.dynamics.strokes.simulation import Mechanism, Quantity, StrokeContext, extended_mark
+from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext, extended_mark
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
 Array = NDArray[Any]
@@ -179,6 +179,20 @@ def identity(kind: type[Mechanism], context: StrokeContext) -> Mechanism:
         NotObservable: these strokes cannot show the cause.
     """
     return kind(torch.zeros(len(kind.quantities), dtype=torch.float64), kind.reference_of(context))
+
+
+def observable_causes(
+    vocabulary: Sequence[type[Mechanism]], context: StrokeContext
+) -> tuple[dict[str, Mechanism], dict[str, str]]:
+    """The mechanism of each cause that these strokes can show, with all quantities 0; and of the others the reason."""
+    seen: dict[str, Mechanism] = {}
+    unseen: dict[str, str] = {}
+    for kind in vocabulary:
+        try:
+            seen[kind.cause] = identity(kind, context)
+        except NotObservable as reason:
+            unseen[kind.cause] = str(reason)
+    return seen, unseen
 
 
 class UnevenEnds(Mechanism):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pentimento.contracts.statistics import interval, resamples
-from pentimento.diagnosis.residual_structure import Unexplained, find_structure
+from pentimento.diagnosis.residual_structure import ModeScores, Structure, Unexplained, find_structure
 from pentimento.diagnosis.score import folds
 from pentimento.diagnosis.strokes.jacobian import linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, path_covariates
@@ -67,22 +67,20 @@ class AllModes(Mechanism):
         return bleed(moved, blur.expand_as(mark.radius_m), torch.zeros_like(mark.radius_m))
 
 
-def mode_scores(model: Model, measured: Measured) -> tuple[Array, Array, float]:
-    """Each row's residual in each mode, typical sizes [B, M]; the modes' energies [B, M]; the rows' mean error."""
+def mode_scores(model: Model, measured: Measured) -> ModeScores:
+    """Amounts of the modes in the residuals of a model."""
     curvature, slope, error = linearise_rows(model.plus(AllModes(torch.zeros(len(MODES)), {})), measured)
-    own = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
-    return slope[:, -len(MODES) :] / np.maximum(own, 1e-12), own, float(error.mean())
+    energy = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
+    return ModeScores(slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean()))
 
 
-def unexplained(
-    model: Model, measured: Measured, columns: Mapping[str, Array], seed: int
-) -> tuple[list[Unexplained], Array, list[str]]:
-    """The significant pairs of mode and covariate; all statistics |t| [M, C]; the covariates' names.
+def structured_residual(model: Model, measured: Measured, columns: Mapping[str, Array], *, seed: int) -> Structure:
+    """Dependences of the modes on covariates.
 
     Args:
         columns: covariates, [B] each, without gaps.
     """
-    return find_structure(MODES, *mode_scores(model, measured), columns, measured.action, seed)
+    return find_structure(MODES, mode_scores(model, measured), columns, action=measured.action, seed=seed)
 
 
 class Modulation(Mechanism):
@@ -160,7 +158,7 @@ class Generic(NamedTuple):
 
 
 def evaluate_modulator(
-    model: Model, known: Measured, test_split: Measured, left: Sequence[Unexplained], seed: int
+    model: Model, known: Measured, test_split: Measured, *, left: Sequence[Unexplained], seed: int
 ) -> Generic:
     """Fit a modulator to unexplained structure and measure it on the test split.
 

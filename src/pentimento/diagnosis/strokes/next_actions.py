@@ -79,7 +79,7 @@ def propose(model: Model, measured: Measured, asked: Sequence[Question], seed: i
         measured: the strokes so far; actions stay within their ranges.
     """
     columns, ranges = columns_of(model), ranges_of(measured)
-    so_far = linearise_rows(model, measured)[0].sum(0)
+    so_far = linearise_rows(model, measured).curvature.sum(0)
     rng = np.random.default_rng([seed, 14])
     sequences = [draw_sequence(rng, ranges, measured, count) for _ in range(_SEQUENCES)]
     _, gains = curvatures(sequences, model, measured, ranges)
@@ -111,7 +111,7 @@ def curvatures(
     turns = [executable(actions, measured, ranges) for actions in sequences]
     actions = [action for feasible, _ in turns for action in feasible]
     columns = [row for _, rows in turns for row in rows]
-    curvature = linearise_rows(model, as_measured(actions, columns, model, measured, ranges))[0]
+    curvature = linearise_rows(model, as_measured(actions, columns, model, measured, ranges)).curvature
     return [feasible for feasible, _ in turns], curvature.reshape(len(sequences), -1, *curvature.shape[1:])
 
 
@@ -150,7 +150,7 @@ def screen(diagnosis: Diagnosis) -> Screening[Measured, Model]:
     """Compare base and extended model over all strokes."""
     measured, models = diagnosis.measured, (diagnosis.base, diagnosis.extended)
     full = with_all(diagnosis.extended, measured, VOCABULARY)
-    base_scores, extended_scores = (mode_scores(model, measured)[0] for model in models)
+    base_scores, extended_scores = (mode_scores(model, measured).amounts for model in models)
     base_residual, extended_residual = (_signed(model, measured) for model in models)
     return screening_of(
         measured,

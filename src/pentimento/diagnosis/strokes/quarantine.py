@@ -15,8 +15,10 @@ from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share, load
 
 _MANY_UNMARKED = 0.1
 """Share of rows without a visible mark from which the verdict mentions it."""
-_VISIBLE_SHARE, _MIN_MARKED = 0.08, 0.0004
-"""A mark goes this far from paper to paint in this part of its window; pale pens mark little more."""
+_VISIBLE_SHARE = 0.08
+"""Way from paper to paint from which a pixel is marked; pale pens mark little more."""
+_MIN_MARKED = 0.0004
+"""Share of a window's pixels that a visible mark covers."""
 _MIN_INSIDE = 0.2
 """Share of a path's points that must lie in its window."""
 

@@ -28,8 +28,10 @@ Array = NDArray[Any]
 _QUESTIONS = (BLUE, OCHRE, GREEN, "#7a4f86", "#a33a3a", "#555555")
 _CANVAS_PX = 220
 """Cells of the longer side of the canvas map."""
-_ALONG, _ACROSS = 120, 60
-"""Cells of the straightened map along and across."""
+_ALONG = 120
+"""Cells of the straightened map along the stroke."""
+_ACROSS = 60
+"""Cells of the straightened map across it."""
 _BEYOND = 0.25
 """Shown length before the start and after the end, as a share of the stroke's length."""
 _HALF_WIDTHS = 4.0
@@ -56,11 +58,13 @@ def build_page(
     along = [stroke_map(residual, measured) for residual in residuals]
     drawn = {
         "strokes.png": strokes(diagnosis, screening),
-        "residual_stroke.png": residual_maps(along[0], along[1], "share of the length", "mm to the left", square=False),
+        "residual_stroke.png": residual_maps(
+            along[0], along[1], "share of the length", y_label="mm to the left", square=False
+        ),
     }
     if places_known(measured):
         canvas = [canvas_map(residual, measured) for residual in residuals]
-        drawn["residual_canvas.png"] = residual_maps(canvas[0], canvas[1], "x / mm", "y / mm", square=True)
+        drawn["residual_canvas.png"] = residual_maps(canvas[0], canvas[1], "x / mm", y_label="y / mm", square=True)
     if given:
         drawn["given_strokes.png"] = given_strokes(given, diagnosis, screening)
     if proposal.actions:
@@ -70,8 +74,8 @@ def build_page(
         for number, (action, question) in enumerate(zip(proposal.actions, proposal.question, strict=True), 1)
     ]
     return render_report(
-        "diagnosis_strokes.html", diagnosis, screening, verdict, STROKES, drawn, proposal.aliasing,
-        splits=diagnosis.splits, user_baseline=given is not None, actions=actions,
+        "diagnosis_strokes.html", diagnosis, screening, verdict=verdict, kind=STROKES, drawn=drawn,
+        pairs=proposal.aliasing, splits=diagnosis.splits, user_baseline=given is not None, actions=actions,
     )  # fmt: skip
 
 

@@ -44,12 +44,17 @@ Array = NDArray[Any]
 
 _FAMILY_P = 0.05
 """p up to which causes at the best one's site are refitted too."""
-_MIN_OF_FLOOR, _MIN_OF_MISFIT = 0.01, 0.008
-"""Minimum error that a cause must remove, as shares of the noise floor and of the error above it. In a base that is
-wrong in many ways, something always resembles a cause."""
-MAX_CAUSES, _MAX_STEPS = 6, 9
-_BORDERLINE_P, _MAX_BORDERLINE = 0.35, 2
-"""Discovery p of a borderline candidate at most, and how many are refitted."""
+_MIN_OF_FLOOR = 0.01
+"""Minimum error that a cause must remove, as a share of the noise floor."""
+_MIN_OF_MISFIT = 0.008
+"""The same as a share of the error above the floor. In a base that is wrong in many ways, something always resembles a
+cause."""
+MAX_CAUSES = 6
+_MAX_STEPS = 9
+_BORDERLINE_P = 0.35
+"""Discovery p of a borderline candidate, at most."""
+_MAX_BORDERLINE = 2
+"""Borderline candidates that are refitted."""
 
 
 @dataclass(frozen=True)
@@ -89,22 +94,26 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
         number = sum(m.cause in observable for m in model.mechanisms)
         taken = {m.cause for m in model.mechanisms}
         candidates = [m for cause, m in observable.items() if cause not in taken | dismissed]
-        fresh, at_start = evaluate_candidates(model, candidates, measured, seed + len(steps))
+        fresh, at_start = evaluate_candidates(model, candidates, measured, seed=seed + len(steps))
         evidence = {cause: e for cause, e in evidence.items() if cause in dismissed - taken} | fresh
         limit = LATER_P if number else FIRST_P
-        short = shortlist(fresh, limit, _FAMILY_P, observable)
-        hidden = [] if short or not number else _hidden_by_ends(model, candidates, observable, measured, seed)
+        short = shortlist(fresh, limit, _FAMILY_P, observable=observable)
+        hidden = (
+            [] if short or not number else _hidden_by_ends(model, candidates, observable, measured=measured, seed=seed)
+        )
         short = short or hidden
-        needless = {cause for cause in short if same_family_suffices(cause, model, observable, measured, seed)}
+        needless = {
+            cause for cause in short if same_family_suffices(cause, model, observable, measured=measured, seed=seed)
+        }
         dismissed |= needless
         short = [cause for cause in short if cause not in needless]
         if not short or number == MAX_CAUSES or len(steps) == _MAX_STEPS:
             steps.append(Step(evidence, None, ()))
             break
-        refits = refits_with(model, short, observable, measured, at_start)
+        refits = refits_with(model, short, observable, measured=measured, at_start=at_start)
         dismissed |= set(short) - set(refits)
         if hidden:
-            fresh = with_refit_evidence(fresh, refits, limit, model, measured, seed)
+            fresh = with_refit_evidence(fresh, refits, limit, model=model, measured=measured, seed=seed)
             evidence |= fresh
         before = action_losses(model, measured)
         error = float(before.mean())
@@ -125,11 +134,11 @@ def search(begun: Search, measured: Measured, seed: int, log: Callable[[str], No
             dismissed |= {cause for cause in losses if is_significant(fresh[cause], limit) or cause in hidden}
             continue
         losses = prune_unlikely(losses, error, refits, measured)
-        step = choose(evidence, losses, error, refits, measured, seed, log)
+        step = choose(evidence, losses, error, refits=refits, measured=measured, seed=seed, log=log)
         steps.append(step)
         assert step.chosen is not None
         gained[step.chosen] = size[step.chosen]
-        model = backward_elimination(refits[step.chosen], begun.large, measured, seed, log)
+        model = backward_elimination(refits[step.chosen], begun.large, measured, seed=seed, log=log)
     return replace(begun, model=model, steps=tuple(steps), gained=gained)
 
 
@@ -154,10 +163,10 @@ def recheck_alternatives(found: Search, measured: Measured, seed: int, log: Call
         without = fit(model.without(chosen), measured)
         now = next(m for m in model.mechanisms if m.cause == chosen)
         refits = {chosen: fit(model.without(chosen).plus(now), measured)}
-        refits |= refits_with(without, rivals, found.observable, measured)
+        refits |= refits_with(without, rivals, found.observable, measured=measured)
         losses = {cause: held_out_losses(refit, measured, seed) for cause, refit in refits.items()}
         error = float(action_losses(without, measured).mean())
-        settled = choose(step.evidence, losses, error, refits, measured, seed, log)
+        settled = choose(step.evidence, losses, error, refits=refits, measured=measured, seed=seed, log=log)
         assert settled.chosen is not None
         steps.append(settled)
         if settled.chosen != chosen:
@@ -167,7 +176,7 @@ def recheck_alternatives(found: Search, measured: Measured, seed: int, log: Call
 
 
 def same_family_suffices(
-    cause: str, model: Model, observable: Mapping[str, Mechanism], measured: Measured, seed: int
+    cause: str, model: Model, observable: Mapping[str, Mechanism], *, measured: Measured, seed: int
 ) -> bool:
     """Whether the model has a same-family cause and leaves no significant displacement that would need this one as
     well.
@@ -181,7 +190,7 @@ def same_family_suffices(
 
 
 def _hidden_by_ends(
-    model: Model, candidates: Sequence[Mechanism], observable: Mapping[str, Mechanism], measured: Measured, seed: int
+    model: Model, candidates: Sequence[Mechanism], observable: Mapping[str, Mechanism], *, measured: Measured, seed: int
 ) -> list[str]:
     """Candidates that uneven ends may hide: the residual is displaced by covariates that only the candidate depends on.
 
@@ -216,7 +225,7 @@ def min_removed(mechanism: Mechanism, error: float, so_far: Search) -> float:
     return max(_MIN_OF_FLOOR * (floor or error), _MIN_OF_MISFIT * (error - floor), *left)
 
 
-def confirmation_p(model: Model, cause: str, known: Measured, fresh: Array, seed: int) -> float:
+def confirmation_p(model: Model, cause: str, known: Measured, *, fresh: Array, seed: int) -> float:
     """One-sided p of the confirmation split against a cause with its values from the discovery split: sign flips of its
     scores, which have twice the power of a difference of losses.
 
@@ -236,7 +245,7 @@ def confirmation_p(model: Model, cause: str, known: Measured, fresh: Array, seed
 
 
 def accept_borderline(
-    found: Search, discovery_split: Measured, known: Measured, fresh: Array, seed: int, log: Callable[[str], None]
+    found: Search, discovery_split: Measured, known: Measured, *, fresh: Array, seed: int, log: Callable[[str], None]
 ) -> Search:
     """Accept the best borderline candidate if discovery and confirmation split together support it.
 
@@ -257,9 +266,9 @@ def accept_borderline(
     tried = [
         cause
         for cause in sorted(borderline, key=lambda cause: borderline[cause])[:_MAX_BORDERLINE]
-        if not same_family_suffices(cause, found.model, found.observable, discovery_split, seed)
+        if not same_family_suffices(cause, found.model, found.observable, measured=discovery_split, seed=seed)
     ]
-    refits = refits_with(found.model, tried, found.observable, discovery_split)
+    refits = refits_with(found.model, tried, found.observable, measured=discovery_split)
     before = action_losses(found.model, discovery_split)
     error = float(before.mean())
     losses = {cause: held_out_losses(refit, discovery_split, seed) for cause, refit in refits.items()}
@@ -267,10 +276,10 @@ def accept_borderline(
     losses = {c: each for c, each in losses.items() if size[c] >= min_removed(found.observable[c], error, found)}
     if not losses:
         return found
-    step = choose(last.evidence, losses, error, refits, discovery_split, seed, lambda _: None)
+    step = choose(last.evidence, losses, error, refits=refits, measured=discovery_split, seed=seed, log=lambda _: None)
     cause = step.chosen
     assert cause is not None
-    confirmed_p = confirmation_p(refits[cause], cause, known, fresh, seed)
+    confirmed_p = confirmation_p(refits[cause], cause, known, fresh=fresh, seed=seed)
     together_p = float(combine_pvalues([last.evidence[cause].p_adjusted, confirmed_p], method="fisher").pvalue)
     if together_p >= limit:
         return found

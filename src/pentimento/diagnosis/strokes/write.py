@@ -33,6 +33,7 @@ def write_diagnosis(
     table: pa.Table,
     out: Path,
     seed: int,
+    *,
     log: Callable[[str], None],
     outside: pa.Table | None = None,
     left_out: str | None = None,
@@ -75,7 +76,7 @@ def write_diagnosis(
     proposal = proposal_for(found, seen, seed)
     beside = None if given is None else evaluate_baseline(given, seen.test)
     actions = len(set(measured.action.tolist()))
-    result = verdict(found, len(measured), actions, shifted, notes, beside and beside.mse)
+    result = verdict(found, len(measured), actions, shifted=shifted, notes=notes, given_mse=beside and beside.mse)
     written = build_page(found, seen, proposal, result, beside)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal, measured), parquet, compression="zstd")
@@ -101,6 +102,7 @@ def diagnose_in_rounds(
     table: pa.Table,
     out: Path,
     rounds: int,
+    *,
     diagnosed: Callable[[pa.Table, str | None], Diagnosis],
     made: Callable[[pa.Table, pa.Table, int], pa.Table],
     log: Callable[[str], None],

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.strokes.diagnose import _is_of_use, _without
+from pentimento.diagnosis.strokes.establish import _is_of_use, without_causes
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
@@ -35,15 +35,15 @@ def test_removing_a_lag_restores_the_bases_uneven_ends(base: Model) -> None:
     lag = base.without("uneven_ends").plus(
         BristleLag(torch.tensor([0.01]), {}), PathOffset(torch.tensor([1e-3, 0.0]), {})
     )
-    assert causes(_without(lag, ["bristle_lag"], base)) == {"path_offset", "uneven_ends"}
-    np.testing.assert_array_equal(_without(lag, ["bristle_lag", "path_offset"], base).vector, base.vector)
+    assert causes(without_causes(lag, ["bristle_lag"], base)) == {"path_offset", "uneven_ends"}
+    np.testing.assert_array_equal(without_causes(lag, ["bristle_lag", "path_offset"], base).vector, base.vector)
 
 
 def test_without_keeps_existing_ends(base: Model) -> None:
     both = base.plus(BristleLag(torch.tensor([0.01]), {}))
-    assert causes(_without(both, ["bristle_lag"], base)) == {"uneven_ends"}
+    assert causes(without_causes(both, ["bristle_lag"], base)) == {"uneven_ends"}
     lag = both.without("uneven_ends")
-    assert causes(_without(lag, [], base)) == {"bristle_lag"}
+    assert causes(without_causes(lag, [], base)) == {"bristle_lag"}
 
 
 def finding(cause: str, gain: float, surely: float, confirmed_p: float = 0.005, left: float = 1.0) -> Finding:
