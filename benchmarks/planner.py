@@ -76,7 +76,7 @@ OURS = PlannerConfig(
     replan_rate=0.0,
     relocate_every=10,
     relocate_share=0.3,
-    min_gain=0.0,
+    min_gain_per_stroke=0.0,
     palette=PaletteChoice("plan", 12, None, None),
     sweeps=4,
     path_points=16,
@@ -255,7 +255,14 @@ def _in_paints(
         if execute:
             robot = VirtualRobot(Studio(load_world("round_brush"), seed))
             painting = paint(
-                robot, scene, strokes, palette_srgb=colors, batch=STROKES, replan=False, config=OURS, log=_unheard
+                robot,
+                scene,
+                strokes,
+                palette_srgb=colors,
+                replan_every=STROKES,
+                replan=False,
+                config=OURS,
+                log=_unheard,
             )
             executed = objective(as_linear(painting.photos[-1]))[0]
             result[name] |= {"executed": executed, "gap": executed - loss}

@@ -25,7 +25,7 @@ def play(
     story: Story,
     paint_context: PaintContext,
     world: str,
-    asking: SeededSampling,
+    sampling: SeededSampling,
     codrawing: Codrawing,
     seed: int,
 ) -> list[Turn]:
@@ -33,7 +33,7 @@ def play(
     planner = load_goal_planner(folder)
 
     def goal_for(photo: Picture, prompt: str) -> Picture:
-        return np.asarray(complete_canvases(planner, photo[None], [prompt], asking)[0])
+        return np.asarray(complete_canvases(planner, photo[None], [prompt], sampling)[0])
 
     return codraw(_robot(paint_context, world, seed), paint_context, story, goal_for, config=codrawing, seed=seed)
 

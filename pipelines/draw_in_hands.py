@@ -58,7 +58,7 @@ class DrawInHands:
     """The studio's."""
     darkest: float
     """The lightness (0 to 1) of the target's darkest tone."""
-    ink_m: float
+    ink_length_m: float
     """Approximate length of line in each drawing, which makes drawings comparable."""
     seed: int
     """Of the studio and of the classifier."""
@@ -66,7 +66,7 @@ class DrawInHands:
 
     def __post_init__(self) -> None:
         at_least(self, 0, "darkest", "seed")
-        above_zero(self, "ink_m")
+        above_zero(self, "ink_length_m")
         if self.darkest >= 1:
             raise ValueError(f"darkest is {self.darkest}; it must be below 1, or the target is all white.")
 
@@ -105,7 +105,7 @@ def main(arguments: argparse.Namespace) -> None:
             "error": _errors(drawings, scene, blank, config),
             "semantic_similarity": _meanings(drawings, target, blank, arguments.judge),
             "strokes": {name: len(drawing.planned) for name, drawing in drawings.items()},
-            "ink_m": {name: _length_m(drawing) for name, drawing in drawings.items()},
+            "ink_length_m": {name: _length_m(drawing) for name, drawing in drawings.items()},
             "taken_for": _taken_for(who, drawings, held_out),
         }
         write_json(out / "metrics.json", metrics)
@@ -134,7 +134,7 @@ def _drawn(name: str, shapes: Shapes, brush: TorchPathBrush, config: DrawInHands
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     scene, _ = _scene(brush, config)
     return draw_shapes(
-        robot, calibration, scene, shapes=shapes, ink_m=config.ink_m, config=config.planner,
+        robot, calibration, scene, shapes=shapes, ink_m=config.ink_length_m, config=config.planner,
         log=run.log_under(name),
     )  # fmt: skip
 

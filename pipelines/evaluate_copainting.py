@@ -61,16 +61,16 @@ _SHOWN_PX = 128
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What people see."""
+class FigureCounts:
+    """How many prompts the pictures and the preference page show."""
 
-    rows: int
-    """In the picture of all methods."""
-    preferences: int
-    """Prompts on the page of blind comparisons; each is compared with every rival."""
+    method_rows: int
+    """Rows in the picture of all methods."""
+    preference_prompts: int
+    """Prompts on the page of blind comparisons; each is compared with every other method."""
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "rows", "preferences")
+        at_least(self, 1, "method_rows", "preference_prompts")
 
 
 @dataclass(frozen=True)
@@ -88,27 +88,28 @@ class EvaluateCopainting:
 
     prompts: int
     """Held-out prompts on begun canvases (thesis 6.6.1)."""
-    on_paper: int
+    blank_canvas_prompts: int
     """Held-out prompts on blank paper."""
-    ordinary: int
-    """Held-out scenes of which something is missing, to be completed with no robot about."""
-    other_medium: int
-    """Of `prompts`, those also asked on canvases that were begun with another medium (thesis 6.6.4)."""
+    ordinary_scenes: int
+    """Held-out scenes with an object removed; their completion is scored without a robot's drawing."""
+    other_medium_prompts: int
+    """How many of `prompts` are repeated on canvases that were begun with another medium (thesis 6.6.4)."""
     strokes: Strokes
-    asking: SeededSampling
+    sampling: SeededSampling
+    """Of the goal planner."""
     text_only: TextOnly
     codrawing: Codrawing
-    shown: Shown
+    figures: FigureCounts
     workers: int
     """Processes; any number gives the same results."""
     seed: int
     settings: dict[str, EvaluatedSetting]
-    begun_with: dict[str, Medium]
-    """For each setting the other medium; on a sheet of the same size and resolution."""
+    other_media: dict[str, Medium]
+    """By setting, the other medium, on a sheet of the same size and resolution."""
 
     def __post_init__(self) -> None:
         at_least(self, 2, "prompts")
-        at_least(self, 1, "workers", "on_paper", "ordinary", "other_medium")
+        at_least(self, 1, "workers", "blank_canvas_prompts", "ordinary_scenes", "other_medium_prompts")
         at_least(self, 0, "seed")
 
 
@@ -116,8 +117,8 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: metrics.json, cases.json, pictures, the turns, and the page of blind comparisons with its key."""
     config = load_section(Path("params.yaml"), "evaluate_copainting", EvaluateCopainting)
     setting = entry_of(config.settings, arguments.setting, "evaluate_copainting.settings")
-    other = entry_of(config.begun_with, arguments.setting, "evaluate_copainting.begun_with")
-    for place, medium in (("settings", setting.medium), ("begun_with", other)):
+    other = entry_of(config.other_media, arguments.setting, "evaluate_copainting.other_media")
+    for place, medium in (("settings", setting.medium), ("other_media", other)):
         require_model(f"evaluate_copainting.{place}.{arguments.setting}: tool", medium.tool, arguments.tools)
     single_threaded()
     strokes_models = {tool: arguments.models / f"stroke_{tool}" / "weights" for tool in arguments.tools}
@@ -125,7 +126,7 @@ def main(arguments: argparse.Namespace) -> None:
         "scenes": arguments.scenes, "copaintings": arguments.copaintings, "base": arguments.base,
         "fine_tuned": arguments.fine_tuned, "semantics": arguments.semantics, "judge": arguments.judge,
     } | {f"stroke_{tool}": path for tool, path in strokes_models.items()}  # fmt: skip
-    params = asdict(replace(config, settings={arguments.setting: setting}, begun_with={arguments.setting: other}))
+    params = asdict(replace(config, settings={arguments.setting: setting}, other_media={arguments.setting: other}))
     with (
         tracked_run("evaluate_copainting", arguments.setting, params, inputs) as run,
         output_folder(arguments.out) as out,
@@ -139,26 +140,26 @@ def main(arguments: argparse.Namespace) -> None:
         planners = Planners(arguments.base, arguments.fine_tuned)
         task = Task(
             paint_context, paint_context, blank_sheet(pairs, cases[0].image.shape), planners, arguments.semantics,
-            config.strokes, config.asking, config.text_only, config.seed,
+            config.strokes, config.sampling, config.text_only, config.seed,
         )  # fmt: skip
         judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), _kinds(held_out))
 
-        edits = scene_edits(held_out.slice(0, config.ordinary), 1, config.seed)
+        edits = scene_edits(held_out.slice(0, config.ordinary_scenes), 1, config.seed)
         ordinary = submit(
-            partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, edits, config.asking
+            partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, edits, config.sampling
         )
         played = {
             name: [
-                submit(play, folder, story, paint_context, setting.world, config.asking, config.codrawing, seed)
+                submit(play, folder, story, paint_context, setting.world, config.sampling, config.codrawing, seed)
                 for seed, story in enumerate(stories(held_out, config.codrawing.stories), config.seed)
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
         }
         begun = run_on_canvas(cases, task, ON_CANVAS, submit)
         run.log("prompts", len(cases))
-        on_paper = paper_cases(held_out, config.on_paper)
+        on_paper = paper_cases(held_out, config.blank_canvas_prompts)
         paper = run_on_paper(on_paper, task, submit)
-        few = cases[: config.other_medium]
+        few = cases[: config.other_medium_prompts]
         other_task = replace(task, begun_with=load_paint_context(other, strokes_models[other.tool]))
         foreign = run_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
         turns = {name: gather(futures) for name, futures in played.items()}
@@ -180,8 +181,8 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "metrics.json", metrics)
         write_json(out / "cases.json", _by_case(cases, scores))
         asked = {"methods": (begun, cases), "on_paper": (paper, on_paper), "other_medium": (foreign, few)}
-        _write_pictures(out, asked, turns, config.shown.rows)
-        page, key = preference_page(_compared(cases[: config.shown.preferences], begun), config.seed)
+        _write_pictures(out, asked, turns, config.figures.method_rows)
+        page, key = preference_page(_compared(cases[: config.figures.preference_prompts], begun), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")
         write_json(out / "preference_key.json", key)
         run.log_metrics(

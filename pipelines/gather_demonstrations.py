@@ -27,7 +27,7 @@ class GatherDemonstrations:
     """Of each stroke in the table, at equal steps of arc length (thesis 5.3.2: 32)."""
     sources: list[Source]
     """Recordings; without any, synthetic writers draw."""
-    made_up: SyntheticConfig
+    synthetic: SyntheticConfig
     limits: Limits
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         recordings = [stroke for source in config.sources for stroke in read_source(source)]
         if not config.sources:
-            recordings = synthetic_sessions(config.made_up)
+            recordings = synthetic_sessions(config.synthetic)
         found = gather(recordings, config.limits, config.points)
         write_shards(out, found.table, CONTRACT)
         points = np.array(found.table.column("points").to_pylist())

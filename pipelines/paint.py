@@ -71,14 +71,14 @@ class Paint:
 
     strokes: int
     """In each painting."""
-    batch: int
+    replan_every: int
     """Strokes between two photographs (thesis 4.3.5: 20)."""
     seed: int
     """Of the studio."""
     settings: dict[str, Setting]
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "strokes", "batch")
+        at_least(self, 1, "strokes", "replan_every")
         at_least(self, 0, "seed")
 
 
@@ -89,7 +89,7 @@ def main(arguments: argparse.Namespace) -> None:
     require_model(f"paint.settings.{arguments.setting}.tool", setting.tool, arguments.tools)
     weights, base_weights = (arguments.models / f"stroke_{setting.tool}{kind}" / "weights" for kind in ("", "_base"))
     single_threaded()
-    params = {"strokes": config.strokes, "batch": config.batch, "seed": config.seed} | asdict(setting)
+    params = {"strokes": config.strokes, "replan_every": config.replan_every, "seed": config.seed} | asdict(setting)
     with (
         tracked_run("paint", arguments.setting, params, {"stroke_model": weights, "stroke_base": base_weights}) as run,
         output_folder(arguments.out) as out,
@@ -124,7 +124,7 @@ def main(arguments: argparse.Namespace) -> None:
                 scene,
                 strokes,
                 palette_srgb=palette,
-                batch=config.batch,
+                replan_every=config.replan_every,
                 replan=kind == "with",
                 config=setting.planner,
                 log=run.log_under(kind),
@@ -136,7 +136,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
         planned = to_planned(strokes, tool, setting.planner.path_points)
         _write_paintings(out, tool, robot.canvas_size_m, planned=planned, palette=palette, paintings=paintings)
-        executed = [min(i * config.batch, len(planned)) for i in range(len(paintings["with"].deviation))]
+        executed = [min(i * config.replan_every, len(planned)) for i in range(len(paintings["with"].deviation))]
         deviation = {kind: painting.deviation for kind, painting in paintings.items()}
         write_json(out / "deviation.json", {"strokes": executed} | deviation)
         write_json(out / "curve.json", {"iteration": list(range(len(losses))), "objective": losses})
@@ -259,7 +259,7 @@ def _execution_errors(
     if extended.mechanisms:
         strokes, palette = plan(as_linear(blank), scenes["base"], config.strokes, setting.planner, no_log)
         painting = paint(
-            new_robot(), scenes["base"], strokes, palette_srgb=palette, batch=config.batch, replan=False,
+            new_robot(), scenes["base"], strokes, palette_srgb=palette, replan_every=config.replan_every, replan=False,
             config=setting.planner, log=no_log,
         )  # fmt: skip
         difference = to_float(painting.predicted) - to_float(painting.photos[-1])

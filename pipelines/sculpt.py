@@ -19,15 +19,15 @@ from pentimento.contracts.tables import write_shards
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.control.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
+from pentimento.control.sculpting_settings import SculptingSettings
+from pentimento.control.sculptor import Sculpture, reach_for, sculpt, seen_m
 from pentimento.dynamics.pushes.analytic_correction import corrected
 from pentimento.dynamics.pushes.push_model import planned_members, read_push_model
 from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
 from pentimento.planning.objectives import ClayObjective
-from pentimento.planning.pushes.config import SculptorConfig
-from pentimento.planning.pushes.goal import GoalFit, GoalSettings, fit_goal
+from pentimento.planning.pushes.goal import GoalFit, fit_goal
 from pentimento.planning.pushes.plan import PushPlan, plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.report.figures import time_lapse
@@ -47,7 +47,7 @@ class Wanted:
 
     source: str
     """letter:<text>, shape:<name>, or a file; see sculpting_goals.sources."""
-    reach_m: float
+    depth_m: float
     """Depth of its lowest point below the clay's mean height; a later goal must be deeper than an earlier one."""
 
 
@@ -60,11 +60,8 @@ class Setting:
     end_effector: str
     goals: tuple[Wanted, ...]
     """In this order, in the same clay."""
-    share: float
-    """Fraction of the area's side that a goal covers."""
-    soften_m: float
-    """Width of the soft edges of goals, about a third of the end-effector's rounding."""
-    fit: GoalSettings
+    sculpting: SculptingSettings
+    """Goals, plans and execution; each goal has its own depth in place of that of `fit`."""
     depth_model: str | None
     """For pictures: folder of a depth model of transformers, or null for a plain relief."""
 
@@ -73,33 +70,34 @@ class Setting:
 class Sculpt:
     """Section `sculpt` of params.yaml."""
 
-    actions: int
-    """Maximum for each goal."""
     scan_pixels: int
-    execution: Execution
-    planner: SculptorConfig
-    reader_letters: str
+    """Of a scan, along the slab's longer side."""
+    classifier_letters: str
     """Classes of the letter classifier, which is applied only to goals among them."""
-    reader_examples: int
+    classifier_examples: int
     """Renderings of each, to train it on."""
     frame_ms: int
+    """Duration of each picture in the time-lapse."""
     seed: int
     """Of the studio."""
     settings: dict[str, Setting]
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "actions", "reader_examples")
+        at_least(self, 1, "classifier_examples")
         at_least(self, 2, "scan_pixels")
         above_zero(self, "frame_ms")
         at_least(self, 0, "seed")
-        if len(set(self.reader_letters)) < 2:
-            raise ValueError(f"reader_letters is {self.reader_letters!r}; a classifier needs at least two letters.")
+        if len(set(self.classifier_letters)) < 2:
+            raise ValueError(
+                f"classifier_letters is {self.classifier_letters!r}; a classifier needs at least two letters."
+            )
 
 
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: the pushes table, plans, height maps, pictures and metrics.json of one material."""
     config = load_section(Path("params.yaml"), "sculpt", Sculpt)
     setting = entry_of(config.settings, arguments.material, "sculpt.settings")
+    sculpting = setting.sculpting
     single_threaded()
     with (
         tracked_run("sculpt", arguments.material, asdict(config), {"push_model": arguments.model}) as run,
@@ -115,7 +113,7 @@ def main(arguments: argparse.Namespace) -> None:
                 f"sculpt.settings asks for {arguments.material} with {end_effector.name}; train it on that."
             )
         members = tuple(corrected(member, arguments.model) for member in planned_members(model, window_m))
-        reader = LetterClassifier(config.reader_letters, config.reader_examples, config.seed)
+        reader = LetterClassifier(config.classifier_letters, config.classifier_examples, config.seed)
         session = Session(f"sculpture-{arguments.material}-{config.seed}", robot.clock_s)
         rows: list[dict[str, Any]] = []
         frames: list[NDArray[np.uint8]] = []
@@ -125,16 +123,18 @@ def main(arguments: argparse.Namespace) -> None:
             folder = out / name
             folder.mkdir()
             height, _ = seen_m(robot.scan())
-            fit = _goal(wanted, height, setting, config, robot)
-            predicted = _predicted(height, fit, members, end_effector, robot, config, number)
+            fit = _goal(wanted, height, setting, robot)
+            predicted = _predicted(height, fit, members, end_effector, robot, sculpting, number)
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
-                config=config.planner, execution=config.execution, count=config.actions, session=session, item=number,
-                log=run.log_under(name),
+                config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
+                item=number, log=run.log_under(name),
             )  # fmt: skip
             _pictures(folder, window_m, fit, predicted, sculpture)
             rows += sculpture.rows
-            frames += [photograph(each, window_m, 2) for each in sculpture.heights_m[:: config.execution.batch]]
+            frames += [
+                photograph(each, window_m, 2) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
+            ]
             metrics = _metrics(wanted, fit, predicted, sculpture, config, reader, setting, window_m)
             write_json(folder / "metrics.json", metrics)
             goals[name] = metrics
@@ -152,12 +152,13 @@ def _robot(setting: Setting, end_effector: EndEffector, config: Sculpt) -> Sculp
     return GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m))
 
 
-def _goal(wanted: Wanted, height: Array, setting: Setting, config: Sculpt, robot: SculptingRobot) -> GoalFit:
-    soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
+def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot) -> GoalFit:
+    sculpting = setting.sculpting
+    soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
     depth_model = None if setting.depth_model is None else Path(setting.depth_model)
     shape = (height.shape[0], height.shape[1])
-    relief = relief_of(wanted.source, shape, setting.share, soften_px=soften_px, depth_model=depth_model)
-    return fit_goal(relief, height, replace(setting.fit, reach_m=wanted.reach_m))
+    relief = relief_of(wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth_model=depth_model)
+    return fit_goal(relief, height, replace(sculpting.fit, depth_m=wanted.depth_m))
 
 
 def _predicted(
@@ -166,15 +167,15 @@ def _predicted(
     members: tuple[PushModel, ...],
     end_effector: EndEffector,
     robot: SculptingRobot,
-    config: Sculpt,
+    sculpting: SculptingSettings,
     number: int,
 ) -> PushPlan:
     """Plan all actions at once from the candidates alone, without execution in between."""
-    objective = ClayObjective(fit.height_m, members[0].window_m, config.planner.weights)
-    foresight = EnsembleRollout(members, objective, config.planner.caution)
-    reach = reach_for(end_effector, robot.area_m, config.planner.edge_m)
-    whole = replace(config.planner, horizon=config.actions, rounds=0, refine="none")
-    return plan(height, foresight, reach, whole, config.actions, (number, 0))
+    objective = ClayObjective(fit.height_m, members[0].window_m, sculpting.planner.weights)
+    foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight)
+    reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
+    whole = replace(sculpting.planner, horizon=sculpting.actions, rounds=0, refine="none")
+    return plan(height, foresight, reach, whole, sculpting.actions, (number, 0))
 
 
 def _metrics(
@@ -187,7 +188,7 @@ def _metrics(
     setting: Setting,
     window_m: NDArray[np.float64],
 ) -> dict[str, Any]:
-    objective = ClayObjective(fit.height_m, window_m, config.planner.weights)
+    objective = ClayObjective(fit.height_m, window_m, setting.sculpting.planner.weights)
     off_mm2 = (
         float(np.square(1e3 * (sculpture.heights_m[1:] - sculpture.predicted_m)).mean())
         if len(sculpture.actions)
@@ -208,8 +209,10 @@ def _metrics(
         **goal_errors(objective, sculpture.heights_m, predicted.predicted_m[-1]),
     }
     letter = wanted.source.removeprefix("letter:")
-    if wanted.source.startswith("letter:") and letter in config.reader_letters and len(letter) == 1:
-        metrics["read"] = classify_sculpture(reader, sculpture.heights_m[-1], fit.height_m, border=setting.fit.border)
+    if wanted.source.startswith("letter:") and letter in config.classifier_letters and len(letter) == 1:
+        metrics["read"] = classify_sculpture(
+            reader, sculpture.heights_m[-1], fit.height_m, border=setting.sculpting.fit.border_share
+        )
         metrics["read"]["right"] = metrics["read"]["clay"] == letter
     return metrics
 

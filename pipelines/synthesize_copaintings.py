@@ -55,10 +55,10 @@ class SynthesizeCopaintings:
     """Section `synthesize_copaintings` of params.yaml."""
 
     scenes: SceneCounts
-    halves: SceneCounts
+    half_scenes: SceneCounts
     """Scenes with one object in one half of the sheet, from the table's first scenes with one object."""
-    beside: int
-    """Maximum number of pairs for each of these that ask for its object beside another one."""
+    pairs_per_half_scene: int
+    """Maximum number of pairs of each half scene: its object is to be added to the other half's."""
     scenes_per_shard: int
     """Scenes that one worker paints at a time; a killed worker loses as many."""
     workers: int
@@ -71,7 +71,7 @@ class SynthesizeCopaintings:
 
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes_per_shard", "workers")
-        at_least(self, 0, "beside")
+        at_least(self, 0, "pairs_per_half_scene")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -82,9 +82,11 @@ def main(arguments: argparse.Namespace) -> None:
     single_threaded()
     stroke_model = arguments.models / f"stroke_{setting.tool}" / "weights"
     inputs = {"scenes": arguments.scenes, "stroke_model": stroke_model, "semantics": arguments.semantics}
-    what = {"scenes": asdict(config.scenes), "halves": asdict(config.halves), "beside": config.beside}
-    what["scenes_per_shard"] = config.scenes_per_shard
-    what |= {"partials": asdict(config.partials), "setting": asdict(setting)}
+    what = {
+        "scenes": asdict(config.scenes), "half_scenes": asdict(config.half_scenes),
+        "pairs_per_half_scene": config.pairs_per_half_scene, "scenes_per_shard": config.scenes_per_shard,
+        "partials": asdict(config.partials), "setting": asdict(setting),
+    }  # fmt: skip
     digests = {name: input_digest(path) for name, path in inputs.items()}
     scratch = scratch_folder(SCRATCH, f"synthesize_copaintings@{arguments.setting}", what, digests)
     params = what | {"workers": config.workers, "scheduler": config.scheduler, "threshold": asdict(config.threshold)}
@@ -95,7 +97,7 @@ def main(arguments: argparse.Namespace) -> None:
         load_painter(arguments.setting, setting, stroke_model, arguments.semantics)  # so that its errors come first
         table = read_table(arguments.scenes, CONTRACT).table
         scenes = chosen(table, config.scenes, arguments.scenes)
-        halves = halves_of(table, config.halves, setting.planner.seed)
+        halves = halves_of(table, config.half_scenes, setting.planner.seed)
         rows, half_rows, step = scenes.to_pylist(), halves.to_pylist(), config.scenes_per_shard
         from_blank = replace(config.partials, random=0, salient_shares=(), semantic=0)
         jobs = [
@@ -109,7 +111,7 @@ def main(arguments: argparse.Namespace) -> None:
         encoder = Encoder.load(arguments.semantics)
         minimum = threshold_of(config.threshold, encoder, files)
         of_halves = files[len(files) - -(-len(half_rows) // step) :]
-        files += write_beside(of_halves, half_rows, table, setting, minimum, config.beside, scratch)
+        files += write_beside(of_halves, half_rows, table, setting, minimum, config.pairs_per_half_scene, scratch)
         metrics = keep_pairs(files, minimum, out) | {"scenes": len(rows) + len(half_rows)}
         card = dataset_card(
             arguments.setting, setting, config.threshold, metrics=metrics, scenes=scenes, scorer=encoder.digest

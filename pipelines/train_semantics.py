@@ -55,18 +55,18 @@ class TrainSemantics:
     caption_tokens: int
     views_seed: int
     """Of the drawings that both encoders learn from."""
-    evaluated: int
-    """Number of test scenes in the scores."""
-    among: int
-    """Captions among which retrieval must find a picture's own."""
+    test_scenes: int
+    """Maximum number of test scenes in the scores."""
+    retrieval_candidates: int
+    """Number of captions in each retrieval task; one of them is the picture's own."""
     encoders: dict[str, EncoderConfig]
     """`main` and `judge`: the encoder that guides a plan must not score it."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "merges", "views_seed")
         at_least(self, 4, "caption_tokens")
-        above_zero(self, "side_px", "evaluated")
-        at_least(self, 2, "among")
+        above_zero(self, "side_px", "test_scenes")
+        at_least(self, 2, "retrieval_candidates")
         if set(self.encoders) != {"main", "judge"}:
             raise ValueError(f"encoders are {', '.join(self.encoders) or 'none'}; give main and judge.")
         one, other = self.encoders["main"], self.encoders["judge"]
@@ -100,11 +100,11 @@ def _train(name: str, config: TrainSemantics, scenes: Path, out: Path) -> tuple[
     """Train one encoder in a separate process; write it with its scores and its curve into ``out``."""
     single_threaded()
     rows = _splits(scenes, config.side_px)
-    test = _first(rows["test"], config.evaluated)
+    test = _first(rows["test"], config.test_scenes)
     views = torch.from_numpy(drawn_views(test.images, config.views_seed + 1)).permute(1, 0, 4, 2, 3).float() / 255
     kinds = sorted(set(kinds_of(rows["train"])) | set(kinds_of(rows["test"])))
     encoder, curve = _encoder(config.encoders[name], config, rows["train"])
-    metrics = evaluate(encoder, test, views, kinds, config.among)
+    metrics = evaluate(encoder, test, views, kinds, config.retrieval_candidates)
     metrics["parameters"] = sum(p.numel() for p in encoder.model.parameters())
     metrics["digest"] = encoder.digest
     encoder.save(out)

@@ -30,14 +30,14 @@ _SAMPLES = 24
 class TrainTrajVAE:
     """Section `train_trajvae` of params.yaml."""
 
-    few: int
+    few_shot_strokes: int
     """Strokes of a writer's last session for fine-tuning (thesis 5.3.3: fewer than 20)."""
-    mapped: int
-    """Strokes in the map of the latent space, at most."""
+    mapped_strokes: int
+    """Maximum number of strokes in the map of the latent space."""
     model: TrajVAEConfig
 
     def __post_init__(self) -> None:
-        at_least(self, 2, "few", "mapped")
+        at_least(self, 2, "few_shot_strokes", "mapped_strokes")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -72,13 +72,13 @@ def _adapted(
     model: TrajVAE, known: Strokes, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
 ) -> tuple[StyleDecoder, dict[str, float]]:
     """Return a writer's decoder, fine-tuned on the first strokes of an unseen session, and errors (mm) on the rest."""
-    count = len(session.hand)
-    if count <= config.few:
+    count, few_shot = len(session.hand), config.few_shot_strokes
+    if count <= few_shot:
         raise ContractError(
-            f"The last session of the hand {hand} has {count} strokes; more than train_trajvae.few = {config.few} "
-            "are needed, so that some are left to measure with."
+            f"The last session of the hand {hand} has {count} strokes; more than train_trajvae.few_shot_strokes = "
+            f"{few_shot} are needed, so that some are left to measure with."
         )
-    few, rest = (session.strokes.pick(index) for index in (torch.arange(config.few), torch.arange(config.few, count)))
+    few, rest = (session.strokes.pick(index) for index in (torch.arange(few_shot), torch.arange(few_shot, count)))
     own = fine_tune(model, few, known, config.model, run.log_under(hand))
     errors = {
         "pretrained": reconstruction_mm(model, rest),
@@ -91,7 +91,7 @@ def _adapted(
 
 def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path) -> dict[str, float]:
     """Draw the map; return how well latents separate writers, beside raw coordinates and chance."""
-    every = max(-(-len(learned.hand) // config.mapped), 1)
+    every = max(-(-len(learned.hand) // config.mapped_strokes), 1)
     shown = learned.pick(np.arange(0, len(learned.hand), every))
     with torch.no_grad():
         latents = model.encode(shown.strokes)[0].double().numpy()

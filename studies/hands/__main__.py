@@ -29,10 +29,10 @@ from studies.hands.page import page
 from studies.hands.recordings import motion_capture, quickdraw, tablet
 
 POINTS, FEW, MIN, DRAWINGS, SEED = 32, 20, 10, 300, 1
-LIMITS = Limits(longest_hole=5, jump_m=3e-3, jump_times=8.0, shortest_m=1e-3, longest_m=0.6)
+LIMITS = Limits(max_gap_samples=5, jump_m=3e-3, jump_factor=8.0, shortest_m=1e-3, longest_m=0.6)
 CONFIG = TrajVAEConfig(
-    points=POINTS, latent=64, width=256, divergence=1e-4, pretraining=Course(3000, 64, 1e-3),
-    fine_tuning=Course(400, 64, 3e-4), variation=0.05, seed=SEED,
+    points=POINTS, latent=64, width=256, kl_weight=1e-4, pretraining=Course(3000, 64, 1e-3),
+    fine_tuning=Course(400, 64, 3e-4), augmentation_std=0.05, seed=SEED,
 )  # fmt: skip
 _SHOWN = 12
 _MAPPED = 300

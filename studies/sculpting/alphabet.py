@@ -1,7 +1,8 @@
 """The alphabet in one slab, never smoothed in between (thesis 7.4.2, Figure 7.1).
 
-`python -m studies.sculpting.alphabet --material foam --kept .1 --models DIR --out alphabet_foam_1` goes on after the
-last letter that it finished: what was done to the slab before is done again, from the record.
+`python -m studies.sculpting.alphabet --material foam --rising-share .1 --models DIR --out alphabet_foam_1` continues
+after the last finished letter. It first repeats the recorded pushes of the finished letters, so that the slab is the
+same.
 """
 
 from __future__ import annotations
@@ -29,20 +30,21 @@ from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector
 from studies.sculpting.clay import Settings, model_of, robot_with, settings
 
-REACH_M = (0.0015, 0.002, 0.0027, 0.0036, 0.005, 0.0095)
-"""Of the letters in turn. Pushes only lower, so that in foam the traces of a letter stay and the next must be deeper
-to be seen; an F, which is an E without its foot, much deeper."""
+DEPTH_M = (0.0015, 0.002, 0.0027, 0.0036, 0.005, 0.0095)
+"""Depths of the letters, in order. Pushes only lower the foam, so that a letter stays visible and the next one must be
+deeper. An F needs much more depth, because it is the E before it without its lowest line."""
 
 
 def main(arguments: argparse.Namespace) -> None:
     """Write `<letter>.json` and `<letter>.png` for each letter into `--out`."""
     torch.set_num_threads(1)
     given = settings(Path("params.yaml"))
+    sculpting = given.sculpting
     setting = given.sculpt.settings["foam"]
     robot, end_effector = robot_with(arguments.material, setting.end_effector, given.sculpt.scan_pixels, arguments.seed)
     scan = robot.scan()
     members = model_of(arguments.material, setting.end_effector, given, arguments.models, scan.window_m)
-    reader = LetterClassifier(arguments.letters, given.sculpt.reader_examples, given.sculpt.seed)
+    reader = LetterClassifier(arguments.letters, given.sculpt.classifier_examples, given.sculpt.seed)
     robot.change_tool(end_effector)
     for number, letter in enumerate(arguments.letters):
         record = arguments.out / f"{number}_{letter}.json"
@@ -50,22 +52,24 @@ def main(arguments: argparse.Namespace) -> None:
             _again(robot, end_effector, json.loads(record.read_text())["actions"], given)
             continue
         height, _ = seen_m(robot.scan())
-        soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
-        relief = relief_of(f"letter:{letter}", (height.shape[0], height.shape[1]), setting.share, soften_px=soften_px)
-        reach_m = REACH_M[number]
-        fit = fit_goal(relief, height, replace(setting.fit, reach_m=reach_m, kept=arguments.kept))
+        soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
+        relief = relief_of(
+            f"letter:{letter}", (height.shape[0], height.shape[1]), sculpting.side_share, soften_px=soften_px
+        )
+        depth_m = DEPTH_M[number]
+        fit = fit_goal(relief, height, replace(sculpting.fit, depth_m=depth_m, rising_share=arguments.rising_share))
         made = sculpt(
             robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
-            config=given.planner, execution=given.execution, count=given.sculpt.actions,
+            config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions,
             session=Session("alphabet", robot.clock_s), item=number, log=_unheard,
         )  # fmt: skip
-        objective = ClayObjective(fit.height_m, scan.window_m, given.planner.weights)
+        objective = ClayObjective(fit.height_m, scan.window_m, sculpting.planner.weights)
         said: dict[str, Any] = goal_errors(objective, made.heights_m, made.first.predicted_m[-1])
         said |= {
-            "read": classify_sculpture(reader, made.heights_m[-1], fit.height_m, border=setting.fit.border),
+            "read": classify_sculpture(reader, made.heights_m[-1], fit.height_m, border=sculpting.fit.border_share),
             "letter": letter,
         }
-        said |= {"actions": made.actions.tolist(), "stopped": made.stopped, "reach_m": reach_m}
+        said |= {"actions": made.actions.tolist(), "stopped": made.stopped, "reach_m": depth_m}
         pair = np.hstack([photograph(each, scan.window_m, 2) for each in (fit.height_m, made.heights_m[-1])])
         arguments.out.mkdir(parents=True, exist_ok=True)
         write_png(arguments.out / f"{number}_{letter}.png", pair)
@@ -74,13 +78,13 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _again(robot: SculptingRobot, end_effector: EndEffector, actions: list[list[float]], given: Settings) -> None:
-    """Push and scan as the record says: the studio answers the same commands with the same bytes."""
+    """Repeat recorded actions. The studio is deterministic, so that the clay is the same as after the recording."""
     robot.scan()
     scan = robot.scan()
     for action in actions:
         scan = execute_push(
             robot, end_effector, np.array(action), before=scan, speed_m_s=end_effector.speed_m_s,
-            dwell_s=given.execution.dwell_s, retract_speed_m_s=given.execution.retract_speed_m_s,
+            dwell_s=given.sculpting.execution.dwell_s, retract_speed_m_s=given.sculpting.execution.retract_speed_m_s,
         ).after  # fmt: skip
 
 
@@ -91,8 +95,8 @@ def _unheard(_name: str, _value: float, _step: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="alphabet", description=__doc__)
     parser.add_argument("--material", required=True)
-    parser.add_argument("--kept", type=float, required=True, help="share of what is pressed away that comes up again")
-    parser.add_argument("--models", required=True, type=Path, help="push models are kept here")
+    parser.add_argument("--rising-share", type=float, required=True, help="share of the displaced volume that rises")
+    parser.add_argument("--models", required=True, type=Path, help="folder of push models; missing ones are trained")
     parser.add_argument("--letters", default="ABCDEF", help="six at most")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", required=True, type=Path)

@@ -1,4 +1,4 @@
-"""What the experiments share: a material with a tool and its push model, made once, and a robot before smooth clay."""
+"""Shared by the experiments: settings, a robot in front of smooth clay, and push models that are trained once."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from pentimento.collection.pushes import PushCollectionConfig, collect_pushes
 from pentimento.contracts.atomic import atomic_folder
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.control.sculptor import Execution
+from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.pose import in_pose
 from pentimento.dynamics.pushes.push_model import TorchClay, planned_members, read_push_model, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, train
-from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector, load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
@@ -34,8 +33,8 @@ class Settings:
 
     collection: PushCollectionConfig
     training: TrainingConfig
-    planner: SculptorConfig
-    execution: Execution
+    sculpting: SculptingSettings
+    """Of foam."""
     sculpt: Sculpt
 
 
@@ -45,21 +44,20 @@ def settings(params: Path) -> Settings:
     return Settings(
         load_section(params, "collect_pushes", CollectPushes).collection,
         load_section(params, "train_push_dynamics", TrainingConfig),
-        sculpt.planner,
-        sculpt.execution,
+        sculpt.settings["foam"].sculpting,
         sculpt,
     )
 
 
 def robot_with(material: str, tool: str, scan_pixels: int, seed: int) -> tuple[SculptingRobot, EndEffector]:
-    """A guarded robot before smooth material, and the tool it is to take."""
+    """A guarded robot in front of smooth material, and the end-effector of that name."""
     end_effector = load_end_effector(tool)
     raw = virtual_sculpting_robot(material, scan_pixels, seed)
     return GuardedSculptingRobot(raw, push_envelope_for(end_effector, raw.area_m)), end_effector
 
 
 def model_of(material: str, tool: str, given: Settings, models: Path, window_m: FloatArray) -> tuple[TorchClay, ...]:
-    """The members of the push model of a material and a tool; collected for and trained where ``models`` lacks it."""
+    """The ensemble of push models of a material and a tool in ``models``; a missing one is trained and saved there."""
     folder = models / f"{material}_{tool}"
     if not folder.is_dir():
         robot, end_effector = robot_with(material, tool, given.collection.scan_pixels, given.collection.seed)
@@ -77,4 +75,4 @@ def model_of(material: str, tool: str, given: Settings, models: Path, window_m: 
 
 
 def _unheard(_name: str, _value: float, _step: int) -> None:
-    """Curves of training are not kept."""
+    """Discards the training curves."""

@@ -1,6 +1,6 @@
 """Losses over fifty actions at one relief, pushed with a ball or pinched with a gripper (thesis Figure 7.11).
 
-`python -m studies.sculpting.losses --material dough --tool ball --kept 1 --models DIR --out FILE.json [--seed 1]`
+`python -m studies.sculpting.losses --material dough --tool ball --rising-share 1 --models DIR --out FILE.json`
 """
 
 from __future__ import annotations
@@ -24,23 +24,26 @@ from pentimento.planning.pushes.goal import fit_goal
 from studies.sculpting.clay import model_of, robot_with, settings
 
 ACTIONS = 50
-REACH_M = 0.004
+DEPTH_M = 0.004
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`, and a picture beside it: the goal, and what came of it."""
+    """Write `--out`, and next to it a picture of the goal and the result."""
     torch.set_num_threads(1)
     given = settings(Path("params.yaml"))
-    setting = given.sculpt.settings["foam"]
+    sculpting = given.sculpting
     robot, end_effector = robot_with(arguments.material, arguments.tool, given.sculpt.scan_pixels, arguments.seed)
     scan = robot.scan()
     members = model_of(arguments.material, arguments.tool, given, arguments.models, scan.window_m)
     height, _ = seen_m(scan)
-    soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
-    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px=soften_px)
-    fit = fit_goal(relief, height, replace(setting.fit, reach_m=REACH_M, kept=arguments.kept))
-    # Both go on to the end: what fifty actions do is the question, not when to stop.
-    execution, config = replace(given.execution, patience=ACTIONS), replace(given.planner, min_gain=0.0)
+    soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
+    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), sculpting.side_share, soften_px=soften_px)
+    fit = fit_goal(relief, height, replace(sculpting.fit, depth_m=DEPTH_M, rising_share=arguments.rising_share))
+    # No early stop: both tools execute all fifty actions.
+    execution, config = (
+        replace(sculpting.execution, patience=ACTIONS),
+        replace(sculpting.planner, min_relative_gain=0.0),
+    )
     made = sculpt(
         robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, config=config,
         execution=execution, count=ACTIONS, session=Session("losses", robot.clock_s), item=0, log=lambda *_: None,
@@ -68,7 +71,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="losses", description=__doc__)
     parser.add_argument("--material", required=True)
     parser.add_argument("--tool", required=True)
-    parser.add_argument("--kept", type=float, required=True)
+    parser.add_argument("--rising-share", type=float, required=True)
     parser.add_argument("--models", required=True, type=Path, help="push models are kept here")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", required=True, type=Path)

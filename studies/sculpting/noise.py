@@ -41,18 +41,19 @@ def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: for each level the noise in mm², and both errors as shares of those of doing nothing."""
     torch.set_num_threads(1)
     given = settings(Path("params.yaml"))
+    sculpting = given.sculpting
     setting = given.sculpt.settings["foam"]
     robot, end_effector = robot_with(arguments.material, setting.end_effector, given.sculpt.scan_pixels, arguments.seed)
     scan = robot.scan()
     members = model_of(arguments.material, setting.end_effector, given, arguments.models, scan.window_m)
     height, _ = seen_m(scan)
-    soften_px = setting.soften_m * height.shape[1] / robot.area_m[0]
-    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), setting.share, soften_px=soften_px)
-    fit = fit_goal(relief, height, setting.fit)
-    objective = ClayObjective(fit.height_m, scan.window_m, replace(given.planner.weights, visual=VISUAL))
-    foresight = EnsembleRollout(members, objective, given.planner.caution)
-    reach = reach_for(end_effector, robot.area_m, given.planner.edge_m)
-    actions = _planned(height, foresight, reach, given.planner)
+    soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
+    relief = relief_of("shape:cross", (height.shape[0], height.shape[1]), sculpting.side_share, soften_px=soften_px)
+    fit = fit_goal(relief, height, sculpting.fit)
+    objective = ClayObjective(fit.height_m, scan.window_m, replace(sculpting.planner.weights, visual=VISUAL))
+    foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight)
+    reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
+    actions = _planned(height, foresight, reach, sculpting.planner)
     nothing = {
         "error_3d_mm2": float(objective.error_3d_mm2(height)),
         "visual_error": float(objective.visual_error(height)),

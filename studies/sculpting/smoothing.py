@@ -82,7 +82,7 @@ def _smoothed(name: str, arguments: argparse.Namespace, given: Settings) -> tupl
             before=scan,
             speed_m_s=edge.speed_m_s,
             dwell_s=0.5,
-            retract_speed_m_s=given.execution.retract_speed_m_s,
+            retract_speed_m_s=given.sculpting.execution.retract_speed_m_s,
         ).after
     robot = GuardedSculptingRobot(raw, push_envelope_for(tool, raw.area_m))
     robot.change_tool(tool)
@@ -107,7 +107,7 @@ def _smoothed(name: str, arguments: argparse.Namespace, given: Settings) -> tupl
             before=scan,
             speed_m_s=tool.speed_m_s,
             dwell_s=0.5,
-            retract_speed_m_s=given.execution.retract_speed_m_s,
+            retract_speed_m_s=given.sculpting.execution.retract_speed_m_s,
         ).after
         heights.append(seen_m(scan)[0])
     return np.stack(heights), scan.window_m
@@ -130,7 +130,8 @@ def _next(
     if not isinstance(objective, ChamferObjective):
         refine = "gradient"
     config = replace(
-        given.planner, horizon=1, candidates=64, rounds=2, guided=0.5, refine=refine, iterations=10, samples=8
+        given.sculpting.planner, horizon=1, candidates=64, rounds=2, guided_share=0.5, refine=refine, iterations=10,
+        samples=8
     )  # fmt: skip
     reach = reach_for(load_end_effector(tool), area_m, config.edge_m)
     actions = plan(height, EnsembleRollout(members, objective, 0.0), reach, config, 1, (number,)).actions
@@ -139,7 +140,7 @@ def _next(
 
 def _goal(height: Array, given: Settings) -> Array:
     """As much clay, level but for the border."""
-    return fit_goal(np.zeros(height.shape), height, replace(given.sculpt.settings["foam"].fit, kept=1.0)).height_m
+    return fit_goal(np.zeros(height.shape), height, replace(given.sculpting.fit, rising_share=1.0)).height_m
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import load_tool
 from pipelines._imports import ROOT, imported_names
 from tests.bundle.tiny_bundle import CANVAS_M, GRAPHS, change, graph, relist, write_tiny_bundle
+from tests.control.sculpting_bundle import SETTINGS
 
 SEMANTIC = "graphs/semantic.onnx"
 
@@ -301,7 +302,8 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"schema": 2}, "schema 2 and this version reads 1"),
+        ({"schema": 1}, "schema 1 and this version reads 2; write the bundle again with the stage deploy"),
+        ({"sculpting": {"clay_foam": to_plain(SETTINGS)}}, "refers to 'clay_foam'"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown keys \['more'\]"),
         ({"brushes": {}}, "refers to 'pen'"),
@@ -316,7 +318,7 @@ def test_open_bundle_rejects_an_invalid_manifest(bundle: Path, entries: dict[str
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": 1, "schema": 1}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+    "text", ["", "[]", "{", '{"schema": 2, "schema": 2}', '{"schema": NaN}', "[" * 100_000, "\xff"]
 )
 def test_open_bundle_rejects_malformed_json(bundle: Path, text: str) -> None:
     (bundle / MANIFEST).write_bytes(text.encode("latin-1"))

@@ -26,7 +26,7 @@ from pentimento.bundle.manifest import (
     Setting,
     WordsFacts,
 )
-from pentimento.bundle.reader import MANIFEST
+from pentimento.bundle.reader import MANIFEST, SCHEMA
 from pentimento.contracts.codec import to_plain
 from pentimento.control.safety import envelope_for
 from pentimento.planning.strokes.brush import StrokeTiming
@@ -47,7 +47,8 @@ GRAPHS = (
 
 PLANNER = PlannerConfig(
     initialisation="error_guided", candidates=2, rounds=1, sizes=(0.5, 0.1), iterations_per_round=2, iterations_free=4,
-    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=0, relocate_share=0.2, min_gain=0.0,
+    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=0, relocate_share=0.2,
+    min_gain_per_stroke=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=4, pixels_per_m=800.0, edge_m=0.002,
     distances_px=(1, 4), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 2e-5, 0.0), seed=1,
@@ -75,7 +76,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         "tools/marker.toml", "pen", CANVAS_M, 6, 3, PLANNER, envelope_for(load_tool("marker"), CANVAS_M)
     )  # fmt: skip
     manifest = Manifest(
-        schema=1,
+        schema=SCHEMA,
         opset=OPSET,
         ir_version=IR_VERSION,
         files={},
@@ -90,6 +91,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         goal=GoalFacts(16, 4, 2, 0.8, (0.9, 0.5, 0.0), 1.0, "sample", "trailing", 0, 2, 1.0, 5.0, words),
         styles={},
         clays={},
+        sculpting={},
     )
     for name, data in contents.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

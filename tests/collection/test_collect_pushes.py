@@ -15,7 +15,7 @@ from pentimento.robots.tools import load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
 
 CONFIG = PushCollectionConfig(
-    pushes=10, repeated=2, times=2, per_smoothing=(2, 3), returning=0.5, edge_m=0.03, scan_pixels=64, seed=2
+    pushes=10, repeated=2, times=2, pushes_per_smoothing=(2, 3), revisit_share=0.5, edge_m=0.03, scan_pixels=64, seed=2
 )
 
 

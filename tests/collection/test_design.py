@@ -65,7 +65,7 @@ def test_some_single_strokes_cross_paint_if_they_are_to(commands: list[Command])
         return float(np.mean(crossing))
 
     assert 0.15 < share(commands) < 0.5
-    assert share(design(config=replace(CONFIG, crossing=0.0))) < 0.05
+    assert share(design(config=replace(CONFIG, crossing_share=0.0))) < 0.05
 
 
 @pytest.mark.parametrize("tool", ["round_brush", "flat_brush", "marker"])
@@ -108,7 +108,8 @@ def test_the_same_seed_gives_the_same_commands_and_another_does_not(commands: li
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("strokes", 0), ("repeated", -1), ("repeated", 60), ("times", 0), ("crossing", -0.1), ("crossing", 1.5),
+        ("strokes", 0), ("repeated", -1), ("repeated", 60), ("times", 0), ("crossing_share", -0.1),
+        ("crossing_share", 1.5),
         ("path_points", 1), ("margin_m", 0.0), ("edge_m", -0.1), ("pixels_per_m", 0.0), ("settle_s", (0.0, 1.0)),
         ("settle_s", (2.0, 1.0)), ("yaw_spread_rad", -1.0), ("seed", -1), ("palette_srgb", ()),
         ("palette_srgb", ((2.0, 0.0, 0.0),)),

@@ -12,7 +12,14 @@ from pentimento.robots.tools import load_end_effector
 AREA = (0.2, 0.2)
 BALL, GRIPPER = load_end_effector("ball"), load_end_effector("gripper")
 CONFIG = PushCollectionConfig(
-    pushes=120, repeated=8, times=3, per_smoothing=(3, 8), returning=0.5, edge_m=0.025, scan_pixels=64, seed=4
+    pushes=120,
+    repeated=8,
+    times=3,
+    pushes_per_smoothing=(3, 8),
+    revisit_share=0.5,
+    edge_m=0.025,
+    scan_pixels=64,
+    seed=4,
 )
 
 
@@ -65,10 +72,10 @@ def test_push_design_factors_are_uncorrelated() -> None:
 
 
 def test_half_of_the_others_are_aimed_at_worked_places() -> None:
-    def near(returning: float) -> float:
+    def near(revisit_share: float) -> float:
         hits, seen = 0, 0
         worked: list[np.ndarray] = []
-        for command in design_pushes(BALL, AREA, replace(CONFIG, returning=returning)):
+        for command in design_pushes(BALL, AREA, replace(CONFIG, revisit_share=revisit_share)):
             middle = ends(command).mean(axis=0)
             if command.smooth:
                 worked = []
@@ -83,7 +90,7 @@ def test_half_of_the_others_are_aimed_at_worked_places() -> None:
 
 
 def test_an_action_depends_on_its_seed_and_number_alone_where_nothing_was_pressed() -> None:
-    few, many = (design_pushes(BALL, AREA, replace(CONFIG, pushes=n, returning=0.0)) for n in (60, 120))
+    few, many = (design_pushes(BALL, AREA, replace(CONFIG, pushes=n, revisit_share=0.0)) for n in (60, 120))
     first = {command.action_id: command.action for command in many}
     singles = [command for command in few if command.action_id < 30]
     assert singles
@@ -110,9 +117,9 @@ def test_a_slab_without_room_is_named() -> None:
     [
         ({"pushes": 0}, "pushes is 0"),
         ({"repeated": 50}, "more than pushes"),
-        ({"returning": 1.5}, "at most 1"),
-        ({"per_smoothing": (5, 3)}, "min number"),
-        ({"per_smoothing": (0, 3)}, "from 1"),
+        ({"revisit_share": 1.5}, "at most 1"),
+        ({"pushes_per_smoothing": (5, 3)}, "min number"),
+        ({"pushes_per_smoothing": (0, 3)}, "from 1"),
         ({"scan_pixels": 4}, "scan_pixels"),
         ({"edge_m": -0.1}, "edge_m"),
     ],

@@ -6,6 +6,7 @@ A push leaves one round dent where the tool, which sinks on its way, has pressed
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -15,10 +16,21 @@ from pentimento.bundle.manifest import ClayFacts
 from pentimento.bundle.reader import MANIFEST
 from pentimento.contracts.codec import to_plain
 from pentimento.contracts.frames import pixel_to_canvas
+from pentimento.control.sculpting_settings import Execution, SculptingSettings
+from pentimento.planning.pushes.goal import GoalSettings
 from tests.bundle.tiny_bundle import add_graphs, change, numbers, relist
+from tests.planning.pushes.settings import CONFIG
 
 PIXELS, SIDE_M = 48, 0.2
 FACTS = ClayFacts("ball", "push", (0.0, 0.0, SIDE_M, SIDE_M), (PIXELS, PIXELS), 0.03, 0.01)
+SETTINGS = SculptingSettings(
+    actions=60, side_share=0.7, edge_blur_m=0.0028,
+    fit=GoalSettings(
+        volume_weight=1.0, floor_weight=10.0, range_weight=0.01, rising_share=0.25, depth_m=0.0035, border_share=0.1
+    ),
+    planner=replace(CONFIG, edge_m=0.03, horizon=2, candidates=8, iterations=1),
+    execution=Execution(replan_every=4, patience=12, dwell_s=0.5, retract_speed_m_s=0.05),
+)  # fmt: skip
 
 _WIDE_M = 0.007
 _PLACES = pixel_to_canvas(np.arange(PIXELS)[:, None].repeat(2, 1), np.array(FACTS.window_m), PIXELS / SIDE_M)
@@ -101,6 +113,11 @@ def add_clay(folder: Path) -> Path:
     ball = (resources.files("pentimento.robots") / "end_effectors" / "ball.toml").read_bytes()
     (folder / "end_effectors/ball.toml").write_bytes(ball)
     models = json.loads((folder / MANIFEST).read_text())["models"]
-    change(folder, clays={"clay_foam": to_plain(FACTS)}, models=models | {"push_foam": "2"})
+    change(
+        folder,
+        clays={"clay_foam": to_plain(FACTS)},
+        sculpting={"clay_foam": to_plain(SETTINGS)},
+        models=models | {"push_foam": "2"},
+    )
     relist(folder)
     return folder

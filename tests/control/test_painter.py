@@ -74,7 +74,7 @@ def painted() -> Logged:
     strokes, palette = plan(blank, scene(), 12, INK, unheard)
     logged: list[tuple[str, float, int]] = []
     painting = paint(
-        robot(), scene(), strokes, palette_srgb=palette, batch=5, replan=True, config=INK,
+        robot(), scene(), strokes, palette_srgb=palette, replan_every=5, replan=True, config=INK,
         log=lambda *what: logged.append(what),
     )  # fmt: skip
     return painting, logged

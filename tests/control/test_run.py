@@ -77,12 +77,12 @@ def test_run_paints_a_picture_without_torch(bundle: Path, picture: Path, tmp_pat
 def test_run_paints_a_goal_from_words_without_torch(bundle: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = _in_process(
-        "run", bundle, "--goal-text", "a cat", "--out", out, "--strokes", "4", "--batch", "2", "--seed", "5"
+        "run", bundle, "--goal-text", "a cat", "--out", out, "--strokes", "4", "--replan-every", "2", "--seed", "5"
     )
     assert done.returncode == 0, done.stderr
     commission = json.loads((out / "commission.json").read_text())
     assert commission["wanted"] == {"kind": "words", "value": "a cat"}
-    assert (commission["strokes"], commission["batch"], commission["seed"]) == (4, 2, 5)
+    assert (commission["strokes"], commission["replan_every"], commission["seed"]) == (4, 2, 5)
     assert load_state(out).executed <= 4
     goal, canvas = (read_image(out / name).astype(float) for name in ("goal.png", "canvas.png"))
     middle = slice(8, 40)  # the centred square of 48 x 32 pixels; these networks ask for a darker upper half

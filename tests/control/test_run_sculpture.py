@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,8 @@ from pentimento.control.run_sculpture import Ended, clay_commission_of, run_scul
 from pentimento.planning.pushes.goal import GoalError, sunken_letters
 from pentimento.robots.virtual import VirtualSculptingRobot
 from tests.bundle.tiny_bundle import write_tiny_bundle
-from tests.control.sculpting_bundle import FACTS, add_clay
+from tests.control.sculpting_bundle import FACTS, SETTINGS, add_clay
 from tests.planning.pushes.clay import PressedClay
-from tests.planning.pushes.settings import CONFIG
 
 
 @pytest.fixture
@@ -31,7 +29,6 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A bundle with a push model of foam, with the tests' model of clay in place of its graphs."""
     folder = add_clay(write_tiny_bundle(tmp_path / "bundle"))
     monkeypatch.setattr(module, "GraphClay", lambda *_: PressedClay(window_m=np.array(FACTS.window_m)))
-    monkeypatch.setattr(module, "_PLANNER", replace(CONFIG, edge_m=0.03, horizon=2, candidates=8, iterations=1))
     return folder
 
 
@@ -109,6 +106,13 @@ def test_sculpture_killed_during_a_push_scans_again_on_resume(
     assert read.table.num_rows == len(state.progress.actions) and not read.quarantined
     moved = np.abs(state.progress.heights_m[1] - saved.progress.heights_m[1]).max()
     assert moved > 1e-3  # the push was in the journal, so the studio executed it either way
+
+
+def test_commission_takes_the_bundles_settings_where_the_command_says_nothing(bundle: Path) -> None:
+    left = clay_commission_of(bundle, "foam", "T")
+    assert (left.depth_m, left.actions, left.seed) == (0.0035, 60, SETTINGS.planner.seed)
+    given = clay_commission_of(bundle, "foam", "T", depth_m=0.002, actions=5, seed=9)
+    assert (given.depth_m, given.actions, given.seed) == (0.002, 5, 9)
 
 
 def test_sculpture_rejects_unknown_material_letter_and_used_folder(bundle: Path, tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
 from pentimento.control.execute import Session
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
-from pentimento.control.sculptor import Execution, Sculpture, reach_for, sculpt, seen_m
+from pentimento.control.sculpting_settings import Execution
+from pentimento.control.sculptor import Sculpture, reach_for, sculpt, seen_m
 from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.robots.driver import Push
 from pentimento.robots.tools import EndEffector, load_end_effector
@@ -63,7 +64,7 @@ def reachable_goal() -> np.ndarray:
 
 
 def sculpted(robot: PaperRobot, config: SculptorConfig = CONFIG, count: int = 4, **changes: object) -> Sculpture:
-    execution = replace(Execution(batch=2, patience=4, dwell_s=0.5, retract_speed_m_s=0.05), **changes)  # type: ignore[arg-type]
+    execution = replace(Execution(replan_every=2, patience=4, dwell_s=0.5, retract_speed_m_s=0.05), **changes)  # type: ignore[arg-type]
     guarded = GuardedSculptingRobot(robot, push_envelope_for(BALL, robot.area_m))
     return sculpt(
         guarded, BALL, "paper", goal_m=reachable_goal(), members=[PressedClay()], config=config, execution=execution,

@@ -19,7 +19,8 @@ from pentimento.robots.tools import load_tool
 SIDE_PX = 32
 PLANNER = PlannerConfig(
     initialisation="error_guided", candidates=4, rounds=2, sizes=(0.5, 0.2), iterations_per_round=4, iterations_free=12,
-    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=6, relocate_share=0.2, min_gain=0.0,
+    iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=6, relocate_share=0.2,
+    min_gain_per_stroke=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=10, pixels_per_m=480.0, edge_m=0.003,
     distances_px=(1, 2), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(0.0008, 0.04, 0.0008, 0.0005, 0.00002, 0.0), seed=0,

@@ -24,7 +24,8 @@ from pentimento.semantics.tokenizer import learn_tokenizer
 PARTIALS = PartialsConfig(2, (0.25, 0.75), (0.3,), 1, 0.5, 0.001)
 PLANNER = PlannerConfig(
     initialisation="error_guided", candidates=2, rounds=1, sizes=(0.3, 0.3), iterations_per_round=2, iterations_free=4,
-    iterations_palette=0, iterations_replan=1, replan_rate=0.3, relocate_every=2, relocate_share=0.2, min_gain=0.0,
+    iterations_palette=0, iterations_replan=1, replan_rate=0.3, relocate_every=2, relocate_share=0.2,
+    min_gain_per_stroke=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=6, pixels_per_m=600, edge_m=0.002,
     distances_px=(1, 3), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 2e-5, 0.0), seed=1,

@@ -22,14 +22,15 @@ from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.semantics.encoder import Encoder, new_model
 from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
+from tests.control.sculpting_bundle import SETTINGS
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
 
 CONFIG = DeployConfig(
     tolerance=1e-4,
     views=1,
-    asking=GoalSampling(2, 1.0, 5.0),
+    sampling=GoalSampling(2, 1.0, 5.0),
     settings={"small": SettingConfig("marker", CANVAS_M, 6, 3, False, PLANNER)},
-    clays={"foam": ClayConfig((0.0, 0.0, 0.1, 0.08), (40, 50))},
+    clays={"foam": ClayConfig((0.0, 0.0, 0.1, 0.08), (40, 50), SETTINGS)},
 )
 BRUSH = f"marker_{PLANNER.path_points}"
 DIGESTS = {"stroke_marker": "1", "semantics": "2", "goal": "3", "push_foam": "4"}

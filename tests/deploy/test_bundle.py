@@ -14,6 +14,7 @@ from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
 from tests.bundle.tiny_bundle import CANVAS_M
+from tests.control.sculpting_bundle import SETTINGS
 from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle
 
 pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
@@ -29,6 +30,7 @@ def test_written_bundle_opens_with_parity_of_each_graph() -> None:
         assert max(graph.parity.values()) <= CONFIG.tolerance, name
         assert set(graph.models) <= set(DIGESTS)
     assert manifest.models == DIGESTS
+    assert manifest.sculpting == {"clay_foam": SETTINGS}
     assert manifest.settings["small"].envelope == envelope_for(load_tool("marker"), CANVAS_M)
 
 

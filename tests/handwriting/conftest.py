@@ -12,8 +12,8 @@ from pentimento.handwriting.training import Course, TrajVAEConfig, pretrain
 from pentimento.handwriting.trajvae import TrajVAE
 
 CONFIG = TrajVAEConfig(
-    points=16, latent=8, width=64, divergence=3e-4, pretraining=Course(250, 32, 2e-3),
-    fine_tuning=Course(80, 12, 1e-3), variation=0.05, seed=1,
+    points=16, latent=8, width=64, kl_weight=3e-4, pretraining=Course(250, 32, 2e-3),
+    fine_tuning=Course(80, 12, 1e-3), augmentation_std=0.05, seed=1,
 )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import pytest
 from pentimento.handwriting.recording import XY, Recording, recording
 from pentimento.handwriting.repair import Limits, repair, repair_all
 
-LIMITS = Limits(longest_hole=5, jump_m=3e-3, jump_times=8.0, shortest_m=1e-3, longest_m=0.6)
+LIMITS = Limits(max_gap_samples=5, jump_m=3e-3, jump_factor=8.0, shortest_m=1e-3, longest_m=0.6)
 
 
 def line(count: int = 40, step_m: float = 5e-4) -> Recording:

@@ -227,7 +227,7 @@ def test_the_full_profile_is_of_one_size_throughout(tmp_path: Path) -> None:
     setting = full["synthesize_copaintings"].settings["marker"]
     assert scenes.side_px == full["train_semantics"].side_px == setting.picture_px
     side_m, pixels_per_m = setting.canvas_m[0], setting.planner.pixels_per_m
-    media = [evaluated.settings["marker"].medium, evaluated.begun_with["marker"]]
+    media = [evaluated.settings["marker"].medium, evaluated.other_media["marker"]]
     assert {(medium.side_m, medium.planner.pixels_per_m) for medium in media} == {(side_m, pixels_per_m)}
     assert deployed.settings["marker"].canvas_m == setting.canvas_m
     assert deployed.settings["marker"].planner == setting.planner

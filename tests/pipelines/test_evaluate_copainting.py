@@ -29,7 +29,7 @@ SIDE_PX = 32
 PLANNER: dict[str, Any] = {
     "initialisation": "error_guided", "candidates": 2, "rounds": 1, "sizes": [0.5, 0.5], "iterations_per_round": 2,
     "iterations_free": 2, "iterations_palette": 0, "iterations_replan": 1, "replan_rate": 0.3, "relocate_every": 0,
-    "relocate_share": 0.0, "min_gain": 0.0,
+    "relocate_share": 0.0, "min_gain_per_stroke": 0.0,
     "palette": {"source": "ink", "size": None, "picture": None, "colors_srgb": None}, "sweeps": 1, "path_points": 8,
     "pixels_per_m": 400, "edge_m": "3 mm", "distances_px": [1, 2],
     "objectives": {"print_weight": 1.0, "style": None}, "execution_noise": {"thinning": 0.0, "shift_m": "0 mm"},
@@ -48,18 +48,18 @@ BRUSH = {
 }  # fmt: skip
 SECTION: dict[str, Any] = {
     "prompts": 3,
-    "on_paper": 2,
-    "ordinary": 3,
-    "other_medium": 2,
+    "blank_canvas_prompts": 2,
+    "ordinary_scenes": 3,
+    "other_medium_prompts": 2,
     "strokes": {"begun": 5, "added": 6},
-    "asking": {"steps": 1, "image_guidance": 1.0, "text_guidance": 1.0, "seed": 0},
+    "sampling": {"steps": 1, "image_guidance": 1.0, "text_guidance": 1.0, "seed": 0},
     "text_only": {"iterations": 2, "views": 0},
-    "codrawing": {"stories": 1, "person": 3, "robot": 3, "tremor_m": "0.5 mm", "batch": 5},
-    "shown": {"rows": 2, "preferences": 2},
+    "codrawing": {"stories": 1, "person_strokes": 3, "robot_strokes": 3, "tremor_m": "0.5 mm", "replan_every": 5},
+    "figures": {"method_rows": 2, "preference_prompts": 2},
     "workers": 1,
     "seed": 0,
     "settings": {"marker": {"world": "marker", "medium": MARKER}},
-    "begun_with": {"marker": BRUSH},
+    "other_media": {"marker": BRUSH},
 }
 
 

@@ -26,22 +26,25 @@ SECTIONS = {
     "gather_demonstrations": {
         "points": 16,
         "sources": [],
-        "made_up": {"sessions": 2, "strokes": 14, "seed": 3},
-        "limits": {"longest_hole": 5, "jump_m": "3 mm", "jump_times": 8.0, "shortest_m": "1 mm", "longest_m": "600 mm"},
+        "synthetic": {"sessions": 2, "strokes": 14, "seed": 3},
+        "limits": {
+            "max_gap_samples": 5, "jump_m": "3 mm", "jump_factor": 8.0, "shortest_m": "1 mm", "longest_m": "600 mm",
+        },
     },
     "train_trajvae": {
-        "few": 10,
-        "mapped": 40,
+        "few_shot_strokes": 10,
+        "mapped_strokes": 40,
         "model": {
-            "points": 16, "latent": 8, "width": 32, "divergence": 3e-4, "pretraining": COURSE, "fine_tuning": COURSE,
-            "variation": 0.05, "seed": 1,
+            "points": 16, "latent": 8, "width": 32, "kl_weight": 3e-4, "pretraining": COURSE, "fine_tuning": COURSE,
+            "augmentation_std": 0.05, "seed": 1,
         },
     },
     "draw_in_hands": {
-        "photograph": "astronaut", "tool": "marker", "world": "marker", "darkest": 0.35, "ink_m": 0.2, "seed": 7,
+        "photograph": "astronaut", "tool": "marker", "world": "marker", "darkest": 0.35, "ink_length_m": 0.2, "seed": 7,
         "planner": {
             "candidates": 2, "rounds": 1, "iterations_per_round": 2, "iterations": 4, "relocate_every": 2,
-            "relocate_share": 0.2, "reach": 1.0, "path_points": 16, "pixels_per_m": 300.0, "edge_m": "6 mm",
+            "relocate_share": 0.2, "max_latent_distance": 1.0, "path_points": 16, "pixels_per_m": 300.0,
+            "edge_m": "6 mm",
             "distances_px": [2], "seed": 1,
             "learning_rates": {"middle_m": "0.8 mm", "theta_rad": 0.05, "press_m": "0.02 mm", "shape": 0.05},
         },
@@ -102,10 +105,10 @@ def test_from_made_up_hands_to_drawings(folder: Path) -> None:
 
 
 def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
-    sections = {**SECTIONS, "train_trajvae": {**SECTIONS["train_trajvae"], "few": 14}}
+    sections = {**SECTIONS, "train_trajvae": {**SECTIONS["train_trajvae"], "few_shot_strokes": 14}}
     YAML(typ="safe").dump(sections, folder / "params.yaml")
     gather.main(argparse.Namespace(out=folder / "demonstrations"))
-    with pytest.raises(ContractError, match=r"more than train_trajvae\.few = 14"):
+    with pytest.raises(ContractError, match=r"more than train_trajvae\.few_shot_strokes = 14"):
         train.main(argparse.Namespace(demonstrations=folder / "demonstrations", out=folder / "hands"))
 
 
@@ -113,7 +116,7 @@ def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
     ("section", "key", "value", "kind", "sentence"),
     [
         ("gather_demonstrations", "points", 1, gather.GatherDemonstrations, "points is 1"),
-        ("train_trajvae", "few", 1, train.TrainTrajVAE, "few is 1"),
+        ("train_trajvae", "few_shot_strokes", 1, train.TrainTrajVAE, "few_shot_strokes is 1"),
         ("draw_in_hands", "darkest", 1.0, draw.DrawInHands, "darkest is 1.0; it must be below 1"),
     ],
 )

@@ -15,7 +15,7 @@ from pipelines.paint import Paint
     ("section", "old", "new", "sentence"),
     [
         ("paint", "strokes: 340", "strokes: 0", r"paint: strokes is 0; it must be 1 or more"),
-        ("paint", "batch: 20", "batch: -1", r"paint: batch is -1; it must be 1 or more"),
+        ("paint", "replan_every: 20", "replan_every: -1", r"paint: replan_every is -1; it must be 1 or more"),
         ("paint", "darkest: 0.35", "darkest: 1.0", r"paint\.settings\.marker: darkest is 1\.0; it must be below 1"),
         ("planners", "size: 12", "size: 0", r"paint\.settings\.colour\.planner\.palette: size is 0; it must be 1"),
     ],

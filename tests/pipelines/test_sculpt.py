@@ -17,21 +17,26 @@ from pentimento.contracts.tables import read_table
 from pentimento.dynamics.pushes.pose import Crop
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel, write_push_model
 
-GOALS = [{"source": "letter:A", "reach_m": 0.004}, {"source": "shape:dome", "reach_m": 0.004}]
-SECTION = {
-    "actions": 3, "scan_pixels": 40, "reader_letters": "AB", "reader_examples": 8, "frame_ms": 50, "seed": 0,
-    "execution": {"batch": 2, "patience": 8, "dwell_s": 0.5, "retract_speed_m_s": 0.05},
-    "planner": {
-        "weights": {"error_3d": 1.0, "visual": 2.0}, "caution": 0.0, "horizon": 2, "candidates": 16, "rounds": 1,
-        "guided": 0.8, "refine": "gradient", "iterations": 1,
-        "rates": {"place_m": 0.002, "theta_rad": 0.15, "length_m": 0.003, "depth_m": 0.0006},
-        "samples": 4, "elite": 0.5, "min_gain": 0.001, "edge_m": 0.012, "seed": 0,
+GOALS = [{"source": "letter:A", "depth_m": 0.004}, {"source": "shape:dome", "depth_m": 0.004}]
+SCULPTING = {
+    "actions": 3, "side_share": 0.7, "edge_blur_m": 0.003,
+    "fit": {
+        "volume_weight": 1.0, "floor_weight": 10.0, "range_weight": 0.01, "rising_share": 0.3, "depth_m": 0.004,
+        "border_share": 0.1,
     },
+    "planner": {
+        "weights": {"error_3d": 1.0, "visual": 2.0}, "disagreement_weight": 0.0, "horizon": 2, "candidates": 16,
+        "rounds": 1, "guided_share": 0.8, "refine": "gradient", "iterations": 1,
+        "learning_rates": {"place_m": 0.002, "theta_rad": 0.15, "length_m": 0.003, "depth_m": 0.0006},
+        "samples": 4, "elite_share": 0.5, "min_relative_gain": 0.001, "edge_m": 0.012, "seed": 0,
+    },
+    "execution": {"replan_every": 2, "patience": 8, "dwell_s": 0.5, "retract_speed_m_s": 0.05},
+}  # fmt: skip
+SECTION = {
+    "scan_pixels": 40, "classifier_letters": "AB", "classifier_examples": 8, "frame_ms": 50, "seed": 0,
     "settings": {
         "foam": {
-            "world": "foam", "end_effector": "ball", "share": 0.7, "soften_m": 0.003, "depth_model": None,
-            "fit": {"volume": 1.0, "floor": 10.0, "definition": 0.01, "kept": 0.3, "reach_m": 0.004, "border": 0.1},
-            "goals": GOALS,
+            "world": "foam", "end_effector": "ball", "depth_model": None, "goals": GOALS, "sculpting": SCULPTING,
         },
     },
 }  # fmt: skip

@@ -94,7 +94,7 @@ def test_half_scenes_are_painted_and_asked_for_beside_each_other(folder: Path) -
     table = read_table(Path("scenes"), scenes.CONTRACT).table
     plain = table.drop_columns(["objects"])  # no example shows two kinds together, so none might meet
     write_table(Path("scenes"), plain, scenes.CONTRACT, "# Card")
-    write_params(halves={"train": 4, "val": 0, "test": 0}, beside=1)
+    write_params(half_scenes={"train": 4, "val": 0, "test": 0}, pairs_per_half_scene=1)
     out = run("out")
     rows = read_table(out, copaintings.CONTRACT).table.to_pylist()
     halves = [row for row in rows if "/" in row["scene_id"]]

@@ -31,7 +31,8 @@ def section() -> dict:
     entry = {"published": None, "shape": SHAPE, "training": TRAINING}
     judge = entry | {"shape": SHAPE | {"image_layers": 0}, "training": TRAINING | {"seed": 1}}
     return {
-        "side_px": 32, "merges": 300, "caption_tokens": 24, "views_seed": 0, "evaluated": 24, "among": 8,
+        "side_px": 32, "merges": 300, "caption_tokens": 24, "views_seed": 0, "test_scenes": 24,
+        "retrieval_candidates": 8,
         "encoders": {"main": entry, "judge": judge},
     }  # fmt: skip
 

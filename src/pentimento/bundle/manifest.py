@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from pentimento.control.safety import SafetyEnvelope
+from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.config import PlannerConfig
 
@@ -145,8 +146,8 @@ class Setting:
     """Name of one of the manifest's brushes."""
     canvas_m: tuple[float, float]
     strokes: int
-    batch: int
-    """Strokes between two photographs."""
+    replan_every: int
+    """Strokes between two photographs, each of which replans the rest."""
     planner: PlannerConfig
     envelope: SafetyEnvelope
 
@@ -169,3 +170,5 @@ class Manifest:
     styles: dict[str, StyleFacts]
     clays: dict[str, ClayFacts]
     """Push models by the names of their graphs; each one's end-effector is in ``end_effectors/<name>.toml``."""
+    sculpting: dict[str, SculptingSettings]
+    """By push model, how its material is sculpted."""

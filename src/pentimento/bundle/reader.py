@@ -24,7 +24,7 @@ from pentimento.contracts.errors import ConfigError, ContractError, PentimentoEr
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.tools import Tool, load_tool
 
-SCHEMA: Final = 1
+SCHEMA: Final = 2
 MANIFEST: Final = "manifest.json"
 OPSETS: Final = (18, 20)
 """First and last operator set that is supported."""
@@ -113,7 +113,11 @@ def _manifest(folder: Path, text: bytes) -> Manifest:
         _refuse(folder, f"its manifest is not plain JSON ({error})")
     if not isinstance(plain, dict) or plain.get("schema") != SCHEMA:
         schema = plain.get("schema") if isinstance(plain, dict) else None
-        _refuse(folder, f"its manifest is of schema {schema!r} and this version reads {SCHEMA}")
+        _refuse(
+            folder,
+            f"its manifest is of schema {schema!r} and this version reads {SCHEMA}; "
+            "write the bundle again with the stage deploy",
+        )
     for name in plain.get("files", ()):
         if not _NAME.fullmatch(name) or name == MANIFEST:
             _refuse(folder, f"its manifest names a file {name!r}; names are plain and lie within the bundle")
@@ -234,6 +238,7 @@ def _check_parts(folder: Path, manifest: Manifest) -> None:
     files |= {f"end_effectors/{clay.end_effector}.toml" for clay in manifest.clays.values()}
     missing = [*sorted(graphs - set(manifest.graphs)), *sorted(files - set(manifest.files))]
     missing += [setting.brush for setting in manifest.settings.values() if setting.brush not in manifest.brushes]
+    missing += sorted(set(manifest.clays) ^ set(manifest.sculpting))
     missing += [model for graph in manifest.graphs.values() for model in graph.models if model not in manifest.models]
     if missing:
         _refuse(folder, f"its manifest refers to {missing[0]!r} and does not list it")

@@ -10,8 +10,19 @@ from pentimento.cli import Command, count, given, option, seed, words
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 
 _OF_CLAY = ("material", "letter", "pushes")
-_OF_PAINT = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "execute", "page")
-_OF_A_NEW_RUN = ("robot", "setting", "goal_image", "goal_text", "strokes", "batch", "seed", "out", "execute", *_OF_CLAY)
+_OF_PAINT = ("robot", "setting", "goal_image", "goal_text", "strokes", "replan_every", "execute", "page")
+_OF_A_NEW_RUN = (
+    "robot",
+    "setting",
+    "goal_image",
+    "goal_text",
+    "strokes",
+    "replan_every",
+    "seed",
+    "out",
+    "execute",
+    *_OF_CLAY,
+)
 
 
 def _run(arguments: argparse.Namespace) -> None:
@@ -31,7 +42,8 @@ def _run(arguments: argparse.Namespace) -> None:
         wanted = picture or Wanted("words", arguments.goal_text or "")
         commission = commission_of(
             arguments.bundle, wanted, setting=arguments.setting, robot=arguments.robot or "virtual",
-            execute=arguments.execute, strokes=arguments.strokes, batch=arguments.batch, seed=arguments.seed,
+            execute=arguments.execute, strokes=arguments.strokes, replan_every=arguments.replan_every,
+            seed=arguments.seed,
         )  # fmt: skip
     control, progress = Control(), Progress()
     keyboard = at_terminal(control, progress)
@@ -136,11 +148,19 @@ COMMANDS = (
             ),
             option("--strokes", type=count, metavar="N", help="maximum; by default the setting's"),
             option(
-                "--batch", type=count, metavar="N", help="strokes between two replannings; by default the setting's"
+                "--replan-every",
+                type=count,
+                metavar="N",
+                help="strokes between two replannings; by default the setting's",
             ),
             option("--material", help="sculpt this clay of the bundle, in the studio, instead of painting"),
             option("--letter", metavar="LETTERS", help="sink this into the clay"),
-            option("--pushes", type=count, metavar="N", help="maximum number of pushes into the clay; by default 60"),
+            option(
+                "--pushes",
+                type=count,
+                metavar="N",
+                help="maximum number of pushes into the clay; by default the bundle's",
+            ),
             option("--seed", type=seed, metavar="N", help="of plan, goal and studio; by default the setting's"),
             option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting"),
             option("--resume", type=Path, metavar="FOLDER", help="go on with a painting, however it ended"),

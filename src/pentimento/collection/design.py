@@ -44,7 +44,7 @@ class CollectionConfig:
     repeated: int
     """Number of actions that are executed ``times`` times; the noise floor is estimated from them."""
     times: int
-    crossing: float
+    crossing_share: float
     """Share of the other strokes that are laid over paint."""
     path_points: int
     margin_m: float
@@ -64,12 +64,12 @@ class CollectionConfig:
     def __post_init__(self) -> None:
         at_least(self, 1, "strokes", "times")
         at_least(self, 2, "path_points")
-        at_least(self, 0, "repeated", "crossing", "edge_m", "yaw_spread_rad", "seed")
+        at_least(self, 0, "repeated", "crossing_share", "edge_m", "yaw_spread_rad", "seed")
         above_zero(self, "margin_m", "pixels_per_m")
         if self.repeated * self.times > self.strokes:
             raise ValueError(f"repeated is {self.repeated}; {self.times} times as many rows are more than strokes.")
-        if self.crossing > 1:
-            raise ValueError(f"crossing is {self.crossing}; it is a share of the strokes, at most 1.")
+        if self.crossing_share > 1:
+            raise ValueError(f"crossing_share is {self.crossing_share}; it is a share of the strokes, at most 1.")
         if not 0 < self.settle_s[0] <= self.settle_s[1]:
             raise ValueError(f"settle_s is {list(self.settle_s)}; give the shortest pause, above 0, and the longest.")
         if not self.palette_srgb or not all(0 <= channel <= 1 for paint in self.palette_srgb for channel in paint):
@@ -115,7 +115,7 @@ def design_collection(
                 action, rng = slot, np.random.default_rng([config.seed, slot])
                 color, dip = load.for_single(rng)
                 target = drawn[-1 - int(rng.integers(min(_RECENT, len(drawn))))] if drawn else None
-                if target is not None and rng.random() < config.crossing:
+                if target is not None and rng.random() < config.crossing_share:
                     path = _clear_path(rng, canvas_size_m, tool, config, to_come, target)
                 else:
                     path = _clear_path(rng, canvas_size_m, tool, config, to_come + drawn, None)

@@ -39,9 +39,9 @@ class PushCollectionConfig:
     repeated: int
     """Number of actions that are executed ``times`` times; the noise floor is estimated from them."""
     times: int
-    per_smoothing: tuple[int, int]
+    pushes_per_smoothing: tuple[int, int]
     """Min and max number of pushes between two smoothings."""
-    returning: float
+    revisit_share: float
     """Share of the other pushes that are aimed at a push since the smoothing."""
     edge_m: float
     """Pushes, and a gripper's fingers, keep this far from the slab's edge."""
@@ -52,14 +52,16 @@ class PushCollectionConfig:
     def __post_init__(self) -> None:
         at_least(self, 1, "pushes", "times")
         at_least(self, 8, "scan_pixels")
-        at_least(self, 0, "repeated", "returning", "edge_m", "seed")
+        at_least(self, 0, "repeated", "revisit_share", "edge_m", "seed")
         above_zero(self, "scan_pixels")
         if self.repeated * self.times > self.pushes:
             raise ValueError(f"repeated is {self.repeated}; {self.times} times as many rows are more than pushes.")
-        if self.returning > 1:
-            raise ValueError(f"returning is {self.returning}; it is a share of the pushes, at most 1.")
-        if not 1 <= self.per_smoothing[0] <= self.per_smoothing[1]:
-            raise ValueError(f"per_smoothing is {list(self.per_smoothing)}; give the min number, from 1, and the max.")
+        if self.revisit_share > 1:
+            raise ValueError(f"revisit_share is {self.revisit_share}; it is a share of the pushes, at most 1.")
+        if not 1 <= self.pushes_per_smoothing[0] <= self.pushes_per_smoothing[1]:
+            raise ValueError(
+                f"pushes_per_smoothing is {list(self.pushes_per_smoothing)}; give the min number, from 1, and the max."
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +108,8 @@ def design_pushes(
 
 
 def _group_sizes(config: PushCollectionConfig, rng: np.random.Generator) -> list[int]:
-    """Numbers of pushes between smoothings: within ``per_smoothing``, but as many groups as there are repeats."""
-    low, high = config.per_smoothing
+    """Numbers of pushes between smoothings: in that range, but as many groups as there are repeats."""
+    low, high = config.pushes_per_smoothing
     repeats = config.repeated * config.times
     sizes: list[int] = []
     while sum(sizes) < config.pushes:
@@ -128,7 +130,7 @@ def _drawn(
 ) -> PushCommand:
     rng = np.random.default_rng([config.seed, action_id])
     about = None
-    if pressed and rng.random() < config.returning:
+    if pressed and rng.random() < config.revisit_share:
         about = _along(pressed[int(rng.integers(len(pressed)))], rng.random(), end_effector)
     action = _action(rng, end_effector, area_m, config, about)
     speed, retract = (

@@ -40,7 +40,8 @@ class Commission:
     """Hardware moves; otherwise the virtual robot rehearses."""
     wanted: Wanted
     strokes: int
-    batch: int
+    replan_every: int
+    """Strokes between two photographs, each of which replans the rest."""
     seed: int
 
 
@@ -56,7 +57,7 @@ class ClayCommission:
     world: str
     """World of the virtual studio."""
     letter: str
-    reach_m: float
+    depth_m: float
     """Depth of the letter's lowest point below the clay's mean height."""
     actions: int
     """Maximum number."""

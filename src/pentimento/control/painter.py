@@ -56,7 +56,7 @@ def paint(
     strokes: Strokes,
     *,
     palette_srgb: FloatArray,
-    batch: int,
+    replan_every: int,
     replan: bool,
     config: PlannerConfig,
     log: Log,
@@ -65,7 +65,7 @@ def paint(
 
     Args:
         palette_srgb: the paints, sRGB [K, 3].
-        batch: strokes between two photographs.
+        replan_every: strokes between two photographs.
         replan: optimise the remaining strokes on each photograph; otherwise the plan stays as it is.
         log: called as ``log("deviation", value, strokes executed)`` after each batch.
     """
@@ -75,7 +75,7 @@ def paint(
     photo = observe(robot, calibration, config.pixels_per_m)
     remaining = _copy(strokes)
     first = predict(remaining, photo, scene)
-    task = _PaintTask(robot, calibration, session, palette_srgb, batch, replan, config, first, log)
+    task = _PaintTask(robot, calibration, session, palette_srgb, replan_every, replan, config, first, log)
     start = _PaintState((), (photo,), (0.0,), remaining, memory, scene)
     state, _ = run_loop(task, start, Hooks())
     return Painting(list(state.executed), list(state.photos), list(state.deviation), to_uint8(first))
@@ -99,7 +99,7 @@ class _PaintTask:
     calibration: CameraCalibration
     session: Session
     palette_srgb: FloatArray
-    batch_size: int
+    replan_every: int
     replans: bool
     config: PlannerConfig
     first: Array
@@ -111,7 +111,7 @@ class _PaintTask:
 
     def batch(self, state: _PaintState) -> Sequence[list[PlannedStroke]]:
         scene = state.scene
-        return [to_planned(state.remaining.pick(slice(0, self.batch_size)), scene.tool, scene.brush.path_points)]
+        return [to_planned(state.remaining.pick(slice(0, self.replan_every)), scene.tool, scene.brush.path_points)]
 
     def mark_pending(self, state: _PaintState) -> _PaintState:
         return state
@@ -125,7 +125,7 @@ class _PaintTask:
         scene = replace(
             state.scene, start=Start(memory, self.robot.clock_s - self.session.started_s, len(executed))
         )  # fmt: skip
-        remaining = _copy(state.remaining.pick(slice(self.batch_size, None)))
+        remaining = _copy(state.remaining.pick(slice(self.replan_every, None)))
         photo = observe(self.robot, self.calibration, self.config.pixels_per_m)
         return _PaintState(executed, (*state.photos, photo), state.deviation, remaining, memory, scene)
 

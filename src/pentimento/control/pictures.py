@@ -50,10 +50,10 @@ def draw_strokes(canvas: Picture, strokes: Sequence[PlannedStroke], canvas_size_
     return np.asarray(picture, dtype=np.uint8)
 
 
-def write_pictures(folder: Path, context: PaintContext, state: PaintingState, batch: int) -> None:
-    """Write the pictures of the canvas, of the predicted painting and of the next ``batch`` strokes."""
+def write_pictures(folder: Path, context: PaintContext, state: PaintingState, count: int) -> None:
+    """Write the pictures of the canvas, of the predicted painting and of the next ``count`` strokes."""
     start = Start(state.memory, state.clock_s, state.executed)
-    next_strokes = to_planned(state.remaining.pick(slice(0, batch)), context.tool, context.brush.path_points)
+    next_strokes = to_planned(state.remaining.pick(slice(0, count)), context.tool, context.brush.path_points)
     write_png(folder / CANVAS, state.canvas)
     write_png(folder / PREVIEW, as_picture(predict_canvas(context, state.remaining, state.canvas, start)))
     write_png(folder / NEXT, draw_strokes(state.canvas, next_strokes, context.canvas_size_m))

@@ -51,7 +51,7 @@ def commission_of(
     robot: str = "virtual",
     execute: bool = False,
     strokes: int | None = None,
-    batch: int | None = None,
+    replan_every: int | None = None,
     seed: int | None = None,
 ) -> Commission:
     """The commission of a command; for what is None, the bundle's setting decides.
@@ -78,7 +78,7 @@ def commission_of(
         execute=execute,
         wanted=wanted,
         strokes=defaults.strokes if strokes is None else strokes,
-        batch=defaults.batch if batch is None else batch,
+        replan_every=defaults.replan_every if replan_every is None else replan_every,
         seed=defaults.planner.seed if seed is None else seed,
     )
 
@@ -126,7 +126,8 @@ def run(
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
             session = PaintingSession(
                 robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
-                traits=opened.traits, context=context, batch=commission.batch, folder=folder, control=control,
+                traits=opened.traits, context=context, replan_every=commission.replan_every, folder=folder,
+                control=control,
                 on_state=_on_state(served, progress),
             )  # fmt: skip
             if not has_state(folder):

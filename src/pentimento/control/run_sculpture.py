@@ -23,10 +23,9 @@ from pentimento.control.loop import Hooks, Interrupt
 from pentimento.control.person import Control, Progress
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.recording import write_push
-from pentimento.control.sculptor import Array, Execution, Outcome, Sculptor, SculptureProgress, seen_m
-from pentimento.planning.objectives import Weights
-from pentimento.planning.pushes.config import PushRates, SculptorConfig
-from pentimento.planning.pushes.goal import GoalSettings, fit_goal, sunken_letters
+from pentimento.control.sculpting_settings import SculptingSettings
+from pentimento.control.sculptor import Array, Outcome, Sculptor, SculptureProgress, seen_m
+from pentimento.planning.pushes.goal import fit_goal, sunken_letters
 from pentimento.robots.tools import load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
 
@@ -36,19 +35,6 @@ HEIGHTS: Final = ("before", "goal", "result")
 """Height maps in its folder, 16-bit PNG."""
 RECORD: Final = "pushes"
 JOURNAL: Final = "journal.jsonl"
-
-REACH_M: Final = 0.0035
-"""Depth of a letter's lowest point below the clay's mean height."""
-ACTIONS: Final = 60
-_SHARE, _SOFTEN_M = 0.7, 0.0028
-"""Fraction of the slab's side that a letter covers; softness of its edges: about a third of the ball's rounding."""
-_PLANNER: Final = SculptorConfig(
-    weights=Weights(error_3d=1.0, visual=4.0), caution=1.0, horizon=6, candidates=32, rounds=1, guided=0.8,
-    refine="gradient", iterations=4, rates=PushRates(0.002, 0.15, 0.003, 0.0006), samples=24, elite=0.25,
-    min_gain=0.001, edge_m=0.012, seed=0,
-)  # fmt: skip
-_EXECUTION: Final = Execution(batch=4, patience=12, dwell_s=0.5, retract_speed_m_s=0.05)
-_GOAL: Final = GoalSettings(volume=1.0, floor=10.0, definition=0.01, kept=0.25, reach_m=REACH_M, border=0.1)
 
 
 class Ended(PentimentoError):
@@ -61,7 +47,7 @@ def clay_commission_of(
     letter: str,
     *,
     world: str | None = None,
-    reach_m: float = REACH_M,
+    depth_m: float | None = None,
     actions: int | None = None,
     seed: int | None = None,
 ) -> ClayCommission:
@@ -69,6 +55,11 @@ def clay_commission_of(
 
     Args:
         world: of the virtual studio; by default the one with the material's name.
+        depth_m: depth of the letter's lowest point below the clay's mean height.
+        actions: maximum number of pushes.
+        seed: of plan and studio.
+
+    The bundle's settings of the material give the depth, the number and the seed that are None.
 
     Raises:
         BundleError: the bundle is refused.
@@ -76,11 +67,13 @@ def clay_commission_of(
         GoalError: the letter cannot be drawn.
     """
     opened = open_bundle(bundle)
-    _clay_of(opened, material)
-    sunken_letters(letter, (32, 32), _SHARE, 0.0)  # so that an error leaves no folder behind
+    settings = opened.manifest.sculpting[_clay_of(opened, material)]
+    sunken_letters(letter, (32, 32), settings.side_share, 0.0)  # so that an error leaves no folder behind
     return ClayCommission(
-        str(bundle.resolve()), opened.digest, material, world or material, letter, reach_m,
-        ACTIONS if actions is None else actions, _PLANNER.seed if seed is None else seed,
+        str(bundle.resolve()), opened.digest, material, world or material, letter,
+        settings.fit.depth_m if depth_m is None else depth_m,
+        settings.actions if actions is None else actions,
+        settings.planner.seed if seed is None else seed,
     )  # fmt: skip
 
 
@@ -98,7 +91,7 @@ def run_sculpture(
     """
     bundle = open_bundle(Path(commission.bundle), commission.digest)
     name = _clay_of(bundle, commission.material)
-    facts = bundle.manifest.clays[name]
+    facts, settings = bundle.manifest.clays[name], bundle.manifest.sculpting[name]
     if resume and has_sculpture(folder) and load_sculpture(folder).stopped is not None:
         return load_sculpture(folder)
     if not resume:
@@ -115,11 +108,12 @@ def run_sculpture(
                 goal = saved.goal_m
             else:
                 robot.change_tool(end_effector)
-                goal = _goal(commission, seen_m(robot.scan())[0], robot.area_m)
+                goal = _goal(commission, settings, seen_m(robot.scan())[0], robot.area_m)
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
-                members=(GraphClay(Graphs(bundle), name, facts),), config=replace(_PLANNER, seed=commission.seed),
-                execution=_EXECUTION, count=commission.actions,
+                members=(GraphClay(Graphs(bundle), name, facts),),
+                config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
+                count=commission.actions,
                 session=Session(f"sculpture-{commission.material}-{commission.seed}-{sessions}", 0.0), item=0,
                 record=lambda row: write_push(folder / RECORD, row),
             )  # fmt: skip
@@ -169,11 +163,13 @@ def _clay_of(bundle: Bundle, material: str) -> str:
     return name
 
 
-def _goal(commission: ClayCommission, height_m: Array, area_m: tuple[float, float]) -> Array:
+def _goal(
+    commission: ClayCommission, settings: SculptingSettings, height_m: Array, area_m: tuple[float, float]
+) -> Array:
     """The goal heights [H, W] of the commission's letter for the clay as scanned."""
     shape = (height_m.shape[0], height_m.shape[1])
-    relief = sunken_letters(commission.letter, shape, _SHARE, _SOFTEN_M * shape[1] / area_m[0])
-    return fit_goal(relief, height_m, replace(_GOAL, reach_m=commission.reach_m)).height_m
+    relief = sunken_letters(commission.letter, shape, settings.side_share, settings.edge_blur_m * shape[1] / area_m[0])
+    return fit_goal(relief, height_m, replace(settings.fit, depth_m=commission.depth_m)).height_m
 
 
 def _write_summary(folder: Path, sculptor: Sculptor, state: SculptureProgress, stopped: Outcome) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.observations import Scan
-from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import execute_push, levelled_m, record_push
 from pentimento.control.loop import Hooks, run_loop
+from pentimento.control.sculpting_settings import Execution
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
@@ -27,23 +27,6 @@ Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 Outcome = Literal["all actions were made", "the models know of no action that helps", "acting no longer helped"]
-
-
-@dataclass(frozen=True)
-class Execution:
-    """How a plan is executed."""
-
-    batch: int
-    """Actions between two plans."""
-    patience: int
-    """Actions that may pass without a new minimum of the measured objective."""
-    dwell_s: float
-    retract_speed_m_s: float
-
-    def __post_init__(self) -> None:
-        at_least(self, 1, "batch", "patience")
-        at_least(self, 0, "dwell_s")
-        above_zero(self, "retract_speed_m_s")
 
 
 @dataclass(frozen=True)
@@ -145,7 +128,7 @@ class Sculptor:
         progress = SculptureProgress(
             scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
             expected_m=(), remaining=first.actions, predicted_m=first.predicted_m[1:],
-            due=min(self.execution.batch, len(first.actions)), holes=holes, pending=False,
+            due=min(self.execution.replan_every, len(first.actions)), holes=holes, pending=False,
         )  # fmt: skip
         return progress, first
 
@@ -177,7 +160,7 @@ class Sculptor:
     def foresight(self) -> EnsembleRollout:
         """The models' predictions with the objective of the goal."""
         objective = ClayObjective(self.goal_m, self.members[0].window_m, self.config.weights)
-        return EnsembleRollout(self.members, objective, self.config.caution)
+        return EnsembleRollout(self.members, objective, self.config.disagreement_weight)
 
     def outcome(self, state: SculptureProgress) -> Outcome | None:
         """See ``control.loop.Task``."""
@@ -233,7 +216,7 @@ class Sculptor:
             progress.heights_m[-1], self.foresight, self._reach, self.config, self.count - executed,
             (self.item, executed), progress.remaining if executed else None,
         )  # fmt: skip
-        due = min(self.execution.batch, len(new.actions))
+        due = min(self.execution.replan_every, len(new.actions))
         return replace(progress, remaining=new.actions, predicted_m=new.predicted_m[1:], due=due)
 
 
@@ -251,7 +234,7 @@ def sculpt(
     item: int,
     log: Callable[[str, float, int], None],
 ) -> Sculpture:
-    """Bring the clay closer to a goal [H, W] with up to ``count`` actions, ``execution.batch`` of them per plan.
+    """Bring the clay closer to a goal [H, W] with up to ``count`` actions, ``execution.replan_every`` of them per plan.
 
     It ends early where no action is expected to help, and where the last ones did not: a model that is wrong in the
     current state continues to make it worse.

@@ -65,7 +65,7 @@ class PaintingSession:
     robot: GuardedRobot
     traits: RobotTraits
     context: PaintContext
-    batch: int
+    replan_every: int
     """Strokes between two replannings."""
     folder: Path
     control: Control
@@ -104,7 +104,7 @@ def begin(
         message=f"{len(remaining)} strokes are planned.",
     )  # fmt: skip
     write_png(session.folder / PLAN, as_picture(predict_canvas(context, remaining, canvas, start)))
-    write_pictures(session.folder, session.context, state, session.batch)
+    write_pictures(session.folder, session.context, state, session.replan_every)
     save_state(session.folder, state)
     session.on_state(state)
     return state
@@ -198,7 +198,7 @@ class _PaintingTask:
 
     def batch(self, state: PaintingState) -> Sequence[PlannedStroke]:
         """See ``control.loop.Task``."""
-        return self._planned(state.remaining.pick(slice(0, self.session.batch)))
+        return self._planned(state.remaining.pick(slice(0, self.session.replan_every)))
 
     def mark_pending(self, state: PaintingState) -> PaintingState:
         """See ``control.loop.Task``."""
@@ -279,7 +279,7 @@ class _PaintingTask:
         adapt = replanned_and_pruned if changed else replanned
         remaining = adapt(self.context, state.remaining, state.canvas, goal=self.goal, start=self._now(state))
         state = replace(state, remaining=remaining, clock_s=self._clock_s())
-        write_pictures(self.session.folder, self.context, state, self.session.batch)
+        write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         return state
 
     def _after_turn(self, state: PaintingState) -> PaintingState:

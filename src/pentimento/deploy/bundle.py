@@ -29,6 +29,7 @@ from pentimento.contracts.frames import image_shape
 from pentimento.contracts.frames import pixels_per_m as image_scale
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.control.safety import envelope_for
+from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.copainting.goal.planner import GoalPlanner, GoalSampling
 from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
 from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph
@@ -60,24 +61,25 @@ class SettingConfig:
     tool: str
     canvas_m: tuple[float, float]
     strokes: int
-    batch: int
-    """Strokes between two photographs."""
+    replan_every: int
+    """Strokes between two photographs, each of which replans the rest."""
     style: bool
     """Whether the bundle supports painting in the style of a picture there."""
     planner: PlannerConfig
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "strokes", "batch")
+        at_least(self, 1, "strokes", "replan_every")
 
 
 @dataclass(frozen=True)
 class ClayConfig:
-    """The field of view of a sculpting robot's scanner."""
+    """The field of view of a sculpting robot's scanner, and how the material is sculpted."""
 
     window_m: tuple[float, float, float, float]
     """Canvas frame."""
     shape: tuple[int, int]
     """Of its height maps, [H, W]."""
+    sculpting: SculptingSettings
 
     def __post_init__(self) -> None:
         image_scale(self.shape, self.window_m)
@@ -90,8 +92,9 @@ class DeployConfig:
     tolerance: float
     """Maximum difference of a graph from PyTorch, relative to the norm."""
     views: int
-    """Random views of a picture in the encoder's objectives, beside the plain one."""
-    asking: GoalSampling
+    """Random views of a picture in the encoder's objectives, in addition to the plain one."""
+    sampling: GoalSampling
+    """Of the goal planner."""
     settings: dict[str, SettingConfig]
     clays: dict[str, ClayConfig]
     """By material."""
@@ -151,7 +154,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     encoder = EncoderFacts(
         models.encoder.image_px, models.encoder.model.config.projection_dim, config.views, encoder_words
     )
-    goal = goal_facts(models.goal, goal_words, config.asking)
+    goal = goal_facts(models.goal, goal_words, config.sampling)
     settings = {name: _setting(setting) for name, setting in config.settings.items()}
     contents["metrics.json"] = _json(_metrics(graphs))
     contents["card.md"] = bundle_card(settings, entries, {name: len(data) for name, data in contents.items()}).encode()
@@ -168,6 +171,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         goal=goal,
         styles=styles,
         clays=clays,
+        sculpting={f"clay_{material}": clay.sculpting for material, clay in config.clays.items()},
     )
     for name, data in {**contents, MANIFEST: _json(to_plain(manifest))}.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -228,7 +232,7 @@ def _setting(config: SettingConfig) -> Setting:
         brush=brush_name(config),
         canvas_m=config.canvas_m,
         strokes=config.strokes,
-        batch=config.batch,
+        replan_every=config.replan_every,
         planner=config.planner,
         envelope=envelope_for(tool, config.canvas_m),
     )

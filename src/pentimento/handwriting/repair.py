@@ -31,11 +31,11 @@ IntArray = NDArray[np.intp]
 class Limits:
     """Limits of human movement. A recording beyond them has a fault."""
 
-    longest_hole: int
+    max_gap_samples: int
     """Largest number of missing samples within a stroke. A longer hole starts another stroke."""
     jump_m: float
-    """A step longer than this is a jump, if it also is ``jump_times`` as long as the steps around it."""
-    jump_times: float
+    """A step longer than this is a jump, if it also is ``jump_factor`` as long as the steps around it."""
+    jump_factor: float
     """See ``jump_m``."""
     shortest_m: float
     """Strokes of a shorter path have no direction and are refused."""
@@ -43,8 +43,8 @@ class Limits:
     """Strokes of a longer path are refused; the likely cause is a wrong unit."""
 
     def __post_init__(self) -> None:
-        at_least(self, 0, "longest_hole")
-        above_zero(self, "jump_m", "jump_times", "shortest_m")
+        at_least(self, 0, "max_gap_samples")
+        above_zero(self, "jump_m", "jump_factor", "shortest_m")
         if not self.longest_m > self.shortest_m:
             raise ValueError(f"longest_m is {self.longest_m}; it must be above shortest_m, {self.shortest_m}.")
 
@@ -102,7 +102,7 @@ def _holes(keep: BoolArray, limits: Limits, counts: Counter[str]) -> set[int]:
     """Indices of the samples before long holes, after which a stroke ends."""
     index = np.flatnonzero(keep)
     missing = np.diff(index) - 1
-    long = missing > limits.longest_hole
+    long = missing > limits.max_gap_samples
     for fault, number in (("holes_bridged", (missing > 0) & ~long), ("holes_ending_a_stroke", long)):
         if number.any():
             counts[fault] += int(number.sum())
@@ -131,7 +131,7 @@ def _without_spikes(
     usual = _usual_step(place, index)
     at = 0
     while at + 1 < len(index):
-        ahead = range(at + 1, min(at + 2 + limits.longest_hole, len(index)))
+        ahead = range(at + 1, min(at + 2 + limits.max_gap_samples, len(index)))
         near = [not _is_jump(place, index, at, k, usual, limits) for k in ahead]
         if near[0]:
             at += 1
@@ -160,7 +160,7 @@ def _usual_step(place: FloatArray, index: IntArray) -> FloatArray:
 
 def _is_jump(place: FloatArray, index: IntArray, a: int, b: int, usual: FloatArray, limits: Limits) -> bool:
     far = float(np.linalg.norm(place[b] - place[a])) / int(index[b] - index[a])
-    return far > max(limits.jump_m, limits.jump_times * float(usual[a]))
+    return far > max(limits.jump_m, limits.jump_factor * float(usual[a]))
 
 
 def _pressure_in_range(points: FloatArray, counts: Counter[str]) -> None:

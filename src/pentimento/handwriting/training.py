@@ -37,11 +37,11 @@ class TrajVAEConfig:
     """Size of the latent space (thesis: 64)."""
     width: int
     """Width of both hidden layers."""
-    divergence: float
+    kl_weight: float
     """Weight of the Kullback-Leibler divergence, relative to the squared error in units of the strokes' size."""
     pretraining: Course
     fine_tuning: Course
-    variation: float
+    augmentation_std: float
     """Augmentation: standard deviation of a random linear map of each stroke around the identity, drawn at each step.
     """
     seed: int
@@ -49,7 +49,7 @@ class TrajVAEConfig:
     def __post_init__(self) -> None:
         at_least(self, 2, "points")
         at_least(self, 1, "latent", "width")
-        at_least(self, 0, "divergence", "variation", "seed")
+        at_least(self, 0, "kl_weight", "augmentation_std", "seed")
 
 
 def pretrain(strokes: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
@@ -87,8 +87,8 @@ def _train(
         for strokes in sources:
             count = len(strokes.xy_m)
             index = torch.randint(count, (min(course.batch, count),), generator=generator)
-            varied = _varied(strokes.pick(index), config.variation, generator)
-            loss = loss + model.loss(varied, config.divergence, generator)
+            varied = _varied(strokes.pick(index), config.augmentation_std, generator)
+            loss = loss + model.loss(varied, config.kl_weight, generator)
         adam.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         adam.step()
@@ -97,9 +97,9 @@ def _train(
             log("loss", float(loss.detach()), step)
 
 
-def _varied(strokes: Strokes, variation: float, generator: torch.Generator) -> Strokes:
+def _varied(strokes: Strokes, std: float, generator: torch.Generator) -> Strokes:
     """Each stroke under a random linear map near the identity, rotated so that it ends on the x axis again."""
-    change = torch.eye(2) + variation * torch.randn(len(strokes.xy_m), 2, 2, generator=generator)
+    change = torch.eye(2) + std * torch.randn(len(strokes.xy_m), 2, 2, generator=generator)
     xy = strokes.xy_m @ change
     angle = torch.atan2(xy[:, -1, 1], xy[:, -1, 0])
     cos, sin = angle.cos(), angle.sin()

@@ -51,13 +51,13 @@ class TrajVAE(nn.Module):
         xy = torch.einsum("bkd,kn->bnd", modes, self.waves)
         return xy * self.scale_m, flat[:, 2 * self.points :] * self.height_scale_m
 
-    def loss(self, strokes: Strokes, divergence: float, generator: torch.Generator) -> Tensor:
+    def loss(self, strokes: Strokes, kl_weight: float, generator: torch.Generator) -> Tensor:
         """Mean squared error of places and known heights, plus the weighted divergence.
 
         Errors of places are relative to the stroke's size, since a curl of 3 mm has as much shape as an arc of 50 mm.
 
         Args:
-            divergence: weight of the Kullback-Leibler divergence of the latents from the standard normal distribution.
+            kl_weight: weight of the Kullback-Leibler divergence of the latents from the standard normal distribution.
         """
         mean, deviation = self.encode(strokes)
         noise = torch.randn(mean.shape, generator=generator)
@@ -66,7 +66,7 @@ class TrajVAE(nn.Module):
         places = (xy - strokes.xy_m).square().sum(-1).mean(-1) / size.square()
         heights = ((height - strokes.height_m) / self.height_scale_m).square().mean(-1) * strokes.height_known
         kl = 0.5 * (mean.square() + deviation.square() - 2 * deviation.log() - 1).sum(-1)
-        return (places + _HEIGHT_WEIGHT * heights + divergence * kl).mean()
+        return (places + _HEIGHT_WEIGHT * heights + kl_weight * kl).mean()
 
 
 _HEIGHT_WEIGHT = 0.02

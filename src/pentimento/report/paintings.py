@@ -170,7 +170,7 @@ def _facts(inputs: PaintingInputs) -> dict[str, Any]:
     return {
         "strokes": strokes,
         "tool": tool_name(inputs.executed.header.tool),
-        "batch": round(executed[1] - executed[0] if len(executed) > 1 else strokes),
+        "replan_every": round(executed[1] - executed[0] if len(executed) > 1 else strokes),
         "gap": comparison(inputs.sim2real_factor, "smaller", "larger"),
     }
 

@@ -78,7 +78,8 @@ def sketch_world(stratum: Stratum, seed: int, cause: str | None = None, q: float
     if misshaped:
         world = _misshapen(world, tool, rng)
     config = PushCollectionConfig(
-        pushes=168, repeated=24, times=3, per_smoothing=(2, 6), returning=0.5, edge_m=0.03, scan_pixels=128, seed=seed,
+        pushes=168, repeated=24, times=3, pushes_per_smoothing=(2, 6), revisit_share=0.5, edge_m=0.03,
+        scan_pixels=128, seed=seed,
     )  # fmt: skip
     return Sketch(
         stratum, seed, load_end_effector(tool), world, config, causes, outside,

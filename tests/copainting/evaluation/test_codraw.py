@@ -24,7 +24,7 @@ from pentimento.studio.strokes.world import load_world
 from tests.copainting.goal_planners import small_encoder
 from tests.copainting.media import MEDIUM, cross, marker_paint_context, paper
 
-CONFIG = Codrawing(stories=1, person=4, robot=6, tremor_m=0.0005, batch=4)
+CONFIG = Codrawing(stories=1, person_strokes=4, robot_strokes=6, tremor_m=0.0005, replan_every=4)
 
 
 def robot() -> Robot:

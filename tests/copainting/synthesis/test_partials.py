@@ -17,7 +17,7 @@ from pentimento.copainting.synthesis.partials import (
 
 SIZE_M = (0.2, 0.1)
 CONFIG = PartialsConfig(
-    random=4, random_kept=(0.25, 0.75), salient_shares=(0.2, 0.4), semantic=3, inside=0.5, margin_m=0
+    random=4, random_kept=(0.25, 0.75), salient_shares=(0.2, 0.4), semantic=3, min_inside_share=0.5, margin_m=0
 )
 
 
@@ -126,7 +126,7 @@ def test_plan_without_strokes_has_no_partials() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("random_kept", (0.0, 0.5)), ("random_kept", (0.6, 0.5)), ("salient_shares", (1.5,)), ("inside", 0.0)],
+    [("random_kept", (0.0, 0.5)), ("random_kept", (0.6, 0.5)), ("salient_shares", (1.5,)), ("min_inside_share", 0.0)],
 )
 def test_rejects_partials_config_out_of_range(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):

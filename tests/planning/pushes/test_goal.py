@@ -12,7 +12,9 @@ from pentimento.planning.pushes.goal import (
     fit_goal,
 )
 
-SETTINGS = GoalSettings(volume=1.0, floor=100.0, definition=0.01, kept=1.0, reach_m=0.006, border=0.1)
+SETTINGS = GoalSettings(
+    volume_weight=1.0, floor_weight=100.0, range_weight=0.01, rising_share=1.0, depth_m=0.006, border_share=0.1
+)
 CLAY = np.random.default_rng(0).normal(0.04, 1e-4, (40, 40)).astype(np.float32)
 X = np.tile(np.arange(40.0), (40, 1))
 INSIDE = ~border_mask(CLAY.shape, 0.1)
@@ -44,7 +46,9 @@ def test_fit_goal_is_invariant_to_scale_and_offset_of_the_relief() -> None:
 
 
 def test_fit_goal_stays_above_the_table() -> None:
-    deep = GoalSettings(volume=1.0, floor=100.0, definition=0.01, kept=1.0, reach_m=0.5, border=0.1)
+    deep = GoalSettings(
+        volume_weight=1.0, floor_weight=100.0, range_weight=0.01, rising_share=1.0, depth_m=0.5, border_share=0.1
+    )
     fit = fit_goal(X, CLAY, deep)
     assert fit.height_m.min() >= 0
     assert fit.height_m[INSIDE].min() < 0.002  # and goes down to it
@@ -53,7 +57,9 @@ def test_fit_goal_stays_above_the_table() -> None:
 def test_fit_goal_raises_and_counts_pixels_below_the_floor() -> None:
     relief = X.copy()
     relief[20, 20] = -400.0
-    strong = GoalSettings(volume=1.0, floor=1.0, definition=0.002, kept=1.0, reach_m=0.006, border=0.1)
+    strong = GoalSettings(
+        volume_weight=1.0, floor_weight=1.0, range_weight=0.002, rising_share=1.0, depth_m=0.006, border_share=0.1
+    )
     fit = fit_goal(relief, CLAY, strong)
     assert fit.raised >= 1
     assert fit.height_m.min() >= CLAY[INSIDE].mean() - 0.006 - 1e-6
@@ -67,16 +73,20 @@ def test_lower_volume_weight_raises_the_relief() -> None:
 
 def test_fit_goal_minimises_the_cost() -> None:
     dent = np.where(np.hypot(X - 20, X.T - 20) < 9, -1.0, 0.01 * X)
-    settings = GoalSettings(volume=2.0, floor=30.0, definition=3.0, kept=1.0, reach_m=0.004, border=0.1)
+    settings = GoalSettings(
+        volume_weight=2.0, floor_weight=30.0, range_weight=3.0, rising_share=1.0, depth_m=0.004, border_share=0.1
+    )
     fit = fit_goal(dent, CLAY, settings)
     clay = float(CLAY[INSIDE].mean(dtype=np.float64))
 
     def cost(alpha: float, beta: float) -> float:
         goal = alpha * dent[INSIDE] + beta
-        below = np.maximum(clay - settings.reach_m - goal, 0).mean() * 1e3
+        below = np.maximum(clay - settings.depth_m - goal, 0).mean() * 1e3
         definition = 1e3 * alpha * np.ptp(dent[INSIDE])
         volume = (1e3 * (goal.mean() - clay)) ** 2
-        return float(settings.volume * volume + settings.floor * below - settings.definition * definition)
+        return float(
+            settings.volume_weight * volume + settings.floor_weight * below - settings.range_weight * definition
+        )
 
     minimum = cost(fit.alpha, fit.beta_m)
     rng = np.random.default_rng(1)
@@ -88,7 +98,7 @@ def test_fit_goal_respects_the_kept_share_of_volume() -> None:
     dent = np.where(np.hypot(X - 20, X.T - 20) < 8, -1.0, 0.0)
     flat = np.full_like(CLAY, 0.04)
     for kept in (0.0, 0.3, 1.0):
-        rise = fit_goal(dent, flat, replace(SETTINGS, kept=kept)).height_m - flat
+        rise = fit_goal(dent, flat, replace(SETTINGS, rising_share=kept)).height_m - flat
         raised, pressed = np.maximum(rise, 0)[INSIDE].mean(), np.maximum(-rise, 0)[INSIDE].mean()
         assert raised == pytest.approx(kept * pressed, abs=1e-5)
         assert pressed > 5e-4

@@ -19,7 +19,7 @@ MADE = np.array([[0.03, 0.03, 0.5, 0.025, 0.006], [0.07, 0.06, 2.5, 0.02, 0.005]
 
 def towards(goal: np.ndarray, strength: float = 1.0) -> EnsembleRollout:
     return EnsembleRollout(
-        [PressedClay(strength=strength)], ClayObjective(goal, WINDOW_M, Weights(1.0, 1.0)), caution=0.0
+        [PressedClay(strength=strength)], ClayObjective(goal, WINDOW_M, Weights(1.0, 1.0)), disagreement_weight=0.0
     )
 
 
@@ -44,7 +44,7 @@ def test_plan_is_empty_at_the_goal() -> None:
 def test_plan_is_empty_where_material_must_rise() -> None:
     goal = flat()
     goal[20:28, 20:28] += 0.002  # pushes that raise anything lower more around it
-    assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, min_gain=0.02), 4, (0,)).actions) == 0
+    assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, min_relative_gain=0.02), 4, (0,)).actions) == 0
 
 
 def test_plan_depends_on_seed_and_item_only() -> None:
@@ -97,7 +97,7 @@ def test_guided_push_candidates_end_on_excess_material() -> None:
     goal = flat()
     goal[8:16, 8:40] -= 0.003  # a bar near the top: rows 8 to 16, so y from .067 to .083
     guided = candidates(
-        flat(), towards(goal), REACH, replace(CONFIG, guided=1.0, candidates=200), np.random.default_rng(0)
+        flat(), towards(goal), REACH, replace(CONFIG, guided_share=1.0, candidates=200), np.random.default_rng(0)
     )
     end_m = ends(guided)
     assert np.mean((end_m[:, 1] > 0.063) & (end_m[:, 1] < 0.088)) > 0.9

@@ -13,7 +13,7 @@ OBJECTIVE = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 2.0))
 
 
 def test_rollout_gradient_agrees_with_finite_differences() -> None:
-    foresight = EnsembleRollout([PressedClay(), PressedClay(radius_m=0.012)], OBJECTIVE, caution=2.0)
+    foresight = EnsembleRollout([PressedClay(), PressedClay(radius_m=0.012)], OBJECTIVE, disagreement_weight=2.0)
     _, gradient = foresight.value_and_gradient(flat(), PUSHES)
     way = np.random.default_rng(1).normal(0, 1, PUSHES.shape) * [1e-4, 1e-4, 1e-2, 1e-4, 1e-4]
     low, high = (foresight.value(foresight.roll_out(flat(), PUSHES + sign * way)) for sign in (-1, 1))
@@ -21,7 +21,7 @@ def test_rollout_gradient_agrees_with_finite_differences() -> None:
 
 
 def test_alternative_actions_have_the_values_of_single_actions() -> None:
-    foresight = EnsembleRollout([PressedClay(), PressedClay(strength=0.8)], OBJECTIVE, caution=1.0)
+    foresight = EnsembleRollout([PressedClay(), PressedClay(strength=0.8)], OBJECTIVE, disagreement_weight=1.0)
     states = foresight.start(flat())
     alone = [foresight.value(foresight.act(states, push)) for push in PUSHES]
     np.testing.assert_allclose(foresight.values_after(states, PUSHES), alone, rtol=1e-5)
@@ -30,19 +30,23 @@ def test_alternative_actions_have_the_values_of_single_actions() -> None:
 def test_caution_of_one_gives_the_expected_3d_error() -> None:
     members = [PressedClay(), PressedClay(strength=0.6)]
     objective = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 0.0))
-    states = EnsembleRollout(members, objective, caution=1.0).roll_out(flat(), PUSHES)
+    states = EnsembleRollout(members, objective, disagreement_weight=1.0).roll_out(flat(), PUSHES)
     expected = float(objective.error_3d_mm2(states).mean())
-    assert EnsembleRollout(members, objective, caution=1.0).value(states) == pytest.approx(expected, rel=1e-3)
-    assert EnsembleRollout(members, objective, caution=0.0).value(states) < expected
+    assert EnsembleRollout(members, objective, disagreement_weight=1.0).value(states) == pytest.approx(
+        expected, rel=1e-3
+    )
+    assert EnsembleRollout(members, objective, disagreement_weight=0.0).value(states) < expected
 
 
 def test_single_member_has_no_variance_cost() -> None:
-    states = EnsembleRollout([PressedClay()], OBJECTIVE, caution=9.0).roll_out(flat(), PUSHES)
-    assert EnsembleRollout([PressedClay()], OBJECTIVE, caution=9.0).value(states) == float(OBJECTIVE.values(states[0]))
+    states = EnsembleRollout([PressedClay()], OBJECTIVE, disagreement_weight=9.0).roll_out(flat(), PUSHES)
+    assert EnsembleRollout([PressedClay()], OBJECTIVE, disagreement_weight=9.0).value(states) == float(
+        OBJECTIVE.values(states[0])
+    )
 
 
 def test_rollout_without_actions_keeps_the_clay() -> None:
-    foresight = EnsembleRollout([PressedClay()], OBJECTIVE, caution=0.0)
+    foresight = EnsembleRollout([PressedClay()], OBJECTIVE, disagreement_weight=0.0)
     np.testing.assert_array_equal(foresight.roll_out(flat(), np.zeros((0, 5)))[0], flat())
     assert foresight.value_and_gradient(flat(), np.zeros((0, 5)))[1].shape == (0, 5)
 

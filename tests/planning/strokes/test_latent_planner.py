@@ -20,7 +20,8 @@ from tests.planning.strokes.test_shapes import MARKER, hand
 
 POINTS, SIZE_M = 12, (0.12, 0.08)
 CONFIG = ShapedPlanConfig(
-    candidates=4, rounds=2, iterations_per_round=6, iterations=12, relocate_every=6, relocate_share=0.3, reach=1.0,
+    candidates=4, rounds=2, iterations_per_round=6, iterations=12, relocate_every=6, relocate_share=0.3,
+    max_latent_distance=1.0,
     path_points=POINTS, pixels_per_m=500.0, edge_m=4e-3, distances_px=(1, 4),
     learning_rates=ShapeRates(8e-4, 0.05, 2e-5, 0.05), seed=1,
 )  # fmt: skip

@@ -113,9 +113,9 @@ def test_round_shares_sum_to_the_count_and_increase() -> None:
 def test_rounds_stop_below_min_gain() -> None:
     """A blank canvas that is already the target asks for no stroke beyond the first round's."""
     blank = replace(scene(), target=WHITE)
-    strokes, _ = plan(WHITE, blank, 40, replace(CONFIG, rounds=4, min_gain=1e-6), unheard)
+    strokes, _ = plan(WHITE, blank, 40, replace(CONFIG, rounds=4, min_gain_per_stroke=1e-6), unheard)
     assert len(strokes) == round_shares(40, 4)[0]
-    assert len(plan(WHITE, scene(), 40, replace(CONFIG, rounds=4, min_gain=1e-6), unheard)[0]) == 40
+    assert len(plan(WHITE, scene(), 40, replace(CONFIG, rounds=4, min_gain_per_stroke=1e-6), unheard)[0]) == 40
 
 
 @pytest.mark.parametrize("initialisation", ["random", "error_guided", "saliency"])
@@ -212,7 +212,8 @@ def test_fit_to_ink_keeps_a_single_tone() -> None:
     ("field", "value"),
     [
         ("rounds", 0), ("iterations_free", -1), ("replan_rate", -1.0), ("sweeps", 0), ("path_points", 1),
-        ("candidates", 0), ("relocate_every", -1), ("relocate_share", 1.5), ("min_gain", -1.0), ("sizes", (0.5, 1.1)),
+        ("candidates", 0), ("relocate_every", -1), ("relocate_share", 1.5), ("min_gain_per_stroke", -1.0),
+        ("sizes", (0.5, 1.1)),
         ("pixels_per_m", 0.0), ("edge_m", -0.1), ("distances_px", ()), ("distances_px", (4, 0)), ("seed", -1),
     ],
 )  # fmt: skip

@@ -34,17 +34,17 @@ class Codrawing:
     """How person and robot take turns."""
 
     stories: int
-    person: int
-    """Strokes of the person in a turn, at most."""
-    robot: int
-    """Strokes of the robot in a turn, at most."""
+    person_strokes: int
+    """Maximum in one turn."""
+    robot_strokes: int
+    """Maximum in one turn."""
     tremor_m: float
     """Standard deviation of the offset of the person's strokes, along each axis."""
-    batch: int
+    replan_every: int
     """Strokes of the robot between two photographs."""
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "stories", "person", "robot", "batch")
+        at_least(self, 1, "stories", "person_strokes", "robot_strokes", "replan_every")
         at_least(self, 0, "tremor_m")
 
 
@@ -122,19 +122,26 @@ def codraw(
     side = story.images[0].shape[0]
     photo = _look(robot, medium.planner.pixels_per_m)
     for prompt, image in zip(story.prompts, story.images, strict=True):
-        intended = draw_scene(paint_context, as_linear(photo), image, config.person)
+        intended = draw_scene(paint_context, as_linear(photo), image, config.person_strokes)
         drawn = _trembling(intended.strokes, paint_context, config.tremor_m, generator)
         started = (
-            _execute(robot, paint_context, replace(intended, strokes=drawn), image, batch=config.batch, replan=False)
+            _execute(
+                robot,
+                paint_context,
+                replace(intended, strokes=drawn),
+                image,
+                replan_every=config.replan_every,
+                replan=False,
+            )
             if len(drawn)
             else photo
         )
         goal = goal_for(as_picture(as_linear(started), side), prompt)
-        planned = plan_goal(paint_context, as_linear(started), goal, config.robot)
+        planned = plan_goal(paint_context, as_linear(started), goal, config.robot_strokes)
         predicted = as_picture(planned.sheet, started.shape[0])
         after = started
         if len(planned.strokes):
-            after = _execute(robot, paint_context, planned, goal, batch=config.batch, replan=True)
+            after = _execute(robot, paint_context, planned, goal, replan_every=config.replan_every, replan=True)
         turns.append(Turn(prompt, photo, started, goal, predicted, after, (len(drawn), len(planned.strokes))))
         photo = after
     return turns
@@ -145,13 +152,14 @@ def _look(robot: Robot, pixels_per_m: float) -> Picture:
 
 
 def _execute(
-    robot: Robot, paint_context: PaintContext, drawn: Drawn, target: Picture, *, batch: int, replan: bool
+    robot: Robot, paint_context: PaintContext, drawn: Drawn, target: Picture, *, replan_every: int, replan: bool
 ) -> Picture:
     """Execute a plan, optionally replanned for the target after each batch; the final photograph, uint8 [S, S, 3]."""
     scene = paint_context.scene(as_sheet(target, paint_context.medium.side_px))
     config = paint_context.medium.planner
     painting = paint(
-        robot, scene, drawn.strokes, palette_srgb=drawn.palette_srgb, batch=batch, replan=replan, config=config,
+        robot, scene, drawn.strokes, palette_srgb=drawn.palette_srgb, replan_every=replan_every, replan=replan,
+        config=config,
         log=no_log,
     )  # fmt: skip
     return painting.photos[-1]

@@ -30,7 +30,7 @@ class PartialsConfig:
     """For each fraction, the strokes on that most salient fraction of the picture are removed."""
     semantic: int
     """Regions, the largest first; the strokes of one region are removed."""
-    inside: float
+    min_inside_share: float
     """A stroke belongs to a region if at least this fraction of its path lies in it."""
     margin_m: float
     """Regions are dilated by this distance, because the strokes of an outline lie on the border."""
@@ -42,8 +42,8 @@ class PartialsConfig:
             raise ValueError(f"random_kept is {[low, high]}; give two rising shares above 0 and below 1.")
         if not all(0 < share < 1 for share in self.salient_shares):
             raise ValueError(f"salient_shares is {list(self.salient_shares)}; each must be above 0 and below 1.")
-        if not 0 < self.inside <= 1:
-            raise ValueError(f"inside is {self.inside}; it must be above 0, and 1 at most.")
+        if not 0 < self.min_inside_share <= 1:
+            raise ValueError(f"min_inside_share is {self.min_inside_share}; it must be above 0, and 1 at most.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def partials(
     """
 
     def strokes_on(region: BoolArray) -> BoolArray:
-        return on_region(points_m, region, canvas_size_m, inside=config.inside, margin_m=config.margin_m)
+        return on_region(points_m, region, canvas_size_m, inside=config.min_inside_share, margin_m=config.margin_m)
 
     number = len(points_m)
     found = [Partial("all", None, np.zeros(number, bool))]

@@ -84,7 +84,7 @@ class SculptorConfig:
     """How pushes are planned."""
 
     weights: Weights
-    caution: float
+    disagreement_weight: float
     """Weight of the ensemble's variance; see ``rollout.EnsembleRollout``."""
     horizon: int
     """Largest number of actions that are planned ahead."""
@@ -92,29 +92,39 @@ class SculptorConfig:
     """Candidates tried for each new action."""
     rounds: int
     """Rounds in which as many candidates again are tried, each round closer to the best of the last."""
-    guided: float
+    guided_share: float
     """Share of the first candidates that end where there is too much material. The others are uniform."""
     refine: Literal["gradient", "cross_entropy", "none"]
     """How all actions are improved together after they were chosen one by one."""
     iterations: int
     """Iterations of ``refine``."""
-    rates: PushRates
-    """Learning rates of ``gradient``."""
+    learning_rates: PushRates
+    """Of ``gradient``."""
     samples: int
     """Sequences sampled in each iteration of ``cross_entropy``."""
-    elite: float
+    elite_share: float
     """Share of the samples to which the next iteration's distribution is fitted."""
-    min_gain: float
+    min_relative_gain: float
     """An action is added only if it lowers the value by more than this share."""
     edge_m: float
     """Distance that pushes keep from the area's edge."""
     seed: int
 
     def __post_init__(self) -> None:
-        at_least(self, 0, "caution", "rounds", "guided", "iterations", "min_gain", "edge_m", "seed")
+        at_least(
+            self,
+            0,
+            "disagreement_weight",
+            "rounds",
+            "guided_share",
+            "iterations",
+            "min_relative_gain",
+            "edge_m",
+            "seed",
+        )
         at_least(self, 1, "horizon", "candidates")
         at_least(self, 2, "samples")
-        above_zero(self, "elite")
-        for name in ("guided", "elite", "min_gain"):
+        above_zero(self, "elite_share")
+        for name in ("guided_share", "elite_share", "min_relative_gain"):
             if getattr(self, name) > 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; it is a share, at most 1.")

@@ -47,29 +47,31 @@ class GoalFit:
 class GoalSettings:
     """Weights of (7.4) and bounds of the fit."""
 
-    volume: float
+    volume_weight: float
     """w_0, of the squared volume error, as mean height in mm²."""
-    floor: float
+    floor_weight: float
     """w_1, of the mean depth below the floor, mm."""
-    definition: float
+    range_weight: float
     """w_2, of the relief's range, mm, which the fit maximises."""
-    kept: float
+    rising_share: float
     """Share of the displaced volume that rises at other places. 1 conserves the volume (7.4); foam absorbs most of it.
     """
-    reach_m: float
+    depth_m: float
     """Depth of the floor below the clay's mean height, as deep as the tools reach. The floor is never below the table.
     """
-    border: float
+    border_share: float
     """Share of the area along each edge that stays unchanged."""
 
     def __post_init__(self) -> None:
-        above_zero(self, "volume", "floor")
-        above_zero(self, "reach_m")
-        at_least(self, 0, "definition", "border", "kept")
-        if self.kept > 1:
-            raise ValueError(f"kept is {self.kept}; it is a share, at most 1.")
-        if self.border >= 0.5:
-            raise ValueError(f"border is {self.border}; it must be below 0.5, or nothing is left to sculpt.")
+        above_zero(self, "volume_weight", "floor_weight")
+        above_zero(self, "depth_m")
+        at_least(self, 0, "range_weight", "border_share", "rising_share")
+        if self.rising_share > 1:
+            raise ValueError(f"rising_share is {self.rising_share}; it is a share, at most 1.")
+        if self.border_share >= 0.5:
+            raise ValueError(
+                f"border_share is {self.border_share}; it must be below 0.5, or nothing is left to sculpt."
+            )
 
 
 def fit_goal(relief: FloatArray, height_m: Array, settings: GoalSettings) -> GoalFit:
@@ -77,22 +79,22 @@ def fit_goal(relief: FloatArray, height_m: Array, settings: GoalSettings) -> Goa
 
     Ŝ = S_0[M] + (α S_t + β)[1 − M], M the border, where α and β minimise
 
-        w_0 (mean (Ŝ − S_0)⁺ − kept · mean (S_0 − Ŝ)⁺)² + w_1 mean (floor − Ŝ)⁺ − w_2 α range(S_t),  α ≥ 0.
+        w_0 (mean (Ŝ − S_0)⁺ − rising_share · mean (S_0 − Ŝ)⁺)² + w_1 mean (floor − Ŝ)⁺ − w_2 α range(S_t),  α ≥ 0.
 
-    With kept = 1 the first term is (mean Ŝ − mean S_0)². (7.4) as printed has no square, so that less material would
-    always be better, and it has depths in place of heights. Pixels still below the floor are raised to it. The goal of
-    a flat relief is smooth clay.
+    With rising_share = 1 the first term is (mean Ŝ − mean S_0)². Eq. (7.4) as printed has no square, so that less
+    material would always be better, and it has depths in place of heights. Pixels that are still below the floor are
+    raised to it. The goal of a flat relief is smooth clay.
 
     Raises:
         GoalError: shapes differ, a map has holes, heights are not metres, or w_2 outweighs w_1 so that α is unbounded.
     """
     relief = np.asarray(relief, dtype=np.float64)
     _check(relief, height_m, settings)
-    inside = ~border_mask(height_m.shape, settings.border)
+    inside = ~border_mask(height_m.shape, settings.border_share)
     wanted, clay = relief[inside], height_m[inside].astype(np.float64)
     low, extent = float(wanted.min()), float(np.ptp(wanted))
     share = (wanted - low) / extent if extent > 0 else np.zeros_like(wanted)  # 0 to 1, so that α is a height
-    floor_m = max(float(clay.mean()) - settings.reach_m, 0.0)
+    floor_m = max(float(clay.mean()) - settings.depth_m, 0.0)
     height, shift = _fitted(share, clay, floor_m, settings)
     goal = np.array(height_m, dtype=np.float64)
     goal[inside] = height * share + shift
@@ -116,13 +118,13 @@ def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalS
 
     def imbalance(goal: FloatArray) -> float:
         risen = goal - clay
-        return float(np.maximum(risen, 0).mean() - settings.kept * np.maximum(-risen, 0).mean())
+        return float(np.maximum(risen, 0).mean() - settings.rising_share * np.maximum(-risen, 0).mean())
 
     def cost(height: float, shift: float) -> float:
         goal = height * share + shift
         below = np.maximum(floor_m - goal, 0.0).mean()
-        square = settings.volume * (_MM * imbalance(goal)) ** 2
-        return float(square + _MM * (settings.floor * below - settings.definition * height))
+        square = settings.volume_weight * (_MM * imbalance(goal)) ** 2
+        return float(square + _MM * (settings.floor_weight * below - settings.range_weight * height))
 
     def best_shift(height: float) -> float:
         # The optimum is the shift that conserves the volume, or above it where the relief passes the floor.
@@ -139,8 +141,8 @@ def _fitted(share: FloatArray, clay: FloatArray, floor_m: float, settings: GoalS
         largest *= 2
         if largest > _MAX_HEIGHT_M:
             raise GoalError(
-                f"A definition of {settings.definition:g} outweighs a floor of {settings.floor:g}: the relief would "
-                "grow without end. Raise floor, or lower definition."
+                f"range_weight {settings.range_weight:g} outweighs floor_weight {settings.floor_weight:g}: the relief "
+                "would grow without end. Raise floor_weight, or lower range_weight."
             )
     height = _minimum(lambda height: cost(height, best_shift(height)), 0.0, 2 * largest)
     return height, best_shift(height)

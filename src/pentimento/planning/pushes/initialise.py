@@ -54,7 +54,7 @@ def candidates(
     A push is deepest at its end, where it removes most. A pinch raises the clay between its fingers and presses the
     clay below them, so it is tried wherever the height is wrong.
     """
-    guided = round(config.guided * config.candidates)
+    guided = round(config.guided_share * config.candidates)
     anywhere = reach.draw(config.candidates - guided, rng)
     objective, window_m = foresight.objective, foresight.members[0].window_m
     scale_px = max(0.25 * reach.width_m * objective.pixels_per_m, 0.6)

@@ -102,4 +102,4 @@ def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, c
 
 
 def _helps(value: float, lower: float, config: SculptorConfig) -> bool:
-    return lower < value * (1 - config.min_gain)
+    return lower < value * (1 - config.min_relative_gain)

@@ -21,7 +21,7 @@ def descend(
     Returns:
         The actions with the lowest value of all iterations, so never worse than the given ones, and that value.
     """
-    rates = config.rates
+    rates = config.learning_rates
     own = np.array([rates.place_m, rates.place_m, rates.theta_rad, rates.length_m, rates.depth_m])
     moved = actions / own  # in units of the learning rates
     adam = Adam([moved])
@@ -63,7 +63,7 @@ def cross_entropy(
     ranges = [x_max - x_min, y_max - y_min, np.pi, np.ptp(reach.length_m), np.ptp(reach.depth_m)]
     mean, deviation = actions, np.tile(_SHARE * np.array(ranges), (len(actions), 1))
     best, minimum = actions, foresight.value(foresight.roll_out(height_m, actions))
-    kept = max(round(config.elite * config.samples), 2)
+    kept = max(round(config.elite_share * config.samples), 2)
     for _ in range(config.iterations):
         noise = rng.normal(size=(config.samples, *actions.shape))
         drawn = np.stack([reach.keep_within(mean + deviation * sample) for sample in noise])

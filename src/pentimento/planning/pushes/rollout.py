@@ -47,12 +47,12 @@ _MM = 1e3
 class EnsembleRollout:
     """Predicted clay of each member of an ensemble after a sequence of actions, and the value of that prediction.
 
-    The value is the objective of the members' mean, plus ``caution`` times their variance in mm² with the weight of the
-    3D error (thesis 7.6.2 asks for such a treatment of uncertainty). With a caution of 1, its 3D part is the expected
-    3D error, since E‖S' − S‖² = ‖S' − ES‖² + Var S. With 0, or one member, the value is the thesis's (7.7).
+    The value is the objective of the members' mean, plus ``disagreement_weight`` times their variance in mm² with the
+    weight of the 3D error (thesis 7.6.2 asks for such a treatment of uncertainty). With a weight of 1, its 3D
+    part is the expected 3D error, since E‖S' − S‖² = ‖S' − ES‖² + Var S. With 0, or one member, it is eq. (7.7).
     """
 
-    def __init__(self, members: Sequence[PushModel], objective: ClayObjective, caution: float) -> None:
+    def __init__(self, members: Sequence[PushModel], objective: ClayObjective, disagreement_weight: float) -> None:
         """Take members of one end-effector and one window.
 
         Raises:
@@ -67,7 +67,7 @@ class EnsembleRollout:
                 )
         self.members = tuple(members)
         self.objective = objective
-        self.caution = caution
+        self.disagreement_weight = disagreement_weight
 
     def start(self, height_m: Array) -> Array:
         """Each member's clay [M, H, W] before any action."""
@@ -77,7 +77,7 @@ class EnsembleRollout:
         """The value [K] after each of K alternative actions [K, 5] on the members' clay [M, H, W]."""
         after = np.stack([m.after(state, actions) for m, state in zip(self.members, states_m, strict=True)])
         values = self.objective.values(after.mean(axis=0))
-        if len(self.members) > 1 and self.caution > 0:
+        if len(self.members) > 1 and self.disagreement_weight > 0:
             values = values + self._variance_cost * np.var(after, axis=0).mean(axis=(-2, -1), dtype=np.float64)
         return values
 
@@ -113,7 +113,7 @@ class EnsembleRollout:
     @property
     def _variance_cost(self) -> float:
         """Cost of a variance of 1 m²."""
-        return self.caution * self.objective.weights.error_3d * _MM**2
+        return self.disagreement_weight * self.objective.weights.error_3d * _MM**2
 
 
 def _through(member: PushModel, height_m: Array, actions: FloatArray) -> tuple[Array, Callable[[Array], FloatArray]]:

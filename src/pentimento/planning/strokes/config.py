@@ -135,7 +135,7 @@ class PlannerConfig:
     """Iterations between two relocations of useless strokes; 0 for never."""
     relocate_share: float
     """Largest share of the strokes that is relocated each time."""
-    min_gain: float
+    min_gain_per_stroke: float
     """Rounds stop after one whose strokes lowered the objective by less than this on average; 0 uses all rounds."""
     palette: PaletteChoice
     sweeps: int
@@ -160,7 +160,7 @@ class PlannerConfig:
 
     def __post_init__(self) -> None:
         at_least(self, 0, "iterations_per_round", "iterations_free", "iterations_palette", "iterations_replan")
-        at_least(self, 0, "replan_rate", "relocate_every", "relocate_share", "min_gain", "edge_m", "seed")
+        at_least(self, 0, "replan_rate", "relocate_every", "relocate_share", "min_gain_per_stroke", "edge_m", "seed")
         at_least(self, 1, "candidates", "rounds", "sweeps")
         at_least(self, 2, "path_points")
         if not all(0 <= size <= 1 for size in self.sizes):
@@ -184,7 +184,7 @@ class ShapedPlanConfig:
     """Iterations between two relocations of useless strokes; 0 for never."""
     relocate_share: float
     """Largest share of the strokes that is relocated each time."""
-    reach: float
+    max_latent_distance: float
     """Largest distance of a stroke's latent from the demonstration that it started from, in standard deviations of the
     writer's latents."""
     path_points: int
@@ -199,13 +199,22 @@ class ShapedPlanConfig:
 
     objectives: ClassVar[ObjectivesConfig] = ObjectivesConfig(1.0, None)
     execution_noise: ClassVar[ExecutionNoise] = ExecutionNoise(0.0, 0.0)
-    min_gain: ClassVar[None] = None
+    min_gain_per_stroke: ClassVar[None] = None
     coarse_first: ClassVar[bool] = False
     keep_best: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         at_least(self, 1, "candidates", "rounds")
-        at_least(self, 0, "iterations_per_round", "iterations", "relocate_every", "relocate_share", "reach", "edge_m")
+        at_least(
+            self,
+            0,
+            "iterations_per_round",
+            "iterations",
+            "relocate_every",
+            "relocate_share",
+            "max_latent_distance",
+            "edge_m",
+        )
         at_least(self, 0, "seed")
         at_least(self, 2, "path_points")
         above_zero(self, "pixels_per_m")

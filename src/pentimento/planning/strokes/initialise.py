@@ -166,7 +166,7 @@ class ShapedFamily:
     ) -> ShapedStrokes:  # fmt: skip
         middle, theta, press, linear = (array.astype(np.float32) for array in (middle_m, theta_rad, press_m, color))
         return ShapedStrokes(
-            self.shapes, self.config.reach, parameters, parameters.copy(), middle, theta, press, linear
+            self.shapes, self.config.max_latent_distance, parameters, parameters.copy(), middle, theta, press, linear
         )  # fmt: skip
 
 

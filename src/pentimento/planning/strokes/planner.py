@@ -149,10 +149,10 @@ def _in_rounds(planner: Planner[S]) -> S:
             free_color=scene.tool.color_srgb is None, rate=1.0, log=planner.log,
             first_iteration=number * config.iterations_per_round, last_rate=_ROUND_END,
         )  # fmt: skip
-        if config.min_gain is None:
+        if config.min_gain_per_stroke is None:
             continue
         after = objective(render_plan(strokes, canvas, scene))[0]
-        if before - after < config.min_gain * count:
+        if before - after < config.min_gain_per_stroke * count:
             break
         before = after
     return strokes
