@@ -2,6 +2,7 @@
 #   make repro [PROFILE=smoke]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make test                    the whole test suite
 #   make check                   format, lint, types
+#   make base                    the base of the goal planner (hours; goes on where it was interrupted)
 #   make deps                    write into dvc.yaml the dependencies that follow from code and params.yaml
 #   make bench                   the benchmarks, side by side with the slow references
 #   make studies [WORLDS=0.1]    the blind benchmark of the diagnosis (hours), or a share of them; resumes where it was interrupted
@@ -27,7 +28,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro deps test coverage check bench studies licences clean env
+.PHONY: repro base deps test coverage check bench studies licences clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -54,6 +55,9 @@ check: env
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_layering.py tests/pipelines/test_stages.py
 
+base: env
+	$(BIN)/dvc repro base/dvc.yaml
+
 deps: env
 	$(BIN)/python -m pipelines._deps
 
@@ -78,7 +82,7 @@ $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
-	$(PIP_INSTALL) -c constraints.txt -e ".[train,distributed,s3,c3d,dev]"
+	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,dev]"
 	$(BIN)/python -m compileall -q -j 0 -x py312_intrinsics .venv/lib # PyTorch ships that one for later Pythons only
 	rm -f .venv/.installed-*
 	touch $@

@@ -33,7 +33,9 @@ def bring_up_to_date(folder: Path) -> int:
 
 
 def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
-    """Return the stages that must run, and which of them each one reads.
+    """Return the stages of the folder's own dvc.yaml that must run, and which of them each one reads.
+
+    Stages of dvc.yaml files in other folders, which DVC lists as `file:stage`, belong to other pipelines.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
         The graph of the pipeline (`dvc dag --dot`), with edges from a stage to those that read it.
     """
     edges = _EDGE.findall(dot)
-    found, new = set[str](), set(changed)
+    found, new = set[str](), {name for name in changed if ":" not in name}
     while new:
         found |= new
         new = {reader for stage, reader in edges if stage in found} - found

@@ -161,4 +161,4 @@ def _scribbled(
     widths = (_SCRIBBLE_WIDTHS[0] * side, _SCRIBBLE_WIDTHS[1] * side)
     strokes = random_strokes(side, int(generator.integers(*_SCRIBBLES)), widths, generator).astype(np.float64)
     through = strokes / strokes.max((0, 1))  # of white paper: 1 where nothing is drawn
-    return tuple(np.round(picture * through).astype(np.uint8) for picture in (canvas, full))  # type: ignore[return-value]
+    return np.round(canvas * through).astype(np.uint8), np.round(full * through).astype(np.uint8)

@@ -112,10 +112,10 @@ def draw_scene(
 
     `alone_share` replaces the share of scenes with one thing; the other relations keep their proportions.
     """
-    shares = dict(RELATION_SHARES)
+    shares: dict[Relation, float] = dict(RELATION_SHARES)
     if alone_share is not None:
-        rest = 1 - shares.pop("alone")
-        shares = {"alone": alone_share} | {name: share * (1 - alone_share) / rest for name, share in shares.items()}
+        scale = (1 - alone_share) / (1 - shares["alone"])
+        shares = {name: alone_share if name == "alone" else scale * share for name, share in shares.items()}
     while True:
         relation = list(shares)[generator.choice(len(shares), p=list(shares.values()))]
         scene = _arranged(relation, nouns, source, generator)

@@ -128,7 +128,7 @@ def _rasterised(svg: ElementTree.Element) -> NDArray[np.uint8]:
 
     text = ElementTree.tostring(svg, encoding="unicode")
     png = bytes(svg_to_bytes(svg_string=text, width=_RASTER_PX, height=_RASTER_PX))
-    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    image = np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED))  # BGRA
     alpha = image[..., 3:]
     return np.concatenate([np.round(image[..., 2::-1] * (alpha / 255)).astype(np.uint8), alpha], axis=2)
 

@@ -152,6 +152,7 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
             requires_safety_checker=False,
             local_files_only=True,
             use_safetensors=True,
+            torch_dtype=torch.float32,
         )
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         reason = " ".join(str(error).split())

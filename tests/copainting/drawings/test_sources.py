@@ -1,0 +1,46 @@
+"""Drawings of nouns: the vocabulary is unambiguous, and a drawing fills its square with lines inside the painting."""
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.copainting.drawings import sources
+from pentimento.copainting.drawings.sources import SIDE_PX, SOURCES, named_drawing, vocabulary
+
+
+def test_vocabulary_has_many_nouns_and_half_of_them_have_two_sources() -> None:
+    nouns = vocabulary().values()
+    assert len(nouns) >= 200
+    assert sum(noun.sources == SOURCES for noun in nouns) >= len(nouns) / 2 - 1
+
+
+def test_each_word_names_one_noun_and_each_drawing_shows_one() -> None:
+    nouns = vocabulary().values()
+    words = [word for noun in nouns for word in (noun.name, *noun.synonyms)]
+    assert sorted(words) == sorted(set(words))
+    for drawings in ([noun.openmoji for noun in nouns], [noun.tabler for noun in nouns if noun.tabler]):
+        assert len(drawings) == len(set(drawings))
+
+
+@pytest.mark.parametrize(("name", "source"), [("cat", "openmoji"), ("airplane", "openmoji"), ("house", "tabler")])
+def test_drawing_fills_its_square_and_its_painting_covers_its_lines(name: str, source: sources.Source) -> None:
+    drawing = named_drawing(name, source)
+    visible = np.maximum(drawing.ink, drawing.painting[..., 3]) > 8
+    extents = [np.ptp(np.flatnonzero(visible.any(axis))) + 1 for axis in (0, 1)]
+    assert abs(max(extents) - SIDE_PX) <= 6
+    ends = [(np.flatnonzero(visible.any(axis))[[0, -1]].sum() - (SIDE_PX - 1)) / 2 for axis in (0, 1)]
+    assert np.abs(ends).max() <= 2  # centred
+    inked = drawing.ink > 200
+    assert inked.any() and (drawing.painting[inked, 3] > 150).mean() > 0.95
+    assert (drawing.painting[..., :3].max(-1) <= drawing.painting[..., 3]).all()  # multiplied by alpha
+
+
+def test_openmoji_pen_drawing_has_no_fill() -> None:
+    apple = named_drawing("apple", "openmoji")
+    assert (apple.ink > 127).mean() < 0.25 < (apple.painting[..., 3] > 127).mean()
+
+
+def test_missing_package_is_named_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sources._PACKAGES, "openmoji", ("no-such-package", "svg"))
+    with pytest.raises(ConfigError, match=r"no-such-package .* not installed"):
+        named_drawing.__wrapped__("cat", "openmoji")
