@@ -32,6 +32,7 @@ def test_what_reads_from_a_changed_stage_must_be_looked_at() -> None:
         "hands": frozenset(),
     }
     assert out_of_date({}, DOT) == {}
+    assert out_of_date({"base/dvc.yaml:train": []}, DOT) == {}  # another pipeline's
 
 
 def test_the_longest_chain_comes_first() -> None:
