@@ -11,7 +11,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.robots.hardware import HardwareRobot
-from pentimento.robots.machine import MachineError
+from pentimento.robots.machine import MachineError, positions_only
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from pipelines._imports import ROOT
@@ -22,10 +22,10 @@ RIG = make_rig(palette=None, machine={"address": "here"})
 
 
 class Device:
-    """Centimetres; refuses the place of its number `refuses`."""
+    """Centimetres. It refuses call number `refuses`, and ignores all calls while `stuck`."""
 
     def __init__(self) -> None:
-        self.at, self.went, self.refuses, self.frozen = (35.0, 15.0, 8.0), [], -1, 0
+        self.at, self.went, self.refuses, self.frozen, self.stuck = (35.0, 15.0, 8.0), [], -1, 0, False
 
     def place(self) -> tuple[float, float, float]:
         return self.at
@@ -34,7 +34,8 @@ class Device:
         self.went.append((x, y, z, seconds))
         if len(self.went) == self.refuses:
             return False
-        self.at = (x, y, z)
+        if not self.stuck:
+            self.at = (x, y, z)
         return True
 
     def freeze(self) -> None:
@@ -72,6 +73,19 @@ def test_example_driver_paints_lifts_and_rejects_bad_commands(driver: tuple[type
     with pytest.raises(MachineError, match="refused a place"):
         guard.move(path)
     assert device.frozen and device.at[2] == pytest.approx(8.0) and guard.stopped is not None
+
+
+def test_example_driver_checks_where_a_motion_starts_and_ends(driver: tuple[types.ModuleType, Device]) -> None:
+    module, device = driver
+    machine, times_s = module.connect(RIG), np.array([0.0, 1.0])
+    here_m = np.array(device.at) / 100
+    moved_m = here_m + [0.02, 0.0, 0.0]
+    with pytest.raises(MachineError, match="20.0 mm .* from where the next motion begins"):
+        machine.follow(times_s, positions_only(np.stack([moved_m, here_m])))
+    assert device.went == []
+    device.stuck = True
+    with pytest.raises(MachineError, match="stopped 20.0 mm from its target"):
+        machine.follow(times_s, positions_only(np.stack([here_m, moved_m])))
 
 
 def test_without_its_package_it_says_what_to_install(
