@@ -1,4 +1,4 @@
-"""The page of `studies.push_models`: bars of issue 7 and what was found, with exact counts of worlds."""
+"""The page of `studies.push_models`: measured errors and targets, with the number of worlds of each row."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Parts = dict[str, Any]
 
 
 def page(worlds: list[Parts]) -> str:
-    """Markdown of all parts that there are, means over worlds."""
+    """Markdown of all parts that exist; numbers are means over worlds."""
     writers = (_held_out, _ablation, _transfer, _sizes, _outside, _pinch, _unseen)
     sections = [write(worlds) for write in writers]
     return "\n".join([_HEAD.format(worlds=len(worlds)), *(section for section in sections if section)])
@@ -23,18 +23,18 @@ def page(worlds: list[Parts]) -> str:
 _HEAD = """\
 # Prediction errors of push models
 
-Written by `python -m studies.push_models`; do not edit. Drawn worlds so far: {worlds} of 20. A world is foam, dough and
-sand whose constants and strengths of effects differ from the bundled files, with 400 designed pushes of the ball in
-each, of which a quarter of the actions is held out. Numbers are means over the held-out pushes and then over worlds, in
-the square of 10 cm of the constant pose unless said otherwise; *n* is the number of worlds that a row is made of. The
-**floor** is the variance of the changes of an action that was made three times on freshly smoothed material, noise of
-both scans included.
+Written by `python -m studies.push_models`; do not edit. Simulated worlds so far: {worlds} of 20. A world has foam,
+dough and sand. Their constants and effect strengths are random and differ from the bundled files. Each material has
+400 designed pushes with the ball; a quarter of the actions is held out. Numbers are means over the held-out pushes
+and then over worlds. Errors are computed in the square of 10 cm around the push, in its own pose, unless a column
+says *window*. *n* is the number of worlds of a row. The **floor** is the noise floor: the variance of the height
+change of an action that is repeated three times on freshly smoothed material. It includes the noise of both scans.
 """
 
 
 def _held_out(worlds: list[Parts]) -> str:
     lines = [
-        "## Held-out pushes, beside what is trivial\n",
+        "## Held-out pushes, compared with trivial models\n",
         "| material | n | model | mean footprint | no change | window: model | window: no change |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -48,8 +48,9 @@ def _held_out(worlds: list[Parts]) -> str:
                 f"{_mean(held, 'model', 'window_l_3d_mm2')} | {_mean(held, 'unchanged', 'window_l_3d_mm2')} |"
             )
     lines += [
-        "\nL_3D in mm². On the held-out actions that were repeated, so that error and floor are of the same pushes:\n",
-        "| material | n | model | floor | model / floor | bar | window: model / floor |",
+        "\nL_3D in mm². The next table uses only the repeated held-out actions, "
+        "so that error and floor are of the same pushes:\n",
+        "| material | n | model | floor | model / floor | target | window: model / floor |",
         "|---|---|---|---|---|---|---|",
     ]
     for material in (*MATERIALS, "pinch"):
@@ -62,15 +63,15 @@ def _held_out(worlds: list[Parts]) -> str:
                 f"{_mean(found, 'floor', 'l_3d_mm2')} | {over:.2f} | {bar} | {window:.2f} |"
             )
     lines.append(
-        "\nThe model knows neither dwell nor speeds, which differ between actions and not between repeats, nor what\n"
-        "was pressed before except by its shape: what is above the floor is what the diagnosis looks for."
+        "\nThe model does not know dwell time and speeds, which differ between actions but not between repeats. Of\n"
+        "earlier pushes it knows only the resulting shape. The error above the floor is what the diagnosis explains."
     )
     return "\n".join(lines) + "\n"
 
 
 def _ablation(worlds: list[Parts]) -> str:
     lines = [
-        "## L_3D alone against L_3D + L_viz (table 7.1)\n",
+        "## Training with L_3D alone and with L_3D + L_viz (table 7.1)\n",
         "| material | n | trained on | " + " | ".join(_SCORES.values()) + " |",
         "|---|---|---|" + "---|" * len(_SCORES),
     ]
@@ -91,7 +92,7 @@ def _ablation(worlds: list[Parts]) -> str:
         return ""
     lines.append(
         f"\nWith L_viz the visual error is lower on {better['visual']} of {better['of']} materials, and the 3D error "
-        f"no higher on {better['3d']} of {better['of']} (bars: all; at least 2 of 3)."
+        f"no higher on {better['3d']} of {better['of']} (targets: all; at least 2 of 3)."
     )
     return "\n".join(lines) + "\n"
 
@@ -140,7 +141,8 @@ def _outside(worlds: list[Parts]) -> str:
         return ""
     lines = [
         "## Outside the training region: held-out L_3D, mm²\n",
-        "Trained on pushes of up to 25 mm and 8 mm deep only; beyond that, beside the model that was trained on all.\n",
+        "The first model is trained only on pushes of at most 25 mm length and 8 mm depth. The "
+        "last column is the model that was trained on all.\n",
         "| material | n | within | beyond | beyond, trained on all |",
         "|---|---|---|---|---|",
         *rows,
@@ -153,7 +155,7 @@ def _pinch(worlds: list[Parts]) -> str:
     if not pairs:
         return ""
     lines = [
-        f"## Pushes against pinches, in foam (table 7.1), n = {len(pairs)}\n",
+        f"## Pushes and pinches in foam (table 7.1), n = {len(pairs)}\n",
         "| action | " + " | ".join(_SCORES.values()) + " | L_3D of no change | L_3D / no change |",
         "|---|" + "---|" * (len(_SCORES) + 2),
     ]
@@ -171,8 +173,8 @@ def _unseen(worlds: list[Parts]) -> str:
     if both:
         lines += [
             f"## One model for all materials: L_3D, mm², n = {len(both)}\n",
-            "The conditioned model sees five pushes of each material where its own model sees three; *own, longer*\n"
-            "are own models that see five, too.\n",
+            "In training, the conditioned model sees each push of a material five times where a material's own model\n"
+            "sees it three times. *own, longer* are own models with five times.\n",
             "| material | own model | own, longer | conditioned | conditioned / own | conditioned / own, longer |",
             "|---|---|---|---|---|---|",
         ]
@@ -201,10 +203,11 @@ def _unseen(worlds: list[Parts]) -> str:
     if rows:
         lines += [
             "\n## An unseen material with 20 pushes: L_3D, mm²\n",
-            "The conditioned model of the two others, its context and last layer fitted on 20 pushes, and then all of\n"
-            "it, slowly; the bar is half the error of the best other material's own model.\n",
-            "| unseen | n | best other's model | two others, not adapted | 20 pushes alone | adapted on 20 | "
-            "adapted / best other (bar ≤ 0.5) | own model, all pushes |",
+            "The conditioned model of the two other materials is adapted on 20 pushes: first its context and last\n"
+            "layer, then all parameters at a low learning rate. The target is half the error of the best own model of\n"
+            "another material.\n",
+            "| unseen | n | best other's model | two others, not adapted | trained on 20 pushes only | adapted on 20 | "
+            "adapted / best other (target ≤ 0.5) | own model, all pushes |",
             "|---|---|---|---|---|---|---|---|",
             *rows,
         ]

@@ -19,32 +19,31 @@ _RATIO, _BELOW_NEXT, _BEST_OF_BRUSHES, _SECONDS = 0.6, 0.75, 6, 60.0
 _HEAD = """\
 # Which stroke model to choose
 
-Written by `python -m studies.stroke_models`; do not edit. Every model learns from the same strokes, commanded paths and
-windows, on the thesis's weighted L1 (5.3.4), and one function scores them all: L1 over a stroke's window in sRGB
-between 0 and 1, and IoU of the inked pixels (more than 110/255 of the contrast between paper and paint), both the mean
-over strokes at 1 px/mm. Trivial models are fitted to each score by itself. To compare them on a brush of your own:
-`python -m studies.stroke_models --strokes TABLE --out DIR`.
+Written by `python -m studies.stroke_models`; do not edit. Every model is trained on the same strokes, commanded paths
+and windows, with the thesis's weighted L1 (5.3.4). One function computes all scores: the L1 over a stroke's window,
+in sRGB between 0 and 1, and the IoU of inked pixels. A pixel is inked if it has more than 110/255 of the contrast
+between paper and paint. Both scores are means over strokes at 1 px/mm. Trivial models are fitted once for each score.
+To compare the models on your own brush: `python -m studies.stroke_models --strokes TABLE --out DIR`.
 
-| row | what it is |
+| row | model |
 |---|---|
-| blank paper | nothing happens |
-| stamp | the training strokes' mean mark, stretched to the stroke's length |
+| blank paper | predicts no mark |
+| stamp | the mean mark of the training strokes, stretched to the stroke's length |
 | constant-width polyline | the commanded path with one width and one opacity |
-| param2stroke | length, bend and press to a map (thesis 4.3.2) |
+| param2stroke | from length, bend and press to an image (thesis 4.3.2) |
 | CNN, CNN with CoordConv | the whole path through a linear layer and transposed convolutions (5.4.3) |
-| U-Net on the path's image | a stronger rival than the thesis has: it sees the path drawn |
-| Traj2Stroke | seven numbers and an opacity (5.3.4) |
-| Traj2Stroke + U-Net | frozen for the first half, its last convolution zero (5.4.3) |
-| Traj2Stroke + mechanisms | with what `pentimento diagnose` establishes on the training strokes, fitted jointly |
-| Traj2Stroke + mechanisms + learned soft edges | the same, frozen; a small network says pixel by pixel what else is
-there |
+| U-Net on the path's image | the input is an image of the path; not in the thesis |
+| Traj2Stroke | seven parameters and an opacity (5.3.4) |
+| Traj2Stroke + U-Net | Traj2Stroke frozen for the first half; the U-Net's last convolution starts at zero (5.4.3) |
+| Traj2Stroke + mechanisms | with the causes that `pentimento diagnose` establishes on the training strokes |
+| Traj2Stroke + mechanisms + learned soft edges | the same, frozen, plus a network for the rest of each pixel |
 
-A tool that is never pressed, a pen, has no scale m in the rows with mechanisms, unless the diagnosis establishes one: a
-rigid tip goes where it is led. All networks hold that a tool is symmetric: each sees half of the strokes in a mirror.
-The network of the soft edges sees no picture but how a pixel lies about the mark, the command and the stroke's frame,
-press and bend there, where the tip came from and where it goes, and length, bend, headings and press of the stroke. It
-is believed by the share at which networks like it predict training strokes best that they have not seen; that may be
-none.
+A pen is never pressed. In the rows with mechanisms a pen therefore has no scale m, unless the diagnosis establishes
+one: a rigid tip follows the command. All networks assume that a tool is symmetric: half of their training strokes are
+mirrored. The network of the soft edges gets no image. Its inputs are, for each pixel, its position relative to the
+mark, the command and the stroke's frame; press and bend at the nearest point of the path; the directions of the tip
+before and after it; and the length, bend, headings and press of the stroke. Its output is multiplied by the factor
+that predicts held-out training strokes best, which may be zero.
 """
 
 
@@ -53,7 +52,7 @@ def whole(
     sets: Mapping[str, Sequence[Results]],
     curves: Mapping[str, Mapping[int, Results]],
 ) -> str:
-    """Markdown of everything that there is."""
+    """Markdown of all results that exist."""
     sections = [_HEAD]
     for tool, runs in tables.items():
         if runs:
@@ -70,14 +69,14 @@ def whole(
 
 
 def own_table(runs: Sequence[Results], name: str, rows: int) -> str:
-    """The page of one's own table: every run holds out another quarter of its actions."""
+    """The page of a user's table: each run holds out another quarter of its actions."""
     best = min(runs[0], key=lambda model: estimate(runs, model, "own", "l1").value)
     lines = [
         f"# Stroke models on {name}\n",
-        f"{rows} strokes, of whose actions a quarter is held out, {len(runs)} times. Means over held-out strokes with "
-        "95 % intervals, by drawing strokes anew.\n",
+        f"{rows} strokes. Cross-validation with {len(runs)} folds, each of which holds out a quarter of the actions. "
+        "Means over held-out strokes, with 95 % intervals by bootstrap over strokes.\n",
         *_table(runs, {"held out": "own"}),
-        f"\nThe least L1 has **{NAMES[best]}**. {_said(runs)}\n",
+        f"\nThe lowest L1 is that of **{NAMES[best]}**. {_said(runs)}\n",
     ]
     return "\n".join(lines)
 
@@ -86,9 +85,9 @@ def _studio(tool: str, runs: Sequence[Results]) -> str:
     strokes = {len(run[name]["scores"]["B"]["l1"]) for run in runs for name in run}
     lines = [
         f"## In the studio: {tool}\n",
-        f"Trained on {runs[0][next(iter(runs[0]))]['strokes']} designed strokes (dataset A: Bézier strokes), "
-        f"tested on others of A and on {max(strokes)} strokes in hands that turn, loop and wind (dataset B), in "
-        f"studios of {len(runs)} seeds. 95 % intervals: strokes drawn anew within each.\n",
+        f"Trained on {runs[0][next(iter(runs[0]))]['strokes']} designed Bézier strokes (dataset A). Tested on other "
+        f"strokes of A, and on {max(strokes)} strokes of synthetic writers with turns and loops (dataset B). Studios "
+        f"with different seeds: {len(runs)}. 95 % intervals: bootstrap over strokes.\n",
         *_table(runs, {"A": "A", "B": "B"}),
         "",
         *_studio_bars(tool, runs),
@@ -122,18 +121,18 @@ def _studio_bars(tool: str, runs: Sequence[Results]) -> list[str]:
         best = min(_CNNS, key=lambda name: estimate(runs, name, "B", "l1").value)
         found = ratio(runs, "traj2stroke", best, "B", "l1")
         lines.append(
-            f"- Traj2Stroke's L1 on B over that of the better CNN ({NAMES[best]}): {_number(found, 2)}, bar ≤ {_RATIO} "
-            f"{_met(found.value <= _RATIO)}."
+            f"- L1 of Traj2Stroke on B, divided by that of the better CNN ({NAMES[best]}): {_number(found, 2)}, "
+            f"target ≤ {_RATIO} {_met(found.value <= _RATIO)}."
         )
     if OURS in there:
         rivals = [name for name in there if name not in (OURS, OURS_SOFT_EDGE, *TRIVIAL)]
-        for chosen, whom in (([n for n in rivals if n != _EXTRA], "the thesis's models"), (rivals, "all")):
+        for chosen, whom in (([n for n in rivals if n != _EXTRA], "the thesis's models"), (rivals, "all models")):
             best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").value)
             found = ratio(runs, OURS, best, "B", "l1")
             bar = _BELOW_NEXT if tool != "marker" else 1.0
             lines.append(
-                f"- Traj2Stroke + mechanisms on B over the next of {whom} ({NAMES[best]}): {_number(found, 2)}, "
-                f"bar {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(found.value <= bar)}."
+                f"- L1 of Traj2Stroke + mechanisms on B, divided by that of the best of {whom} ({NAMES[best]}): "
+                f"{_number(found, 2)}, target {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(found.value <= bar)}."
             )
     return lines
 
@@ -153,7 +152,7 @@ def _curves(curves: Mapping[str, Mapping[int, Results]]) -> str:
                 lines.append(f"| {size} | " + " | ".join(cells) + " |")
     if not lines:
         return ""
-    return "\n".join(["## How many strokes it takes\n", "One seed.", *lines, "\n![Curves](stroke_models/curve.png)\n"])
+    return "\n".join(["## Number of training strokes\n", "One seed.", *lines, "\n![Curves](stroke_models/curve.png)\n"])
 
 
 def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: str) -> str:
@@ -162,8 +161,8 @@ def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: st
     times = " or ".join(map(str, sorted({len(sets[name]) for name in names})))
     lines = [
         f"## {title}\n",
-        "Trained on three quarters of a set; tested on its held-out strokes and on another set of a like tool. Each "
-        f"time another quarter is held out; means over {times} of four. The best of each row is bold.\n",
+        "Trained on three quarters of a set. Tested on its held-out strokes, and on another set of a similar tool. "
+        f"Values are means over {times} of the four folds. The best value of each row is bold.\n",
     ]
     for score, best, digits in (("iou", max, 3), ("l1", min, 4)):
         models = [name for name in NAMES if any(name in _common(sets[each]) for each in names) and name != "blank"]
@@ -177,7 +176,9 @@ def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: st
                 values = {m: estimate(sets[name], m, test, score).value for m in models if m in _common(sets[name])}
                 lines.append(_set_row(name, test, values, models, best, digits))
     found = [f"{name}: {' / '.join(map(_causes, sets[name]))}" for name in names if OURS in _common(sets[name])]
-    lines.append("\nEstablished on the training strokes, time by time: " + "; ".join(found) + ".\n" if found else "")
+    lines.append(
+        "\nCauses established on the training strokes of each fold: " + "; ".join(found) + ".\n" if found else ""
+    )
     return "\n".join(lines)
 
 
@@ -205,7 +206,7 @@ def _brush_bar(sets: Mapping[str, Sequence[Results]]) -> str:
                 won = [name for name in done if _best(sets[name], test, (other, *left_out)) == ours]
                 lines.append(
                     f"- On {where}, {NAMES[ours]} has a better IoU than {whom} on {len(won)} of {len(done)} brush "
-                    f"sets, bar {_BEST_OF_BRUSHES} of {len(BRUSHES)} {_met(len(won) >= _BEST_OF_BRUSHES)}."
+                    f"sets, target {_BEST_OF_BRUSHES} of {len(BRUSHES)} {_met(len(won) >= _BEST_OF_BRUSHES)}."
                 )
     return "\n".join(lines) + "\n"
 
@@ -219,8 +220,8 @@ def _pen_bar(sets: Mapping[str, Sequence[Results]]) -> str:
         iou = {name: [estimate(sets[name], m, test, "iou").value for m in (OURS, "polyline")] for name in there}
         beaten = [name for name, (ours, polyline) in iou.items() if ours < polyline]
         lines.append(
-            f"- On {where} of pens, the polyline has a better IoU than it on {len(beaten)} of {len(there)} sets, bar "
-            f"none {_met(not beaten)}."
+            f"- On {where} of pens, the polyline has a better IoU than {NAMES[OURS]} on {len(beaten)} of "
+            f"{len(there)} sets, target 0 {_met(not beaten)}."
         )
     return "\n".join(lines) + "\n"
 
@@ -242,16 +243,18 @@ def _said(runs: Sequence[Results]) -> str:
     slowest = max((run[n]["train_s"] - _finding(run[n]), n) for run in runs for n in run)
     finding = np.mean([_finding(run[OURS]) for run in runs if OURS in run])
     return (
-        f"Established on the training strokes, run by run: {'; '.join(found)}. Finding that took {finding:.0f} CPU "
-        f"seconds, which are not in the table. The slowest training, {NAMES[slowest[1]]}, took {slowest[0]:.0f} s, bar "
-        f"≤ {_SECONDS:.0f} {_met(slowest[0] <= _SECONDS)}."
+        f"Causes established on the training strokes of each run: {'; '.join(found)}. The diagnosis took {finding:.0f} "
+        f"CPU seconds, which the table does not include. The slowest training, {NAMES[slowest[1]]}, took "
+        f"{slowest[0]:.0f} s, target ≤ {_SECONDS:.0f} {_met(slowest[0] <= _SECONDS)}."
     )
 
 
 def _causes(run: Results) -> str:
     said = run[OURS]["said"]
     names = ", ".join(f"`{cause}`" for cause in said["established"]) or "nothing"
-    return names + ("" if said["kept"] or not said["established"] else " (the base has it, or fares no worse without)")
+    return names + (
+        "" if said["kept"] or not said["established"] else " (not used: the joint fit with it was not better)"
+    )
 
 
 def _finding(result: Mapping[str, object]) -> float:

@@ -97,7 +97,7 @@ def test_a_stroke_without_ink_has_no_iou() -> None:
     assert estimate([run], "cnn", "B", "iou").value == pytest.approx(0.5)
 
 
-def test_page_states_which_bars_are_met() -> None:
+def test_page_states_which_targets_are_met() -> None:
     l1 = {name: 0.05 - 0.002 * place for place, name in enumerate(NAMES)} | {"traj2stroke": 0.02, "mechanisms": 0.01}
     iou = {name: 0.4 + 0.01 * place for place, name in enumerate(NAMES)}
     run = _run(l1, iou, ("A", "B"))
@@ -105,30 +105,31 @@ def test_page_states_which_bars_are_met() -> None:
     worse = _run(l1, dict(iou, mechanisms=0.1), ("own", "other"))
     measured["brush_2022a"] = measured["marker_6x6"] = [measured["brush_2022a"][0], worse]
     said = whole({"marker": {1: run}, "round_brush": {1: run}}, measured, {"marker": {10: run, 440: run}})
-    assert (
-        "Traj2Stroke's L1 on B over that of the better CNN (CNN with CoordConv): 0.50 (0.50 to 0.50), bar ≤ 0.6 (met)"
-        in said
-    )
-    assert "over the next of the thesis's models (Traj2Stroke): 0.50 (0.50 to 0.50), bar ≤ 0.75 (met)" in said
+    met = "0.50 (0.50 to 0.50), target ≤ {} (met)"
+    assert f"divided by that of the better CNN (CNN with CoordConv): {met.format(0.6)}" in said
+    assert f"divided by that of the best of the thesis's models (Traj2Stroke): {met.format(0.75)}" in said
     for better, sets in (("mechanisms", 7), ("mechanisms + learned soft edges", 8)):
-        won = f"{better} has a better IoU than all other rows on {sets} of 8 brush sets, bar 6 of 8 (met)"
+        won = f"{better} has a better IoU than all other rows on {sets} of 8 brush sets, target 6 of 8 (met)"
         assert said.count(f"Traj2Stroke + {won}") == 2
-    assert said.count("the polyline has a better IoU than it on 1 of 4 sets, bar none (not met)") == 2
+    assert (
+        said.count("the polyline has a better IoU than Traj2Stroke + mechanisms on 1 of 4 sets, target 0 (not met)")
+        == 2
+    )
     assert "| 440 |" in said
     assert "`bristle_lag`" in said
     assert "nan" not in said
     slow = _run(l1, iou, ("own",))
     slow["cnn"]["train_s"] = 99.0
     own = own_table([slow], "mine.parquet", 40)
-    assert "took 99 s, bar ≤ 60 (not met)" in own
-    assert "The least L1 has **Traj2Stroke + mechanisms**" in own
+    assert "took 99 s, target ≤ 60 (not met)" in own
+    assert "The lowest L1 is that of **Traj2Stroke + mechanisms**" in own
 
 
 def test_a_page_of_what_there_is_so_far() -> None:
     part = _run({"polyline": 0.05, "traj2stroke": 0.02}, {"polyline": 0.5, "traj2stroke": 0.6}, ("own", "other"))
     said = whole({"marker": {}, "round_brush": {}}, {"brush_2022b": [part]}, {})
     assert "| brush_2022b | held out | 0.500 | **0.600** |" in said
-    assert "bar" not in said
+    assert "target" not in said
 
 
 def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
