@@ -46,7 +46,7 @@ class Wanted:
     """One goal."""
 
     source: str
-    """letter:<text>, shape:<name>, or a file; see sculpting_goals.sources."""
+    """letter:<text>, shape:<name>, or a file; see `goals3d.sources`."""
     depth_m: float
     """Depth of its lowest point below the clay's mean height; a later goal must be deeper than an earlier one."""
 

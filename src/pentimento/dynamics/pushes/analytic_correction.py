@@ -25,8 +25,6 @@ from pentimento.dynamics.pushes.analytic import AnalyticPush, model_as_json, mod
 from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start
 from pentimento.planning.pushes.rollout import Array, FloatArray, Pull, PushModel
 
-HIDDEN = ("adhesion_lift", "height_offset", "springback", "stiffness_drift", "tool_backlash", "work_hardening")
-"""Causes that depend on covariates which a network in the constant pose does not see."""
 FILE = "correction.json"
 _STEPS = np.array([2e-4, 2e-4, 2e-3, 2e-4, 1e-4])
 """Steps of the action's components for its finite-difference gradient: m, m, rad, m, m."""
@@ -157,7 +155,7 @@ def split_hidden(
     extended: AnalyticPush, refit: Callable[[AnalyticPush], AnalyticPush]
 ) -> tuple[AnalyticPush, AnalyticPush] | None:
     """The extended model and the one without hidden causes, each refitted; None where no cause is hidden."""
-    hidden = [mechanism.cause for mechanism in extended.mechanisms if mechanism.cause in HIDDEN]
+    hidden = [mechanism.cause for mechanism in extended.mechanisms if mechanism.hidden_from_network]
     if not hidden:
         return None
     return refit(extended), refit(extended.without(*hidden))

@@ -15,6 +15,7 @@ from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
 from pentimento.dynamics.pushes.mechanisms import LOOKALIKES, VOCABULARY, Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable, spread
 from pentimento.dynamics.pushes.mechanisms.slope_slide import relaxed
+from tests.dynamics.documented_causes import documented_causes
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank
 
 KINDS = {kind.cause: kind for kind in VOCABULARY}
@@ -44,9 +45,14 @@ def typical(kind: type[Mechanism]) -> list[float]:
     return [quantity.typical for quantity in kind.quantities]
 
 
-def test_vocabulary_matches_documentation() -> None:
-    material = "springback volume_loss slope_slide far_field work_hardening adhesion_lift stiffness_drift"
-    assert sorted(KINDS) == sorted(f"{material} height_offset tool_backlash".split())
+def test_every_cause_is_described_in_the_documentation_and_no_other() -> None:
+    assert sorted(KINDS) == sorted(documented_causes("pushes"))
+
+
+def test_hidden_causes_depend_on_more_than_the_pose() -> None:
+    # A network in the push's own pose sees the surface around the push: what depends on nothing else is not hidden.
+    visible = {kind.cause for kind in VOCABULARY if not kind.hidden_from_network}
+    assert visible == {"far_field", "slope_slide", "volume_loss"}
 
 
 def test_informative_covariates_are_known_columns(seen: PushScene) -> None:

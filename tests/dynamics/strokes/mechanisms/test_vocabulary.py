@@ -36,6 +36,7 @@ from pentimento.dynamics.strokes.simulation import (
     simulate,
 )
 from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
+from tests.dynamics.documented_causes import documented_causes
 
 COUNT, POINTS = 6, 40
 MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 1e-3, 0.5, 0.9)).requires_grad_(False)
@@ -88,9 +89,9 @@ def made(kind: type[Mechanism], *values: float) -> Mechanism:
     return kind(torch.tensor(values, dtype=torch.float64), kind.reference_of(context()))
 
 
-def test_names_are_those_of_the_vocabulary() -> None:
+def test_every_cause_is_described_in_the_documentation_and_has_a_file_of_its_name() -> None:
     names = [kind.cause for kind in VOCABULARY]
-    assert len(set(names)) == len(names) == 19
+    assert sorted(names) == sorted(documented_causes("strokes"))
     assert all(kind.__module__.endswith(f".{kind.cause}") for kind in VOCABULARY)
 
 

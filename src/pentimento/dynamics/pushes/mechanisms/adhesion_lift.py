@@ -32,6 +32,7 @@ class AdhesionLift(Mechanism):
     cause = "adhesion_lift"
     site = "surface"
     driving_covariate = "retraction"
+    hidden_from_network = True
     informative_covariates = (_COLUMN, "dwell_s")
     aliasable = False
     quantities = (

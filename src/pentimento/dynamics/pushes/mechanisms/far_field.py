@@ -18,6 +18,7 @@ class FarField(Mechanism):
     cause = "far_field"
     site = "surface"
     driving_covariate = "distance"
+    hidden_from_network = False
     quantities = (Quantity("share", "1", 0.2, signed=False),)
 
     def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:

@@ -15,6 +15,7 @@ class HeightOffset(Mechanism):
     cause = "height_offset"
     site = "command"
     driving_covariate = "place"
+    hidden_from_network = True
     informative_covariates = ("start_x_m", "start_y_m")
     by_place = ("lower_to_the_right_m", "lower_to_the_top_m")
     quantities = (

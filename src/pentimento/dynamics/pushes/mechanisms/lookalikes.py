@@ -31,6 +31,7 @@ class ClosedStart(Mechanism):
     cause = "closed_start"
     site = "command"
     driving_covariate = "place"
+    hidden_from_network = False
     quantities = (Quantity("less_deep_m", "m", 0.0005, signed=False),)
 
     @classmethod

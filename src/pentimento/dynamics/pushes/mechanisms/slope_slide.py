@@ -35,6 +35,7 @@ class SlopeSlide(Mechanism):
     cause = "slope_slide"
     site = "surface"
     driving_covariate = "slope"
+    hidden_from_network = False
     informative_covariates = ("slope_below",)
     quantities = (
         Quantity("slid_to_31_degrees", "1", 1.0),

@@ -35,6 +35,7 @@ class Springback(Mechanism):
     cause = "springback"
     site = "material"
     driving_covariate = "rest"
+    hidden_from_network = True
     informative_covariates = ("dwell_s",)
     quantities = (
         Quantity("kept_by_compression", "1", 0.4),

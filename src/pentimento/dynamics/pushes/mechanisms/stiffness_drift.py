@@ -23,6 +23,7 @@ class StiffnessDrift(Mechanism):
     cause = "stiffness_drift"
     site = "command"
     driving_covariate = "session"
+    hidden_from_network = True
     informative_covariates = (*_TIME, *_TEMPERATURE)
     aliasable = False
     quantities = (

@@ -19,6 +19,7 @@ class ToolBacklash(Mechanism):
     cause = "tool_backlash"
     site = "command"
     driving_covariate = "reversal"
+    hidden_from_network = True
     informative_covariates = ("heading_cos", "heading_sin")
     aliasable = False
     quantities = (

@@ -17,6 +17,7 @@ class VolumeLoss(Mechanism):
     cause = "volume_loss"
     site = "surface"
     driving_covariate = "volume"
+    hidden_from_network = False
     quantities = (
         Quantity("lost_share", "1", 0.3, signed=False),
         Quantity("lost_by_volume", "1/usual volume", 0.2),

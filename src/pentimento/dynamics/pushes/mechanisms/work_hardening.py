@@ -23,6 +23,7 @@ class WorkHardening(Mechanism):
     cause = "work_hardening"
     site = "contact"
     driving_covariate = "history"
+    hidden_from_network = True
     informative_covariates = ("worked_below_m",)
     quantities = (
         Quantity("loss", "1 per 5 mm of earlier work", 0.2, signed=False),
