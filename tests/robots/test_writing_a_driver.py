@@ -79,12 +79,12 @@ def test_example_driver_checks_where_a_motion_starts_and_ends(driver: tuple[type
     module, device = driver
     machine, times_s = module.connect(RIG), np.array([0.0, 1.0])
     here_m = np.array(device.at) / 100
-    moved_m = here_m + [0.02, 0.0, 0.0]
-    with pytest.raises(MachineError, match="20.0 mm .* from where the next motion begins"):
+    moved_m = here_m + np.array([0.02, 0.0, 0.0])
+    with pytest.raises(MachineError, match=r"20\.0 mm .* from where the next motion begins"):
         machine.follow(times_s, positions_only(np.stack([moved_m, here_m])))
     assert device.went == []
     device.stuck = True
-    with pytest.raises(MachineError, match="stopped 20.0 mm from its target"):
+    with pytest.raises(MachineError, match=r"stopped 20\.0 mm from its target"):
         machine.follow(times_s, positions_only(np.stack([here_m, moved_m])))
 
 
