@@ -20,8 +20,11 @@ def main(arguments: argparse.Namespace) -> None:
     sections = load_section(arguments.params, "draw_scenes", dict[str, DrawnScenesConfig])
     config = entry_of(sections, arguments.reader, "draw_scenes")
     single_threaded()
-    with tracked_run("draw_scenes", arguments.reader, asdict(config), {}) as run, output_folder(arguments.out) as out:
-        table = drawn_scenes(config)
+    with (
+        tracked_run("draw_scenes", arguments.reader, asdict(config), {"archives": arguments.archives}) as run,
+        output_folder(arguments.out) as out,
+    ):
+        table = drawn_scenes(config, arguments.archives)
         licences = ", ".join(f"{source} ({LICENCES[source]})" for source in config.sources)
         write_table(out / "table", table, CONTRACT, f"# Scenes of named things\n\nDrawings by {licences}.")
         for file in sorted((out / "table").iterdir()):
@@ -38,5 +41,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="draw_scenes", description=__doc__)
     parser.add_argument("--params", required=True, type=Path)
     parser.add_argument("--reader", required=True, help="which encoder learns from the scenes: guide or judge")
+    parser.add_argument("--archives", required=True, type=Path, help="folder of fetch_drawings")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

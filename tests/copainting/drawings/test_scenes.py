@@ -31,8 +31,8 @@ def placed(noun: str, x: float, y: float, size: float) -> Placed:
 
 def test_thing_in_front_hides_the_lines_behind_it() -> None:
     behind, front = placed("tree", 0.5, 0.5, 0.5), placed("apple", 0.5, 0.5, 0.9)
-    alone = render_scene(scene_of(front), [0], "marker", SIDE).image
-    both = render_scene(scene_of(behind, front), [0, 1], "marker", SIDE)
+    alone = render_scene(scene_of(front), [0], "marker", side_px=SIDE).image
+    both = render_scene(scene_of(behind, front), [0, 1], "marker", side_px=SIDE)
     # The apple's middle covers the whole tree.
     assert np.abs(both.image[20:44, 20:44].astype(int) - alone[20:44, 20:44]).max() <= 2
     assert set(np.unique(both.regions[24:40, 24:40])) == {2}
@@ -42,7 +42,8 @@ def test_canvas_without_a_thing_shows_the_others_whole() -> None:
     tree, apple = placed("tree", 0.5, 0.5, 0.5), placed("apple", 0.5, 0.5, 0.9)
     scene = scene_of(tree, apple)
     np.testing.assert_array_equal(
-        render_scene(scene, [0], "colour", SIDE).image, render_scene(scene_of(tree), [0], "colour", SIDE).image
+        render_scene(scene, [0], "colour", side_px=SIDE).image,
+        render_scene(scene_of(tree), [0], "colour", side_px=SIDE).image,
     )
 
 
@@ -50,12 +51,12 @@ def test_marker_lines_are_at_least_as_wide_as_the_pen() -> None:
     ink = {}
     for line in (0.015, 0.045):
         scene = DrawnScene("alone", (placed("sun", 0.5, 0.5, 0.5),), (0,), None, (250, 250, 247), line)
-        ink[line] = (255.0 - render_scene(scene, [0], "marker", 128).image).mean()
+        ink[line] = (255.0 - render_scene(scene, [0], "marker", side_px=128).image).mean()
     assert ink[0.045] > 1.7 * ink[0.015]
 
 
 def test_placed_thing_has_its_centre_and_size() -> None:
-    image = render_scene(scene_of(placed("house", 0.3, 0.6, 0.4)), [0], "marker", 128).image
+    image = render_scene(scene_of(placed("house", 0.3, 0.6, 0.4)), [0], "marker", side_px=128).image
     rows, columns = np.flatnonzero((image < 128).any((1, 2))), np.flatnonzero((image < 128).any((0, 2)))
     assert abs((columns[0] + columns[-1] + 1) / 2 / 128 - 0.3) < 0.02
     assert abs((rows[0] + rows[-1] + 1) / 2 / 128 - 0.6) < 0.02

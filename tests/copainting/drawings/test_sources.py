@@ -1,17 +1,22 @@
 """Drawings of nouns: the vocabulary is unambiguous, and a drawing fills its square with lines inside the painting."""
 
+import json
+import tarfile
+from io import BytesIO
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.copainting.drawings import sources
-from pentimento.copainting.drawings.sources import SIDE_PX, SOURCES, named_drawing, vocabulary
+from pentimento.copainting.drawings.sources import SIDE_PX, named_drawing, vocabulary
 
 
 def test_vocabulary_has_many_nouns_and_half_of_them_have_two_sources() -> None:
     nouns = vocabulary().values()
     assert len(nouns) >= 200
-    assert sum(noun.sources == SOURCES for noun in nouns) >= len(nouns) / 2 - 1
+    assert sum("tabler" in noun.sources for noun in nouns) >= len(nouns) / 2 - 1
 
 
 def test_each_word_names_one_noun_and_each_drawing_shows_one() -> None:
@@ -44,3 +49,21 @@ def test_missing_package_is_named_with_what_to_install(monkeypatch: pytest.Monke
     monkeypatch.setitem(sources._PACKAGES, "openmoji", ("no-such-package", "svg"))
     with pytest.raises(ConfigError, match=r"no-such-package .* not installed"):
         named_drawing.__wrapped__("cat", "openmoji")
+
+
+def test_drawing_is_read_from_an_archive(tmp_path: Path) -> None:
+    square = {"cat": {"body": '<path fill="#00f" d="M2 4h8v4h-8z"/>'}}
+    contents = {"chars": {"1f408": "cat"}, "icons": {"icons": square, "width": 12, "height": 12}}
+    with tarfile.open(tmp_path / "iconify-json-noto-1.2.9.tgz", "w:gz") as archive:
+        for name, content in contents.items():
+            data = json.dumps(content).encode()
+            member = tarfile.TarInfo(f"package/{name}.json")
+            member.size = len(data)
+            archive.addfile(member, BytesIO(data))
+    drawing = named_drawing("cat", "noto", tmp_path)
+    assert not drawing.ink.any()
+    covered = drawing.painting[..., 3] > 127
+    assert abs(covered.mean() - 0.5) < 0.02  # twice as wide as high
+    assert (drawing.painting[covered] == (0, 0, 255, 255)).all(-1).mean() > 0.97
+    with pytest.raises(ConfigError, match=r"twemoji is not in .*make base"):
+        named_drawing("cat", "twemoji", tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +23,7 @@ from pentimento.copainting.drawings.scenes import (
     draw_scene,
     render_scene,
 )
-from pentimento.copainting.drawings.sources import LICENCES, Source, vocabulary
+from pentimento.copainting.drawings.sources import LICENCES, PEN_SOURCES, Source, vocabulary
 from pentimento.copainting.scenes.edits import Pair
 from pentimento.copainting.scenes.ink import random_strokes
 
@@ -64,16 +65,17 @@ def nouns_of(source: Source) -> list[str]:
     return [name for name, noun in vocabulary().items() if source in noun.sources]
 
 
-def drawn_scenes(config: DrawnScenesConfig) -> pa.Table:
-    """A table of the `scenes` contract; row i depends on (seed, i) only. Every second scene is a pen drawing.
+def drawn_scenes(config: DrawnScenesConfig, archives: Path | None) -> pa.Table:
+    """A table of the `scenes` contract; row i depends on (seed, i) only. Every second scene is a pen drawing, where its
+    source has pen drawings. `archives` as for `named_drawing`.
 
     The splits `train` and `val` share compositions; `test` shows held-out ones. A scene with one thing is in any split.
     """
-    rows = [_row(index, config) for index in range(config.scenes)]
+    rows = [_row(index, config, archives) for index in range(config.scenes)]
     return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT))
 
 
-def _row(index: int, config: DrawnScenesConfig) -> dict[str, Any]:
+def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[str, Any]:
     generator = np.random.default_rng([config.seed, index])
     chance = generator.random()
     split = (
@@ -88,7 +90,8 @@ def _row(index: int, config: DrawnScenesConfig) -> dict[str, Any]:
         generator=generator,
     )
     everything = range(len(scene.things))
-    rendered = render_scene(scene, everything, _MEDIA[index % 2], config.side_px)
+    medium = _MEDIA[index % 2] if source in PEN_SOURCES else "colour"
+    rendered = render_scene(scene, everything, medium, side_px=config.side_px, archives=archives)
     captions = [caption(scene, generator) for _ in range(config.wordings)]
     return {
         "image": image_cell(rendered.image),
@@ -125,8 +128,8 @@ def _pair(split: str, nouns: Sequence[str], alone_share: float, side_px: int, ge
     if number > 1 and generator.random() >= _BLANK_SHARE:
         missing = set(generator.permutation(number)[: int(generator.integers(1, number))].tolist())
     kept = set(range(number)) - missing
-    full = render_scene(scene, range(number), medium, side_px).image
-    canvas = render_scene(scene, kept, medium, side_px).image
+    full = render_scene(scene, range(number), medium, side_px=side_px).image
+    canvas = render_scene(scene, kept, medium, side_px=side_px).image
     if generator.random() < _BEGUN_SHARE:
         canvas = _begun(scene, kept, sorted(missing)[0], canvas, medium, generator)
     if generator.random() < _SCRIBBLE_SHARE:
@@ -150,7 +153,7 @@ def _begun(
     angle = generator.uniform(0, 2 * np.pi)
     y, x = (np.mgrid[:side, :side] + 0.5) / side
     reach = (x - thing.x) * np.cos(angle) + (y - thing.y) * np.sin(angle) < generator.uniform(-0.2, 0.1) * thing.size
-    return np.where(reach[..., None], render_scene(scene, kept | {begun}, medium, side).image, canvas)
+    return np.where(reach[..., None], render_scene(scene, kept | {begun}, medium, side_px=side).image, canvas)
 
 
 def _scribbled(

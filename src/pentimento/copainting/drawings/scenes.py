@@ -7,8 +7,9 @@ things, so that a begun canvas holds whole drawings and not what a mask left of 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 
 import cv2
@@ -51,7 +52,7 @@ _SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 
 """sRGB of the sheets of colour: white paper, and pale tints."""
 _GROUND_SRGB: Final = (150, 140, 120)
 _LINES: Final = (0.013, 0.02)  # range of `DrawnScene.line`: a marker of 0.8 to 1.2 mm on 60 mm
-_LINE_OF_SOURCE: Final[dict[Source, float]] = {"openmoji": 0.03, "tabler": 0.045}
+_LINE_OF_SOURCE: Final[Mapping[Source, float]] = {"openmoji": 0.03, "tabler": 0.045}
 """Width of a source's lines in sides of a drawing's square; measured on drawings that fill it."""
 
 
@@ -257,8 +258,13 @@ class Rendered:
     """[side, side]: i + 1 where thing i is in front, 0 for the sheet."""
 
 
-def render_scene(scene: DrawnScene, shown: Collection[int], medium: Medium, side_px: int) -> Rendered:
-    """The things `shown` (indices) of a scene: black lines on white for a marker, painted things in colour."""
+def render_scene(
+    scene: DrawnScene, shown: Collection[int], medium: Medium, *, side_px: int, archives: Path | None = None
+) -> Rendered:
+    """The things `shown` (indices) of a scene: black lines on white for a marker, painted things in colour.
+
+    `archives` as for `named_drawing`. A marker draws only things of sources with pen drawings.
+    """
     canvas = np.empty((side_px, side_px, 3))
     canvas[:] = 255.0 if medium == "marker" else scene.sheet_srgb
     regions = np.zeros((side_px, side_px), np.uint8)
@@ -268,8 +274,10 @@ def render_scene(scene: DrawnScene, shown: Collection[int], medium: Medium, side
         canvas += cover * ((0.0 if medium == "marker" else np.array(_GROUND_SRGB)) - canvas)
     for index in sorted(shown):
         thing = scene.things[index]
-        drawing = named_drawing(thing.noun, thing.source)
-        ink = _widened(drawing.ink, _LINE_OF_SOURCE[thing.source], scene.line / thing.size)
+        drawing = named_drawing(thing.noun, thing.source, archives)
+        ink = drawing.ink
+        if medium == "marker":
+            ink = _widened(ink, _LINE_OF_SOURCE[thing.source], scene.line / thing.size)
         layers = _warped(np.dstack([ink, drawing.painting]), thing, side_px)
         lines, alpha = layers[..., :1] / 255, layers[..., 4:] / 255
         if medium == "marker":

