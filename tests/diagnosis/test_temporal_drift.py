@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.residual_structure import ModeScores, TemporalDrift, temporal_drift
+from pentimento.diagnosis.residual_structure import ModeScores
+from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
 
 Array = NDArray[np.float64]
 

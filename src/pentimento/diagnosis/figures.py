@@ -16,11 +16,11 @@ from pentimento.diagnosis.experiment_design import ALIASED, Aliasing, Columns, a
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.residual_structure import (
     Dependence,
-    TemporalDrift,
     dependences,
     mode_strength,
     robust_deviations,
 )
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from pentimento.diagnosis.verdict import STROKES, DiagnosisResult, Kind
 from pentimento.report.figures import BLUE, INK, OCHRE, drawing, png
 

@@ -1,5 +1,4 @@
-"""Structure in what a model leaves: residual modes over covariates, and unmodelled temporal drift (docs/diagnosis.md
-§9).
+"""Structure in what a model leaves: residual modes over covariates (docs/diagnosis.md §9).
 
 A residual mode is a way in which an action deviates as a whole. Its amount in each row is weighted by certainty,
 because a short or shallow action hardly shows some modes. Amounts are tested against covariates by permutation of
@@ -19,9 +18,10 @@ from scipy.optimize import nnls
 
 Array = NDArray[Any]
 
-_DRAWS = 1999
-_P = 0.01
-"""Significance level of both tests."""
+DRAWS = 1999
+"""Permutations of actions."""
+SIGNIFICANT_P = 0.01
+"""Significance level of a permutation test."""
 _MAX_PAIRS = 6
 """Reported pairs of mode and covariate at most."""
 _OUTLYING = 4
@@ -32,9 +32,6 @@ _BINS = 7
 """Bins of a drawn dependence."""
 _SHOWN = 6
 """Drawn dependences."""
-_MIN_DRIFT = 0.05
-"""Smallest drift, as a share of the error. A smaller one may be misfit that neighbours share (paint load, surface)."""
-_TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -86,7 +83,7 @@ def find_structure(
     names = tuple(columns)
     if not names:
         return Structure((), np.zeros((len(modes), 0)), ())
-    robust = _standardised(scores)
+    robust = standardised(scores)
     weight, root = robust.weight, np.sqrt(robust.weight)
     lines = np.stack([_standard(c) for c in columns.values()])  # [C, B]
     basis = np.stack([lines, np.stack([_standard(line**2) for line in lines])])
@@ -96,9 +93,9 @@ def find_structure(
     while len(found) < _MAX_PAIRS:
         observed = _strength(left, weight, basis)
         rng = np.random.default_rng([seed, 9, len(found)])
-        orders = permuted_actions(action, _DRAWS, rng)
+        orders = permuted_actions(action, DRAWS, rng)
         largest = np.array([_strength(left[order], weight[order], basis).max() for order in orders])
-        limit = np.quantile(largest, 1 - _P)
+        limit = np.quantile(largest, 1 - SIGNIFICANT_P)
         c = int(np.argmax(observed.max(0)))
         standing = np.flatnonzero(observed[:, c] >= limit)
         if not len(standing):
@@ -109,7 +106,7 @@ def find_structure(
             for m in standing
         ]
         m = int(standing[int(np.argmax(gains))])
-        p = float((1 + (largest >= observed[m, c]).sum()) / (_DRAWS + 1))
+        p = float((1 + (largest >= observed[m, c]).sum()) / (DRAWS + 1))
         found.append(Unexplained(modes[m], names[c], p, float(max(gains))))
         one = np.column_stack([np.ones(len(left)), basis[:, c].T])
         left = np.stack([left[:, m] - one @ _least_squares(one, left[:, m], root[:, m]) for m in range(len(modes))], 1)
@@ -117,7 +114,7 @@ def find_structure(
 
 
 @dataclass(frozen=True)
-class _Standardised:
+class Standardised:
     """Amounts of M modes in B rows on a common scale."""
 
     amounts: Array
@@ -128,13 +125,14 @@ class _Standardised:
     """[M] robust standard deviation, in typical sizes."""
 
 
-def _standardised(scores: ModeScores) -> _Standardised:
+def standardised(scores: ModeScores) -> Standardised:
+    """The amounts on a common scale."""
     amounts = scores.amounts - np.median(scores.amounts, axis=0)
     spread = np.median(np.abs(amounts), axis=0) * 1.4826 + 1e-12
     amounts = amounts / spread
     weight = _certainty(amounts, scores.energy)
     root = np.sqrt(weight)
-    return _Standardised(np.clip(amounts * root, -_OUTLYING, _OUTLYING) / root, weight, spread)
+    return Standardised(np.clip(amounts * root, -_OUTLYING, _OUTLYING) / root, weight, spread)
 
 
 def permuted_actions(action: Array, draws: int, rng: np.random.Generator) -> Array:
@@ -275,81 +273,3 @@ def _mean_and_band(values: Array, action: Array) -> tuple[float, float]:
     means = np.bincount(group, values) / count
     band = 1.96 * means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
     return float(means.mean()), float(band)
-
-
-class TemporalDrift(NamedTuple):
-    """A residual mode that drifts with the order of execution."""
-
-    mode: str
-    p: float
-    mse: float
-    """Error due to the drift, mean over rows: sRGB in [0, 1] squared, or mm²."""
-    mse_of_repeats: float
-    """How much of that the variance of repeats contains."""
-    amount: Array
-    """[B] of the mode in each row's residual, in robust standard deviations, in the order of execution."""
-
-
-def temporal_drift(
-    modes: Sequence[str], scores: ModeScores, action: Array, *, turn: Array, seed: int
-) -> TemporalDrift | None:
-    """The mode with the strongest lag-1 autocovariance in the order of execution; None if it is not significant.
-
-    A state that nobody recorded (temperature, thickening paint, settling material) makes neighbours in time deviate in
-    the same way. Repeats of one action, executed at different times, differ by it, so a floor from their variance
-    contains it. For a model that knew the state it would not be noise.
-
-    Args:
-        modes: names, [M].
-        scores: of the modes.
-        action: rows of equal value repeat one command, [B].
-        turn: rank of each row in the order of execution, [B].
-        seed: of the permutations.
-    """
-    robust = _standardised(scores)
-    weight = robust.weight
-    amounts = robust.amounts - (weight * robust.amounts).sum(0) / weight.sum(0)
-    order = np.argsort(turn)
-    pairs = np.stack([order[:-1], order[1:]])
-    pairs = pairs[:, action[pairs[0]] != action[pairs[1]]]  # rows of one action are correlated anyway
-    if not pairs.size:
-        return None
-    root = np.sqrt(weight)
-    own = np.maximum(np.square(root * amounts).mean(0), _TINY)
-
-    def autocorrelation(rows: Array) -> Array:
-        return np.asarray((root * amounts)[rows[pairs]].prod(0).mean(0) / own)
-
-    observed = autocorrelation(np.arange(len(action)))
-    orders = permuted_actions(action, _DRAWS, np.random.default_rng([seed, 15]))
-    largest = np.array([autocorrelation(rows).max() for rows in orders])
-    m = int(np.argmax(observed))
-    p = float((1 + (largest >= observed[m]).sum()) / (_DRAWS + 1))
-
-    def mse_of(pairs: Array) -> float:
-        weights = weight[:, m][pairs].prod(0)
-        covariance = (weights * amounts[:, m][pairs].prod(0)).sum() / weights.sum()
-        return max(float(covariance * robust.spread[m] ** 2 * scores.energy[:, m].mean()), 0.0)
-
-    whole = mse_of(pairs)
-    if p >= _P or whole <= _MIN_DRIFT * scores.error:
-        return None
-    apart = _at_the_times_of_repeats(action, order)
-    of_repeats = max(whole - mse_of(apart), 0.0) if apart.size else 0.0
-    return TemporalDrift(modes[m], p, whole, of_repeats, amounts[order, m])
-
-
-def _at_the_times_of_repeats(action: Array, order: Array) -> Array:
-    """Pairs of rows [2, K] of different actions that are as far apart in time as repeats of one action.
-
-    Each pairs a row with a neighbour in time of another repeat of the row's action.
-    """
-    place = np.argsort(order)
-    found = []
-    for number in np.unique(action):
-        rows = np.flatnonzero(action == number)
-        for one in rows:
-            for other in rows[rows != one]:
-                beside = [order[k] for k in (place[other] - 1, place[other] + 1) if 0 <= k < len(order)]
-                found += [(one, row) for row in beside if action[row] != number]
-    return np.array(found).T

@@ -10,8 +10,9 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.evaluation import Floor, fraction_of_gap
-from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained
+from pentimento.diagnosis.residual_structure import Unexplained
 from pentimento.diagnosis.score import Step
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 
 Array = NDArray[Any]
 

@@ -9,10 +9,11 @@ import pytest
 
 from pentimento.diagnosis import figures
 from pentimento.diagnosis.experiment_design import Aliasing, detectable
-from pentimento.diagnosis.residual_structure import TemporalDrift, mode_strength
+from pentimento.diagnosis.residual_structure import mode_strength
 from pentimento.diagnosis.strokes import report
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
 from pentimento.diagnosis.strokes.report import canvas_map, places_known, stroke_map
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from tests.diagnosis.strokes.conftest import Written
 
 

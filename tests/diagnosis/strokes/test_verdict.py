@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.diagnosis.residual_structure import TemporalDrift, Unexplained
+from pentimento.diagnosis.residual_structure import Unexplained
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from pentimento.diagnosis.verdict import Finding, sentence, verdict
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth

@@ -23,7 +23,7 @@ from pentimento.diagnosis.pushes.learned_residual import LearnedPushResidual, le
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, PushSplits, split_pushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, structured_residual
 from pentimento.diagnosis.pushes.search import Search, observable_causes, search
-from pentimento.diagnosis.residual_structure import temporal_drift
+from pentimento.diagnosis.temporal_drift import temporal_drift
 from pentimento.diagnosis.verdict import DiagnosisResult, Finding
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model
 from pentimento.dynamics.pushes.mechanisms import Mechanism

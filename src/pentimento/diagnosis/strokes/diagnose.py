@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.diagnosis.evaluation import Splits, split
-from pentimento.diagnosis.residual_structure import temporal_drift
 from pentimento.diagnosis.score import unconfirmed
 from pentimento.diagnosis.strokes.establish import Decision, Problem, decide, without_causes
 from pentimento.diagnosis.strokes.fit import choose_mixing, first_model, fit, huber_weighted
@@ -29,6 +28,7 @@ from pentimento.diagnosis.strokes.search import (
     recheck_alternatives,
     search,
 )
+from pentimento.diagnosis.temporal_drift import temporal_drift
 from pentimento.diagnosis.verdict import DiagnosisResult
 from pentimento.dynamics.strokes.simulation import Mechanism
 

@@ -9,7 +9,6 @@ from typing import Any
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.evaluation import SMALLEST_GAP, Floor, mean_gain
-from pentimento.diagnosis.residual_structure import TemporalDrift
 from pentimento.diagnosis.strokes.candidates import can_mimic, form_error_share
 from pentimento.diagnosis.strokes.fit import fit, values_with_errors
 from pentimento.diagnosis.strokes.measured import Measured
@@ -22,6 +21,7 @@ from pentimento.diagnosis.strokes.misattribution import (
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds
 from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.diagnosis.strokes.search import Search
+from pentimento.diagnosis.temporal_drift import TemporalDrift
 from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.strokes.simulation import Mechanism
 
