@@ -4,7 +4,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
+from benchmarks.scenes import Case, as_painting, image_gradient, strokes_and_canvas
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.reference import render_reference
 
@@ -21,7 +21,7 @@ def measure_agreement(case: Case) -> dict[str, Any]:
     ours = [tensor.clone().requires_grad_() for tensor in inputs]
     exact = [tensor[0].double().requires_grad_() for tensor in inputs]
     pull = image_gradient(case, inputs[5])
-    image, truth = render_strokes(*ours), render_reference(*exact)
+    image, truth = render_strokes(*as_painting(*ours)), render_reference(*as_painting(*exact))
     gradients = torch.autograd.grad(image, ours, pull)
     true_gradients = torch.autograd.grad(truth, exact, pull[0].double())
     pairs = zip(NAMES, gradients, true_gradients, strict=True)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from benchmarks import memory
 from benchmarks.clock import repeated
-from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
+from benchmarks.scenes import Case, as_painting, image_gradient, strokes_and_canvas
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.reference import render_reference
 
@@ -26,7 +26,7 @@ _MB = 1e6
 
 def measure_ours(case: Case) -> dict[str, Any]:
     """One row of the table, measured in this process."""
-    return _measure(case, render_strokes, _BUDGET_S, minimum=7)
+    return _measure(case, _ours, _BUDGET_S, minimum=7)
 
 
 def measure_reference(case: Case) -> dict[str, Any]:
@@ -34,8 +34,12 @@ def measure_reference(case: Case) -> dict[str, Any]:
     return _measure(case, _reference, _REFERENCE_BUDGET_S, minimum=2)
 
 
+def _ours(*inputs: Tensor) -> Tensor:
+    return render_strokes(*as_painting(*inputs))
+
+
 def _reference(*inputs: Tensor) -> Tensor:
-    return render_reference(*(tensor[0] for tensor in inputs))[None]
+    return render_reference(*as_painting(*(tensor[0] for tensor in inputs)))[None]
 
 
 def _measure(case: Case, renderer: Callable[..., Tensor], budget_s: float, minimum: int) -> dict[str, Any]:

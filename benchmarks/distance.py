@@ -18,7 +18,7 @@ from benchmarks.limit import (
     random_pairs,
     touched_pairs,
 )
-from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
+from benchmarks.scenes import Case, as_painting, image_gradient, strokes_and_canvas
 from pentimento.render import render, render_backward
 
 CACHED_BLOCKS = 8
@@ -30,7 +30,8 @@ def measure_distance(case: Case) -> dict[str, Any]:
     """Pairs and seconds of one case, and of the loops for as many pairs."""
     inputs = [tensor.numpy() for tensor in strokes_and_canvas(case)]
     pull = image_gradient(case, strokes_and_canvas(case)[5]).numpy()
-    fragments = render(*inputs)[1]
+    strokes, canvas = as_painting(*inputs)
+    fragments = render(strokes, canvas)[1]
     pairs = sum(band.evaluations for band in fragments[0])
     inked = sum(int(band.start[-1]) for band in fragments[0])
     touched = touched_pairs(inputs[0][0], inputs[1][0], case.size_px, case.size_px)
@@ -38,7 +39,7 @@ def measure_distance(case: Case) -> dict[str, Any]:
     passes = -(-pairs // (CACHED_BLOCKS * BLOCK))
 
     def ours() -> None:
-        render_backward(*inputs[:5], render(*inputs)[1], pull)
+        render_backward(strokes, render(strokes, canvas)[1], pull)
 
     calls = [
         ours,

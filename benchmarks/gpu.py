@@ -9,7 +9,7 @@ from typing import Any
 import torch
 
 from benchmarks.clock import repeated
-from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
+from benchmarks.scenes import Case, as_painting, image_gradient, strokes_and_canvas
 from pentimento.dynamics.strokes.autograd import render_strokes
 
 CASES = [Case(strokes, 32, size) for strokes, size in product((400, 4000), (512, 1024))]
@@ -39,11 +39,11 @@ def measure_gpu(case: Case) -> dict[str, Any]:
 
     def forward() -> None:
         with torch.no_grad():
-            render_strokes(*inputs)
+            render_strokes(*as_painting(*inputs))
         torch.cuda.synchronize()
 
     def forward_backward() -> None:
-        torch.autograd.grad(render_strokes(*leaves), leaves, pull)
+        torch.autograd.grad(render_strokes(*as_painting(*leaves)), leaves, pull)
         torch.cuda.synchronize()
 
     forward(), forward_backward()  # compile

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from benchmarks.clock import in_turns
-from benchmarks.scenes import Case, image_gradient, strokes_and_canvas
+from benchmarks.scenes import Case, as_painting, image_gradient, strokes_and_canvas
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, simulate
 from pentimento.dynamics.strokes.traj2stroke import Mark
@@ -37,7 +37,7 @@ def measure_hooks(case: Case) -> dict[str, float]:
     context = StrokeContext(torch.zeros(1, case.strokes, case.points, 5), {})
 
     def bare() -> tuple[Tensor, ...]:
-        return torch.autograd.grad(render_strokes(*leaves), leaves, pull)
+        return torch.autograd.grad(render_strokes(*as_painting(*leaves)), leaves, pull)
 
     def simulated(mechanisms: tuple[Mechanism, ...]) -> tuple[Tensor, ...]:
         image = simulate(lambda _: mark, mechanisms, context, color, canvas, view)

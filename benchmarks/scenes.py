@@ -1,13 +1,16 @@
 """Random strokes for measuring: 20 to 60 px long, gently bent, radii of 1.5 to 5 px, anywhere on a square canvas."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from pentimento.render import PixelStrokes
+
 Kind = Literal["plain", "varying", "pickup"]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Case:
 
 
 def strokes_and_canvas(case: Case) -> tuple[Tensor, ...]:
-    """The inputs of ``render_strokes``, float32 and without gradient; pickup is there only where the kind says so.
+    """The inputs of ``as_painting``, float32 and without gradient; pickup is there only where the kind says so.
 
     Equal strokes, points and size give equal places, whatever the kind.
     """
@@ -51,6 +54,11 @@ def strokes_and_canvas(case: Case) -> tuple[Tensor, ...]:
             pickup = (rng.uniform(0, 0.5, (1, case.strokes)),)
     arrays = (np.stack([x, y], axis=-1)[None], radius, density, softness, color, canvas, *pickup)
     return tuple(torch.tensor(array, dtype=torch.float32) for array in arrays)
+
+
+def as_painting(*inputs: T) -> tuple[PixelStrokes[T], T]:
+    """Strokes and canvas from points, radius, density, softness, colour, canvas and, where there is any, pickup."""
+    return PixelStrokes(*inputs[:5], *inputs[6:]), inputs[5]
 
 
 def image_gradient(case: Case, like: Tensor) -> Tensor:

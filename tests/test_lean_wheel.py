@@ -17,7 +17,7 @@ from importlib.util import find_spec
 import numpy as np
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.render.kernel import render, render_backward
+from pentimento.render import PixelStrokes, render, render_backward
 from pentimento.robots.motion import timed_path
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
@@ -45,9 +45,10 @@ assert np.abs(after.astype(float) - before).max() > 60, "the stroke must show in
 
 points = np.linspace([8.0, 8.0], [24.0, 20.0], 32)[None, None]  # [B, S, N, 2] pixels
 radius, density, softness = np.full((1, 1, 32), 3.0), np.ones((1, 1, 32)), np.zeros((1, 1, 32))
-image, fragments = render(points, radius, density, softness, np.zeros((1, 1, 3)), np.ones((1, 32, 32, 3)))
+strokes = PixelStrokes(points, radius, density, softness, np.zeros((1, 1, 3)))
+image, fragments = render(strokes, np.ones((1, 32, 32, 3)))
 assert image[0, 14, 16, 0] < 0.1 and image[0, 30, 2, 0] == 1.0
-gradients = render_backward(points, radius, density, softness, np.zeros((1, 1, 3)), fragments, image)
+gradients = render_backward(strokes, fragments, image)
 assert np.isfinite(gradients.points).all()
 
 assert "torch" not in sys.modules

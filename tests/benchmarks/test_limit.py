@@ -17,7 +17,7 @@ from benchmarks.limit import (
     random_pairs,
     touched_pairs,
 )
-from benchmarks.scenes import Case, strokes_and_canvas
+from benchmarks.scenes import Case, as_painting, strokes_and_canvas
 from pentimento.render import render
 from pentimento.render.kernel import Q_MIN
 
@@ -108,7 +108,7 @@ def test_culling_lets_through_at_least_what_ink_touches() -> None:
     """Evaluations ≥ touched pairs ≥ fragments, counted by two programs that share no code."""
     for points in (4, 32):
         inputs = [tensor.numpy() for tensor in strokes_and_canvas(Case(30, points, SIZE))]
-        bands = render(*inputs)[1][0]
+        bands = render(*as_painting(*inputs))[1][0]
         touched = touched_pairs(inputs[0][0], inputs[1][0], SIZE, SIZE)
         inked = sum(int(band.start[-1]) for band in bands)
         assert sum(band.evaluations for band in bands) >= touched >= inked > 0

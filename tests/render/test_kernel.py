@@ -6,8 +6,9 @@ import torch
 
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.reference import render_reference
-from pentimento.render import kernel, render, render_backward
+from pentimento.render import PixelStrokes, kernel, render, render_backward
 from pentimento.render.kernel import RenderInputError
+from tests.render.paintings import painting
 
 SHAPE = (23, 31)
 
@@ -31,14 +32,14 @@ def strokes(count: int, points: int, seed: int, dtype: torch.dtype = torch.float
 def one_stroke(points: list[list[float]], radius: float, softness: float = 1.0) -> np.ndarray:
     """Coverage [H, W] of one stroke of full density."""
     n = len(points)
-    image, _ = render(
-        np.array(points, float)[None, None],
-        np.full((1, 1, n), radius),
-        np.ones((1, 1, n)),
-        np.full((1, 1, n), softness),
-        np.ones((1, 1, 3)),
-        np.zeros((1, *SHAPE, 3)),
+    stroke = PixelStrokes(
+        points=np.array(points, float)[None, None],
+        radius=np.full((1, 1, n), radius),
+        density=np.ones((1, 1, n)),
+        softness=np.full((1, 1, n), softness),
+        color=np.ones((1, 1, 3)),
     )
+    image, _ = render(stroke, np.zeros((1, *SHAPE, 3)))
     return image[0, ..., 0]
 
 
@@ -72,31 +73,33 @@ def test_later_strokes_cover_earlier_ones() -> None:
     same = np.array([[[10.0, 10.0], [20.0, 10.0]]] * 2)[None]
     ones = np.ones((1, 2, 2))
     color = np.array([[[1.0, 0, 0], [0, 0, 1.0]]])
-    image, _ = render(same, 3 * ones, ones, 0 * ones, color, np.ones((1, *SHAPE, 3)))
+    image, _ = render(PixelStrokes(same, 3 * ones, ones, 0 * ones, color), np.ones((1, *SHAPE, 3)))
     np.testing.assert_allclose(image[0, 10, 15], [0, 0, 1])
 
 
 @pytest.mark.parametrize("points", [1, 2, 9])
 def test_render_agrees_with_the_reference(points: int) -> None:
     inputs = strokes(6, points, seed=points)
-    dense = render_reference(*(x[0] for x in inputs))
-    torch.testing.assert_close(render_strokes(*inputs)[0], dense, atol=1e-10, rtol=0)
-    single = render_strokes(*(x.float() for x in inputs))[0]
+    dense = render_reference(*painting(*(x[0] for x in inputs)))
+    torch.testing.assert_close(render_strokes(*painting(*inputs))[0], dense, atol=1e-10, rtol=0)
+    single = render_strokes(*painting(*(x.float() for x in inputs)))[0]
     assert float((single - dense).abs().max()) <= 1e-5
 
 
 def test_render_gradients_agree_with_the_reference() -> None:
     inputs = [x.requires_grad_(True) for x in strokes(6, 7, seed=3)]
     weight = torch.randn(1, *SHAPE, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    ours = torch.autograd.grad((render_strokes(*inputs) * weight).sum(), inputs)
-    dense = torch.autograd.grad((render_reference(*(x[0] for x in inputs)) * weight[0]).sum(), inputs)
+    ours = torch.autograd.grad((render_strokes(*painting(*inputs)) * weight).sum(), inputs)
+    dense = torch.autograd.grad((render_reference(*painting(*(x[0] for x in inputs))) * weight[0]).sum(), inputs)
     for name, a, b in zip(("points", "radius", "density", "softness", "color", "canvas"), ours, dense, strict=True):
         assert float((a - b).norm() / b.norm()) <= 1e-6, name
 
 
 def test_render_gradients_agree_with_finite_differences() -> None:
     inputs = [x.requires_grad_(True) for x in strokes(2, 3, seed=5)]
-    assert torch.autograd.gradcheck(render_strokes, inputs, eps=1e-7, atol=1e-4, rtol=1e-3)
+    assert torch.autograd.gradcheck(
+        lambda *leaves: render_strokes(*painting(*leaves)), inputs, eps=1e-7, atol=1e-4, rtol=1e-3
+    )
 
 
 def with_pickup(inputs: list[torch.Tensor], seed: int) -> list[torch.Tensor]:
@@ -111,7 +114,7 @@ def with_pickup(inputs: list[torch.Tensor], seed: int) -> list[torch.Tensor]:
 def test_pickup_agrees_with_the_reference(points: int) -> None:
     inputs = [x.requires_grad_(True) for x in with_pickup(strokes(5, points, seed=4), seed=4)]
     weight = torch.randn(1, *SHAPE, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    ours, dense = render_strokes(*inputs), render_reference(*(x[0] for x in inputs))
+    ours, dense = render_strokes(*painting(*inputs)), render_reference(*painting(*(x[0] for x in inputs)))
     torch.testing.assert_close(ours[0], dense, atol=1e-10, rtol=0)
     g_ours = torch.autograd.grad((ours * weight).sum(), inputs)
     g_dense = torch.autograd.grad((dense * weight[0]).sum(), inputs)
@@ -122,14 +125,14 @@ def test_pickup_agrees_with_the_reference(points: int) -> None:
 
 def test_no_pickup_by_clean_tools_or_from_dry_canvas() -> None:
     inputs = with_pickup(strokes(4, 5, seed=6), seed=6)
-    plain = render_strokes(*inputs[:5], inputs[5][..., :3].contiguous())
-    clean = render_strokes(*inputs[:6], torch.zeros_like(inputs[6]))
+    plain = render_strokes(*painting(*inputs[:5], inputs[5][..., :3].contiguous()))
+    clean = render_strokes(*painting(*inputs[:6], torch.zeros_like(inputs[6])))
     torch.testing.assert_close(clean[..., :3], plain)
     one = [x[:, :1] for x in inputs[:5]]
     dry = inputs[5].clone()
     dry[..., 3] = 0
-    on_dry = render_strokes(*one, dry, inputs[6][:, :1])
-    torch.testing.assert_close(on_dry[..., :3], render_strokes(*one, dry[..., :3].contiguous()))
+    on_dry = render_strokes(*painting(*one, dry, inputs[6][:, :1]))
+    torch.testing.assert_close(on_dry[..., :3], render_strokes(*painting(*one, dry[..., :3].contiguous())))
 
 
 def test_pickup_carries_paint_forward_only() -> None:
@@ -139,7 +142,8 @@ def test_pickup_carries_paint_forward_only() -> None:
     canvas[0, :, 35:45] = (1.0, 0.0, 0.0, 1.0)
     path = np.stack([np.linspace(8, 72, 33), np.full(33, 10.0)], axis=1)[None, None]
     ones = np.ones((1, 1, 33))
-    image, _ = render(path, 4 * ones, ones, 0 * ones, np.array([[[0.0, 0.0, 1.0]]]), canvas, np.array([[0.8]]))
+    blue, pickup = np.array([[[0.0, 0.0, 1.0]]]), np.array([[0.8]])
+    image, _ = render(PixelStrokes(path, 4 * ones, ones, 0 * ones, blue, pickup), canvas)
     red = image[0, 10, :, 0]
     assert red[12] == 0 and red[28] == 0
     assert 0.02 < red[60] < 0.8
@@ -160,7 +164,7 @@ def test_bands_leave_no_seam_in_tall_canvases() -> None:
     )
     inputs = [torch.tensor(a)[None].requires_grad_(True) for a in (*arrays, rng.uniform(0, 1, (height, width, 3)))]
     weight = torch.tensor(rng.normal(size=(1, height, width, 3)))
-    ours, dense = render_strokes(*inputs), render_reference(*(x[0] for x in inputs))
+    ours, dense = render_strokes(*painting(*inputs)), render_reference(*painting(*(x[0] for x in inputs)))
     torch.testing.assert_close(ours[0], dense, atol=1e-10, rtol=0)
     g_ours = torch.autograd.grad((ours * weight).sum(), inputs)
     g_dense = torch.autograd.grad((dense * weight[0]).sum(), inputs)
@@ -173,12 +177,13 @@ def test_render_is_independent_of_threads(carried: bool) -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(0, 200, (2, 30, 6, 2)).astype(np.float32)
     shapes = (points.shape[:3],) * 3 + ((2, 30, 3), (2, 200, 70, 4 if carried else 3))
-    strokes_ = [rng.uniform(0.2, 2, shape).astype(np.float32) for shape in shapes]
+    *profile, canvas = (rng.uniform(0.2, 2, shape).astype(np.float32) for shape in shapes)
     pickup = rng.uniform(0, 1, (2, 30)).astype(np.float32) if carried else None
-    image, fragments = render(points, *strokes_, pickup)
-    gradients = render_backward(points, *strokes_[:4], fragments, image, pickup)
-    again, fragments = render(points, *strokes_, pickup, threads=3)
-    gradients_again = render_backward(points, *strokes_[:4], fragments, again, pickup, threads=3)
+    lines = PixelStrokes(points, *profile, pickup=pickup)
+    image, fragments = render(lines, canvas)
+    gradients = render_backward(lines, fragments, image)
+    again, fragments = render(lines, canvas, threads=3)
+    gradients_again = render_backward(lines, fragments, again, threads=3)
     np.testing.assert_array_equal(image, again)
     for one, other in zip(gradients, gradients_again, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -199,8 +204,8 @@ def test_single_precision_gradients_agree_with_the_reference() -> None:
     exact = [torch.tensor(a).requires_grad_(True) for a in arrays]
     single = [torch.tensor(a, dtype=torch.float32)[None].requires_grad_(True) for a in arrays]
     weight = torch.tensor(rng.normal(size=(64, 64, 3)))
-    dense = torch.autograd.grad((render_reference(*exact) * weight).sum(), exact)
-    ours = torch.autograd.grad((render_strokes(*single)[0] * weight).sum(), single)
+    dense = torch.autograd.grad((render_reference(*painting(*exact)) * weight).sum(), exact)
+    ours = torch.autograd.grad((render_strokes(*painting(*single))[0] * weight).sum(), single)
     for name, a, b in zip(("points", "radius", "density", "softness", "color", "canvas"), ours, dense, strict=True):
         assert float((a[0] - b).norm() / b.norm()) <= 1e-4, name
 
@@ -209,16 +214,16 @@ def test_constant_and_varying_profiles_agree() -> None:
     inputs = strokes(4, 6, seed=8)
     inputs[2] = torch.full_like(inputs[2], 0.8)
     inputs[3] = torch.full_like(inputs[3], 0.7)
-    constant = render_strokes(*inputs)
+    constant = render_strokes(*painting(*inputs))
     inputs[3][..., -1] += 1e-12  # takes the general way through the kernel
-    torch.testing.assert_close(render_strokes(*inputs), constant, atol=1e-9, rtol=0)
+    torch.testing.assert_close(render_strokes(*painting(*inputs)), constant, atol=1e-9, rtol=0)
 
 
 def test_batched_paintings_are_independent() -> None:
     first, second = strokes(3, 5, seed=1), strokes(3, 5, seed=2)
-    together = render_strokes(*(torch.cat(pair) for pair in zip(first, second, strict=True)))
-    torch.testing.assert_close(together[0], render_strokes(*first)[0])
-    torch.testing.assert_close(together[1], render_strokes(*second)[0])
+    together = render_strokes(*painting(*(torch.cat(pair) for pair in zip(first, second, strict=True))))
+    torch.testing.assert_close(together[0], render_strokes(*painting(*first))[0])
+    torch.testing.assert_close(together[1], render_strokes(*painting(*second))[0])
 
 
 @pytest.mark.parametrize(
@@ -243,7 +248,7 @@ def test_degenerate_strokes_stay_finite(points: list[list[float]], radius: float
     ]
     for x in inputs:
         x.requires_grad_(True)
-    image = render_strokes(*inputs)
+    image = render_strokes(*painting(*inputs))
     gradients = torch.autograd.grad(image.sum(), inputs)
     assert torch.isfinite(image).all()
     assert all(torch.isfinite(g).all() for g in gradients)
@@ -253,29 +258,29 @@ def test_render_rejects_values_that_are_not_finite() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[0][0, 2, 1, 0] = np.nan
     with pytest.raises(RenderInputError, match=r"points\[0, 2, 1, 0\] is nan"):
-        render(*inputs)
+        render(*painting(*inputs))
 
 
 def test_render_rejects_wrong_shapes() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[1] = inputs[1][:, :2]
     with pytest.raises(RenderInputError, match="radius must have shape"):
-        render(*inputs)
+        render(*painting(*inputs))
 
 
 def test_render_rejects_huge_values() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[1][0, 1, 2] = 1e30
     with pytest.raises(RenderInputError, match=r"radius\[0, 1, 2\] is 1e\+30"):
-        render(*inputs)
+        render(*painting(*inputs))
 
 
 @pytest.mark.parametrize("shape", [(1, 65_536, 1, 3), (1, 1, 65_536, 3)])
 def test_render_rejects_canvases_over_65535_pixels(shape: tuple[int, ...]) -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     with pytest.raises(RenderInputError, match=f"{shape[1]} x {shape[2]} pixels; it takes sides up to 65535: render"):
-        render(*inputs[:5], np.zeros(shape))
-    render(*inputs[:5], np.zeros((1, min(shape[1], 65_535), min(shape[2], 65_535), 3)))
+        render(PixelStrokes(*inputs[:5]), np.zeros(shape))
+    render(PixelStrokes(*inputs[:5]), np.zeros((1, min(shape[1], 65_535), min(shape[2], 65_535), 3)))
 
 
 def test_render_rejects_paths_over_65535_segments() -> None:
@@ -284,13 +289,13 @@ def test_render_rejects_paths_over_65535_segments() -> None:
     points = np.zeros((1, 1, n, 2))
     points[..., :-1, :], points[..., -1, :] = -50.0, (15.0, 11.0)
     shape, canvas = points.shape[:-1], np.zeros((1, *SHAPE, 3))
-    inputs = [points, np.ones(shape), np.ones(shape), np.ones(shape), np.ones((1, 1, 3))]
-    image, fragments = render(*inputs, canvas)
-    gradients = render_backward(*inputs, fragments, np.ones_like(image))
+    line = PixelStrokes(points, np.ones(shape), np.ones(shape), np.ones(shape), np.ones((1, 1, 3)))
+    image, fragments = render(line, canvas)
+    gradients = render_backward(line, fragments, np.ones_like(image))
     assert set(np.flatnonzero(gradients.radius)) == {n - 2, n - 1}
-    longer = [np.repeat(array, [1] * (n - 1) + [2], axis=2) for array in inputs[:4]]
+    longer = [np.repeat(array, [1] * (n - 1) + [2], axis=2) for array in line[:4]]
     with pytest.raises(RenderInputError, match="paths have 65536 segments; it takes up to 65535 in a path: give fewer"):
-        render(*longer, inputs[4], canvas)
+        render(PixelStrokes(*longer, line.color), canvas)
 
 
 def test_render_rejects_ink_beyond_free_memory(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -299,11 +304,11 @@ def test_render_rejects_ink_beyond_free_memory(monkeypatch: pytest.MonkeyPatch) 
     inputs = [x.numpy() for x in strokes(300, 4, seed=0)]
     inputs[1][0, 7] *= 10
     with pytest.raises(RenderInputError, match=r"Most comes from points\[0, 7\]"):
-        render(*inputs)
-    render(*(x[:, :3] for x in inputs[:5]), inputs[5])  # a few fit
+        render(*painting(*inputs))
+    render(PixelStrokes(*inputs[:5]).at((slice(None), slice(3))), inputs[5])  # a few fit
 
 
 def test_render_of_no_strokes_keeps_the_canvas() -> None:
     inputs = [x.numpy() for x in strokes(2, 4, seed=0)]
-    image, _ = render(*(x[:, :0] for x in inputs[:5]), inputs[5])
+    image, _ = render(PixelStrokes(*inputs[:5]).at((slice(None), slice(0))), inputs[5])
     np.testing.assert_array_equal(image, inputs[5])

@@ -35,9 +35,18 @@ from pentimento.render.backward import POINT_FIELDS, backward_band
 from pentimento.render.coverage import Q_MIN, R_MIN
 from pentimento.render.errors import RenderInputError
 from pentimento.render.forward import Fragments, expected_fragments, lay_band, reach_of_strokes
+from pentimento.render.strokes import PixelStrokes
 from pentimento.render.threads import in_threads
 
-__all__ = ["Q_MIN", "R_MIN", "Fragments", "RenderInputError", "StrokeGradients", "render", "render_backward"]
+__all__ = [
+    "Q_MIN",
+    "R_MIN",
+    "Fragments",
+    "RenderInputError",
+    "StrokeGradients",
+    "render",
+    "render_backward",
+]
 
 _BAND_ROWS = 64
 """Rows of a band: the unit of work of a thread."""
@@ -64,27 +73,13 @@ class StrokeGradients(NamedTuple):
 
 
 def render(
-    points: Array,
-    radius: Array,
-    density: Array,
-    softness: Array,
-    color: Array,
-    canvas: Array,
-    pickup: Array | None = None,
-    threads: int = 1,
+    strokes: PixelStrokes[Array], canvas: Array, *, threads: int = 1
 ) -> tuple[Array, tuple[tuple[Fragments, ...], ...]]:
     """Composite strokes onto canvases, in order.
 
     Args:
-        points: float[B, S, N, 2], path points in pixel coordinates (column, row).
-        radius: float[B, S, N], half the stroke's width [px].
-        density: float[B, S, N], coverage at the centre of the path, 0 to 1.
-        softness: float[B, S, N], the exponent c: 0 gives a hard disc, 1 a cone.
-        color: float[B, S, 3], linear light.
-        canvas: float[B, H, W, 3], linear light; it is not changed. With ``pickup`` float[B, H, W, 4]: the last channel
-            is the wetness of the canvas, 0 to 1.
-        pickup: float[B, S], the share of picked-up wet paint in the paint that a stroke lays down, 0 to 1. None: tools
-            stay clean.
+        canvas: float[B, H, W, 3], linear light; it is not changed. With ``strokes.pickup`` float[B, H, W, 4]: the last
+            channel is the wetness of the canvas, 0 to 1.
         threads: number of threads.
 
     Returns:
@@ -94,84 +89,79 @@ def render(
         RenderInputError: a shape does not fit, a value is not finite, a canvas has more than 65,535 rows or columns, a
             path more segments than that, or the fragments exceed the free memory. The message names the first one.
     """
-    check_inputs(points, radius, density, softness, color, canvas, pickup, threads)
-    reach = [reach_of_strokes(*painting) for painting in zip(points, radius, strict=True)]
+    check_inputs(strokes, canvas, threads)
+    reach = [reach_of_strokes(*painting) for painting in zip(strokes.points, strokes.radius, strict=True)]
     _check_memory(reach, canvas)
     image = np.array(canvas, copy=True, order="C")
-    none = np.empty(0, points.dtype)
+    none = np.empty(0, image.dtype)
 
     def lay(part: tuple[int, int, int]) -> Fragments:
         b, top, end = part
-        fields = lay_band(
-            points[b], radius[b], density[b], softness[b], color[b], none if pickup is None else pickup[b],
-            reach[b], image[b, top:end], top,
-        )  # fmt: skip
-        return Fragments(top, *fields)
+        *own, pickup = strokes.at(b)
+        return Fragments(top, *lay_band(*own, none if pickup is None else pickup, reach[b], image[b, top:end], top))
 
-    parts = [(b, *band) for b in range(len(points)) for band in _bands(canvas, pickup)]
+    paintings = len(image)
+    parts = [(b, *band) for b in range(paintings) for band in _bands(canvas, strokes)]
     laid = in_threads(lay, parts, threads)
-    per_painting = len(parts) // max(len(points), 1)
-    return image, tuple(tuple(laid[b * per_painting : (b + 1) * per_painting]) for b in range(len(points)))
+    per_painting = len(parts) // max(paintings, 1)
+    return image, tuple(tuple(laid[b * per_painting : (b + 1) * per_painting]) for b in range(paintings))
+
+
+class _BandGradients(NamedTuple):
+    """Gradients of one band's strokes; see ``backward_band``."""
+
+    touched: Array
+    points: Array
+    color: Array
+    pickup: Array
 
 
 def render_backward(
-    points: Array,
-    radius: Array,
-    density: Array,
-    softness: Array,
-    color: Array,
+    strokes: PixelStrokes[Array],
     fragments: tuple[tuple[Fragments, ...], ...],
     image_gradient: Array,
-    pickup: Array | None = None,
+    *,
     threads: int = 1,
 ) -> StrokeGradients:
     """Gradients of a loss with respect to all inputs of ``render``, from ∂loss/∂image, of the image's shape."""
     g_canvas = np.array(image_gradient, copy=True, order="C")
-    none = np.empty(0, points.dtype)
+    none = np.empty(0, strokes.points.dtype)
 
-    def pull(part: tuple[int, Fragments]) -> tuple[Array, Array, Array, Array]:
+    def pull(part: tuple[int, Fragments]) -> _BandGradients:
         b, band = part
-        g_color = np.zeros_like(color[b])
-        g_pickup = none if pickup is None else np.zeros_like(pickup[b])
+        *own, pickup = strokes.at(b)
+        g_color = np.zeros_like(strokes.color[b])
+        g_pickup = none if pickup is None else np.zeros_like(pickup)
         rows = min(_BAND_ROWS, g_canvas.shape[1] - band.top) if pickup is None else g_canvas.shape[1]
         touched, g_points = backward_band(
-            points[b], radius[b], density[b], softness[b], color[b], none if pickup is None else pickup[b],
-            band.top, band.start, band.column, band.row, band.segment, band.coverage, band.below,
-            g_canvas[b, band.top : band.top + rows], g_color, g_pickup,
+            *own, none if pickup is None else pickup, band.top, band.start, band.column, band.row, band.segment,
+            band.coverage, band.below, g_canvas[b, band.top : band.top + rows], g_color, g_pickup,
         )  # fmt: skip
-        return touched, g_points, g_color, g_pickup
+        return _BandGradients(touched, g_points, g_color, g_pickup)
 
     parts = [(b, band) for b, bands in enumerate(fragments) for band in bands]
-    g_all = np.zeros((*radius.shape, POINT_FIELDS), points.dtype)
-    g_color = np.zeros_like(color)
-    g_pickup = None if pickup is None else np.zeros_like(pickup)
-    for (b, _), (touched, g_points, g_band, g_carried) in zip(parts, in_threads(pull, parts, threads), strict=True):
-        g_all[b, touched] += g_points
-        g_color[b] += g_band
+    g_all = np.zeros((*strokes.radius.shape, POINT_FIELDS), strokes.points.dtype)
+    g_color = np.zeros_like(strokes.color)
+    g_pickup = None if strokes.pickup is None else np.zeros_like(strokes.pickup)
+    for (b, _), of_band in zip(parts, in_threads(pull, parts, threads), strict=True):
+        g_all[b, of_band.touched] += of_band.points
+        g_color[b] += of_band.color
         if g_pickup is not None:
-            g_pickup[b] += g_carried
+            g_pickup[b] += of_band.pickup
     g_xy, g_radius, g_density, g_softness = g_all[..., :2], g_all[..., 2], g_all[..., 3], g_all[..., 4]
     return StrokeGradients(g_xy, g_radius, g_density, g_softness, g_color, g_canvas, g_pickup)
 
 
-def _bands(canvas: Array, pickup: Array | None) -> list[tuple[int, int]]:
+def _bands(canvas: Array, strokes: PixelStrokes[Array]) -> list[tuple[int, int]]:
     """The rows top:end of each band. There is one band where strokes carry paint, since they carry it across bands."""
     height = canvas.shape[1]
-    rows = _BAND_ROWS if pickup is None else height
+    rows = _BAND_ROWS if strokes.pickup is None else height
     return [(top, min(top + rows, height)) for top in range(0, height, rows)]
 
 
-def check_inputs(
-    points: Array,
-    radius: Array,
-    density: Array,
-    softness: Array,
-    color: Array,
-    canvas: Array,
-    pickup: Array | None,
-    threads: int,
-) -> None:
+def check_inputs(strokes: PixelStrokes[Array], canvas: Array, threads: int) -> None:
     """Refuse inputs that compiled code would read out of bounds, or that are invalid; see ``render``."""
+    points = strokes.points
     if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.size == 0:
         raise RenderInputError(
             f"The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got {points.shape} and {canvas.shape}."
@@ -189,17 +179,17 @@ def check_inputs(
         )
     if threads < 1:
         raise RenderInputError(f"The renderer was asked for {threads} threads; it needs at least one.")
-    batch, strokes, n, _ = points.shape
+    batch, count, n, _ = points.shape
     wanted = {
-        "radius": (radius, (batch, strokes, n)),
-        "density": (density, (batch, strokes, n)),
-        "softness": (softness, (batch, strokes, n)),
-        "color": (color, (batch, strokes, 3)),
-        "canvas": (canvas, (batch, *canvas.shape[1:3], 3 if pickup is None else 4)),
+        "radius": (strokes.radius, (batch, count, n)),
+        "density": (strokes.density, (batch, count, n)),
+        "softness": (strokes.softness, (batch, count, n)),
+        "color": (strokes.color, (batch, count, 3)),
+        "canvas": (canvas, (batch, *canvas.shape[1:3], 3 if strokes.pickup is None else 4)),
         "points": (points, points.shape),
     }
-    if pickup is not None:
-        wanted["pickup"] = (pickup, (batch, strokes))
+    if strokes.pickup is not None:
+        wanted["pickup"] = (strokes.pickup, (batch, count))
     for name, (array, shape) in wanted.items():
         if array.shape != shape:
             raise RenderInputError(f"The renderer's {name} must have shape {shape}, not {array.shape}.")

@@ -20,26 +20,18 @@ from numpy.typing import NDArray
 
 from pentimento.render.coverage import compiled
 from pentimento.render.errors import RenderInputError
-from pentimento.render.forward import lay_band, reach_of_strokes
+from pentimento.render.forward import Fragments, lay_band, reach_of_strokes
 from pentimento.render.kernel import check_inputs
+from pentimento.render.strokes import PixelStrokes
 
 Array = NDArray[Any]
 
 
-def rise_without(
-    points: Array,
-    radius: Array,
-    density: Array,
-    softness: Array,
-    color: Array,
-    canvas: Array,
-    target: Array,
-    distances: tuple[int, ...],
-) -> Array:
+def rise_without(strokes: PixelStrokes[Array], canvas: Array, target: Array, *, distances: tuple[int, ...]) -> Array:
     """[S] rise of the painting's error when a stroke is left out. Negative where the stroke does harm.
 
     Args:
-        points, radius, density, softness, color: float[S, N, 2], three times [S, N], and [S, 3], as for ``render``.
+        strokes: of one canvas; their tools stay clean, whatever ``pickup`` says.
         canvas: float[H, W, 3], linear light, before the first stroke. It is not changed.
         target: float[H, W, 3], linear light.
         distances: viewing distances [px], each 1 or more.
@@ -48,36 +40,25 @@ def rise_without(
         RenderInputError: ``render`` refuses the strokes or the canvas, or the target differs from the canvas in shape
             or precision.
     """
-    _check(points, radius, density, softness, color, canvas, target)
+    _check(strokes, canvas, target)
     image = canvas.copy()
-    start, column, row, _, coverage, below = _lay(points, radius, density, softness, color, image)
-    change = _left_out(start, column, row, coverage, below, color, *canvas.shape[:2])
-    return _mean_rise(start, column, row, change, image, target, distances)
+    laid = _lay(strokes, image)
+    change = _left_out(
+        laid.start, laid.column, laid.row, laid.coverage, laid.below, strokes.color, *canvas.shape[:2]
+    )  # fmt: skip
+    return _mean_rise(laid, change, image, target=target, distances=distances)
 
 
-def fall_with(
-    points: Array,
-    radius: Array,
-    density: Array,
-    softness: Array,
-    color: Array,
-    canvas: Array,
-    target: Array,
-    distances: tuple[int, ...],
-) -> Array:
+def fall_with(strokes: PixelStrokes[Array], canvas: Array, target: Array, *, distances: tuple[int, ...]) -> Array:
     """[S] fall of the canvas's error when a stroke alone is laid on it; see ``rise_without``."""
-    _check(points, radius, density, softness, color, canvas, target)
-    start, column, row, _, coverage, _ = _lay(points, radius, density, softness, color, canvas.copy())
-    change = _laid_alone(start, column, row, coverage, color, canvas)
-    return -_mean_rise(start, column, row, change, canvas, target, distances)
+    _check(strokes, canvas, target)
+    laid = _lay(strokes, canvas.copy())
+    change = _laid_alone(laid.start, laid.column, laid.row, laid.coverage, strokes.color, canvas)
+    return -_mean_rise(laid, change, canvas, target=target, distances=distances)
 
 
-def _check(
-    points: Array, radius: Array, density: Array, softness: Array, color: Array, canvas: Array, target: Array
-) -> None:
-    check_inputs(
-        points[None], radius[None], density[None], softness[None], color[None], canvas[None], pickup=None, threads=1
-    )
+def _check(strokes: PixelStrokes[Array], canvas: Array, target: Array) -> None:
+    check_inputs(strokes._replace(pickup=None).at(None), canvas[None], threads=1)
     if target.shape != canvas.shape or target.dtype != canvas.dtype:
         raise RenderInputError(
             f"A canvas of {canvas.shape}, {canvas.dtype}, is compared with a target of {target.shape}, {target.dtype}: "
@@ -85,17 +66,15 @@ def _check(
         )
 
 
-def _lay(
-    points: Array, radius: Array, density: Array, softness: Array, color: Array, image: Array
-) -> tuple[Array, Array, Array, Array, Array, Array]:
+def _lay(strokes: PixelStrokes[Array], image: Array) -> Fragments:
     """The fragments of strokes laid on ``image``, in place, as one band."""
-    reach, clean = reach_of_strokes(points, radius), np.empty(0, points.dtype)
-    return lay_band(points, radius, density, softness, color, clean, reach, image, 0)[:6]
+    reach, clean = reach_of_strokes(strokes.points, strokes.radius), np.empty(0, image.dtype)
+    *own, _ = strokes
+    return Fragments(0, *lay_band(*own, clean, reach, image, 0))
 
 
-def _mean_rise(
-    start: Array, column: Array, row: Array, change: Array, image: Array, target: Array, distances: tuple[int, ...]
-) -> Array:
+def _mean_rise(laid: Fragments, change: Array, image: Array, *, target: Array, distances: tuple[int, ...]) -> Array:
+    start, column, row = laid.start, laid.column, laid.row
     total = np.zeros(len(start) - 1)
     for distance in distances:
         seen, wanted = _seen(image, distance), _seen(target, distance)

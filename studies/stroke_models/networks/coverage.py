@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples, inked_share
+from pentimento.render import PixelStrokes
 from studies.stroke_models.networks.frame import local_paths
 
 _UNIT_M = 0.02
@@ -31,10 +32,9 @@ def measured_coverage(samples: StrokeSamples) -> Tensor:
 def drawn(points_px: Tensor, radius_px: Tensor, density: Tensor, softness: Tensor, size: tuple[int, int]) -> Tensor:
     """Coverage [B, height, width] of strokes: points [B, N, 2], the others [B, N], as the renderer draws them."""
     ground = points_px.new_zeros(len(points_px), *size, 3)
-    white = points_px.new_ones(len(points_px), 1, 3)
-    return render_strokes(points_px[:, None], radius_px[:, None], density[:, None], softness[:, None], white, ground)[
-        ..., 0
-    ]
+    white = points_px.new_ones(len(points_px), 3)
+    strokes = PixelStrokes(points_px, radius_px, density, softness, white).at((slice(None), None))
+    return render_strokes(strokes, ground)[..., 0]
 
 
 class PressRange(NamedTuple):

@@ -8,6 +8,7 @@ from torch import Tensor
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, simulate
 from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
+from pentimento.render import PixelStrokes
 
 MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 1e-3, 1.0, 0.9)).requires_grad_(False)
 VIEW = View(torch.tensor([[0.0, 0.04]] * 2), torch.tensor([1000.0, 1000.0]))
@@ -77,9 +78,8 @@ class Dim(OneNumber):
 
 def test_without_mechanisms_it_is_the_model_through_the_renderer() -> None:
     mark = MODEL(context().path)
-    plain = render_strokes(
-        VIEW.to_pixels(mark.points_m), mark.radius_m * 1000, mark.density, mark.softness, torch.zeros(2, 3, 3), WHITE
-    )
+    points, black = VIEW.to_pixels(mark.points_m), torch.zeros(2, 3, 3)
+    plain = render_strokes(PixelStrokes(points, mark.radius_m * 1000, mark.density, mark.softness, black), WHITE)
     torch.testing.assert_close(image([]), plain)
     torch.testing.assert_close(image([Nothing(0.0)]), plain)
 

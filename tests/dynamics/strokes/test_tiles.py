@@ -5,6 +5,7 @@ import torch
 
 from pentimento.dynamics.strokes.reference import render_reference
 from pentimento.dynamics.strokes.tiles import TILE, Touches, find_touches, tile_grid
+from pentimento.render import PixelStrokes
 
 SHAPE = (53, 70)
 
@@ -38,7 +39,8 @@ def test_every_inked_pixel_lies_in_a_tile_that_its_segment_touches(points: int) 
         for segment in range(max(points - 1, 1)):
             part = line[None, segment : segment + 2]
             one = torch.ones(part.shape[:2])
-            painted = render_reference(part[..., :2], part[..., 2], one, one, torch.ones(1, 3), torch.zeros(*SHAPE, 3))
+            alone = PixelStrokes(part[..., :2], part[..., 2], one, one, torch.ones(1, 3))
+            painted = render_reference(alone, torch.zeros(*SHAPE, 3))
             ink = painted[..., 0].nonzero() // TILE
             inked |= {(int(r) * columns + int(c), stroke, segment) for r, c in ink}
     assert len({tile for tile, _, _ in inked}) > 5

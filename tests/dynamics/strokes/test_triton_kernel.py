@@ -18,6 +18,7 @@ import torch
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.reference import render_reference
 from pentimento.render.kernel import RenderInputError
+from tests.render.paintings import painting
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("triton") is None,
@@ -37,7 +38,8 @@ Render = Callable[..., torch.Tensor]
 
 @pytest.fixture
 def render_triton() -> Render:
-    return importlib.import_module("pentimento.dynamics.strokes.triton_kernel").render_triton
+    kernel = importlib.import_module("pentimento.dynamics.strokes.triton_kernel")
+    return lambda *inputs: kernel.render_triton(*painting(*inputs))
 
 
 def strokes(
@@ -68,7 +70,7 @@ def with_gradients(render: Render, inputs: list[torch.Tensor]) -> tuple[torch.Te
 
 
 def reference(*inputs: torch.Tensor) -> torch.Tensor:
-    return torch.stack([render_reference(*painting) for painting in zip(*inputs, strict=True)])
+    return torch.stack([render_reference(*painting(*one)) for one in zip(*inputs, strict=True)])
 
 
 def assert_like(render: Render, oracle: Render, inputs: list[torch.Tensor]) -> None:
@@ -236,7 +238,11 @@ class TestOnCuda:
     """At the size of a painting, for which the interpreter would take many minutes."""
 
     def test_a_painting_agrees_with_the_cpu_kernel(self, render_triton: Render) -> None:
-        assert_like(render_triton, render_strokes, strokes(400, 32, seed=0, shape=(512, 512)))
+        assert_like(
+            render_triton,
+            lambda *inputs: render_strokes(*painting(*inputs)),
+            strokes(400, 32, seed=0, shape=(512, 512)),
+        )
 
     def test_gradients_are_the_same_at_every_run(self, render_triton: Render) -> None:
         inputs = strokes(400, 32, seed=1, shape=(512, 512))

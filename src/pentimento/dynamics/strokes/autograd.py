@@ -8,24 +8,21 @@ import torch
 from torch import Tensor
 
 from pentimento.render.kernel import RenderInputError, render, render_backward
+from pentimento.render.strokes import PixelStrokes
 
 
 class _Render(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Tensor | None) -> Tensor:
         points, radius, density, softness, color, canvas, pickup = map(_as_array, inputs)
-        threads = torch.get_num_threads()
-        image, ctx.fragments = render(points, radius, density, softness, color, canvas, pickup, threads)
-        ctx.strokes, ctx.pickup = (points, radius, density, softness, color), pickup
+        ctx.strokes = PixelStrokes(points, radius, density, softness, color, pickup)
+        image, ctx.fragments = render(ctx.strokes, canvas, threads=torch.get_num_threads())
         return torch.from_numpy(image)
 
     @staticmethod
     def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor | None, ...]:
-        points, radius, density, softness, color = ctx.strokes
-        gradients = render_backward(
-            points, radius, density, softness, color, ctx.fragments, _as_array(image_gradient[0]), ctx.pickup,
-            torch.get_num_threads(),
-        )  # fmt: skip
+        of_image, threads = _as_array(image_gradient[0]), torch.get_num_threads()
+        gradients = render_backward(ctx.strokes, ctx.fragments, of_image, threads=threads)
         return tuple(None if g is None else torch.from_numpy(g) for g in gradients)
 
 
@@ -33,50 +30,31 @@ def _as_array(tensor: Tensor | None) -> Any:
     return None if tensor is None else tensor.detach().contiguous().numpy()
 
 
-def render_strokes(
-    points: Tensor,
-    radius: Tensor,
-    density: Tensor,
-    softness: Tensor,
-    color: Tensor,
-    canvas: Tensor,
-    pickup: Tensor | None = None,
-) -> Tensor:
+def render_strokes(strokes: PixelStrokes[Tensor], canvas: Tensor) -> Tensor:
     """Lay strokes on canvases, in order; differentiable in everything.
 
     On the CPU by ``pentimento.render``, with as many threads as ``torch.get_num_threads()``; on a GPU by Triton.
 
     Args:
-        points: [B, S, N, 2], pixel coordinates (column, row).
-        radius, density, softness: [B, S, N]; radius in px.
-        color: [B, S, 3], linear light.
-        canvas: [B, H, W, 3], linear light; with ``pickup`` [B, H, W, 4], the last channel being wetness, 0 to 1.
-        pickup: [B, S], the share of wet paint that each stroke picks up; None: none.
+        canvas: [B, H, W, 3], linear light; with ``strokes.pickup`` [B, H, W, 4], the last channel being wetness, 0 to
+            1.
 
     Returns:
-        The images, of the canvas's shape, where the points are.
+        The images, of the canvas's shape, on the device of the strokes.
 
     Raises:
         RenderInputError: shapes do not fit, a value is not finite, memory is too small for the strokes, or the GPU
             renderer does not support the input.
     """
-    if points.is_cuda:
-        return _render_on_gpu(points, radius, density, softness, color, canvas, pickup)
-    inputs = (points, radius, density, softness, color, canvas, pickup)
-    image: Tensor = _Render.apply(*inputs)  # type: ignore[no-untyped-call]
+    if strokes.points.is_cuda:
+        return _render_on_gpu(strokes, canvas)
+    *fields, pickup = strokes
+    image: Tensor = _Render.apply(*fields, canvas, pickup)  # type: ignore[no-untyped-call]
     return image
 
 
-def _render_on_gpu(
-    points: Tensor,
-    radius: Tensor,
-    density: Tensor,
-    softness: Tensor,
-    color: Tensor,
-    canvas: Tensor,
-    pickup: Tensor | None,
-) -> Tensor:
-    if pickup is not None:
+def _render_on_gpu(strokes: PixelStrokes[Tensor], canvas: Tensor) -> Tensor:
+    if strokes.pickup is not None:
         raise RenderInputError(
             "The GPU renderer does not support paint pickup, which moves paint between tiles: move the tensors to the "
             "CPU."
@@ -85,7 +63,7 @@ def _render_on_gpu(
         from pentimento.dynamics.strokes.triton_kernel import render_triton
     except ImportError as error:
         raise RenderInputError(
-            f"Strokes on {points.device} need Triton, which cannot be imported ({error}): install pentimento[gpu], or "
-            "move the tensors to the CPU."
+            f"Strokes on {strokes.points.device} need Triton, which cannot be imported ({error}): install "
+            "pentimento[gpu], or move the tensors to the CPU."
         ) from error
-    return render_triton(points, radius, density, softness, color, canvas)
+    return render_triton(strokes, canvas)

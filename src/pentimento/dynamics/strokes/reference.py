@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from pentimento.render.kernel import Q_MIN, R_MIN
+from pentimento.render.strokes import PixelStrokes
 
 
 def stroke_coverage(
@@ -53,25 +54,17 @@ def stroke_coverage(
     return coverage.amax(dim=0), coverage.argmax(dim=0)
 
 
-def render_reference(
-    points: Tensor,
-    radius: Tensor,
-    density: Tensor,
-    softness: Tensor,
-    color: Tensor,
-    canvas: Tensor,
-    pickup: Tensor | None = None,
-) -> Tensor:
+def render_reference(strokes: PixelStrokes[Tensor], canvas: Tensor) -> Tensor:
     """Lay strokes on one canvas, in order.
 
     Args:
-        points: [S, N, 2]; radius, density, softness: [S, N]; color: [S, 3], linear light.
-        canvas: [H, W, 3], linear light; with ``pickup`` [H, W, 4], the last channel being wetness.
-        pickup: [S], see ``pentimento.render.composition``.
+        strokes: of this canvas; for ``pickup`` see ``pentimento.render.composition``.
+        canvas: [H, W, 3], linear light; with ``strokes.pickup`` [H, W, 4], the last channel being wetness.
 
     Returns:
         The image, of the canvas's shape.
     """
+    points, radius, density, softness, color, pickup = strokes
     image, shape = canvas, (canvas.shape[0], canvas.shape[1])
     for s in range(len(points)):
         alpha, segment = stroke_coverage(points[s], radius[s], density[s], softness[s], shape)

@@ -19,6 +19,7 @@ from torch import Tensor
 from pentimento.contracts.errors import PentimentoError
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.traj2stroke import Mark
+from pentimento.render.strokes import PixelStrokes
 
 
 class View(NamedTuple):
@@ -163,15 +164,9 @@ def simulate(
     pickup = None
     for mechanism in mechanisms:
         color, pickup = mechanism.composite(color, pickup, context)
-    image = render_strokes(
-        view.to_pixels(mark.points_m),
-        mark.radius_m * view.pixels_per_m[:, None, None],
-        mark.density,
-        mark.softness,
-        color,
-        canvas,
-        pickup,
-    )[..., :3]
+    radius = mark.radius_m * view.pixels_per_m[:, None, None]
+    strokes = PixelStrokes(view.to_pixels(mark.points_m), radius, mark.density, mark.softness, color, pickup)
+    image = render_strokes(strokes, canvas)[..., :3]
     for mechanism in mechanisms:
         image = mechanism.camera(image, view)
     return image.clamp(min=0.0) if mechanisms else image  # strong pickup can make values negative

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 import triton
@@ -26,19 +26,35 @@ from torch.autograd.function import once_differentiable
 from pentimento.dynamics.strokes.tiles import TILE, Touches, find_touches, tile_grid
 from pentimento.dynamics.strokes.triton_programs import PATH, SUMS, paint_tile, unpaint_tile
 from pentimento.render.kernel import RenderInputError
+from pentimento.render.strokes import PixelStrokes
 
 _FLOATS = (torch.float32, torch.float64)
 
 
-def render_triton(
-    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
-) -> Tensor:
+class _Sizes(NamedTuple):
+    """Arguments of the programs."""
+
+    height: int
+    width: int
+    tiles_a_row: int
+    tiles: int
+    """Of a painting."""
+
+
+class _Visits(NamedTuple):
+    """What the gradients need of each visit."""
+
+    winner: Tensor
+    """int[V, pixels], the winning segment; -1: no ink."""
+    below: Tensor
+    """[V, 3, pixels], the colour below."""
+
+
+def render_triton(strokes: PixelStrokes[Tensor], canvas: Tensor) -> Tensor:
     """Lay strokes on canvases, in order; differentiable once in everything. See ``pentimento.render`` for the formula.
 
     Args:
-        points: [B, S, N, 2], pixel coordinates (column, row); a path of one point is a disc.
-        radius, density, softness: [B, S, N]; radius in px.
-        color: [B, S, 3], linear light.
+        strokes: without pickup.
         canvas: [B, H, W, 3], linear light; left as it is.
 
     Returns:
@@ -48,9 +64,10 @@ def render_triton(
         RenderInputError: shapes, types or devices do not fit, a value is not finite (the sentence names the first
             offender), or the strokes need more memory than the device has.
     """
-    _check_inputs(points, radius, density, softness, color, canvas)
-    path = torch.cat([points, radius[..., None], density[..., None], softness[..., None]], dim=-1)
-    image: Tensor = _Render.apply(path, color, canvas)  # type: ignore[no-untyped-call]
+    _check_inputs(strokes, canvas)
+    profile = [strokes.radius, strokes.density, strokes.softness]
+    path = torch.cat([strokes.points, *(values[..., None] for values in profile)], dim=-1)
+    image: Tensor = _Render.apply(path, strokes.color, canvas)  # type: ignore[no-untyped-call]
     return image
 
 
@@ -60,17 +77,18 @@ class _Render(torch.autograd.Function):
         path, color, canvas = path.contiguous(), color.contiguous(), canvas.contiguous()
         with _shortage_named(path, canvas):
             touches = find_touches(path, canvas.shape[1], canvas.shape[2])
-            image, winner, below = _launch_forward(path, color, canvas, touches, keep=any(ctx.needs_input_grad))
-        ctx.save_for_backward(path, color, winner, below, *touches)
+            image, visits = _launch_forward(path, color, canvas, touches=touches, keep=any(ctx.needs_input_grad))
+        ctx.save_for_backward(path, color, *visits, *touches)
         return image
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def backward(ctx: Any, *image_gradient: Tensor) -> tuple[Tensor, ...]:
         path, color, winner, below, *lists = ctx.saved_tensors
-        touches = Touches(*lists)
+        touches, visits = Touches(*lists), _Visits(winner, below)
         with _shortage_named(path, image_gradient[0]):
-            g_canvas, sums = _launch_backward(path, color, winner, below, touches, image_gradient[0].contiguous())
+            of_image = image_gradient[0].contiguous()
+            g_canvas, sums = _launch_backward(path, color, of_image, touches=touches, visits=visits)
             g_path, g_color = _add_up(sums, touches.per_segment, path.shape)
         return g_path, g_color, g_canvas
 
@@ -88,9 +106,9 @@ def _shortage_named(path: Tensor, canvas: Tensor) -> Iterator[None]:
 
 
 def _launch_forward(
-    path: Tensor, color: Tensor, canvas: Tensor, touches: Touches, keep: bool
-) -> tuple[Tensor, Tensor, Tensor]:
-    """The images, and for each visit the winning segments [V, pixels] (-1: no ink) and colours below [V, 3, pixels]."""
+    path: Tensor, color: Tensor, canvas: Tensor, *, touches: Touches, keep: bool
+) -> tuple[Tensor, _Visits]:
+    """The images; and the visits, none unless they are to be kept."""
     image = torch.empty_like(canvas)
     n_points, pixels = path.shape[2], TILE * TILE
     visits = len(touches.visit_stroke) if keep else 0
@@ -101,18 +119,18 @@ def _launch_forward(
         paint_tile[(len(touches.tile_start) - 1,)](
             path, color, canvas, image, *touches[:4], winner, below, n_points, *_sizes(canvas), KEEP=keep, SIDE=TILE
         )  # fmt: skip
-    return image, winner, below
+    return image, _Visits(winner, below)
 
 
 def _launch_backward(
-    path: Tensor, color: Tensor, winner: Tensor, below: Tensor, touches: Touches, g_image: Tensor
+    path: Tensor, color: Tensor, g_image: Tensor, *, touches: Touches, visits: _Visits
 ) -> tuple[Tensor, Tensor]:
     """The canvas's gradient, and 13 sums for each touch, ordered by stroke and segment."""
     g_canvas = torch.empty_like(g_image)
     sums = torch.zeros(len(touches.slot), SUMS.value, dtype=path.dtype, device=path.device)
     with torch.cuda.device_of(path):  # type: ignore[no-untyped-call]
         unpaint_tile[(len(touches.tile_start) - 1,)](
-            path, color, g_image, g_canvas, *touches[:5], winner, below, sums, path.shape[2], *_sizes(g_image),
+            path, color, g_image, g_canvas, *touches[:5], *visits, sums, path.shape[2], *_sizes(g_image),
             SIDE=TILE,
         )  # fmt: skip
     return g_canvas, sums
@@ -132,16 +150,14 @@ def _add_up(sums: Tensor, per_segment: Tensor, shape: torch.Size) -> tuple[Tenso
     return g_path, total[..., 2 * fields :].sum(2)
 
 
-def _sizes(canvas: Tensor) -> tuple[int, int, int, int]:
-    """Height, width, tiles a row, tiles a painting."""
+def _sizes(canvas: Tensor) -> _Sizes:
     height, width = canvas.shape[1:3]
     rows, columns = tile_grid(height, width)
-    return height, width, columns, rows * columns
+    return _Sizes(height, width, columns, rows * columns)
 
 
-def _check_inputs(
-    points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, color: Tensor, canvas: Tensor
-) -> None:
+def _check_inputs(strokes: PixelStrokes[Tensor], canvas: Tensor) -> None:
+    points = strokes.points
     if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.numel() == 0:
         raise RenderInputError(
             "The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got "
@@ -149,13 +165,13 @@ def _check_inputs(
         )
     if not points.is_cuda and isinstance(paint_tile, triton.runtime.JITFunction):
         raise RenderInputError(f"The Triton renderer needs tensors on a GPU, not on {points.device}: use the CPU's.")
-    batch, strokes, n, _ = points.shape
+    batch, count, n, _ = points.shape
     wanted = {
         "points": (points, points.shape),
-        "radius": (radius, (batch, strokes, n)),
-        "density": (density, (batch, strokes, n)),
-        "softness": (softness, (batch, strokes, n)),
-        "color": (color, (batch, strokes, 3)),
+        "radius": (strokes.radius, (batch, count, n)),
+        "density": (strokes.density, (batch, count, n)),
+        "softness": (strokes.softness, (batch, count, n)),
+        "color": (strokes.color, (batch, count, 3)),
         "canvas": (canvas, (batch, *canvas.shape[1:3], 3)),
     }
     for name, (tensor, shape) in wanted.items():

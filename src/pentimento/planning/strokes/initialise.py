@@ -9,7 +9,7 @@ width. A guided stroke is therefore the best of several candidates at one place 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.render_plan import marks_px
 from pentimento.planning.strokes.scene import Scene, inherit
 from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
+from pentimento.render.strokes import PixelStrokes
 from pentimento.render.strokewise import fall_with
 from pentimento.robots.tools import Tool
 
@@ -240,19 +241,18 @@ def best_of(
         tried: ``tries`` · S strokes: first one candidate for each of the S places, then another for each, and so on.
     """
     count = len(tried) // tries
-    gains = fall_with(*stroke_arrays(tried, canvas, scene, distances_px)).reshape(tries, count)
+    gains = fall_with(alone_px(tried, scene), canvas, scene.target, distances=distances_px).reshape(tries, count)
     chosen = tried.pick(gains.argmax(0) * count + np.arange(count))
     chosen.inherited = None  # they will have other positions in the plan
     return chosen, gains.max(0)
 
 
-def stroke_arrays(strokes: PlannedPaths, canvas: Array, scene: Scene, distances_px: tuple[int, ...]) -> tuple[Any, ...]:
-    """The arguments of ``render.strokewise``'s functions: marks, colours, canvas, target and viewing distances.
+def alone_px(strokes: PlannedPaths, scene: Scene) -> PixelStrokes[Array]:
+    """The strokes' marks in their own colours, as arguments of ``render.strokewise``'s functions.
 
     The camera's gain is left out. It acts on the whole picture, which these functions do not see.
     """
-    points, radius, marks = marks_px(strokes, scene)
-    return (points, radius, marks.density, marks.softness, strokes.color, canvas, scene.target, distances_px)
+    return marks_px(strokes, scene)._replace(color=strokes.color, pickup=None)
 
 
 def error_map(canvas: Array, scene: Scene) -> FloatArray:

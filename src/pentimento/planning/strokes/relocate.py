@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlanConfig, PlannerConfig
-from pentimento.planning.strokes.initialise import PathFamily, stroke_arrays
+from pentimento.planning.strokes.initialise import PathFamily, alone_px
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene
@@ -50,7 +50,7 @@ def relocate(
 
 def contributions(strokes: PlannedPaths, canvas: Array, scene: Scene, config: PlanConfig) -> FloatArray:
     """[S] rise of the error, summed over pixels, when a stroke is left out. Negative where the stroke does harm."""
-    return rise_without(*stroke_arrays(strokes, canvas, scene, config.distances_px))
+    return rise_without(alone_px(strokes, scene), canvas, scene.target, distances=config.distances_px)
 
 
 def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:

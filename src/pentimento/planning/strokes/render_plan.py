@@ -19,6 +19,7 @@ from pentimento.planning.strokes.config import ExecutionNoise
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.scene import Scene, inherit
 from pentimento.render.kernel import render, render_backward
+from pentimento.render.strokes import PixelStrokes
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -71,14 +72,12 @@ def render_marks(
         marks = marks._replace(
             points_m=marks.points_m + fault.shift_m, radius_m=marks.radius_m * fault.narrowing
         )  # fmt: skip
-    points_px, radius_px = in_pixels(marks, scene)
-    density, softness, color = marks.density[None], marks.softness[None], marks.color[None]
-    points, radius = points_px[None], radius_px[None]
-    pickup = None if marks.pickup is None else marks.pickup[None]
-    ground = canvas if pickup is None else np.concatenate([canvas, _wetness(scene)[..., None]], axis=-1)
-    light, fragments = render(points, radius, density, softness, color, ground[None], pickup, scene.threads)
+    strokes = in_pixels(marks, scene).at(None)
+    clean = marks.pickup is None
+    ground = canvas if clean else np.concatenate([canvas, _wetness(scene)[..., None]], axis=-1)
+    light, fragments = render(strokes, ground[None], threads=scene.threads)
     image = light[0, ..., :3] if scene.gain is None else light[0, ..., :3] * scene.gain
-    below = None if pickup is None else image < 0  # strong pickup can take more than there is
+    below = None if clean else image < 0  # strong pickup can take more than there is
     if below is not None:
         image = np.maximum(image, np.float32(0.0))
 
@@ -87,10 +86,8 @@ def render_marks(
             of_image = np.where(below, np.float32(0.0), of_image)
         if scene.gain is not None:
             of_image = of_image * scene.gain
-        of_light = of_image if pickup is None else np.concatenate([of_image, np.zeros_like(of_image[..., :1])], axis=-1)
-        found = render_backward(
-            points, radius, density, softness, color, fragments, of_light[None], pickup, scene.threads
-        )  # fmt: skip
+        of_light = of_image if clean else np.concatenate([of_image, np.zeros_like(of_image[..., :1])], axis=-1)
+        found = render_backward(strokes, fragments, of_light[None], threads=scene.threads)
         per_m = np.float32(scene.pixels_per_m)
         of_radius = found.radius[0] * per_m
         return Marks(
@@ -105,20 +102,10 @@ def render_marks(
     return image, back
 
 
-class MarksInPixels(NamedTuple):
-    """Marks as a stroke model gives them, and their geometry in the target's pixels."""
-
-    points: Array
-    """[S, N, 2], column and row."""
-    radius: Array
-    """[S, N]."""
-    marks: Marks
-
-
-def marks_px(strokes: PlannedPaths, scene: Scene) -> MarksInPixels:
+def marks_px(strokes: PlannedPaths, scene: Scene) -> PixelStrokes[Array]:
     """The marks of the strokes in the target's pixels."""
     marks, _ = strokes.marks(scene.brush, _inherited(strokes, scene))
-    return MarksInPixels(*in_pixels(marks, scene), marks)
+    return in_pixels(marks, scene)
 
 
 def coverages(strokes: PlannedPaths, scene: Scene, width_px: int) -> FloatArray:
@@ -126,20 +113,20 @@ def coverages(strokes: PlannedPaths, scene: Scene, width_px: int) -> FloatArray:
     height, width = scene.target.shape[:2]
     factor = max(width / width_px, 1.0)
     shape = max(round(height / factor), 1), max(round(width / factor), 1)
-    points, radius, marks = marks_px(strokes, replace(scene, target=np.zeros((*shape, 3), np.float32)))
-    white, black = np.ones((len(strokes), 1, 3), np.float32), np.zeros((len(strokes), *shape, 3), np.float32)
-    alone, _ = render(
-        points[:, None], radius[:, None], marks.density[:, None], marks.softness[:, None], white, black
-    )  # fmt: skip
+    marks = marks_px(strokes, replace(scene, target=np.zeros((*shape, 3), np.float32)))
+    white, black = np.ones((len(strokes), 3), np.float32), np.zeros((len(strokes), *shape, 3), np.float32)
+    each = marks._replace(color=white, pickup=None).at((slice(None), None))  # a canvas for each
+    alone, _ = render(each, black)
     return alone[..., 0].reshape(len(strokes), -1).astype(np.float64)
 
 
-def in_pixels(marks: Marks, scene: Scene) -> tuple[Array, Array]:
-    """Points (column, row) and radii in the target's pixels; see ``contracts.frames``."""
+def in_pixels(marks: Marks, scene: Scene) -> PixelStrokes[Array]:
+    """Marks in the target's pixels; see ``contracts.frames``."""
     per_m = np.float32(scene.pixels_per_m)
     column = marks.points_m[..., 0] * per_m - np.float32(0.5)
     row = (np.float32(scene.canvas_size_m[1]) - marks.points_m[..., 1]) * per_m - np.float32(0.5)
-    return np.stack([column, row], axis=-1), marks.radius_m * per_m
+    points, radius = np.stack([column, row], axis=-1), marks.radius_m * per_m
+    return PixelStrokes(points, radius, marks.density, marks.softness, marks.color, marks.pickup)
 
 
 def _inherited(strokes: PlannedPaths, scene: Scene) -> Mapping[str, Array]:
