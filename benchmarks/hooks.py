@@ -40,7 +40,7 @@ def measure_hooks(case: Case) -> dict[str, float]:
         return torch.autograd.grad(render_strokes(*as_painting(*leaves)), leaves, pull)
 
     def simulated(mechanisms: tuple[Mechanism, ...]) -> tuple[Tensor, ...]:
-        image = simulate(lambda _: mark, mechanisms, context, color, canvas, view)
+        image = simulate(lambda _: mark, mechanisms, context, color=color, canvas=canvas, view=view)
         return torch.autograd.grad(image, in_metres, pull)
 
     calls = [bare, partial(simulated, ()), partial(simulated, (_Idle(torch.zeros(0), {}),))]

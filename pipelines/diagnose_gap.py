@@ -66,7 +66,9 @@ def main(arguments: argparse.Namespace) -> None:
         training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
         found = write_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
         causes = _established(found)
-        joint = fit_jointly(base, causes, training, validation, timing_of(columns), fit, run.log)
+        joint = fit_jointly(
+            base, causes, training, validation=validation, timing=timing_of(columns), config=fit, log=run.log
+        )
         metrics = verdict_metrics(gap / "verdict.json") | {
             "held_out": {
                 "base": asdict(score_model(base, held_out.samples)),

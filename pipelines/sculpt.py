@@ -175,7 +175,7 @@ def _predicted(
     foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight)
     reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
     whole = replace(sculpting.planner, horizon=sculpting.actions, rounds=0, refine="none")
-    return plan(height, foresight, reach, whole, sculpting.actions, (number, 0))
+    return plan(height, foresight, reach, config=whole, count=sculpting.actions, item=(number, 0))
 
 
 def _metrics(

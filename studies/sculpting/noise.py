@@ -89,7 +89,9 @@ def _planned(height: Array, foresight: EnsembleRollout, reach: Reach, config: Sc
     made: list[FloatArray] = []
     left = np.zeros((0, 5))
     while len(made) < ACTIONS:
-        now = plan(height, foresight, reach, config, ACTIONS - len(made), (len(made),), left).actions
+        now = plan(
+            height, foresight, reach, config=config, count=ACTIONS - len(made), item=(len(made),), begun=left
+        ).actions
         if len(now) == 0:
             break
         made += list(now[:BATCH])

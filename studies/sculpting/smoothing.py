@@ -134,7 +134,9 @@ def _next(
         samples=8
     )  # fmt: skip
     reach = reach_for(load_end_effector(tool), area_m, config.edge_m)
-    actions = plan(height, EnsembleRollout(members, objective, 0.0), reach, config, 1, (number,)).actions
+    actions = plan(
+        height, EnsembleRollout(members, objective, 0.0), reach, config=config, count=1, item=(number,)
+    ).actions
     return actions[0] if len(actions) else None
 
 

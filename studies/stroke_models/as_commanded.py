@@ -24,5 +24,5 @@ def train_unscaled(samples: StrokeSamples, config: TrainingConfig, log: Log) -> 
     torch.manual_seed(config.seed)
     model = Traj2Stroke(first_guess(samples))
     model.scale.requires_grad_(False)
-    descend(model, lambda index: predict(model, samples.pick(index)), samples, config, log)
+    descend(model, lambda index: predict(model, samples.pick(index)), samples, config=config, log=log)
     return model.parameters_si()

@@ -199,7 +199,15 @@ class Training:
         causes = [m for m in found.extended.mechanisms if m.cause in names]
         timing = timing_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
-        joint = fit_jointly(base.parameters_si(), causes, self.strokes, self.strokes, timing, self.analytic, _quiet)
+        joint = fit_jointly(
+            base.parameters_si(),
+            causes,
+            self.strokes,
+            validation=self.strokes,
+            timing=timing,
+            config=self.analytic,
+            log=_quiet,
+        )
         model = joint.model
         if not joint.kept and "path_scale" not in names and not is_pressed(self.samples.path):
             model = base_model(train_unscaled(self.samples, self.analytic, _quiet))

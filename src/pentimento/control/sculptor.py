@@ -124,7 +124,7 @@ class Sculptor:
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
-        first = plan(height, self.foresight, self._reach, self.config, self.count, (self.item, 0))
+        first = plan(height, self.foresight, self._reach, config=self.config, count=self.count, item=(self.item, 0))
         progress = SculptureProgress(
             scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
             expected_m=(), remaining=first.actions, predicted_m=first.predicted_m[1:],
@@ -213,8 +213,8 @@ class Sculptor:
     def _planned(self, progress: SculptureProgress) -> SculptureProgress:
         executed = len(progress.actions)
         new = plan(
-            progress.heights_m[-1], self.foresight, self._reach, self.config, self.count - executed,
-            (self.item, executed), progress.remaining if executed else None,
+            progress.heights_m[-1], self.foresight, self._reach, config=self.config, count=self.count - executed,
+            item=(self.item, executed), begun=progress.remaining if executed else None,
         )  # fmt: skip
         due = min(self.execution.replan_every, len(new.actions))
         return replace(progress, remaining=new.actions, predicted_m=new.predicted_m[1:], due=due)

@@ -12,7 +12,7 @@ from torch import Tensor
 from pentimento.bundle.manifest import BrushFacts
 from pentimento.deploy.graphs import Graph, compared, export, generator
 from pentimento.dynamics.strokes.extended import StrokeModel
-from pentimento.dynamics.strokes.planned import planned_marks
+from pentimento.dynamics.strokes.planned import BezierTensors, planned_marks
 from pentimento.dynamics.strokes.simulation import Mechanism, View
 from pentimento.robots.tools import Tool
 
@@ -110,10 +110,8 @@ class _Brush:
         """`MARKS` of strokes [S], given as the fields `STROKES` and the covariates `columns`."""
         fields = len(STROKES)
         inherited = dict(zip(self.columns, arguments[fields:], strict=True))
-        middle, theta, length, bend, press, color = arguments[:fields]
-        return planned_marks(
-            self.model, self.tool, self.path_points, middle, theta, length, bend, press, color, inherited
-        )
+        strokes = BezierTensors(*arguments[:fields])
+        return planned_marks(self.model, self.tool, strokes, path_points=self.path_points, covariates=inherited)
 
     def pull(self, *arguments: Tensor) -> tuple[Tensor, ...]:
         """Gradients in the fields `STROKES`, given the arguments of `marks` and a cotangent for each of its results."""

@@ -93,8 +93,8 @@ def train_network(network: Model, samples: StrokeSamples, config: TrainingConfig
         coarse = round(_COARSE_SHARE * config.epochs)
         sharp -= coarse
         hazy = training._replace(after=_blurred(training.after))
-        descend(network, lambda index: _blurred(predict(index)), hazy, replace(config, epochs=coarse), log)
-    descend(network, predict, training, replace(config, epochs=sharp), log, best.after_epoch)
+        descend(network, lambda index: _blurred(predict(index)), hazy, config=replace(config, epochs=coarse), log=log)
+    descend(network, predict, training, config=replace(config, epochs=sharp), log=log, after_epoch=best.after_epoch)
     return best.taken()
 
 

@@ -6,16 +6,18 @@ import pytest
 import torch
 
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeTiming, predict_extended
-from pentimento.dynamics.strokes.joint import fit_jointly
+from pentimento.dynamics.strokes.joint import JointFit, fit_jointly
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.path_scale import PathScale
 from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import TrainingConfig
-from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 from tests.dynamics.strokes.conftest import TRUTH
 
 CONFIG = TrainingConfig(12, 1000.0, 0.05, 20, 6, 0.05, 2.0, 0.25, 0)
+NO_WAIT = StrokeTiming(0.0, 0.0)
 LOSS = torch.tensor([0.3, 0.1])
 
 
@@ -33,6 +35,18 @@ def halves(strokes: MeasuredStrokes) -> tuple[MeasuredStrokes, MeasuredStrokes]:
     return strokes.pick(torch.arange(18)), strokes.pick(torch.arange(18, 24))
 
 
+def fitted(
+    base: Traj2StrokeParameters,
+    causes: list[Mechanism],
+    strokes: MeasuredStrokes,
+    *,
+    timing: StrokeTiming = NO_WAIT,
+    config: TrainingConfig = CONFIG,
+) -> JointFit:
+    training, validation = halves(strokes)
+    return fit_jointly(base, causes, training, validation=validation, timing=timing, config=config, log=lambda *_: None)
+
+
 def half_known(strokes: MeasuredStrokes) -> InkDepletion:
     return InkDepletion(0.5 * LOSS, InkDepletion.reference_of(strokes.context))
 
@@ -41,9 +55,7 @@ def test_joint_fit_recovers_base_and_cause(fading: MeasuredStrokes) -> None:
     base = dataclasses.replace(TRUTH, opacity=0.75, thickness_at_contact_m=1.3e-3)  # as if they had made up for it
     own = [PathOffset(torch.tensor(TRUTH.offset_m), {}), PathScale(torch.tensor(TRUTH.scale) - 1, {})]
     config = dataclasses.replace(CONFIG, epochs=40)
-    found = fit_jointly(
-        base, [half_known(fading), *own], *halves(fading), StrokeTiming(3.0, 5.0), config, lambda *_: None
-    )
+    found = fitted(base, [half_known(fading), *own], fading, timing=StrokeTiming(3.0, 5.0), config=config)
     assert found.kept
     assert found.validation_l1[1] < 0.3 * found.validation_l1[0]
     assert [m.cause for m in found.model.mechanisms] == ["ink_depletion"]  # the base has the others itself
@@ -55,7 +67,7 @@ def test_joint_fit_recovers_base_and_cause(fading: MeasuredStrokes) -> None:
 
 def test_a_cause_that_does_not_help_leaves_the_base(made_by_truth: StrokeSamples, fading: MeasuredStrokes) -> None:
     steady = fading._replace(samples=made_by_truth)
-    found = fit_jointly(TRUTH, [half_known(steady)], *halves(steady), StrokeTiming(0.0, 0.0), CONFIG, lambda *_: None)
+    found = fitted(TRUTH, [half_known(steady)], steady)
     assert not found.kept
     assert found.validation_l1[1] >= found.validation_l1[0]
     assert (found.model.parameters, found.model.mechanisms) == (TRUTH, ())
@@ -63,5 +75,5 @@ def test_a_cause_that_does_not_help_leaves_the_base(made_by_truth: StrokeSamples
 
 def test_causes_that_the_base_has_itself_change_nothing(fading: MeasuredStrokes) -> None:
     offset = PathOffset(torch.tensor([1e-3, 0.0]), {})
-    found = fit_jointly(TRUTH, [offset], *halves(fading), StrokeTiming(0.0, 0.0), CONFIG, lambda *_: None)
+    found = fitted(TRUTH, [offset], fading)
     assert (found.kept, found.model.parameters, found.model.mechanisms) == (False, TRUTH, ())

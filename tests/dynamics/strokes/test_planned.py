@@ -7,7 +7,7 @@ import torch
 from pentimento.contracts.covariates import PICKUP_COLUMNS, fresh_memory
 from pentimento.dynamics.strokes.extended import StrokeModel, base_model
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from pentimento.dynamics.strokes.planned import TorchBrush, planned_marks
+from pentimento.dynamics.strokes.planned import BezierTensors, TorchBrush, planned_marks
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, simulate
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.bezier import Strokes
@@ -86,7 +86,7 @@ def simulated(
     view = View(torch.tensor([[0.0, SIZE_M[1]]]), torch.tensor([500.0]))
     context = StrokeContext(path[None], columns)
     ground = torch.cat([canvas, torch.zeros(40, 60, 1)], -1)[None] if wets(model) else canvas[None]
-    return simulate(model.mark(), model.mechanisms, context, color[None], ground, view)[0]
+    return simulate(model.mark(), model.mechanisms, context, color=color[None], canvas=ground, view=view)[0]
 
 
 def wets(model: StrokeModel) -> bool:
@@ -100,15 +100,15 @@ def test_times_and_paths_are_those_that_memory_goes_by() -> None:
     for name in ("round_brush", "flat_brush"):
         strokes, tool = some_strokes(), load_tool(name)
         strokes.length_m[0] = 4e-4  # too short to reach the tool's speed
-        middle, theta, length, bend, press, _ = (torch.tensor(array) for array in strokes.arrays())
-        path = _commanded(_geometry(POINTS, middle, theta, length, bend, press), theta, tool)
+        leaves = BezierTensors(*(torch.tensor(array) for array in strokes.arrays()))
+        path = _commanded(_geometry(leaves, POINTS), leaves.theta_rad, tool)
         np.testing.assert_allclose(path.numpy(), commanded(strokes, tool, POINTS), atol=2e-6)
 
 
 def test_the_base_ignores_what_it_was_not_fitted_to() -> None:
     strokes, tool = some_strokes(), load_tool("round_brush")
-    leaves = [torch.tensor(array) for array in strokes.arrays()]
-    fields = planned_marks(base_model(PARAMETERS), tool, POINTS, *leaves, {})
+    leaves = BezierTensors(*(torch.tensor(array) for array in strokes.arrays()))
+    fields = planned_marks(base_model(PARAMETERS), tool, leaves, path_points=POINTS, covariates={})
     assert [tuple(field.shape) for field in fields] == [(5, POINTS, 2), *[(5, POINTS)] * 3, (5, 3)]
     assert TorchBrush(base_model(PARAMETERS), tool, POINTS).gain(np.zeros((2, 2), np.float32)) is None
 

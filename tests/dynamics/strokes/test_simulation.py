@@ -25,7 +25,7 @@ def context(wet_age_s: float = 0.0) -> StrokeContext:
 
 
 def image(mechanisms: list[Mechanism], canvas: Tensor = WHITE, wet_age_s: float = 0.0) -> Tensor:
-    return simulate(MODEL, mechanisms, context(wet_age_s), torch.zeros(2, 3, 3), canvas, VIEW)
+    return simulate(MODEL, mechanisms, context(wet_age_s), color=torch.zeros(2, 3, 3), canvas=canvas, view=VIEW)
 
 
 class OneNumber(Mechanism):

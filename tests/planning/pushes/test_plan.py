@@ -28,7 +28,7 @@ REACHABLE = towards(towards(flat()).roll_out(flat(), MADE)[0])
 
 
 def planned(config: object = CONFIG, item: tuple[int, ...] = (0,)) -> PushPlan:
-    return plan(flat(), REACHABLE, REACH, config, 4, item)  # type: ignore[arg-type]
+    return plan(flat(), REACHABLE, REACH, config=config, count=4, item=item)  # type: ignore[arg-type]
 
 
 def test_plan_reaches_a_goal_made_by_pushes() -> None:
@@ -38,13 +38,14 @@ def test_plan_reaches_a_goal_made_by_pushes() -> None:
 
 
 def test_plan_is_empty_at_the_goal() -> None:
-    assert len(plan(flat(), towards(flat()), REACH, CONFIG, 4, (0,)).actions) == 0
+    assert len(plan(flat(), towards(flat()), REACH, config=CONFIG, count=4, item=(0,)).actions) == 0
 
 
 def test_plan_is_empty_where_material_must_rise() -> None:
     goal = flat()
     goal[20:28, 20:28] += 0.002  # pushes that raise anything lower more around it
-    assert len(plan(flat(), towards(goal), REACH, replace(CONFIG, min_relative_gain=0.02), 4, (0,)).actions) == 0
+    choosy = replace(CONFIG, min_relative_gain=0.02)
+    assert len(plan(flat(), towards(goal), REACH, config=choosy, count=4, item=(0,)).actions) == 0
 
 
 def test_plan_depends_on_seed_and_item_only() -> None:
@@ -64,7 +65,7 @@ def test_plan_contains_the_predicted_clay() -> None:
 def test_plan_continues_a_begun_plan_without_useless_actions() -> None:
     useless = np.array([[0.08, 0.02, 0.0, 0.01, 0.008]])  # where the goal is flat
     config = replace(CONFIG, horizon=2, iterations=0)
-    kept = plan(flat(), REACHABLE, REACH, config, 2, (0,), np.concatenate([useless, MADE]))
+    kept = plan(flat(), REACHABLE, REACH, config=config, count=2, item=(0,), begun=np.concatenate([useless, MADE]))
     np.testing.assert_array_equal(kept.actions[0], MADE[0])
     assert len(kept.actions) == 2
 
@@ -72,7 +73,7 @@ def test_plan_continues_a_begun_plan_without_useless_actions() -> None:
 def test_descent_corrects_displaced_pushes() -> None:
     off = MADE + np.array([0.003, -0.002, 0.2, -0.004, -0.002])
     before = REACHABLE.value(REACHABLE.roll_out(flat(), off))
-    moved, value = descend(off, flat(), REACHABLE, REACH, replace(CONFIG, iterations=25))
+    moved, value = descend(off, flat(), REACHABLE, reach=REACH, config=replace(CONFIG, iterations=25))
     assert value < 0.2 * before
     assert value == pytest.approx(REACHABLE.value(REACHABLE.roll_out(flat(), moved)))
 
@@ -81,7 +82,7 @@ def test_cross_entropy_corrects_displaced_pushes() -> None:
     off = MADE + np.array([0.003, -0.002, 0.2, -0.004, -0.002])
     before = REACHABLE.value(REACHABLE.roll_out(flat(), off))
     config = replace(CONFIG, iterations=12, samples=30)
-    moved, value = cross_entropy(off, flat(), REACHABLE, REACH, config, np.random.default_rng(0))
+    moved, value = cross_entropy(off, flat(), REACHABLE, reach=REACH, config=config, rng=np.random.default_rng(0))
     assert value < 0.6 * before
     assert value == pytest.approx(REACHABLE.value(REACHABLE.roll_out(flat(), moved)))
 
@@ -108,7 +109,7 @@ def test_guided_push_candidates_end_on_excess_material() -> None:
 def test_best_action_is_no_worse_than_first_round_candidates() -> None:
     states = REACHABLE.start(flat())
     first = candidates(flat(), REACHABLE, REACH, CONFIG, np.random.default_rng(5))
-    _, value = best_action(states, REACHABLE, REACH, CONFIG, np.random.default_rng(5))
+    _, value = best_action(states, REACHABLE, REACH, config=CONFIG, rng=np.random.default_rng(5))
     assert value <= REACHABLE.values_after(states, first).min()
 
 
@@ -130,7 +131,7 @@ def test_caution_prefers_actions_of_low_ensemble_variance() -> None:
     shares = []
     for caution in (0.0, 8.0):
         foresight = EnsembleRollout(members, objective, caution)
-        action, _ = best_action(foresight.start(flat()), foresight, REACH, CONFIG, np.random.default_rng(0))
+        action, _ = best_action(foresight.start(flat()), foresight, REACH, config=CONFIG, rng=np.random.default_rng(0))
         after = foresight.act(foresight.start(flat()), action)
         shares.append(float(np.var(after, axis=0).mean()))
     assert shares[1] < shares[0] or shares[0] == 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -114,7 +114,7 @@ def floor(samples: PushSamples, crop: Crop) -> Floor | None:
     Like every score, it contains the noise of both scans.
     """
     seen = in_pose(samples, crop)
-    _, window, _ = _tensors(samples)
+    window = _tensors(samples).window_m
     change = torch.from_numpy(samples.after) - torch.from_numpy(samples.before)
     known = torch.from_numpy(samples.known)
     variances: list[tuple[float, ...]] = []
@@ -198,8 +198,16 @@ def _clouds(predicted: Tensor, truth: Tensor, known: Tensor, crop: Crop) -> tupl
     return chamfer(one, other), earth_movers(one, other)
 
 
-def _tensors(samples: PushSamples) -> tuple[Tensor, Tensor, Tensor]:
-    return (
+class _Tensors(NamedTuple):
+    """What a model sees of N pushes; see ``PushSamples``."""
+
+    before: Tensor
+    window_m: Tensor
+    action: Tensor
+
+
+def _tensors(samples: PushSamples) -> _Tensors:
+    return _Tensors(
         torch.from_numpy(samples.before),
         torch.from_numpy(samples.window_m.astype(np.float32)),
         torch.from_numpy(samples.action.astype(np.float32)),

@@ -74,7 +74,7 @@ def predict_extended(mark: Traj2Stroke, mechanisms: Sequence[Mechanism], strokes
     canvas, color = samples.before_linear, srgb_to_linear(samples.color)[:, None]
     if picks_up(mechanisms, color, strokes.context):
         canvas = torch.cat([canvas, painted(canvas)[..., None]], dim=-1)
-    return linear_to_srgb(simulate(mark, mechanisms, strokes.context, color, canvas, samples.view))
+    return linear_to_srgb(simulate(mark, mechanisms, strokes.context, color=color, canvas=canvas, view=samples.view))
 
 
 def picks_up(mechanisms: Sequence[Mechanism], color: Tensor, context: StrokeContext) -> bool:

@@ -50,6 +50,7 @@ def fit_jointly(
     base: Traj2StrokeParameters,
     causes: Sequence[Mechanism],
     training: MeasuredStrokes,
+    *,
     validation: MeasuredStrokes,
     timing: StrokeTiming,
     config: TrainingConfig,
@@ -82,7 +83,14 @@ def fit_jointly(
         if now < minimum:
             minimum, best = now, {name: value.clone() for name, value in model.state_dict().items()}
 
-    descend(model, lambda index: model(training.pick(index)), training.samples, config, log, keep_best)
+    descend(
+        model,
+        lambda index: model(training.pick(index)),
+        training.samples,
+        config=config,
+        log=log,
+        after_epoch=keep_best,
+    )
     model.load_state_dict(best)
     squared = _squared_error(model, validation)
     polish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))

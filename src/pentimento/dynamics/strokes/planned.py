@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -25,45 +26,45 @@ _PIXELS_PER_M = 1e4
 """Resolution of the one-pixel images in which a camera's gain is evaluated."""
 
 
+class BezierTensors(NamedTuple):
+    """The arrays of ``planning.strokes.bezier.Strokes`` as tensors, S strokes."""
+
+    middle_m: Tensor  # [S, 2]
+    theta_rad: Tensor  # [S]
+    length_m: Tensor  # [S]
+    bend_m: Tensor  # [S]
+    press_m: Tensor  # [S, 3] at start, middle, end
+    color: Tensor  # [S, 3] linear light
+
+
 def planned_marks(
-    model: StrokeModel,
-    tool: Tool,
-    path_points: int,
-    middle_m: Tensor,
-    theta_rad: Tensor,
-    length_m: Tensor,
-    bend_m: Tensor,
-    press_m: Tensor,
-    color: Tensor,
-    covariates: Mapping[str, Tensor],
+    model: StrokeModel, tool: Tool, strokes: BezierTensors, *, path_points: int, covariates: Mapping[str, Tensor]
 ) -> tuple[Tensor, ...]:
     """The marks of planned strokes; differentiable in the strokes, without branches on their values.
 
     Args:
-        middle_m, theta_rad, length_m, bend_m, press_m, color: [S, 2], three times [S], [S, 3] and [S, 3], as
-            ``planning.strokes.bezier.Strokes`` says.
+        path_points: N, of each path.
         covariates: [S] of each column in ``model.fitted``.
 
     Returns:
-        The fields of ``planning.strokes.brush.Marks`` in their order, with N = ``path_points``. The last, pickup, is
-        left out where no mechanism picks up paint.
+        The fields of ``planning.strokes.brush.Marks`` in their order. The last, pickup, is left out where no mechanism
+        picks up paint.
     """
-    path = _geometry(path_points, middle_m, theta_rad, length_m, bend_m, press_m)[None]
+    path = _geometry(strokes, path_points)[None]
     if model.mechanisms:  # the base knows neither times nor yaw
-        path = _commanded(path, theta_rad, tool)
+        path = _commanded(path, strokes.theta_rad, tool)
     context = StrokeContext(path, {name: values[None] for name, values in covariates.items()})
     mark = full_at_most(extended_mark(model.mark(), model.mechanisms, context))
-    paint, pickup = color[None], None
+    paint, pickup = strokes.color[None], None
     for mechanism in model.mechanisms:
         paint, pickup = mechanism.composite(paint, pickup, context)
     fields = (*mark, paint) if pickup is None else (*mark, paint, pickup)
     return tuple(values[0] for values in fields)
 
 
-def _geometry(
-    points: int, middle_m: Tensor, theta_rad: Tensor, length_m: Tensor, bend_m: Tensor, press_m: Tensor
-) -> Tensor:
+def _geometry(strokes: BezierTensors, points: int) -> Tensor:
     """Paths [S, N, 5], times and yaw 0; ``planning.strokes.bezier.Strokes.paths`` is the same in numpy."""
+    middle_m, theta_rad, length_m, bend_m, press_m, _ = strokes
     along_unit, across_unit = (torch.tensor(basis, dtype=middle_m.dtype) for basis in shape_basis(points))
     press_unit = torch.tensor(press_basis(points), dtype=middle_m.dtype)
     along, across = length_m[:, None] * along_unit, bend_m[:, None] * across_unit
@@ -107,14 +108,10 @@ class TorchBrush:
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
         """See ``planning.strokes.brush.Brush``. The way back may be gone once."""
-        middle, theta, length, bend, press, color = leaves = [
-            torch.tensor(array, requires_grad=True) for array in strokes.arrays()
-        ]
+        leaves = BezierTensors(*(torch.tensor(array, requires_grad=True) for array in strokes.arrays()))
         columns = {name: torch.tensor(inherited[name]) for name in self.fitted}
         with torch.enable_grad():
-            fields = planned_marks(
-                self.model, self.tool, self.path_points, middle, theta, length, bend, press, color, columns
-            )
+            fields = planned_marks(self.model, self.tool, leaves, path_points=self.path_points, covariates=columns)
 
         def pull(cotangent: Marks) -> Strokes:
             given = [None if array is None else torch.from_numpy(array) for array in cotangent]

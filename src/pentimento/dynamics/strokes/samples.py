@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
@@ -65,34 +66,31 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: fl
     loaded = []
     for number, row in enumerate(rows):
         try:
-            loaded.append(_load_row(row, points, pixels_per_m, margin_m))
+            loaded.append(_load_row(row, points, pixels_per_m, margin_m=margin_m))
         except PentimentoError as error:
             raise ContractError(f"Row {number} of the strokes table: {error}") from error
-    height = max(item[1].shape[0] for item in loaded)
-    width = max(item[1].shape[1] for item in loaded)
+    height = max(one.before.shape[0] for one in loaded)
+    width = max(one.before.shape[1] for one in loaded)
 
     def pad(image: Array) -> Array:
         extra = ((0, height - image.shape[0]), (0, width - image.shape[1])) + ((0, 0),) * (image.ndim - 2)
         return np.pad(image, extra)
 
-    path, before, after, color, top_left, scale = zip(*loaded, strict=True)
-
     def tensor(arrays: list[Array]) -> Tensor:
         return torch.from_numpy(np.stack(arrays).astype(np.float32))
 
-    before_srgb, after_srgb, color_srgb = (
-        tensor([pad(image) for image in before]), tensor([pad(image) for image in after]), tensor(list(color))
-    )  # fmt: skip
+    before_srgb, after_srgb = tensor([pad(one.before) for one in loaded]), tensor([pad(one.after) for one in loaded])
+    color_srgb = tensor([one.color for one in loaded])
     return StrokeSamples(
-        path=tensor(list(path)),
-        top_left_m=tensor(list(top_left)),
-        pixels_per_m=torch.tensor(scale, dtype=torch.float32),
+        path=tensor([one.path for one in loaded]),
+        top_left_m=tensor([one.top_left_m for one in loaded]),
+        pixels_per_m=torch.tensor([one.pixels_per_m for one in loaded], dtype=torch.float32),
         before=before_srgb,
         before_linear=srgb_to_linear(before_srgb),
         after=after_srgb,
         color=color_srgb,
         ink=inked_share(before_srgb, after_srgb, color_srgb[:, None, None]) > INK_THRESHOLD,
-        valid=tensor([pad(np.ones(image.shape[:2])) for image in before]),
+        valid=tensor([pad(np.ones(one.before.shape[:2])) for one in loaded]),
         action=torch.tensor([row["action_id"] for row in rows]),
     )
 
@@ -118,9 +116,23 @@ def resample_path(path: Array, points: int) -> Array:
     return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
 
 
-def _load_row(
-    row: dict[str, object], points: int, pixels_per_m: float, margin_m: float
-) -> tuple[Array, Array, Array, Array, Array, float]:
+@dataclass(frozen=True)
+class _Row:
+    """One row, its window cut to the stroke."""
+
+    path: Array
+    """[N, 5]."""
+    before: Array
+    """[H, W, 3], sRGB in [0, 1]."""
+    after: Array
+    color: Array
+    """[3], sRGB."""
+    top_left_m: Array
+    """[2], canvas frame."""
+    pixels_per_m: float
+
+
+def _load_row(row: dict[str, object], points: int, pixels_per_m: float, *, margin_m: float) -> _Row:
     path = np.asarray(row["path"], dtype=float)
     window = np.asarray(row["window_m"], dtype=float)
     color = row.get("color_srgb")
@@ -135,7 +147,7 @@ def _load_row(
     after = np.where(touched[..., None], after, before)
     coarser = max(round(scale / pixels_per_m), 1)
     before, after = _averaged(before, coarser), _averaged(after, coarser)
-    return resample_path(path, points), before, after, color, trimmed[[0, 3]], float(scale / coarser)
+    return _Row(resample_path(path, points), before, after, color, trimmed[[0, 3]], float(scale / coarser))
 
 
 def _averaged(image: Array, factor: int) -> Array:

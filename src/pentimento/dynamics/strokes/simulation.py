@@ -145,6 +145,7 @@ def simulate(
     base: Callable[[Tensor], Mark],
     mechanisms: Sequence[Mechanism],
     context: StrokeContext,
+    *,
     color: Tensor,
     canvas: Tensor,
     view: View,

@@ -83,7 +83,7 @@ def predict(model: Callable[[Tensor], Mark], samples: StrokeSamples) -> Tensor:
     """The photograph after each stroke, sRGB [B, H, W, 3]: its mark laid over ``before`` in linear light."""
     context = StrokeContext(samples.path[:, None], {})
     color = srgb_to_linear(samples.color)[:, None]
-    return linear_to_srgb(simulate(model, (), context, color, samples.before_linear, samples.view))
+    return linear_to_srgb(simulate(model, (), context, color=color, canvas=samples.before_linear, view=samples.view))
 
 
 def predicted_ink(samples: StrokeSamples, predicted: Tensor) -> Tensor:
@@ -126,7 +126,7 @@ def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stro
     """Fit the model; ``log("weighted_l1", value, epoch)`` is called after every epoch."""
     torch.manual_seed(config.seed)
     model = Traj2Stroke(first_guess(samples))
-    descend(model, lambda index: predict(model, samples.pick(index)), samples, config, log)
+    descend(model, lambda index: predict(model, samples.pick(index)), samples, config=config, log=log)
     return model.eval()
 
 
@@ -134,6 +134,7 @@ def descend(
     model: torch.nn.Module,
     predict: Callable[[Tensor], Tensor],
     samples: StrokeSamples,
+    *,
     config: TrainingConfig,
     log: Log,
     after_epoch: Callable[[int], None] = lambda _: None,
@@ -158,7 +159,7 @@ def descend(
             enable_progress_bar=False,
             enable_model_summary=False,
         )
-        trainer.fit(_Fit(model, predict, samples, config, log, after_epoch), loader)
+        trainer.fit(_Fit(model, predict, samples, config=config, log=log, after_epoch=after_epoch), loader)
 
 
 class _Fit(lightning.LightningModule):
@@ -167,6 +168,7 @@ class _Fit(lightning.LightningModule):
         model: torch.nn.Module,
         predict: Callable[[Tensor], Tensor],
         samples: StrokeSamples,
+        *,
         config: TrainingConfig,
         log: Log,
         after_epoch: Callable[[int], None],

@@ -28,7 +28,7 @@ _PARENTS = 8
 
 
 def best_action(
-    states_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig, rng: np.random.Generator
+    states_m: Array, foresight: EnsembleRollout, reach: Reach, *, config: SculptorConfig, rng: np.random.Generator
 ) -> tuple[FloatArray, float]:
     """The action [5] of all candidates with the lowest value on the members' clay [M, H, W], and that value.
 

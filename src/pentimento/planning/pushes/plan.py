@@ -32,6 +32,7 @@ def plan(
     height_m: Array,
     foresight: EnsembleRollout,
     reach: Reach,
+    *,
     config: SculptorConfig,
     count: int,
     item: tuple[int, ...],
@@ -46,13 +47,13 @@ def plan(
     """
     rng = np.random.default_rng([config.seed, *item])
     wanted = min(count, config.horizon)
-    actions = _helping(begun[:wanted], height_m, foresight, config) if begun is not None else np.zeros((0, 5))
-    actions = _extended(actions, height_m, foresight, reach, config, wanted, rng)
+    actions = _helping(begun[:wanted], height_m, foresight, config=config) if begun is not None else np.zeros((0, 5))
+    actions = _extended(actions, height_m, foresight, reach=reach, config=config, wanted=wanted, rng=rng)
     if len(actions) > 0 and config.iterations > 0:
         if config.refine == "gradient":
-            actions, _ = descend(actions, height_m, foresight, reach, config)
+            actions, _ = descend(actions, height_m, foresight, reach=reach, config=config)
         elif config.refine == "cross_entropy":
-            actions, _ = cross_entropy(actions, height_m, foresight, reach, config, rng)
+            actions, _ = cross_entropy(actions, height_m, foresight, reach=reach, config=config, rng=rng)
     return predicted(actions, height_m, foresight)
 
 
@@ -71,6 +72,7 @@ def _extended(
     actions: FloatArray,
     height_m: Array,
     foresight: EnsembleRollout,
+    *,
     reach: Reach,
     config: SculptorConfig,
     wanted: int,
@@ -80,7 +82,7 @@ def _extended(
     states = foresight.roll_out(height_m, actions)
     value = foresight.value(states)
     while len(actions) < wanted:
-        action, lower = best_action(states, foresight, reach, config, rng)
+        action, lower = best_action(states, foresight, reach, config=config, rng=rng)
         if not _helps(value, lower, config):
             break
         actions = np.concatenate([actions, action[None]])
@@ -88,7 +90,7 @@ def _extended(
     return actions
 
 
-def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, config: SculptorConfig) -> FloatArray:
+def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, *, config: SculptorConfig) -> FloatArray:
     """The actions that lower the value, each tried on the clay that the kept ones before it leave."""
     states = foresight.start(height_m)
     value, kept = foresight.value(states), []

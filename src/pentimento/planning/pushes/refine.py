@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 
 
 def descend(
-    actions: FloatArray, height_m: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig
+    actions: FloatArray, height_m: Array, foresight: EnsembleRollout, *, reach: Reach, config: SculptorConfig
 ) -> tuple[FloatArray, float]:
     """Gradient descent on the value of actions [N, 5] on clay [H, W], within reach.
 
@@ -47,6 +47,7 @@ def cross_entropy(
     actions: FloatArray,
     height_m: Array,
     foresight: EnsembleRollout,
+    *,
     reach: Reach,
     config: SculptorConfig,
     rng: np.random.Generator,

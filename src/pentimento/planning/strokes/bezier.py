@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ class Strokes(PlannedPaths):
         """See ``PlannedPaths``; ``planning.strokes.memory.commanded`` adds times and yaw."""
         path = np.zeros((len(self), points, 5), np.float32)
         path[..., 1], path[..., 2] = self._places(points)
-        path[..., 3] = -self.press_m @ _bases(points)[2].T
+        path[..., 3] = -self.press_m @ _basis(points).press.T
         return path
 
     def marks(self, brush: Brush, inherited: Mapping[str, Array]) -> tuple[Marks, Callable[[Marks], tuple[Array, ...]]]:
@@ -72,8 +72,8 @@ class Strokes(PlannedPaths):
 
     def _places(self, points: int) -> tuple[Array, Array]:
         """Canvas coordinates along the paths, [S, N] each."""
-        along_unit, across_unit, _ = _bases(points)
-        along, across = self.length_m[:, None] * along_unit, self.bend_m[:, None] * across_unit
+        basis = _basis(points)
+        along, across = self.length_m[:, None] * basis.along, self.bend_m[:, None] * basis.across
         cos, sin = np.cos(self.theta_rad)[:, None], np.sin(self.theta_rad)[:, None]
         return self.middle_m[:, :1] + cos * along - sin * across, self.middle_m[:, 1:] + sin * along + cos * across
 
@@ -100,11 +100,21 @@ def to_planned(strokes: Strokes, tool: Tool, points: int) -> list[PlannedStroke]
     return planned
 
 
+class _Basis(NamedTuple):
+    """Basis functions of the strokes' geometry at N points."""
+
+    along: Array
+    """[N], of a stroke of unit length."""
+    across: Array
+    """[N], of unit bend."""
+    press: Array
+    """[N, 3], of the press at start, middle and end."""
+
+
 @cache
-def _bases(points: int) -> tuple[Array, Array, Array]:
-    """Shape along and across [N], and press [N, 3], of the strokes' geometry."""
-    along, across = (basis.astype(np.float32) for basis in shape_basis(points))
-    return along, across, press_basis(points).astype(np.float32)
+def _basis(points: int) -> _Basis:
+    along, across = (function.astype(np.float32) for function in shape_basis(points))
+    return _Basis(along, across, press_basis(points).astype(np.float32))
 
 
 def _half_turn(yaw_rad: float) -> float:

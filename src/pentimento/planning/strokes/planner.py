@@ -7,7 +7,7 @@ latents.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar, cast
 
 import numpy as np
@@ -23,7 +23,7 @@ from pentimento.planning.strokes.paints import Paints, check_palette, choose_pai
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.relocate import relocate
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.scene import Scene, coarser, first_pass, objective_for
+from pentimento.planning.strokes.scene import Scene, first_pass, halved, objective_for
 from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 
 Array = NDArray[np.float32]
@@ -62,11 +62,13 @@ class Planner(Generic[S]):
     log: Log
 
     def coarse(self) -> Planner[S]:
-        """The same plan at half the resolution, where the configuration has a coarse part."""
+        """The same plan at half the resolution and viewing distance, where the configuration has a coarse part."""
         if not self.config.coarse_first:
             return self
-        scene, canvas, config = coarser(self.scene, self.canvas, self.config)
-        return Planner(canvas, scene, config, self.family, self.rng, self.log)
+        scene = replace(self.scene, target=halved(self.scene.target))
+        distances = tuple(dict.fromkeys(max(distance // 2, 1) for distance in self.config.distances_px))
+        config = replace(self.config, distances_px=distances, pixels_per_m=self.config.pixels_per_m / 2)
+        return replace(self, canvas=halved(self.canvas), scene=scene, config=config)
 
 
 def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Log) -> tuple[Strokes, FloatArray]:

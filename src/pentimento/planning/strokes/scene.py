@@ -73,19 +73,10 @@ def scene_with(
     return Scene(tool, brush, canvas_size_m, target, start, style)
 
 
-def coarser(scene: Scene, canvas: Array, config: PlanConfig, factor: int = 2) -> tuple[Scene, Array, PlanConfig]:
-    """The same task at 1/``factor`` of the resolution: light is averaged over pixels, viewing distances shrink."""
-    height, width = (max(round(length / factor), 1) for length in scene.target.shape[:2])
-
-    def shrunk(image: Array) -> Array:
-        return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)
-
-    distances = tuple(dict.fromkeys(max(distance // factor, 1) for distance in config.distances_px))
-    return (
-        replace(scene, target=shrunk(scene.target)),
-        shrunk(canvas),
-        replace(config, distances_px=distances, pixels_per_m=config.pixels_per_m / factor),
-    )
+def halved(image: Array) -> Array:
+    """An image [H, W, 3] at half the resolution: light is averaged over pixels."""
+    height, width = (max(round(length / 2), 1) for length in image.shape[:2])
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def inherit(strokes: PlannedPaths, scene: Scene) -> dict[str, Array]:

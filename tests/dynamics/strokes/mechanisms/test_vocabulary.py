@@ -81,7 +81,12 @@ def image(mechanism: Mechanism) -> Tensor:
     color = torch.tensor([0.3, 0.1, 0.1], dtype=torch.float64).expand(COUNT, 1, 3)
     needs_wet = mechanism.cause == "wet_mixing"
     return simulate(
-        MODEL.double(), [mechanism], strokes, color, canvas if needs_wet else canvas[..., :3].contiguous(), view
+        MODEL.double(),
+        [mechanism],
+        strokes,
+        color=color,
+        canvas=canvas if needs_wet else canvas[..., :3].contiguous(),
+        view=view,
     )
 
 
