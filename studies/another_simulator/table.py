@@ -1,7 +1,7 @@
 """The diagnosis of worlds of a second simulator, as a page: `python -m studies.another_simulator.table`.
 
-Makes each world, gives its table alone to a process of its own, and writes `docs/another_simulator.md`. A world that
-has a verdict in `data/studies/another_simulator/` is not diagnosed again.
+Simulates each world, diagnoses its table in a separate process, and writes `docs/another_simulator.md`. A world with a
+verdict in `data/studies/another_simulator/` is not diagnosed again.
 """
 
 from __future__ import annotations
@@ -48,17 +48,19 @@ _HEAD = """\
 # The diagnosis in another simulator
 
 Written by `python -m studies.another_simulator.table`; do not edit. The worlds of the [blind tests](blind_tests.md)
-are the virtual studio's. These are of a second simulator, which draws discs, swept boxes and hairs as polygons, and
-whose faults follow laws of their own: a tractrix for hairs that drag, play that is crossed point by point, a pure
-delay, paint that thins hyperbolically. The diagnosis gets the table alone. *Hidden* has `orientation_width` wherever
-the tool is a broad box, for nothing in the table says so. *Pixels*: how many causes the likelihood of pixels names with
-the same base and candidates (BIC, forward).
+come from the virtual studio. These worlds come from a second simulator. It draws discs, swept boxes and hairs as
+polygons. Its faults have their own equations: a tractrix for lagging hairs, backlash that is applied point by point,
+a pure delay, and paint that thins hyperbolically. The diagnosis gets only the table. *Hidden* lists
+`orientation_width` wherever the tool is a broad box, because the table does not describe that shape. *Pixels* is the
+number of causes that a baseline names: the likelihood of pixels with the same base and candidates (BIC, forward
+selection).
 
-Two worlds mix paint with what is below it in the numbers of the picture, not in its light.
+In two worlds, paint mixes with the layer below in sRGB instead of linear light.
 
-The rule by which a displacement is tried on its own test's word came of an earlier draw of the late broad pen; that
-each session may mix its paint anew, and that strokes without times have no age, came of the worlds that are named so.
-The other worlds changed nothing in the finder.
+Some rules of the diagnosis were developed with these worlds, so the worlds are not a blind test of them. An earlier
+version of *broad pen, late* led to the rule that a displacement is tried when its own test is significant. *each
+session its mix* led to a paint mixture per session. *thin when fast, no times* led to strokes of unknown age where
+times are missing. No other world changed the diagnosis.
 
 | world | hidden | named | rivals | gap closed | pixels | s |
 |---|---|---|---|---|---|---|
@@ -82,8 +84,8 @@ def page(said: dict[World, dict[str, Any]]) -> str:
     false = sum(len(named(result) - world.truth) for world, result in said.items())
     names = sum(len(named(result)) for result in said.values())
     tail = (
-        f"\nExactly what is hidden is named in {exact} of {len(said)} worlds, by the likelihood of pixels in {pixels}; "
-        f"false names: {false} of {names}.\n"
+        f"\nThe named causes equal the hidden ones in {exact} of {len(said)} worlds; with the likelihood of pixels, in "
+        f"{pixels}. False names: {false} of {names}.\n"
     )
     return _HEAD + "\n".join(lines) + "\n" + tail
 

@@ -142,9 +142,9 @@ def test_the_page_counts_what_is_exact() -> None:
     said = {world: {"verdict": v, "seconds": 9.0} for world, v in zip(worlds, (verdict, nothing), strict=True)}
     text = page(said)
     assert (
-        "named in 2 of 2 worlds" in text
+        "equal the hidden ones in 2 of 2 worlds" in text
         and "False names: 0 of 1" in text
-        and "naming nothing would be exact in 1" in text
+        and "never names a cause would be right in 1" in text
     )
     assert "| damp | nothing | nothing | – | – | width by humidity_pct | 9 |" in text
     swapped = dict(zip(worlds, reversed(said.values()), strict=True))

@@ -112,7 +112,7 @@ def test_the_page_counts_what_is_exact() -> None:
 
     late = World("late", "nib", 1, Effects(latency=0.1))
     text = page({late: said("latency"), replace(late, tool="chisel"): said("latency", "backlash")})
-    assert "is named in 1 of 2 worlds, by the likelihood of pixels in 0; false names: 1 of 3" in text
+    assert "in 1 of 2 worlds; with the likelihood of pixels, in 0. False names: 1 of 3." in text
 
 
 def test_in_numbers_pale_paint_mixes_darker_than_in_light() -> None:
