@@ -1,4 +1,4 @@
-"""The bars that the renderer has to clear, each with what was measured."""
+"""The targets of the renderer, each with its measurement."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -68,15 +68,15 @@ def _times(value: float) -> str:
 
 def _time_bars(results: Results) -> list[Bar]:
     ours = seconds(results, 400, 32, 256)
-    peers = f" ({FRIDA_S / ours:.0f} × faster than FRIDA, about {SPLINE_FRIDA_S / ours:.0f} × than Spline-FRIDA)"
+    peers = f" ({FRIDA_S / ours:.0f} × faster than FRIDA, about {SPLINE_FRIDA_S / ours:.0f} × faster than Spline-FRIDA)"
     dense = reference_seconds(results, 32, 400)
     [at_20] = picked(results["reference"], points=32, size_px=256, strokes=20)
     more = f" (extrapolated: {dense:.0f} s; at 20 strokes, measured: "
     more += f"{at_20['forward_backward']['minimum_s'] / seconds(results, 20, 32, 256):.0f} ×)"
     return [
         _at_most("400 strokes × 32 points, 256²", ours, 0.012, _s, peers),
-        _at_least("… over the dense reference", dense / ours, 1000, _times, more),
-        _at_least("… two threads over one", ours / seconds(results, 400, 32, 256, 2), 1.7, _times),
+        _at_least("… speed-up over the dense reference", dense / ours, 1000, _times, more),
+        _at_least("… speed-up by a second thread", ours / seconds(results, 400, 32, 256, 2), 1.7, _times),
         _at_most("20 strokes × 32 points, 256²", seconds(results, 20, 32, 256), 0.0008, _s),
         _at_most("100 strokes × 32 points, 256²", seconds(results, 100, 32, 256), 0.004, _s),
         _at_most("400 strokes × 4 points, 256²", seconds(results, 400, 4, 256), 0.006, _s),
@@ -95,7 +95,7 @@ def _memory_and_growth(results: Results) -> list[Bar]:
     rows = picked(results["growth"], **{"in": "strokes"})
     fit, far = max(row["exponent"] for row in rows), max(row["far"] for row in rows)
     more = f" (largest fit over 400 to 4000 strokes; over 20 to 4000: {fit:.2f})"
-    return [memory, _at_most("exponent of the growth in strokes", far, 1.1, "{:.2f}".format, more)]
+    return [memory, _at_most("exponent of the time over the number of strokes", far, 1.1, "{:.2f}".format, more)]
 
 
 def _agreement(results: Results) -> list[Bar]:
@@ -104,9 +104,9 @@ def _agreement(results: Results) -> list[Bar]:
     worst, name = max(gradients)
     return [
         _at_most(
-            "largest difference from the reference: values", max(r["values"] for r in rows), 1e-5, "{:.1e}".format
+            "maximum difference from the reference: values", max(r["values"] for r in rows), 1e-5, "{:.1e}".format
         ),
-        _at_most("… gradients, norm over norm", worst, 1e-4, "{:.1e}".format, f" ({name})"),
+        _at_most("… gradients, norm of the difference over the norm", worst, 1e-4, "{:.1e}".format, f" ({name})"),
     ]
 
 
@@ -115,10 +115,12 @@ def _limit(results: Results) -> list[Bar]:
     for row in results["distance"]:
         name = f"{row['strokes']} strokes × {row['points']} points, {row['size_px']}²"
         kernel, limit = row["kernel_ns_per_pair"], row["limit_ns_per_pair"]
-        more = f" ({kernel:.1f} ns against {limit:.1f} ns)"
+        more = f" ({kernel:.1f} ns and {limit:.1f} ns)"
         found += [
-            _at_most(f"time a pair over a loop without branches, {name}", row["times_limit"], 2.0, _times, more),
-            _at_most(f"evaluations over pairs with ink, {name}", row["evaluations_per_touched"], 1.5, _times),
+            _at_most(
+                f"time per pair over that of a loop without branches, {name}", row["times_limit"], 2.0, _times, more
+            ),
+            _at_most(f"evaluated pairs over pairs with ink, {name}", row["evaluations_per_touched"], 1.5, _times),
         ]
     return found
 
@@ -126,6 +128,6 @@ def _limit(results: Results) -> list[Bar]:
 def _hooks(results: Results) -> list[Bar]:
     hooks = results["hooks"]
     return [
-        _at_most(f"sites for mechanisms, {what}: over the bare renderer", 100 * hooks[key], 10.0, "{:.1f} %".format)
-        for what, key in (("none there", "no_mechanism_over"), ("one that is idle", "idle_mechanism_over"))
+        _at_most(f"overhead of mechanism sites, {what}", 100 * hooks[key], 10.0, "{:.1f} %".format)
+        for what, key in (("without a mechanism", "no_mechanism_over"), ("with an inactive one", "idle_mechanism_over"))
     ]

@@ -1,4 +1,4 @@
-"""The results as Markdown: bars first, then everything."""
+"""The results as Markdown: targets first, then all measurements."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -10,32 +10,34 @@ from benchmarks.peers import WHERE
 
 _MET = {True: "yes", False: "**no**", None: "–"}
 _INTRODUCTION = """\
-Written by `make bench`; do not edit. Random strokes of 20 to 60 px with radii of 1.5 to 5 px on square canvases,
-float32. Times are wall times of `render_strokes` as a user calls it through PyTorch's autograd, medians of several
-runs after compiling; backward means the gradients of everything, the canvas's too. One thread unless another number is
-given. Every case runs in a process of its own. The bars are measured by the fastest run, which is what the work takes
-when the machine does nothing else; its speed changes by half from minute to minute, as the medians below show."""
+Written by `make bench`; do not edit. Inputs are random strokes of 20 to 60 px length with radii of 1.5 to 5 px on
+square canvases, in float32. Times are wall times of `render_strokes` called through PyTorch's autograd: medians of
+several runs after compilation. *Backward* computes the gradients of all inputs, including the canvas. One thread is
+used unless stated otherwise. Every case runs in its own process. Targets are compared with the fastest run, which
+is the least affected by other load. The speed of this machine changes by half from minute to minute, as the medians
+below show."""
 _REFERENCE = """\
-The dense reference in PyTorch evaluates every segment at every pixel, stroke after stroke: its time and memory are
-linear in strokes. What stands in italics is the straight line through 5, 10 and 20 strokes, not measured. Ours: the
-same inputs."""
+The dense reference in PyTorch evaluates every segment at every pixel, stroke after stroke. Its time and memory grow
+linearly with the number of strokes. Values in italics are extrapolated by the straight line through 5, 10 and 20
+strokes. *Ours* is this renderer with the same inputs."""
 _LIMIT = """\
-*Evaluated* are the pairs of pixel and segment that culling lets through; *with ink* are those with D < R, counted by
-trying every segment at every pixel. The renderer looks at columns in blocks of 16: lanes that run over a segment's end
-are not counted as evaluated, but their time is.
+*Evaluated* is the number of pairs of pixel and segment that remain after culling. *With ink* is the number of pairs
+with D < R, counted by testing every segment at every pixel. The renderer processes columns in blocks of 16. Lanes
+beyond the end of a segment are not counted as evaluated, but their time is included.
 
-*Ours* is the time of `render` and `render_backward`, called directly, over evaluated pairs: with culling, allocation
-and composition. *Loop* does coverage, composition and all gradients of as many pairs, which lie ready side by side in
-the processor's cache, without a branch or a look-up; the compiler made {packed} packed instructions of it. In one way
-it does more than the renderer, which needs composition and gradients only where a pair is the *winner* of its pixel.
-*Ours over least work* compares with the loops when they too do only that, and so is the stricter measure. *From memory*
-is the loop over data that does not fit the cache ({bytes} bytes a pair)."""
+*Ours* is the time of `render` and `render_backward`, called directly, per evaluated pair. It includes culling,
+allocation and composition. *Loop* is the lower limit: a loop without branches and look-ups computes coverage,
+composition and all gradients of as many pairs, whose data lie contiguously in the processor's cache. The compiler
+made {packed} packed instructions of it. The loop computes composition and gradients of every pair; the renderer
+needs them only where a pair is the *winner* of its pixel. *Ours over minimal work* divides by the time of loops
+that also do this only for winners, and is therefore the stricter ratio. *From memory* is the loop over data that
+exceed the cache ({bytes} bytes a pair)."""
 
 _PLANNER = """\
-400 strokes for each photograph on 315 × 210 px, beside plain Adam from random starts with the best of three
-learning rates, and beside the same with constant rates; seconds of one thread. *Told* is the former with what execution
-may take from a stroke drawn at each iteration, as ours has it. `python -m benchmarks.planner` measures more pictures
-and a second seed."""
+Each photograph has 315 × 210 px and gets 400 strokes. The planner is compared with plain Adam from random starts:
+with the best of three learning rates and a cosine schedule, and with constant rates. Times are seconds on one
+thread. *Told* is Adam with the planner's model of execution noise: random thinning of strokes at each iteration.
+`python -m benchmarks.planner` measures more pictures and a second seed."""
 
 
 def page(results: Results) -> str:
@@ -44,20 +46,20 @@ def page(results: Results) -> str:
         "# Benchmarks",
         _INTRODUCTION,
         machine_line(results["machine"]),
-        "## Bars",
+        "## Targets",
         bar_table([*bars(results), *planning.bars(results["planner"], results["plan"])]),
-        f"Peers' figures were measured on other machines: {WHERE}. The bars in seconds are for that kind of machine.",
-        "## Beside the dense reference",
+        f"Peers' figures were measured on other machines: {WHERE}. The targets in seconds are for such a machine.",
+        "## Compared with the dense reference",
         _REFERENCE,
         _reference_table(results),
-        "## Distance to the machine's limit",
+        "## Compared with the machine's limit",
         _LIMIT.format(
             packed=results["distance"][0]["packed_instructions"], bytes=results["distance"][0]["bytes_per_pair"]
         ),
         _distance_table(results),
         "## Growth",
-        "Exponents of time, forward + backward on one thread: least squares in log-log over all sizes, and over the "
-        "three largest, where fixed costs flatten it least.",
+        "Exponents of the time of forward + backward on one thread: a least-squares fit in log-log over all sizes, and "
+        "over the three largest, where fixed costs matter least.",
         _growth_table(results["growth"]),
         "## On a GPU",
         _gpu(results["gpu"]),
@@ -65,11 +67,11 @@ def page(results: Results) -> str:
         _PLANNER,
         planning.table(results["planner"]),
         "## All cases",
-        "Peak memory is what the process held at most during forward + backward, beyond inputs and libraries. "
-        "In brackets the fastest run.",
+        "Peak memory is the maximum of the process during forward + backward, without inputs and libraries. Times in "
+        "brackets are those of the fastest run.",
         _case_table(results["cases"]),
-        "## Others",
-        f"Forward + backward as measured on other machines ({WHERE}); italics: extrapolated.",
+        "## Other renderers",
+        f"Forward + backward, measured on other machines ({WHERE}). Values in italics are extrapolated.",
         _peer_table(results["peers"]),
     ]
     return "\n\n".join(sections) + "\n"
@@ -77,7 +79,9 @@ def page(results: Results) -> str:
 
 def bar_table(rows: Sequence[Bar]) -> str:
     """The first table."""
-    return markdown(("", "bar", "measured", "met?"), [(row.what, row.bar, row.measured, _MET[row.met]) for row in rows])
+    return markdown(
+        ("", "target", "measured", "met?"), [(row.what, row.bar, row.measured, _MET[row.met]) for row in rows]
+    )
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -112,14 +116,14 @@ def _reference_table(results: Results) -> str:
             ours, dense = seconds(results, strokes, points, 256), reference_seconds(results, points, strokes)
             cells = (str(strokes), str(points), "256²", f"*{dense:.1f}*", "–", f"{ours:.5f}", f"*{dense / ours:.0f}*")
             rows.append(cells)
-    head = ("strokes", "points", "canvas", "dense reference s", "its peak MB", "ours s", "ratio")
+    head = ("strokes", "points", "canvas", "dense reference s", "dense reference peak MB", "ours s", "ratio")
     return markdown(head, rows)
 
 
 def _distance_table(results: Results) -> str:
     head = (
         "strokes", "points", "evaluated", "with ink", "ratio", "winners", "ours ns/pair", "loop ns/pair", "ratio",
-        "ours over least work", "from memory ns/pair",
+        "ours over minimal work", "from memory ns/pair",
     )  # fmt: skip
     rows = [
         (
@@ -142,7 +146,7 @@ def _growth_table(growth: list[dict[str, Any]]) -> str:
         )
         for row in growth
     ]  # fmt: skip
-    return markdown(("in", "points", "at", "exponent", "of the three largest"), rows)
+    return markdown(("size", "points", "fixed", "exponent", "exponent, three largest"), rows)
 
 
 def _case_table(cases: list[dict[str, Any]]) -> str:
@@ -172,8 +176,8 @@ def gpu_table(cases: Sequence[dict[str, Any]]) -> str:
     ]  # fmt: skip
     table = markdown(("strokes", "canvas", "forward s", "forward + backward s", "peak MB", "of bandwidth"), rows)
     return table + (
-        "\n\n*Of bandwidth*: the time in which a plain copy on this device moves what any renderer must at least "
-        "(canvas and image, their gradients, strokes and theirs), over the time taken."
+        "\n\n*Of bandwidth* is the time of a plain copy of the minimal data (canvas, image, strokes and their "
+        "gradients) on this device, divided by the measured time."
     )
 
 

@@ -92,12 +92,12 @@ def test_growth_is_found_in_strokes_and_in_pixels() -> None:
 
 def test_bars_tell_what_is_met_from_what_is_not_and_from_what_is_unknown() -> None:
     met = {bar.what: bar.met for bar in bars(results())}
-    assert met["400 strokes × 32 points, 256²"] is True and met["… two threads over one"] is True
-    assert met["sites for mechanisms, none there: over the bare renderer"] is True
-    assert met["sites for mechanisms, one that is idle: over the bare renderer"] is False
+    assert met["400 strokes × 32 points, 256²"] is True and met["… speed-up by a second thread"] is True
+    assert met["overhead of mechanism sites, without a mechanism"] is True
+    assert met["overhead of mechanism sites, with an inactive one"] is False
     slow = {bar.what: bar for bar in bars(results(per_stroke_s=4e-5, peak_mb=None))}
     assert slow["400 strokes × 32 points, 256²"].met is False
-    assert slow["… over the dense reference"].measured.startswith("2500 ×")
+    assert slow["… speed-up over the dense reference"].measured.startswith("2500 ×")
     unknown = slow["peak memory over baseline, 400 strokes × 32 points, 256²"]
     assert unknown.met is None and unknown.measured == "not measured"
 

@@ -148,4 +148,4 @@ def test_the_page_counts_what_is_exact() -> None:
     )
     assert "| damp | nothing | nothing | – | – | width by humidity_pct | 9 |" in text
     swapped = dict(zip(worlds, reversed(said.values()), strict=True))
-    assert "named in 0 of 2 worlds" in page(swapped)
+    assert "equal the hidden ones in 0 of 2 worlds" in page(swapped)
