@@ -16,6 +16,7 @@ from pentimento.copainting.goal.planner import (
     load_goal_planner,
     save_goal_planner,
 )
+from pipelines.export_base import copy_in_half_precision
 from tests.copainting.goal_planners import CAPTIONS, SIDE_PX, small_encoder, small_planner
 
 
@@ -27,6 +28,27 @@ def planner() -> GoalPlanner:
 @pytest.fixture
 def inputs() -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (4, SIDE_PX, SIDE_PX, 3)).astype(np.uint8)
+
+
+def test_saved_planner_names_no_folder_that_it_came_from(planner: GoalPlanner, tmp_path: Path) -> None:
+    save_goal_planner(planner, tmp_path / "first")
+    save_goal_planner(load_goal_planner(tmp_path / "first"), tmp_path / "second")
+    configs = [file.read_text() for file in (tmp_path / "second").rglob("*.json")]
+    assert not any(str(tmp_path) in text for text in configs)
+
+
+def test_planner_in_half_precision_is_loaded_in_single_precision(planner: GoalPlanner, tmp_path: Path) -> None:
+    save_goal_planner(planner, tmp_path / "whole")
+    copy_in_half_precision(tmp_path / "whole", tmp_path / "half")
+    loaded = load_goal_planner(tmp_path / "half")
+    for name in ("unet", "vae", "text_encoder"):
+        for one, other in zip(getattr(planner, name).parameters(), getattr(loaded, name).parameters(), strict=True):
+            assert other.dtype == torch.float32
+            assert torch.allclose(one, other, rtol=1e-3, atol=1e-6)
+    sizes = [
+        sum(file.stat().st_size for file in (tmp_path / name).rglob("*.safetensors")) for name in ("whole", "half")
+    ]
+    assert sizes[1] < 0.6 * sizes[0]
 
 
 def test_saved_planner_completes_as_before(planner: GoalPlanner, inputs: np.ndarray, tmp_path: Path) -> None:

@@ -152,7 +152,7 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
             requires_safety_checker=False,
             local_files_only=True,
             use_safetensors=True,
-            torch_dtype=torch.float32,
+            dtype=torch.float32,
         )
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         reason = " ".join(str(error).split())
@@ -165,7 +165,12 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
 
 
 def save_goal_planner(planner: GoalPlanner, folder: Path) -> None:
-    """Write the pipeline in diffusers' layout, complete for `load_goal_planner`."""
+    """Write the pipeline in diffusers' layout, complete for `load_goal_planner`.
+
+    The folders that its parts were loaded from are not written: they may be scratch folders.
+    """
+    for part in (planner, planner.unet, planner.vae):
+        part.register_to_config(_name_or_path="")
     planner.save_pretrained(folder, safe_serialization=True)
     planner.tokenizer.backend_tokenizer.model.save(str(Path(folder) / "tokenizer"))  # vocab.json and merges.txt, too
 
