@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pytest
 from PIL import Image
 from ruamel.yaml import YAML
 
@@ -20,19 +19,15 @@ DRAWN = {"scenes": 40, "side_px": 32, "val_share": 0.1, "test_share": 0.2, "word
 SEGMENTATION = {"method": "classical", "sam_folder": None, "scale": 60.0, "min_share": 0.03, "points": 4}
 
 
-def run(folder: Path, monkeypatch: pytest.MonkeyPatch, imported: dict | None) -> Path:
+def run(folder: Path, imported: dict | None) -> Path:
     section = {"drawn": DRAWN, "imported": imported, "segmentation": SEGMENTATION}
     YAML(typ="safe").dump({"build_scenes": section}, folder / "params.yaml")
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
     main(argparse.Namespace(out=folder / "scenes"))
     return folder / "scenes"
 
 
-def test_drawn_scenes_are_a_table_with_a_card_and_the_same_bytes_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = run(tmp_path, monkeypatch, None)
+def test_drawn_scenes_are_a_table_with_a_card_and_the_same_bytes_again(stage_folder: Path) -> None:
+    out = run(stage_folder, None)
     assert read_table(out, CONTRACT).table.num_rows == 40
     assert "not seen in training" in (out / "README.md").read_text()
     metrics = json.loads((out / "metrics.json").read_text())
@@ -40,20 +35,18 @@ def test_drawn_scenes_are_a_table_with_a_card_and_the_same_bytes_again(
     assert read_image(out / "preview.png").shape == (3 * 64, 12 * 32, 3)
     first = {file.name: file.read_bytes() for file in out.iterdir()}
     assert set(first) == {"README.md", "metrics.json", "part-00000.parquet", "preview.png"}
-    run(tmp_path, monkeypatch, None)
+    run(stage_folder, None)
     assert {file.name: file.read_bytes() for file in out.iterdir()} == first
 
 
-def test_a_local_data_set_is_taken_in_and_what_is_bad_is_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_local_data_set_is_taken_in_and_what_is_bad_is_counted(stage_folder: Path) -> None:
     stream = io.BytesIO()
     Image.new("RGB", (40, 40), (200, 30, 30)).save(stream, "PNG")
     images = [{"bytes": data, "path": None} for data in (stream.getvalue(), b"broken")]
-    pq.write_table(pa.table({"image": images, "caption": ["a red square", "nothing"]}), tmp_path / "given.parquet")
-    imported = {"path": str(tmp_path / "given.parquet"), "source": "given", "licence": "CC0-1.0", "side_px": 32}
+    pq.write_table(pa.table({"image": images, "caption": ["a red square", "nothing"]}), stage_folder / "given.parquet")
+    imported = {"path": str(stage_folder / "given.parquet"), "source": "given", "licence": "CC0-1.0", "side_px": 32}
     imported |= {"val_share": 0.0, "test_share": 0.0, "max_scenes": 10, "seed": 0}
-    out = run(tmp_path, monkeypatch, imported)
+    out = run(stage_folder, imported)
     metrics = json.loads((out / "metrics.json").read_text())
     assert metrics["scenes"] == 1 and metrics["quarantined"] == {"all": 1, "not a readable picture": 1}
     assert "CC0-1.0" in (out / "README.md").read_text()

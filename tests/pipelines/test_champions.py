@@ -1,6 +1,5 @@
 """A model becomes the champion where its held-out figure and the blind tests hold, and a bundle with its models."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,29 +12,16 @@ PAGE = Path("docs/blind_tests.md")
 
 
 @pytest.fixture
-def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, empty_store: bytes) -> Iterator[Any]:
+def client(stage_folder: Path) -> Any:
     """A store with nothing in it, and a repository with a table of strokes."""
     from mlflow import MlflowClient
 
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mlflow.db").write_bytes(empty_store)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
     Path("dvc.yaml").write_text("stages: {diagnose_gap: {matrix: {tool: [marker]}}, deploy: {cmd: x}}\n")
     Path("data").mkdir()
     Path("data/strokes").write_text("strokes")
     PAGE.parent.mkdir()
     PAGE.write_text("| one cause | 5/6 | undecided |\n| two causes | 2/5 | **falls short** |\n")
-    yield MlflowClient()
-
-
-@pytest.fixture(scope="module")
-def empty_store(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Making one takes seconds, copying it nothing."""
-    from mlflow import MlflowClient
-
-    file = tmp_path_factory.mktemp("store") / "mlflow.db"
-    MlflowClient(f"sqlite:///{file}").search_experiments()
-    return file.read_bytes()
+    return MlflowClient()
 
 
 def train(error: float, seed: int) -> list[str]:

@@ -26,13 +26,6 @@ COLLECTION = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
-    return tmp_path
-
-
 def collect(folder: Path, source: Path | None = None) -> dict[str, float]:
     section = {
         "source": {} if source is None else {"sand": str(source)},
@@ -46,9 +39,9 @@ def collect(folder: Path, source: Path | None = None) -> dict[str, float]:
     return metrics
 
 
-def test_pushes_made_in_the_studio(folder: Path) -> None:
-    metrics = collect(folder)
-    table = read_table(folder / "pushes", CONTRACT).table
+def test_pushes_made_in_the_studio(stage_folder: Path) -> None:
+    metrics = collect(stage_folder)
+    table = read_table(stage_folder / "pushes", CONTRACT).table
     assert metrics["rows"] == table.num_rows == 12
     assert set(table.column("material").to_pylist()) == {"sand"}
     assert {"temperature_c", "humidity"} <= set(table.column_names)
@@ -58,18 +51,18 @@ def test_pushes_made_in_the_studio(folder: Path) -> None:
     assert 0.001 < metrics["repeat_floor_mm2"] < 0.1
 
 
-def test_imports_measured_pushes_and_counts_bad_rows(folder: Path) -> None:
+def test_imports_measured_pushes_and_counts_bad_rows(stage_folder: Path) -> None:
     rows = example_table(150).to_pylist()
     rows[7]["action"] = [float("nan")] * 5
 
-    pq.write_table(pa.Table.from_pylist(rows, schema=example_table(1).schema), folder / "measured.parquet")
-    metrics = collect(folder, folder / "measured.parquet")
+    pq.write_table(pa.Table.from_pylist(rows, schema=example_table(1).schema), stage_folder / "measured.parquet")
+    metrics = collect(stage_folder, stage_folder / "measured.parquet")
     assert (metrics["rows"], metrics["quarantined"]) == (149, 1)
     assert "repeat_floor_mm2" not in metrics
-    assert "measured.parquet" in (folder / "pushes/README.md").read_text()
+    assert "measured.parquet" in (stage_folder / "pushes/README.md").read_text()
 
 
-def test_an_empty_table_is_an_error(folder: Path) -> None:
-    write_table(folder / "none", example_table(0), CONTRACT, "none")
+def test_an_empty_table_is_an_error(stage_folder: Path) -> None:
+    write_table(stage_folder / "none", example_table(0), CONTRACT, "none")
     with pytest.raises(ContractError, match="holds no pushes"):
-        collect(folder, folder / "none")
+        collect(stage_folder, stage_folder / "none")

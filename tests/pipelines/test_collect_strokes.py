@@ -16,13 +16,11 @@ from pipelines._params import read_params
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(stage_folder: Path) -> Path:
     section = read_params(ROOT / "params.yaml")["collect_strokes"]
     section["collection"] |= {"strokes": 12, "repeated": 1, "times": 2, "pixels_per_m": 1000}
-    YAML(typ="safe").dump({"collect_strokes": section}, tmp_path / "params.yaml")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
-    return tmp_path
+    YAML(typ="safe").dump({"collect_strokes": section}, stage_folder / "params.yaml")
+    return stage_folder
 
 
 def test_largest_aliasing_is_a_metric_of_the_strokes(folder: Path) -> None:

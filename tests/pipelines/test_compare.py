@@ -12,18 +12,18 @@ from pipelines._review.agreement import check
 from pipelines._review.history import Execution, History
 from pipelines._tracking.store import open_store, store_errors
 from pipelines.compare import last_two
+from tests.pipelines.conftest import Enter
 from tests.pipelines.history import digest_of, execute, repository
 
 BOTH = ("train_stroke_dynamics", "paint")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def folder(tmp_path_factory: pytest.TempPathFactory, enter: Enter) -> Iterator[Path]:
     """Executions `first` (both stages), `second` (training alone, better beyond luck), `third` (nothing but luck)."""
     folder = tmp_path_factory.mktemp("repository")
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
+        enter(folder, patch)
         repository(folder)
         execute("first", 4, 0.30, patch, BOTH)
         execute("second", 8, 0.20, patch, BOTH[:1])

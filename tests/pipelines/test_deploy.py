@@ -25,22 +25,20 @@ pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(stage_folder: Path) -> Path:
     """Models and params.yaml; the export itself is made once for all tests."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
     _, models = small_bundle()
-    weights = tmp_path / "models/stroke_marker/weights"
+    weights = stage_folder / "models/stroke_marker/weights"
     weights.mkdir(parents=True)
     for name, value in model_files(models.strokes["marker"]).items():
         (weights / name).write_text(json.dumps(value))
-    clay = tmp_path / "models/push_foam/weights"
+    clay = stage_folder / "models/push_foam/weights"
     clay.mkdir(parents=True)
     write_push_model(models.pushes["foam"], clay)
-    shutil.copytree(models.encoder_folder, tmp_path / "semantics")
-    shutil.copytree(models.goal_folder, tmp_path / "goal")
+    shutil.copytree(models.encoder_folder, stage_folder / "semantics")
+    shutil.copytree(models.goal_folder, stage_folder / "goal")
     YAML(typ="safe").dump({"deploy": to_plain(CONFIG)}, Path("params.yaml"))
-    return tmp_path
+    return stage_folder
 
 
 def run() -> Path:

@@ -21,6 +21,7 @@ from pipelines._imports import ROOT
 from pipelines._params import read_params
 from pipelines._tracking.families import experiment_of
 from pipelines.diagnose_gap import main
+from tests.pipelines.conftest import Enter
 
 HELD_OUT = list(range(0, 72, 5))
 
@@ -44,13 +45,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def client(folder: Path) -> Any:
+def client(folder: Path, enter: Enter) -> Any:
     """After the stage ran once."""
     from mlflow import MlflowClient
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
+        enter(folder, patch)
         main(arguments(folder))
         yield MlflowClient()
 

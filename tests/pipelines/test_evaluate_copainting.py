@@ -24,6 +24,7 @@ from pentimento.semantics.encoder import Encoder, EncoderShape, new_model
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines import evaluate_copainting
 from tests.copainting.goal_planners import small_planner
+from tests.pipelines.conftest import Enter
 
 SIDE_PX = 32
 PLANNER: dict[str, Any] = {
@@ -107,9 +108,7 @@ def grey(row: dict[str, Any]) -> bytes:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, inputs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+def folder(stage_folder: Path, inputs: Path) -> Path:
     write_params({})
     return inputs
 
@@ -130,12 +129,11 @@ def evaluate(inputs: Path, out: str = "out", **changes: Any) -> Path:
 
 
 @pytest.fixture(scope="module")
-def evaluated(inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def evaluated(inputs: Path, tmp_path_factory: pytest.TempPathFactory, enter: Enter) -> Path:
     """What the stage writes with one worker."""
     place = tmp_path_factory.mktemp("evaluated")
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
-        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{place / 'mlflow.db'}")
+        enter(place, patch)
         write_params({})
         return place / evaluate(inputs)
 

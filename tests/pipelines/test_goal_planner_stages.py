@@ -55,16 +55,14 @@ FINETUNE: dict[str, Any] = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(stage_folder: Path) -> Path:
     """Example scenes and co-paintings, and params.yaml."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
-    write_table(tmp_path / "scenes", scenes.example_table(12), scenes.CONTRACT, "# Card")
-    write_table(tmp_path / "copaintings", copaintings.example_table(12), copaintings.CONTRACT, "# Card")
-    (tmp_path / "semantics").mkdir()
-    small_encoder().save(tmp_path / "semantics")
+    write_table(stage_folder / "scenes", scenes.example_table(12), scenes.CONTRACT, "# Card")
+    write_table(stage_folder / "copaintings", copaintings.example_table(12), copaintings.CONTRACT, "# Card")
+    (stage_folder / "semantics").mkdir()
+    small_encoder().save(stage_folder / "semantics")
     write_params()
-    return tmp_path
+    return stage_folder
 
 
 def write_params(pretrain: dict[str, Any] | None = None, finetune: dict[str, Any] | None = None) -> None:

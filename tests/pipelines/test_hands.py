@@ -53,11 +53,9 @@ SECTIONS = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    YAML(typ="safe").dump(SECTIONS, tmp_path / "params.yaml")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
-    return tmp_path
+def folder(stage_folder: Path) -> Path:
+    YAML(typ="safe").dump(SECTIONS, stage_folder / "params.yaml")
+    return stage_folder
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:

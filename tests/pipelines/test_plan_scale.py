@@ -17,6 +17,7 @@ from pipelines._imports import ROOT
 from pipelines._review.scale import CLUSTER, Plan, Rates, needed_for, read_rates, shard_seconds, sizes_of
 from pipelines._tracking.store import experiment_id, open_store, store_errors
 from pipelines._tracking.timings import TIMINGS, write_timing
+from tests.pipelines.conftest import Enter
 
 SYNTHESIS, SHARD_S, WALL_S = "synthesize_copaintings@marker", 10.0, 47.0
 BEGAN_S = 1000.0
@@ -53,12 +54,11 @@ def record(params: dict[str, Any], ends_s: tuple[float, ...] = ENDS_S) -> None:
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def store(tmp_path_factory: pytest.TempPathFactory, enter: Enter) -> Iterator[Path]:
     """Six shards of two paintings each, 10 s of a worker each, and 100 pairs of 40 bytes."""
     folder = tmp_path_factory.mktemp("repository")
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
+        enter(folder, patch)
         Path("dvc.lock").write_text(LOCK)
         for name, seconds in (("build_scenes", 20.0), ("evaluate_copainting@marker", 200.0), ("sculpt@foam", 1e6)):
             write_timing(name, "1234567890", seconds)

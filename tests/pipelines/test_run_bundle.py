@@ -26,25 +26,18 @@ PAINTINGS = {
 SCULPTURES = {"dash": {"material": "foam", "letter": "-", "pushes": 2}}
 
 
-@pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return f"sqlite:///{tmp_path_factory.mktemp('store') / 'mlflow.db'}"
-
-
 @pytest.fixture
-def folder(store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(stage_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A bundle, and a painting of the workshop's."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", store)
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))  # of the runner's process, which starts in the folder
-    add_clay(write_painting_bundle(tmp_path / "bundle"))
-    workshop = tmp_path / "paintings/pen"
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{ROOT / 'src'}")  # of the runner's process, which starts in the folder
+    add_clay(write_painting_bundle(stage_folder / "bundle"))
+    workshop = stage_folder / "paintings/pen"
     workshop.mkdir(parents=True)
     photograph = np.full((40, 60, 3), 235, np.uint8)
     photograph[12:28, 15:45] = 40
     (workshop / "photograph.png").write_bytes(encode_png(photograph))
     (workshop / "metrics.json").write_text(json.dumps({"strokes": 5, "error": {"with_replanning": 0.01}}))
-    return tmp_path
+    return stage_folder
 
 
 def run(paintings: dict[str, Any], sculptures: dict[str, Any], out: str = "out") -> Path:
@@ -54,7 +47,7 @@ def run(paintings: dict[str, Any], sculptures: dict[str, Any], out: str = "out")
     return Path(out)
 
 
-def test_a_sculpture_is_carved_and_told(folder: Path, store: str) -> None:
+def test_a_sculpture_is_carved_and_told(folder: Path) -> None:
     from mlflow import MlflowClient
 
     out = run({}, SCULPTURES)
@@ -69,10 +62,10 @@ def test_a_sculpture_is_carved_and_told(folder: Path, store: str) -> None:
     assert not (out / "dash/pushes").exists()  # the pictures are kept, not the record
     assert "2 actions" in performances_section(read_performances(out), Album())
 
-    client = MlflowClient(store)
+    client = MlflowClient()
     experiment = client.get_experiment_by_name(experiment_of("run_bundle"))
     assert experiment is not None
-    tracked = client.search_runs([experiment.experiment_id])[0]  # the newest
+    (tracked,) = client.search_runs([experiment.experiment_id])
     assert tracked.data.metrics["dash.error_3d_mm2.after"] == pytest.approx(told["error_3d_mm2"]["after"])
     assert [entry.path for entry in client.list_artifacts(tracked.info.run_id, "pictures")] == ["pictures/result.png"]
 

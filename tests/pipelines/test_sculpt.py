@@ -43,12 +43,10 @@ SECTION = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    YAML(typ="safe").dump({"sculpt": SECTION}, tmp_path / "params.yaml")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
-    write_model(tmp_path, "foam")
-    return tmp_path
+def folder(stage_folder: Path) -> Path:
+    YAML(typ="safe").dump({"sculpt": SECTION}, stage_folder / "params.yaml")
+    write_model(stage_folder, "foam")
+    return stage_folder
 
 
 def write_model(folder: Path, material: str) -> None:

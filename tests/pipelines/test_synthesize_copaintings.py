@@ -29,15 +29,13 @@ SCRATCH = Path(".pentimento/synthesis")
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(stage_folder: Path) -> Path:
     """Example scenes and models, and params.yaml."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
     write_table(Path("scenes"), scenes.example_table(10), scenes.CONTRACT, "# Card")
     write_stroke_model(Path("models/stroke_marker/weights"))
     write_encoder(Path("semantics"))
     write_params()
-    return tmp_path
+    return stage_folder
 
 
 def write_params(**changes: Any) -> None:

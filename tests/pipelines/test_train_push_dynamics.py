@@ -20,12 +20,10 @@ SECTION = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    YAML(typ="safe").dump({"train_push_dynamics": SECTION}, tmp_path / "params.yaml")
-    write_table(tmp_path / "pushes", example_table(24), CONTRACT, "Examples.")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
-    return tmp_path
+def folder(stage_folder: Path) -> Path:
+    YAML(typ="safe").dump({"train_push_dynamics": SECTION}, stage_folder / "params.yaml")
+    write_table(stage_folder / "pushes", example_table(24), CONTRACT, "Examples.")
+    return stage_folder
 
 
 def test_a_model_comes_out_with_its_scores_and_again_in_the_same_bytes(folder: Path) -> None:

@@ -17,7 +17,9 @@ from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.semantics.encoder import Encoder
-from pipelines.train_semantics import main
+from pipelines._config import load_section
+from pipelines.train_semantics import TrainSemantics, main
+from pipelines.train_semantics import _train as train
 
 ROOT = Path(__file__).parents[2]
 SHAPE = {"image_px": 16, "patch_px": 8, "image_width": 32, "image_layers": 2, "text_width": 16, "text_layers": 1}
@@ -44,19 +46,15 @@ def write_inputs(folder: Path, params: dict) -> None:
     YAML(typ="safe").dump({"train_semantics": params}, folder / "params.yaml")
 
 
-def run(folder: Path, monkeypatch: pytest.MonkeyPatch, params: dict, out: str) -> dict[str, Path]:
+def run(folder: Path, params: dict) -> dict[str, Path]:
     write_inputs(folder, params)
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
-    outs = {"semantics": folder / out / "semantics", "judge": folder / out / "judge"}
+    outs = {"semantics": folder / "semantics", "judge": folder / "judge"}
     main(argparse.Namespace(scenes=folder / "scenes", **outs))
     return outs
 
 
-def test_two_encoders_with_scores_beside_chance_and_the_same_bytes_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    outs = run(tmp_path, monkeypatch, section(), "one")
+def test_two_encoders_with_scores_beside_chance_and_the_same_bytes_again(stage_folder: Path) -> None:
+    outs = run(stage_folder, section())
     encoders = {name: Encoder.load(folder) for name, folder in outs.items()}
     assert encoders["semantics"].digest != encoders["judge"].digest
     for name, folder in outs.items():
@@ -69,17 +67,21 @@ def test_two_encoders_with_scores_beside_chance_and_the_same_bytes_again(
     # Again, the judge trained anew and the main one read from where the first run left it.
     params = section()
     params["encoders"]["main"]["published"] = str(outs["semantics"])
-    again = run(tmp_path, monkeypatch, params, "two")
+    write_inputs(stage_folder, params)
+    config = load_section(Path("params.yaml"), "train_semantics", TrainSemantics)
+    for name in config.encoders:
+        (stage_folder / "again" / name).mkdir(parents=True)
+        train(name, config, stage_folder / "scenes", stage_folder / "again" / name)
     for file in outs["judge"].iterdir():
-        assert (again["judge"] / file.name).read_bytes() == file.read_bytes(), file.name
-    assert Encoder.load(again["semantics"]).digest == encoders["semantics"].digest
+        assert (stage_folder / "again/judge" / file.name).read_bytes() == file.read_bytes(), file.name
+    assert Encoder.load(stage_folder / "again/main").digest == encoders["semantics"].digest
 
 
-def test_a_judge_that_is_the_same_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_judge_that_is_the_same_is_a_sentence(stage_folder: Path) -> None:
     params = section()
     params["encoders"]["judge"] = params["encoders"]["main"]
     with pytest.raises(ConfigError, match="give the judge another seed"):
-        run(tmp_path, monkeypatch, params, "same")
+        run(stage_folder, params)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="who ends with whom is Linux's to say")
