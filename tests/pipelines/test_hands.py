@@ -99,7 +99,7 @@ def test_from_made_up_hands_to_drawings(folder: Path) -> None:
     drawn = read_plan(out / "dots/plan.jsonl")
     assert len(drawn.strokes) == metrics["strokes"]["dots"]
     lengths = [np.linalg.norm(np.diff(stroke.path[:, 1:3], axis=0), axis=1).sum() for stroke in drawn.strokes]
-    assert sum(lengths) == pytest.approx(metrics["ink_m"]["dots"], rel=1e-6)
+    assert sum(lengths) == pytest.approx(metrics["ink_length_m"]["dots"], rel=1e-6)
 
 
 def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
