@@ -1,9 +1,8 @@
-"""What a GPU makes of the renderer and of a goal planner of the published size: `python -m studies.on_a_gpu`.
+"""The renderer and a goal planner of the published size on a GPU: `python -m studies.on_a_gpu`.
 
 The renderer's strokes are those of `make bench`. The goal planner has the shapes of the published one (Brooks et al.
-2023; Stable Diffusion 1's UNet of 860 million weights) and random weights, so that only time, memory and whether it
-trains at all are measured. Writes the figures to `--out` and the page docs/on_a_gpu.md. Ends with a sentence where
-there is no GPU.
+2023; Stable Diffusion 1's UNet of 860 million weights) and random weights: time, memory and the fall of the loss are
+measured. Writes the figures to `--out` and the page docs/on_a_gpu.md. Exits with a message if there is no GPU.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CAPTIONS = ("a red disc", "a blue square", "a green disc on grey", "a yellow square")
 PAIRS = 64
 TOKENS = 77
-WARM = 5  # steps until all kernels are chosen
+WARM = 5  # steps before timing, in which PyTorch selects its kernels
 
 
 @dataclass(frozen=True)
@@ -127,28 +126,29 @@ def measure_training(row: Training, steps: int) -> dict[str, Any]:
 _PAGE = """\
 # On a GPU
 
-Written by `python -m studies.on_a_gpu`; do not edit. The rest of the project's figures are those of two cores
+Written by `python -m studies.on_a_gpu`; do not edit. All other figures of the project were measured on two cores
 without a GPU.
 
 {machine}
 
 ## The renderer
 
-400 and 4000 strokes of 32 points as in [the benchmarks](benchmarks.md); medians, in brackets the fastest run.
-`tests/dynamics/strokes/test_triton_kernel.py` compares images and gradients with the dense reference and with the
-CPU's kernel wherever a GPU is at hand.
+The inputs are 400 and 4000 strokes of 32 points, as in [the benchmarks](benchmarks.md). Times are medians; the
+fastest run is in brackets. On a machine with a GPU, `tests/dynamics/strokes/test_triton_kernel.py` compares images
+and gradients with the dense reference and with the CPU's kernel.
 
 {renderer}
 
 ## A goal planner of the published size
 
-The shapes of the published Instruct-Pix2Pix ({weights:.0f} million weights in the UNet) with random weights, trained on
-{pairs} random pairs by the stage's own loop (`copainting.goal.training`): nothing is said about pictures, only that it
-trains, how fast, and what fits. {steps} steps each; *loss* is the mean over their first and last fifth.
+The model has the shapes of the published Instruct-Pix2Pix ({weights:.0f} million weights in the UNet) and random
+weights. The training loop of the stage (`copainting.goal.training`) trains it on {pairs} random pairs. The table
+gives speed and memory, and shows that the loss falls; it says nothing about the quality of pictures. Each row has
+{steps} steps. *Loss* is the mean over the first and over the last fifth of them.
 
 {planner}
 
-Where a step takes as long with four times the batch, it is bound by starting kernels, not by computing them.
+If a step takes the same time with four times the batch, the launch of kernels limits the speed, not the computation.
 """
 
 
