@@ -67,8 +67,8 @@ def section(setting: Setting = MARKER, **changes: Any) -> dict[str, Any]:
     """Section `synthesize_copaintings` of params.yaml with this setting as `marker`."""
     values: dict[str, Any] = {
         "scenes": {"train": 3, "val": 1, "test": 1},
-        "halves": {"train": 0, "val": 0, "test": 0},
-        "beside": 0,
+        "half_scenes": {"train": 0, "val": 0, "test": 0},
+        "pairs_per_half_scene": 0,
         "scenes_per_shard": 2,
         "workers": 1,
         "scheduler": None,
