@@ -49,7 +49,8 @@ def write_inputs(folder: Path, params: dict) -> None:
 def run(folder: Path, params: dict) -> dict[str, Path]:
     write_inputs(folder, params)
     outs = {"semantics": folder / "semantics", "judge": folder / "judge"}
-    main(argparse.Namespace(scenes=folder / "scenes", **outs))
+    inputs = {"params": Path("params.yaml"), "scenes": folder / "scenes", "judge_scenes": None}
+    main(argparse.Namespace(**inputs, **outs))
     return outs
 
 
