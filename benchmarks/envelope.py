@@ -156,7 +156,7 @@ def smooth_paths(rng: np.random.Generator, envelope: SafetyEnvelope, count: int)
 
 
 def touched(rng: np.random.Generator, path: np.ndarray, envelope: SafetyEnvelope) -> tuple[str, Any]:
-    """The path with one thing done to it that somebody, or some bug, might do."""
+    """The path with one fault that a person or a bug could cause."""
     kinds = list(_CHANGES)
     kind = kinds[int(rng.integers(len(kinds)))]
     return kind, _CHANGES[kind](rng, path.copy(), envelope)

@@ -184,8 +184,8 @@ def all_options() -> set[str]:
     for parser in parsers:  # grows meanwhile
         parsers.extend(subcommands(parser).values())
     modules = (file for folder in CODE for file in (ROOT / folder).rglob("*.py"))
-    asking = [file for file in modules if "add_argument" in file.read_text(encoding="utf-8")]
-    return set().union(*map(options_of, parsers), *map(module_options, asking))
+    with_options = [file for file in modules if "add_argument" in file.read_text(encoding="utf-8")]
+    return set().union(*map(options_of, parsers), *map(module_options, with_options))
 
 
 @page

@@ -19,7 +19,7 @@ EXEMPT = {
 REPLACED = re.compile(
     r"foretell\w*|foretold|habits?|imprint\w*|sealed|searched|imitat\w*|kin|told_by|in_doubt|nameless|misnamed|echoes"
     r"|wander\w*|own_part|taken_up|carried_paint|elsewhere|twins?|judged|easel|sitting|mishaps?|likeness|slack"
-    r"|(?<!at_)least_(?!squares)\w+",
+    r"|(?<!at_)least_(?!squares)\w+|anew|whoever|asking|caution|made_up",
     re.IGNORECASE,
 )
 

@@ -61,7 +61,7 @@ def read_lines(path: Path) -> list[Line]:
 def missing(series: Series, count: int, lines: Sequence[Line]) -> Iterator[int]:
     """Indices of the worlds to make next, in order, until `count` worlds are made or in progress.
 
-    `lines` is read anew at each step; the caller adds a line {"series", "index"} for each world in progress.
+    `lines` is read again at each step; the caller adds a line {"series", "index"} for each world in progress.
     """
     index = 0
     while True:

@@ -275,7 +275,9 @@ def _bundles(folder: Path, bundle: Path) -> list[Target]:
         def attempt(data: bytes) -> Any:
             (copied / name).write_bytes(data)
             try:
-                if name != "manifest.json":  # one that is altered says another digest: whoever knows none cannot tell
+                if (
+                    name != "manifest.json"
+                ):  # a changed manifest has another digest; without a known digest it cannot be detected
                     _refused(lambda: open_bundle(copied))
                 return open_bundle(copied, digest)
             finally:

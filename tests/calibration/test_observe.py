@@ -105,7 +105,7 @@ def test_the_camera_is_found_to_a_tenth_of_a_pixel(calibration: CameraCalibratio
 
 
 def covered(photo: Photo, markers: tuple[int, ...]) -> Photo:
-    """Somebody's hand on some of the markers."""
+    """A hand on some of the markers."""
     frame = photo.frame.copy()
     for marker in markers:
         x, y = in_frame(LAYOUT.centres_m[[LAYOUT.ids.index(marker)]])[0]

@@ -60,7 +60,7 @@ def test_checkpoint_missing_or_other_schema_is_refused(path: Path) -> None:
 
 
 def test_checkpoint_with_missing_values_is_refused(path: Path) -> None:
-    with pytest.raises(ContractError, match=r"damaged .*'strokes'.* begin the fresco anew"):
+    with pytest.raises(ContractError, match=r"damaged .*'strokes'.* begin a new fresco"):
         read_checkpoint(path, 3, "fresco", lambda values, _: values["strokes"])
 
 

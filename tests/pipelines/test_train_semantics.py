@@ -65,7 +65,7 @@ def test_two_encoders_with_scores_beside_chance_and_the_same_bytes_again(stage_f
             assert metrics[view]["retrieval"]["chance"] == 1 / 8
             assert 0 <= metrics[view]["objects"]["recognised"] <= 1
             assert 0 < metrics[view]["objects"]["chance"] < 0.2
-    # Again, the judge trained anew and the main one read from where the first run left it.
+    # Again: the judge is trained again, the main encoder is read from the output of the first run.
     params = section()
     params["encoders"]["main"]["published"] = str(outs["semantics"])
     write_inputs(stage_folder, params)

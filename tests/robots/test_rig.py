@@ -78,7 +78,7 @@ def test_rotations_are_about_fixed_axes() -> None:
         ('high = ["380 mm"', 'high = ["-500 mm"', "below reach.high"),
         ('"380 mm", "0 mm"]', '"300 mm", "0 mm"]', "out of its reach"),
         ("[machine]", "camera = true\n[machine]", "unknown keys"),
-        ('name = "mine"', 'name = "mine"\ncamera = 0', r"needs park, a place beside the canvas"),
+        ('name = "mine"', 'name = "mine"\ncamera = 0', r"needs park, a place outside the canvas"),
         ('speed = "80 mm/s"', 'speed = "80 mm/s"\npark = ["-1 m", "0 m"]', "parking place, .* out of its reach"),
         ('name = "mine"', 'name = "mine"\ncamera = true', "camera is True; it must be a whole number"),
         (

@@ -166,7 +166,7 @@ class GraphClay:
         if height_m.shape != self._facts.shape:
             raise ContractError(
                 f"The height map is {list(height_m.shape)} and the push model was exported for "
-                f"{list(self._facts.shape)} over {list(self._facts.window_m)} m: scan as it says, or export it anew."
+                f"{list(self._facts.shape)} over {list(self._facts.window_m)} m: scan that window."
             )
         if not np.isfinite(height_m).all():
             raise ContractError("The height map has holes (NaN) or infinite heights; fill them before planning.")

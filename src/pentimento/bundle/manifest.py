@@ -53,7 +53,7 @@ class GraphEntry:
 
 @dataclass(frozen=True)
 class BrushFacts:
-    """A stroke model, beside its graphs ``<name>_marks``, ``<name>_pull`` and, where it has one, ``<name>_gain``."""
+    """A stroke model. Its graphs are ``<name>_marks``, ``<name>_pull`` and, if ``has_gain``, ``<name>_gain``."""
 
     tool: str
     path_points: int
@@ -79,7 +79,7 @@ class WordsFacts:
 
 @dataclass(frozen=True)
 class EncoderFacts:
-    """The text-image encoder, beside the graphs ``semantic``, ``text`` and ``caption``."""
+    """The text-image encoder. Its graphs are ``semantic``, ``text`` and ``caption``."""
 
     image_px: int
     """Side of its input pictures."""
@@ -91,7 +91,7 @@ class EncoderFacts:
 
 @dataclass(frozen=True)
 class GoalFacts:
-    """The goal planner, beside the graphs ``goal_text``, ``goal_encode``, ``goal_denoise`` and ``goal_decode``."""
+    """The goal planner. Its graphs are ``goal_text``, ``goal_encode``, ``goal_denoise`` and ``goal_decode``."""
 
     side_px: int
     """Side of the pictures that it was trained on."""
@@ -113,7 +113,7 @@ class GoalFacts:
 
 @dataclass(frozen=True)
 class StyleFacts:
-    """Local features of pictures of one size, beside the graphs ``<name>_features`` and ``<name>_pull``."""
+    """Local features of pictures of one size. Their graphs are ``<name>_features`` and ``<name>_pull``."""
 
     height_px: int
     width_px: int
@@ -122,7 +122,7 @@ class StyleFacts:
 
 @dataclass(frozen=True)
 class ClayFacts:
-    """A push model, beside its graphs ``<name>_after`` and ``<name>_pull``."""
+    """A push model. Its graphs are ``<name>_after`` and ``<name>_pull``."""
 
     end_effector: str
     kind: Literal["push", "pinch"]

@@ -173,7 +173,7 @@ def normal(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
     whole = count - count % _BLOCK
     numbers = np.empty(count, np.float32)
     numbers[:whole] = _box_muller(uniform[:whole])
-    if whole < count:  # the last 16 numbers are drawn anew
+    if whole < count:  # the last 16 numbers are drawn again
         numbers[-_BLOCK:] = _box_muller(_uniform(twister, _BLOCK))
     return numbers.reshape(shape)
 

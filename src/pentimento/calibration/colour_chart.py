@@ -79,8 +79,8 @@ def patch_means(image: Image) -> FloatArray:
 def find_colours(image: Image, true_srgb: FloatArray = PATCHES_SRGB) -> ColourMap:
     """The map from the chart's photographed colours to its true ones, by least squares on the patches.
 
-    `image` is sRGB [H, W, 3], rectified so that the chart fills it. `true_srgb` [30, 3]: as measured on the print,
-    where somebody has. Patches at either end of the sensor's range are left out.
+    `image` is sRGB [H, W, 3], rectified so that the chart fills it. `true_srgb` [30, 3]: colours measured on the
+    print, if they were measured. Patches at either end of the sensor's range are left out.
 
     Raises CalibrationError if fewer than twelve patches are left, or the chart lies wrong.
     """

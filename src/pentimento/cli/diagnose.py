@@ -130,7 +130,7 @@ def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Tab
 
 
 def _progress(line: str) -> None:
-    """Print progress for a person at a terminal; a log needs the verdict alone."""
+    """Print progress if the output is a terminal; a log gets only the verdict."""
     if sys.stderr.isatty():
         print(line, file=sys.stderr)
 
@@ -152,7 +152,7 @@ COMMAND = Command(
             "--base",
             type=Path,
             metavar="FILE",
-            help="parameters.json of a stroke model, whose error is reported beside that of the fitted base model",
+            help="parameters.json of a stroke model, whose error is reported, too",
         ),
         option("--test", type=Path, help="another table, on which the fraction of the gap closed is measured, too"),
         option(

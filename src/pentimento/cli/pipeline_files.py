@@ -24,13 +24,13 @@ def names_in(text: str, name: str) -> list[str]:
 
 
 def with_name(text: str, name: str, new: str) -> str:
-    """Return dvc.yaml's text with a name added at the end of a list, and its paths written anew."""
+    """Return dvc.yaml's text with a name added at the end of a list, and its paths written again."""
     line = _line(text, name)
     return with_listed_paths(f"{text[: line.end(2)]}, {new}{text[line.end(2) :]}")
 
 
 def with_listed_paths(text: str) -> str:
-    """Return dvc.yaml's text with the paths under every `# each` comment written anew."""
+    """Return dvc.yaml's text with the paths under every `# each` comment written again."""
     lines: list[str] = []
     stale: re.Pattern[str] | None = None  # lines below the last comment that an earlier run wrote
     for line in text.splitlines():

@@ -152,7 +152,7 @@ COMMANDS = (
         "the data card of a table of strokes or pushes: what it holds, and which causes it cannot show",
         (
             option("rows", type=Path, metavar="ROWS", help="a Parquet file, or a folder of shards"),
-            option("--out", type=Path, metavar="FILE", help="Markdown; by default beside the rows"),
+            option("--out", type=Path, metavar="FILE", help="Markdown; by default next to the rows"),
         ),
         _card,
     ),

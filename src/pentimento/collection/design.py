@@ -32,7 +32,7 @@ _RECENT = 6
 _BESIDE_M = 0.002
 _DIP_EARLY = 0.12
 """Share of the single strokes with a dip before the load is used up, so that loads of all lengths occur."""
-_DIPPED, _ORDERED = 1, 2  # kinds of random choice, beside those of a stroke's own
+_DIPPED, _ORDERED = 1, 2  # random streams that are shared by strokes
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class CollectionConfig:
     palette_srgb: tuple[tuple[float, float, float], ...]
     """Paints for a tool that dips; one is drawn for each dip."""
     yaw_spread_rad: float
-    """A flat tool's broad edge is held across the stroke, give or take this."""
+    """Maximum angle between a flat tool's broad edge and the direction across the stroke."""
     seed: int
 
     def __post_init__(self) -> None:

@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 
 _TRIES = 300
 _BESIDE_M = 0.008
-_ORDERED = 1  # a kind of random choice, beside those of an action's own
+_ORDERED = 1  # random stream that is shared by actions
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Atomic writing of files and folders: a write either completes or leaves the old content.
 
-The new content is written beside the old under a hidden name on the same file system, flushed to the disk, and renamed
-over the old. A failure before the rename (an exception, a full disk, a killed process) leaves the old content.
+The new content is written under a hidden name in the same folder, flushed to the disk, and renamed over the old. A
+failure before the rename (an exception, a full disk, a killed process) leaves the old content.
 """
 
 import os

@@ -80,8 +80,8 @@ def lab_to_srgb(lab: npt.NDArray[Float]) -> npt.NDArray[Float]:
 def delta_e_2000(lab_a: npt.ArrayLike, lab_b: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """CIEDE2000 colour difference of two L*a*b* arrays [..., 3] -> [...].
 
-    After Sharma, Wu, Dalal, "The CIEDE2000 color-difference formula" (2005); its equation numbers
-    stand beside the steps. Parametric factors k_L = k_C = k_H = 1.
+    After Sharma, Wu, Dalal, "The CIEDE2000 color-difference formula" (2005); its equation
+    numbers are in the comments. Parametric factors k_L = k_C = k_H = 1.
     """
     a, b = np.asarray(lab_a, dtype=np.float64), np.asarray(lab_b, dtype=np.float64)
     c7 = ((np.hypot(a[..., 1], a[..., 2]) + np.hypot(b[..., 1], b[..., 2])) / 2) ** 7  # (2)-(3)

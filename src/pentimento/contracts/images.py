@@ -37,7 +37,7 @@ def image_cell(image: npt.NDArray[Any]) -> dict[str, bytes | None]:
 
 
 def _decoded(data: bytes, flags: int, name: str) -> npt.NDArray[Any]:
-    # A PNG without its last chunk was cut off; OpenCV would say so on stderr, beside our sentence.
+    # A PNG without its last chunk was cut off; OpenCV would print a second message on stderr.
     whole = data and (not data.startswith(b"\x89PNG") or b"IEND" in data)
     pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if whole else None
     if pixels is None:
@@ -62,7 +62,7 @@ def decode_png(data: bytes) -> npt.NDArray[Any]:
 
 
 def decode_image(data: bytes, name: str) -> npt.NDArray[np.uint8]:
-    """Bytes of any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3]; ``name`` says in a sentence what it is.
+    """Bytes of any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3]; ``name`` describes it in messages.
 
     Raises:
         ImageError: unreadable.

@@ -43,7 +43,7 @@ class Column:
 
 @dataclass(frozen=True)
 class TableContract:
-    """A table: its columns in order. Other numeric columns may stand beside them (covariates)."""
+    """A table: its columns in order. Other numeric columns are allowed (covariates)."""
 
     name: str
     columns: tuple[Column, ...]

@@ -1,1 +1,1 @@
-"""Executing beside a person: safety envelope, closed loop of observing and replanning, session, page."""
+"""Execution together with a person: safety envelope, closed loop of observing and replanning, session, page."""

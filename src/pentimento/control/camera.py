@@ -35,7 +35,7 @@ _MOVED_M = 1e-3
 _CELL_M = 3e-3
 _CHANGED = 0.08  # of a cell's mean, sRGB
 _MAX_UNEXPLAINED = 0.02  # of the canvas
-_MARGIN_M = 4e-3  # beside a stroke's edge: its paint may run this far
+_MARGIN_M = 4e-3  # paint may run this far beyond a stroke's edge
 _SLID_M = 1.5e-3
 _RESIDUAL = 0.3  # of the change may be left when a sheet that has slid is shifted back
 _FAINT = 0.02
@@ -97,7 +97,7 @@ class Camera:
             raise PaintingFault(
                 "moved",
                 f"The camera or the canvas has moved by {1000 * shift_m:.1f} mm since it was calibrated; put it back, "
-                "or calibrate the canvas anew.",
+                "or calibrate the canvas again.",
             )
 
     def observe(self) -> Observation:
@@ -160,7 +160,7 @@ class Camera:
                 "The camera's picture shows nothing: black, or of one colour; see to its light, its lens cap and its "
                 "cable, and resume.",
             )
-        raise PaintingFault("camera", "The camera gives the same picture again and again; connect it anew, and resume.")
+        raise PaintingFault("camera", "The camera repeats the same picture; reconnect it, and resume.")
 
     def _photo_with_markers(self, photo: Photo) -> Photo:
         """Another photograph, with the markers in place; waits while a hand covers them."""

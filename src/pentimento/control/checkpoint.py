@@ -120,7 +120,7 @@ def read_checkpoint(path: Path, schema: int, kind: str, build: Callable[[dict[st
             raise ContractError(f"{path} is of schema {values['schema']}; this version reads schema {schema}.")
         return build(values, arrays)
     except _DAMAGE as error:
-        raise ContractError(f"{path} is damaged ({error!r}); begin the {kind} anew.") from error
+        raise ContractError(f"{path} is damaged ({error!r}); begin a new {kind}.") from error
 
 
 def save_state(folder: Path, state: PaintingState) -> None:
@@ -137,7 +137,7 @@ def save_state(folder: Path, state: PaintingState) -> None:
 
 
 def has_state(folder: Path) -> bool:
-    """Whether a painting was saved. One that ended before its first checkpoint has not painted: it is planned anew."""
+    """Whether a painting was saved. One that ended before its first checkpoint has not painted: it is planned again."""
     return (folder / _PAINTING).is_file()
 
 

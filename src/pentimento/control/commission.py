@@ -125,4 +125,4 @@ def _read(folder: Path) -> Any:
     except (FileNotFoundError, NotADirectoryError) as error:
         raise ContractError(f"{folder} holds no {_NAME}: no painting was begun there.") from error
     except ValueError as error:
-        raise ContractError(f"{path} is damaged ({error}); begin the painting anew.") from error
+        raise ContractError(f"{path} is damaged ({error}); begin a new painting.") from error

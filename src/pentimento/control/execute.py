@@ -62,8 +62,8 @@ def execute(
 ) -> tuple[Memory, list[FloatArray]]:
     """Execute the strokes in order; returns the memory after them and the measured path of each [N, 5].
 
-    The robot first changes to `tool` and loads `palette_srgb` [K, 3]; both do nothing where that is so already. A tool
-    that dips is dipped where the stroke asks for it, where its colour changes (then it is wiped first) and after
+    The robot first changes to `tool` and loads `palette_srgb` [K, 3]; both do nothing if that is already the case. A
+    tool that dips is dipped where the stroke asks for it, where its colour changes (then it is wiped first) and after
     `tool.strokes_per_dip` strokes. A tool with its own ink is never dipped.
 
     Raises ContractError, before anything moves, if a colour is not on the palette; ExecutionError when a

@@ -190,7 +190,7 @@ class GuardedRobot:
 
     @contextmanager
     def _passing(self, command: str) -> Iterator[None]:
-        """Around each call of the driver: refuse while stopped, and lift and latch on whatever goes wrong."""
+        """Context of each driver call: refuses it while stopped; on any error it lifts the tool and latches."""
         self._idle.clear()
         try:
             self._refuse_if_stopped(command)

@@ -244,7 +244,7 @@ def due_for_dip(memory: Memory, tool: Tool) -> Memory:
 
 
 def _copy(strokes: Strokes) -> Strokes:
-    """A copy whose inherited state is computed anew."""
+    """A copy whose inherited state is computed again."""
     copy = strokes.pick(slice(None))
     copy.inherited = None
     return copy

@@ -88,7 +88,7 @@ class Keyboard:
     def __init__(self, control: Control, progress: Progress, lines: TextIO) -> None:
         """Begin to read ``lines``, if they come from a terminal."""
         self._control, self._progress, self._lines = control, progress, lines
-        self._asking = threading.Lock()
+        self._prompt_lock = threading.Lock()
         self._answered: threading.Event | None = None
         if lines.isatty():
             progress.message(
@@ -100,7 +100,7 @@ class Keyboard:
         """Show a request to the person, and return when it is confirmed. Raises EOFError without a terminal."""
         if not self._lines.isatty():
             raise EOFError(f"Nobody is at a terminal to confirm: {request}")
-        with self._asking:
+        with self._prompt_lock:
             self._answered = threading.Event()
             self._progress.message(f"{request} [Enter]")
             self._answered.wait()

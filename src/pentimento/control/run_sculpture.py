@@ -82,8 +82,8 @@ def run_sculpture(
 ) -> SculptureState:
     """Begin or resume a sculpture in a folder; its final state.
 
-    The state is on disk before and after every push. A sculpture that was killed between two pushes continues as if
-    nothing had happened. A push whose result is unknown is not recorded: the clay is scanned, and planned anew.
+    The state is on disk before and after every push. A sculpture that was killed between two pushes continues
+    unchanged. A push whose result is unknown is not recorded: the clay is scanned, and the rest is planned again.
 
     Raises:
         Ended: a person stopped it.

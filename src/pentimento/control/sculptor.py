@@ -133,7 +133,7 @@ class Sculptor:
         return progress, first
 
     def rescan(self, progress: SculptureProgress) -> SculptureProgress:
-        """After a push whose result is unknown: scan the clay and plan anew. That push is not recorded."""
+        """Scan the clay and plan again, after a push whose result is unknown. That push is not recorded."""
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)

@@ -54,8 +54,8 @@ _PAPER = 245
 _MAX_SLOWDOWN = 1.5
 """A stroke may take its commanded duration times this."""
 _UNSEEN, _MIN_SEEN, _EXECUTED = 3, 0.2, 0.5
-"""The tool is dry when this many strokes in a row show less than the second share of their predicted change; a pending
-stroke counts as executed when it shows more than the third."""
+"""The tool counts as dry after ``_UNSEEN`` strokes in a row of which less than the share ``_MIN_SEEN`` of the predicted
+change is visible. A pending stroke counts as executed if more than the share ``_EXECUTED`` is visible."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ def export(
             must differ from every other size in the examples, or the exporter confuses them.
         resizing: where the function resizes pictures, the object that it sets the matrices of.
     """
-    # Weights are real tensors beside symbolic arguments.
+    # Weights are real tensors; arguments are symbolic.
     traced = make_fx(
         function,
         decomposition_table=exportable(resizing or Resizing()),

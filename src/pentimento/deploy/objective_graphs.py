@@ -42,7 +42,7 @@ _UNITS: Final = {
 
 
 def encoder_graphs(encoder: Encoder, views: int, tolerance: float) -> dict[str, Graph]:
-    """`semantic`, `text` and `caption`, for pictures with `views` random views beside the plain one.
+    """`semantic`, `text` and `caption`, for pictures with `views` random views in addition to the plain one.
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.

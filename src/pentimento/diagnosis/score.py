@@ -128,8 +128,8 @@ def projected_statistics(statistics: Statistics, nuisances: Array, candidate: Ar
     """Slope [n, Q] and curvature [n, Q, Q] of each action in a candidate's parameters, nuisances projected out."""
     pull = _nuisance_response(statistics, nuisances, candidate)
     slope = statistics.slope[:, candidate] - statistics.slope[:, nuisances] @ pull
-    made_up = pull.T @ statistics.curvature[:, nuisances][:, :, candidate]
-    curvature = statistics.curvature[:, candidate][:, :, candidate] - made_up - made_up.swapaxes(1, 2)
+    absorbed = pull.T @ statistics.curvature[:, nuisances][:, :, candidate]
+    curvature = statistics.curvature[:, candidate][:, :, candidate] - absorbed - absorbed.swapaxes(1, 2)
     curvature += pull.T @ statistics.curvature[:, nuisances][:, :, nuisances] @ pull
     return slope, curvature
 

@@ -145,7 +145,7 @@ HANDS: Final[dict[str, Callable[[Rng], list[Movement]]]] = {
 
 
 _DURATION_SIGMAS = 3.0
-"""Standard deviations of ln t after which a movement ends: a thousandth of its length is left."""
+"""Standard deviations of ln t after which a movement is cut off; a thousandth of its length is missing then."""
 
 
 class Movement(NamedTuple):

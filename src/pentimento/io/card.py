@@ -63,7 +63,7 @@ def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
 
     Args:
         rows: a Parquet file in the strokes or the pushes contract, or a folder of shards.
-        out: the file; by default ``CARD.md`` in the folder, or ``<name>.card.md`` beside the file.
+        out: the file; by default ``CARD.md`` in the folder, or ``<name>.card.md`` next to the file.
 
     Raises:
         ContractError: the rows cannot be read, or there are none.
@@ -150,7 +150,7 @@ def _markdown(name: str, contract: TableContract, checked: CheckedTable, content
         "",
         f"Not recorded: {_listed(c.name for c in contract.columns if not _known(table, c.name))}.",
         "",
-        f"Covariates beside the contract: {_listed(n for n in table.column_names if contract.column(n) is None)}.",
+        f"Further covariates: {_listed(n for n in table.column_names if contract.column(n) is None)}.",
         "",
     ]
     return "\n".join(lines)

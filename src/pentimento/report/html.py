@@ -1,4 +1,4 @@
-"""Pieces of HTML, and the album that keeps each picture both inside the page and as a file beside it."""
+"""Pieces of HTML, and the album that keeps each picture both inside the page and as a separate file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Album:
         self.files: dict[str, bytes] = {}
 
     def keep(self, name: str, data: bytes) -> str:
-        """Keep a file beside the page and return its name, for a link."""
+        """Keep a file in the page's folder and return its name, for a link."""
         self.files[name] = data
         return name
 

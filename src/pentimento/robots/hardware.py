@@ -170,7 +170,7 @@ class HardwareRobot:
             self._moving.release()
 
     def _rub(self, place_m: tuple[float, float], length_m: float, times: int, what: str) -> None:
-        """Go down at a place beside the canvas and move back and forth along y."""
+        """Go down at a place outside the canvas and move back and forth along y."""
         low = np.array([place_m[0], place_m[1] - length_m / 2, -self._places().depth_m, 0.0])
         high = low + np.array([0.0, length_m, 0.0, 0.0])
         self._travel(to_and_fro(low, high, times), what)

@@ -198,7 +198,7 @@ def _check(rig: Rig, where: str) -> None:
             raise ConfigError(f"The {where}: {key} must be above zero.")
     if rig.camera is not None and rig.park_m is None:
         raise ConfigError(
-            f"The {where}: with a camera, [travel] needs park, a place beside the canvas from where the arm does not "
+            f"The {where}: with a camera, [travel] needs park, a place outside the canvas from where the arm does not "
             "cover it."
         )
     _check_reach(rig, where)
@@ -229,7 +229,7 @@ def _check_palette(palette: Palette, canvas_size_m: tuple[float, float], where: 
         raise ConfigError(f"[palette] of {where}: wells is empty; list the place of each paint.")
     for x, y in (*palette.wells_m, palette.water_m, palette.cloth_m):
         if 0 <= x <= width and 0 <= y <= height:
-            raise ConfigError(f"The {where}: the palette's place ({x:g}, {y:g}) m lies on the canvas; move it beside.")
+            raise ConfigError(f"The {where}: the palette's place ({x:g}, {y:g}) m lies on the canvas; move it outside.")
 
 
 def canvas_corners(rig: Rig, height_m: float) -> FloatArray:

@@ -142,7 +142,7 @@ def _is_range(value: object) -> bool:
 
 
 def needs_dip(tool: Tool, stroke: PlannedStroke, memory: Memory) -> bool:
-    """Whether the tool must be dipped before the stroke; the executor and the planner both ask this."""
+    """Whether the tool must be dipped before the stroke, for the executor and for the planner."""
     if not tool.dips:
         return False
     changes = not same_colour(memory.last_color_srgb, stroke.color_srgb)  # also where nothing is known yet

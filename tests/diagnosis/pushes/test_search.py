@@ -56,8 +56,8 @@ def test_refit_with_given_jacobian_matches_fresh_refit() -> None:
     full = _linearised(model, known, measured)
     for cause, still in known.items():
         at_start = full.slopes.of(np.append(np.arange(len(model.vector)), full.model.columns_of(cause)))
-        found, anew = fit(model.plus(still), measured, at_start), fit(model.plus(still), measured)
-        np.testing.assert_allclose(found.vector, anew.vector, rtol=1e-3, atol=1e-4)
+        found, again = fit(model.plus(still), measured, at_start), fit(model.plus(still), measured)
+        np.testing.assert_allclose(found.vector, again.vector, rtol=1e-3, atol=1e-4)
 
 
 def test_fit_is_converged() -> None:

@@ -26,7 +26,7 @@ def softened() -> tuple[Measured, Model]:
 
 
 def asked(statistics: Statistics, model: Model) -> float:
-    """How much error would come back, to second order, were the cause taken away and the rest fitted anew."""
+    """How much error would come back, to second order, if the cause is removed and the rest is fitted again."""
     columns = model.columns_of(SpeedBleed.cause)
     rest = np.setdiff1d(np.arange(len(model.vector)), columns)
     values = model.vector[columns]

@@ -177,12 +177,12 @@ def test_unknown_paint_changes_no_prediction(
         learned_residual.model, color_offset=np.concatenate([learned_residual.model.color_offset, np.zeros((2, 3))])
     )
     few = measured.pick(FRESH)
-    known, painted_anew = (
+    known, painted_again = (
         learned_residual.of(few),
         learned_residual.seen_from(more).of(replace(few, paints=few.paints + 2)),
     )
     assert np.abs(known.residual_prediction).max() > 0.01
-    np.testing.assert_allclose(painted_anew.residual_prediction, known.residual_prediction, atol=1e-6)
+    np.testing.assert_allclose(painted_again.residual_prediction, known.residual_prediction, atol=1e-6)
 
 
 def test_mirroring_features_twice_is_the_identity() -> None:

@@ -113,7 +113,7 @@ def test_best_action_is_no_worse_than_first_round_candidates() -> None:
     assert value <= REACHABLE.values_after(states, first).min()
 
 
-def test_caution_prefers_actions_of_low_ensemble_variance() -> None:
+def test_a_disagreement_weight_prefers_actions_of_low_ensemble_variance() -> None:
     goal = flat()
     goal[10:20, 10:20] -= 0.003
     goal[30:40, 30:40] -= 0.0031
@@ -129,8 +129,8 @@ def test_caution_prefers_actions_of_low_ensemble_variance() -> None:
 
     members[1] = Unsure()
     shares = []
-    for caution in (0.0, 8.0):
-        foresight = EnsembleRollout(members, objective, caution)
+    for weight in (0.0, 8.0):
+        foresight = EnsembleRollout(members, objective, weight)
         action, _ = best_action(foresight.start(flat()), foresight, REACH, config=CONFIG, rng=np.random.default_rng(0))
         after = foresight.act(foresight.start(flat()), action)
         shares.append(float(np.var(after, axis=0).mean()))

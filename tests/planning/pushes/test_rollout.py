@@ -27,7 +27,7 @@ def test_alternative_actions_have_the_values_of_single_actions() -> None:
     np.testing.assert_allclose(foresight.values_after(states, PUSHES), alone, rtol=1e-5)
 
 
-def test_caution_of_one_gives_the_expected_3d_error() -> None:
+def test_a_disagreement_weight_of_one_gives_the_expected_3d_error() -> None:
     members = [PressedClay(), PressedClay(strength=0.6)]
     objective = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 0.0))
     states = EnsembleRollout(members, objective, disagreement_weight=1.0).roll_out(flat(), PUSHES)

@@ -31,8 +31,8 @@ _FEWEST_OF_A_MIX = 8  # blocks
 _NOT_COVARIATES = ("action_id",)
 _FEW_MISSING = 0.1
 """Share of rows up to which missing covariate values are interpolated."""
-_ANEW_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
-"""Covariates that start anew with each load of paint."""
+_RESTARTING_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
+"""Covariates that restart with each load of paint."""
 _NAN_SAYS_SOMETHING = ("wet_age_s",)
 """Covariates whose NaN has a meaning: nothing was painted below."""
 
@@ -111,7 +111,7 @@ def mixes(color_srgb: Array, session: Array, block: Array) -> Array:
     """Index of each stroke's paint, int[B]: its colour, by session where every session shows each colour in enough
     blocks.
 
-    A paint that is mixed anew for each session varies a little. Without an offset for each mix, that would look like a
+    A paint that is mixed for each session varies a little. Without an offset for each mix, that would look like a
     drift over sessions, such as tool wear.
 
     Args:
@@ -140,7 +140,7 @@ def covariates_of(table: pa.Table) -> dict[str, Array]:
         if pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
             column = table[field.name].cast(pa.float64()).to_numpy(zero_copy_only=False)
             if np.isfinite(column).any():
-                within = load if field.name in _ANEW_WITH_EACH_LOAD else session
+                within = load if field.name in _RESTARTING_WITH_EACH_LOAD else session
                 found[field.name] = _few_filled(field.name, np.array(column, dtype=np.float64), order, within)
     for name in ("surface", "surface_id"):
         if name in table.schema.names:

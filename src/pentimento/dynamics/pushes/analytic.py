@@ -210,7 +210,7 @@ def settle(model: AnalyticPush, scene: PushScene, contact: Contact, indentation_
     """Change of height after the displaced material has settled, float32[B, H, W] metres."""
     number = _numbers(model)
     rims = (1 - contact.inside) * contact.heaped_m
-    # Volume balance: what stays pressed down has come up.
+    # Volume balance: the rims hold the volume of the indentation that stays.
     pressed = indentation_m.sum((1, 2))
     rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), _MIN_RIMS * pressed + _MIN_VOLUME_M))
     lift = np.float32(number["end_pull"] * 1e-3) * contact.beyond_end

@@ -1,5 +1,5 @@
-"""Scores of a push model on held-out scans, beside the noise floor and trivial baselines; and pictures of its
-predictions."""
+"""Scores of a push model on held-out scans, compared with the noise floor and trivial baselines; and pictures of
+its predictions."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
 Everything is in the constant pose: the push starts at one place and moves in +x. Besides the thesis's inputs, the
 network sees where the tool's underside cuts into the surface. That swept volume explains most of the change with few
 parameters. The network works on blocks of 2 × 2 pixels as channels, at a quarter of the cost. Each context (a pair of
-material and tool in the training set) has its own tool parameters and its own embedding beside the length and the
-depth.
+material and tool in the training set) has its own tool parameters, and its own embedding in addition to the length and
+the depth.
 
 The tool travels along +x of its frame and sinks on a line from the surface to its depth (thesis 7.3.2). Its underside
 rises from the tip as a power of the distance, which covers a ball (power 2), a tip and a flat face. Its reach along and

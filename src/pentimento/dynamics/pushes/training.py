@@ -41,7 +41,7 @@ class TrainingConfig:
     batch: int
     learning_rate: float
     visual_weight: float
-    """Weight of L_viz beside L_3D, in mm²; 0 trains on L_3D alone."""
+    """Weight of L_viz relative to L_3D, in mm²; 0 trains on L_3D alone."""
     held_out: float
     """Share of the actions held out for the metrics."""
     seed: int

@@ -1,7 +1,7 @@
 """Scores of a stroke model's predicted photographs (IoU of inked pixels, L1 and MSE over sRGB), and two baselines.
 
 The baselines are blank paper and a polyline: the commanded path drawn with one width and one opacity, fitted to the
-strokes. Every score of a stroke model is reported beside the polyline's.
+strokes. Every score of a stroke model is reported together with the polyline's.
 """
 
 from __future__ import annotations

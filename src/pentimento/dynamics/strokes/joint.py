@@ -152,9 +152,9 @@ _EVALUATIONS = 100
 
 
 def polish(model: torch.nn.Module, loss: Callable[[], Tensor]) -> None:
-    """Lower the loss of the model as it is over its parameters but softness, in place, by Nelder-Mead (1965).
+    """Lower the loss, in place, over all parameters except softness, by Nelder-Mead (1965).
 
-    The loss never rises. Parameters should count in units in which 0.1 is a small change.
+    The loss never rises. A change of 0.1 must be small in the unit of every parameter.
     """
     parameters = [parameter for name, parameter in model.named_parameters() if not name.endswith(_FIXED)]
 

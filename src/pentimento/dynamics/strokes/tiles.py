@@ -87,7 +87,7 @@ def _tiles_in_box(u: Tensor, v: Tensor, height: int, width: int) -> tuple[Tensor
 
 
 def _is_near(u: Tensor, v: Tensor, tile: Tensor) -> Tensor:
-    """Tell whether ink of segments u → v [T, 3] can reach tiles [T, 2]: a long slanting one misses most of its box."""
+    """Tell whether ink of segments u → v [T, 3] can reach tiles [T, 2]: a diagonal one misses most tiles of its box."""
     edge = v[:, :2] - u[:, :2]
     offset = tile * TILE + (TILE - 1) / 2 - u[:, :2]
     t = ((offset * edge).sum(1) / edge.square().sum(1).clamp(min=LENGTH_EPSILON)).clamp(0.0, 1.0)

@@ -8,7 +8,7 @@ canvas.
 Gradients are deterministic: each program writes its sums to separate memory, one place a touch, and the sums of a
 segment are added in a fixed order. No two programs add to one number.
 
-Importing this module imports Triton; do so only where a GPU is met. With TRITON_INTERPRET=1 in the environment at
+Importing this module imports Triton; do so only on a machine with a GPU. With TRITON_INTERPRET=1 in the environment at
 that time it runs on CPU tensors, slowly, which is how it is tested without a GPU.
 """
 

@@ -1,4 +1,4 @@
-"""What a GPU runs for ``triton_kernel``: one program a tile, forward through its strokes and back again.
+"""The GPU programs of ``triton_kernel``: one program a tile, with a forward and a backward pass over its strokes.
 
 A *visit* is one stroke in one tile, a *touch* one of its segments there (``tiles``). The formula is that of
 ``pentimento.render.kernel``; of each stroke only the segments that touch the tile are evaluated.
@@ -22,7 +22,7 @@ SUMS = tl.constexpr(13)
 _R_MIN = tl.constexpr(R_MIN)
 _Q_MIN = tl.constexpr(Q_MIN)
 _LENGTH_EPSILON = tl.constexpr(LENGTH_EPSILON)
-_INTEGERS = ["n_points", "height", "width", "tiles_x", "tiles"]  # a new size must not compile the programs anew
+_INTEGERS = ["n_points", "height", "width", "tiles_x", "tiles"]  # a new size must not compile the programs again
 
 
 @triton.jit
@@ -108,10 +108,11 @@ def paint_tile(
 
 @triton.jit
 def _pull(u, v, column, row, won, g_coverage, sums):
-    """Store what one segment's pixels ask of its two ends; return its coverage where it ``won``, else 0.
+    """Store one segment's gradient sums for its two ends; return its coverage where it ``won``, else 0.
 
-    D is stationary in t wherever t is free, so the distance pulls on the ends by their share alone; radius, density
-    and softness that change along the segment move t, and through it the ends (``g_t``).
+    Unless t is at a bound, the distance D is stationary in t, so its gradient reaches the ends only through their
+    interpolation weights. Radius, density and softness change along the segment, so their gradients also reach the
+    ends through t (``g_t``).
     """
     wx, wy, t, t_free, inverse, ex, ey = _nearest(u, v, column, row)
     distance = tl.sqrt(wx * wx + wy * wy)
@@ -151,7 +152,7 @@ def unpaint_tile(
     path, color, g_image, g_canvas, tile_start, visit_stroke, visit_start, segment, slot, winner, below, sums,
     n_points, height, width, tiles_x, tiles, SIDE: tl.constexpr,
 ):  # fmt: skip
-    """Take the strokes that visit one tile off again, last first, and leave each segment's share of the gradient."""
+    """Undo the strokes that visit one tile, last first, and store the gradient sums of each segment."""
     row, column, at, on = _pixels(height, width, tiles_x, tiles, SIDE)
     inside = tl.arange(0, SIDE * SIDE)
     g_red = tl.load(g_image + at, mask=on, other=0.0)
@@ -173,7 +174,9 @@ def unpaint_tile(
             k = tl.load(segment + touch)
             u, v = _ends(path, stroke, k, n_points)
             coverage += _pull(u, v, column, row, best == k, g_coverage, sums + tl.load(slot + touch) * SUMS)
-        paint = sums + tl.load(slot + start) * SUMS + 2 * PATH  # the first touch speaks for the stroke's colour
+        paint = (
+            sums + tl.load(slot + start) * SUMS + 2 * PATH
+        )  # the gradient of the stroke's colour is stored with its first touch
         tl.store(paint, tl.sum(g_red * coverage))
         tl.store(paint + 1, tl.sum(g_green * coverage))
         tl.store(paint + 2, tl.sum(g_blue * coverage))

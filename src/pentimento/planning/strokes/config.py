@@ -57,7 +57,7 @@ class ShapeRates:
 
 @dataclass(frozen=True)
 class ExecutionNoise:
-    """Errors of execution that a plan should tolerate: drawn for each stroke at each iteration."""
+    """Random errors of execution that a plan should tolerate, drawn for each stroke at each iteration."""
 
     thinning: float
     """A stroke's width shrinks by up to this share: paint runs low, the brush lags."""
@@ -79,7 +79,7 @@ class StyleConfig:
     """The style objective."""
 
     weight: float
-    """Beside a print objective of weight 1, a weight of 0.02 shows in a painting and 0.08 recolours it."""
+    """With a print objective of weight 1, a weight of 0.02 shows in a painting and 0.08 recolours it."""
     picture: str
     """A file, or the name of a photograph that scikit-image ships."""
     features: Literal["local", "vgg16"]

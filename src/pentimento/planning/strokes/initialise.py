@@ -302,7 +302,7 @@ def _candidates(
 ) -> Strokes:  # fmt: skip
     """``tries`` candidates for each place. Two of three run along the edge there; one of two has any press.
 
-    The latter reaches what lies beside the range of a path, such as the canvas's rim.
+    The latter reaches places outside the range of a path, such as the canvas's rim.
     """
     shape = (tries, len(along))
     number = np.arange(tries)[:, None]

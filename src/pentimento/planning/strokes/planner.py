@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 S = TypeVar("S", bound=PlannedPaths)
 
 _ROUND_END = 0.3
-"""Share of the learning rates at the end of a round. The next round goes on from there."""
+"""Share of the learning rates at the end of a round. The next round continues with it."""
 _COARSE = 0.5
 """Share of the free iterations, from the first, at half the resolution: strokes are still far from their places."""
 _SETTLE = 0.15
@@ -172,7 +172,7 @@ def _in_stretches(planner: Planner[S], draft: Draft[S], iterations: int, *, rate
     config, tool, coarse = planner.config, planner.scene.tool, planner.coarse()
     own_paints = isinstance(config, PlannerConfig) and config.palette.source == "plan"
     free = tool.color_srgb is None and (draft.paints is None or own_paints)
-    places = config.objectives.print_weight > 0  # a style alone does not say where strokes belong
+    places = config.objectives.print_weight > 0  # a style objective does not determine where strokes belong
     every = config.relocate_every or max(iterations // 4, 1)
     starts = list(range(0, max(iterations - every // 2, 1), every))
     for start, end in zip(starts, [*starts[1:], iterations], strict=True):

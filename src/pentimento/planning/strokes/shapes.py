@@ -85,7 +85,7 @@ class BezierShapes:
         return path, pull
 
     def constrain(self, parameters: Array, start: Array, reach: float) -> None:
-        """Keep to the tool's range. ``start`` and ``reach`` do not matter."""
+        """Clip to the tool's range; ``start`` and ``reach`` have no effect."""
         np.clip(parameters[:, 0], *self._length, out=parameters[:, 0])
         low, high = (np.float32(bound) * parameters[:, 0] for bound in self._bend)
         np.clip(parameters[:, 1], low, high, out=parameters[:, 1])

@@ -33,8 +33,8 @@ class Material:
     firming_m: float  # penetration over which the pressure builds up
     mottle: float  # relative spread of the hardness over the slab
     mottle_m: float
-    rim_m: float  # distance over which displaced material heaps up beside the tool
-    bow_wave: float  # 0: rims all round, 1: all displaced material ahead of and beside a moving tool
+    rim_m: float  # distance over which displaced material heaps up next to the tool
+    bow_wave: float  # 0: rims all round, 1: all displaced material ahead of a moving tool and at its sides
     steepest: float  # maximum slope of any surface
     tear_m: float  # roughness that the tool leaves behind it
     rebound_m: float  # springback: height that deep dents recover

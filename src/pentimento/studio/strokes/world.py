@@ -34,7 +34,7 @@ class Camera:
     keystone: float  # perspective: relative difference of scale between the frame's near and far sides
     rotation_rad: float
     radial: tuple[float, float, float]  # k1, k2, k3 over the radius in half diagonals
-    decentring: float  # the lens's centre beside the frame's, in half diagonals
+    decentring: float  # offset of the lens's centre from the frame's, in half diagonals
     field_angle_rad: float  # half the angle of view at the corner: vignetting by cos^4
     gradient: tuple[float, float]  # relative light gained from the centre to the right and to the upper border
     blur_m: float

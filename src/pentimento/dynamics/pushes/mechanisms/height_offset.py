@@ -10,7 +10,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, Q
 
 
 class HeightOffset(Mechanism):
-    """See above. The base has a gain of the depth; the offset is independent of the depth."""
+    """See the module. The base has a gain of the depth; the offset is independent of the depth."""
 
     cause = "height_offset"
     site = "command"

@@ -57,7 +57,7 @@ class SlopeSlide(Mechanism):
         return settled._replace(lift_m=lift)
 
 
-# Sums in any order, and no care for NaN: only so does the compiler put many pixels into one instruction.
+# The compiler vectorises the loop only if it may reorder sums and ignore NaN.
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "nsz", "contract", "nnan"})
 def relaxed(height: Array, step_m: float, sweeps: int) -> Array:
     """Heights float32[B, H, W] after material steeper than ``step_m`` a pixel has run off. Each iteration moves an

@@ -66,7 +66,7 @@ class Springback(Mechanism):
                 by_time = by_time + sign * value * log_times(seconds, self.reference[name])
         share = contact.pressed_m / (contact.pressed_m + np.float32(_COMPRESSION_SCALE_M))
         by_compression = np.float32(self.values[0]) * (share - np.float32(0.5))
-        # What is shallow may recover wholly, and no more.
+        # A shallow indentation may recover completely, but never by more than its depth.
         return kept_m * np.maximum(1 + per_push(by_time) + by_compression, 0)
 
 

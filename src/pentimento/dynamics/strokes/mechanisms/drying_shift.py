@@ -1,12 +1,12 @@
 """Darkness and colour drift over the session, and while a stroke dries until its photograph.
 
-With the session's time at u in [-1, 1], and two drynesses: a soon one, to which paint of the usual age is halfway, and
-a late one, to which the oldest is halfway, each less what paint of the usual age has of it,
+With the session's time u in [-1, 1], and the dryness 1 - 2^(-age/half) minus its value at the usual age, for two
+half-lives: *soon* has the usual age as half-life, *late* the oldest age,
 
     density' = density * exp(a u + b soon + c late),   colour' = colour * exp(d u + e soon + f late).
 
-The drying time is not recorded. Most strokes are photographed at once and few late; the two drynesses span the ages in
-between. A stroke whose photograph's time is unknown, such as a planned one, has the usual age.
+The drying time is not recorded. Most strokes are photographed at once and few late; the two functions span the ages in
+between. A stroke with an unknown time of its photograph, such as a planned one, has the usual age.
 """
 
 from __future__ import annotations
