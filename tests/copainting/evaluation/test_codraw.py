@@ -63,7 +63,7 @@ def test_each_turn_starts_from_the_last_photograph() -> None:
         assert np.array_equal(following.before, turn.after)
     dark = [int((photo.mean(-1) < 128).sum()) for turn in turns for photo in (turn.before, turn.started, turn.after)]
     assert dark[0] == 0 and dark[1] > 0 and dark[2] > dark[1]  # ink is there after the person, and more after the robot
-    assert turns[0].strokes[0] <= CONFIG.person and 1 <= turns[0].strokes[1] <= CONFIG.robot
+    assert turns[0].strokes[0] <= CONFIG.person_strokes and 1 <= turns[0].strokes[1] <= CONFIG.robot_strokes
 
 
 def test_plan_by_text_lowers_the_text_objective() -> None:
