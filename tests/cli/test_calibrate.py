@@ -16,25 +16,7 @@ from pentimento.control import open_robot as opening
 from pentimento.robots.calibration import calibrated, fresh_calibrations, read_calibration
 from pentimento.robots.rig import load_rig
 from pentimento.robots.simulated_grbl import SimulatedGrbl
-
-RIG = """
-name = "bench"
-driver = "grbl"
-canvas = ["300 mm", "200 mm"]
-[canvas_to_robot]
-origin = ["20 mm", "20 mm", "-10 mm"]
-turn = ["0 deg", "0 deg", "0 deg"]
-[reach]
-low = ["0 mm", "0 mm", "-14 mm"]
-high = ["380 mm", "280 mm", "0 mm"]
-[travel]
-height = "5 mm"
-speed = "100 mm/s"
-[machine]
-port = "PORT"
-baud = 115200
-pen = "z"
-"""
+from tests.robots.small_plotter import small_plotter
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +29,7 @@ def plotter(tmp_path: Path) -> tuple[SimulatedGrbl, Path, list[str]]:
     """A simulated plotter, its rig file, and what the person was asked."""
     grbl = SimulatedGrbl(hurry=300)
     path = tmp_path / "rig.toml"
-    path.write_text(RIG.replace("PORT", grbl.port))
+    path.write_text(small_plotter(grbl.port, (300, 200)))
     return grbl, path, []
 
 

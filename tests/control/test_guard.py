@@ -4,7 +4,7 @@ import dataclasses
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.driver import MissingAbilityError, Robot
 from pentimento.robots.tools import load_tool
 from tests.control.test_safety import BRUSH, CANVAS_M, FakeRobot, good_path
+from tests.robots.machines import in_thread
 
 TOOL = load_tool("round_brush")
 PROPERTY = settings(max_examples=80, deadline=None, derandomize=True, database=None)
@@ -138,21 +139,11 @@ def test_guard_failed_lift_raises_lift_error_and_latches() -> None:
 def test_guard_stop_from_another_thread_interrupts_a_move() -> None:
     fake = Slow()
     robot = guarded(fake)
-    errors: list[BaseException] = []
-
-    def paint() -> None:
-        try:
-            robot.move(good_path())
-        except BaseException as error:
-            errors.append(error)
-
-    painter = threading.Thread(target=paint)
-    painter.start()
-    assert fake.moving.wait(5)
-    begun_s = time.perf_counter()
-    robot.stop("late heartbeat")
-    assert time.perf_counter() - begun_s < 1
-    painter.join(5)
+    with in_thread(lambda: robot.move(good_path())) as errors:
+        assert fake.moving.wait(5)
+        begun_s = time.perf_counter()
+        robot.stop("late heartbeat")
+        assert time.perf_counter() - begun_s < 1
     assert isinstance(errors[0], OSError) and robot.stopped == "late heartbeat"
 
 
@@ -372,38 +363,45 @@ class Clock:
         return self.now
 
 
-def test_watchdog_with_beats_in_time_does_not_stop() -> None:
-    stops: list[str] = []
-    clock = Clock()
-    watchdog = Watchdog(stops.append, clock, poll_s=60)
+@pytest.fixture
+def stops() -> list[str]:
+    """Why the watchdog stopped the robot."""
+    return []
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def watchdog(stops: list[str], clock: Clock) -> Iterator[Watchdog]:
+    """One that looks when it is asked to."""
+    dog = Watchdog(stops.append, clock, poll_s=60)
+    yield dog
+    dog.close()
+
+
+def test_watchdog_with_beats_in_time_does_not_stop(watchdog: Watchdog, clock: Clock, stops: list[str]) -> None:
     for _ in range(5):
         watchdog.beat(2.0, "a stroke")
         clock.now += 1.9
         assert not watchdog.check()
-    watchdog.close()
     assert stops == []
 
 
-def test_watchdog_late_beat_stops_once_with_a_message() -> None:
-    stops: list[str] = []
-    clock = Clock()
-    watchdog = Watchdog(stops.append, clock, poll_s=60)
+def test_watchdog_late_beat_stops_once_with_a_message(watchdog: Watchdog, clock: Clock, stops: list[str]) -> None:
     watchdog.beat(2.0, "stroke 7")
     clock.now = 2.1
     assert watchdog.check() and not watchdog.check()
-    watchdog.close()
     assert stops == ["stroke 7 took longer than the 2 s that it may take"]
 
 
-def test_watchdog_at_rest_never_stops() -> None:
-    stops: list[str] = []
-    clock = Clock()
-    watchdog = Watchdog(stops.append, clock, poll_s=60)
+def test_watchdog_at_rest_never_stops(watchdog: Watchdog, clock: Clock, stops: list[str]) -> None:
     watchdog.beat(2.0, "a stroke")
     watchdog.rest()
     clock.now = 1e6
     assert not watchdog.check()
-    watchdog.close()
     assert stops == []
 
 

@@ -1,12 +1,18 @@
-"""A rig and a machine for tests, without any hardware."""
+"""Rigs, machines and what is done with them, for tests without any hardware."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
-from pentimento.robots.machine import HaltedError
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
+from pentimento.robots.hardware import HardwareRobot
+from pentimento.robots.machine import HaltedError, Machine
+from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import Palette, Rig
+from pentimento.robots.tools import load_tool
 
 
 def make_rig(**changes: object) -> Rig:
@@ -57,3 +63,34 @@ class FakeMachine:
 
     def close(self) -> None:
         self.closed = True
+
+
+def guarded(machine: Machine, rig: Rig) -> GuardedRobot:
+    """A machine as a guarded robot that holds the round brush."""
+    tool = load_tool("round_brush")
+    guard = GuardedRobot(HardwareRobot(machine, rig, lambda _: None), envelope_for(tool, rig.canvas_size_m))
+    guard.change_tool(tool)
+    return guard
+
+
+def stroke_at(x_m: float = 0.1) -> np.ndarray:
+    """A stroke [24, 5] of 40 mm along x at 60 mm/s, pressed by 2 mm in its middle."""
+    s = np.linspace(0, 1, 24)
+    return timed_path(np.column_stack((x_m + 0.04 * s, 0.1 + 0 * s, -0.002 * np.sin(np.pi * s), 0.5 + 0 * s)), 0.06)
+
+
+@contextmanager
+def in_thread(act: Callable[[], object]) -> Iterator[list[BaseException]]:
+    """Act in a thread beside the block, which gets a list for the error of it, and wait for its end."""
+    errors: list[BaseException] = []
+
+    def acting() -> None:
+        try:
+            act()
+        except BaseException as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=acting)
+    thread.start()
+    yield errors
+    thread.join(5)

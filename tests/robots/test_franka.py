@@ -13,15 +13,13 @@ import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.control.guard import GuardedRobot, LiftError
-from pentimento.control.safety import envelope_for
 from pentimento.robots.arm import pose_from
 from pentimento.robots.franka import Franka, connect
-from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.journey import poses_of
 from pentimento.robots.machine import HaltedError, MachineError
-from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import load_rig
-from pentimento.robots.tools import load_tool
+from tests.robots.machines import guarded, in_thread
+from tests.robots.machines import stroke_at as stroke
 
 RIG = load_rig("franka")
 TIP = np.eye(4)
@@ -116,15 +114,7 @@ def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
 def painting() -> tuple[FakeRobot, GuardedRobot, Franka]:
     robot = FakeRobot()
     arm = Franka(robot, FRANKY, RIG)
-    tool = load_tool("round_brush")
-    guard = GuardedRobot(HardwareRobot(arm, RIG, lambda _: None), envelope_for(tool, RIG.canvas_size_m))
-    guard.change_tool(tool)
-    return robot, guard, arm
-
-
-def stroke(x_m: float = 0.1) -> np.ndarray:
-    s = np.linspace(0, 1, 24)
-    return timed_path(np.column_stack((x_m + 0.04 * s, 0.1 + 0 * s, -0.002 * np.sin(np.pi * s), 0.5 + 0 * s)), 0.06)
+    return robot, guarded(arm, RIG), arm
 
 
 @pytest.mark.skipif(importlib.util.find_spec("franky") is None, reason="franky is not installed (extra franka)")
@@ -228,20 +218,10 @@ def test_a_stop_ends_the_motion_and_the_tool_goes_straight_up() -> None:
         stopped.set()
 
     robot.stop = stop  # type: ignore[method-assign]
-    errors: list[BaseException] = []
-
-    def paint() -> None:
-        try:
-            guard.move(stroke())
-        except BaseException as error:
-            errors.append(error)
-
-    painter = threading.Thread(target=paint)
-    painter.start()
-    assert reached.wait(5)
-    at = arm.where()
-    guard.stop("the person pressed stop")
-    painter.join(5)
+    with in_thread(lambda: guard.move(stroke())) as errors:
+        assert reached.wait(5)
+        at = arm.where()
+        guard.stop("the person pressed stop")
     assert isinstance(errors[0], HaltedError)
     assert arm.where()[:2, 3] == pytest.approx(at[:2, 3]) and arm.where()[2, 3] == pytest.approx(0.05)
 

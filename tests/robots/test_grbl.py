@@ -1,6 +1,5 @@
 """The streaming plotter against a simulated GRBL on a pseudo-terminal, with everything that can go wrong on a cable."""
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import Rig
 from pentimento.robots.simulated_grbl import Faults, SimulatedGrbl, svg_of
 from pentimento.robots.tools import load_tool
-from tests.robots.machines import make_rig
+from tests.robots.machines import in_thread, make_rig
 
 CANVAS_M = (0.3, 0.2)
 PAPER_MM, UP_MM = -10.0, -5.0
@@ -174,31 +173,21 @@ def test_slow_answers_are_no_error() -> None:
 def test_a_stop_in_the_middle_of_a_stroke_lifts_the_pen_within_a_second(pen: dict[str, object]) -> None:
     """In real time: a stroke of 50 mm at 20 mm/s, stopped after half a second of it."""
     with plotting(hurry=1.0, pen=pen) as (grbl, guard, _):
-        errors: list[BaseException] = []
-
-        def paint() -> None:
-            try:
-                guard.move(stroke(0.05, 32, 0.02))
-            except BaseException as error:
-                errors.append(error)
-
-        painter = threading.Thread(target=paint)
-        painter.start()
 
         def on_paper() -> bool:
             return grbl.trace != [] and (
                 grbl.trace[-1][3] == 60 if pen["pen"] == "servo" else grbl.place_mm[2] < PAPER_MM
             )
 
-        deadline_s = time.monotonic() + 20
-        while not on_paper():
-            assert time.monotonic() < deadline_s and painter.is_alive()
-            time.sleep(0.01)
-        time.sleep(0.5)
-        begun_s = time.perf_counter()
-        guard.stop("the person pressed stop")
-        took_s = time.perf_counter() - begun_s
-        painter.join(5)
+        with in_thread(lambda: guard.move(stroke(0.05, 32, 0.02))) as errors:
+            deadline_s = time.monotonic() + 20
+            while not on_paper():
+                assert time.monotonic() < deadline_s and not errors
+                time.sleep(0.01)
+            time.sleep(0.5)
+            begun_s = time.perf_counter()
+            guard.stop("the person pressed stop")
+            took_s = time.perf_counter() - begun_s
         stopped_at = grbl.place_mm
         assert 120 < stopped_at[0] < 165  # it had not gone to the stroke's end
         assert grbl.trace[-1][3] == 30 if pen["pen"] == "servo" else stopped_at[2] == pytest.approx(UP_MM, abs=1e-3)

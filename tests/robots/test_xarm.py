@@ -11,14 +11,12 @@ import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.control.guard import GuardedRobot, LiftError
-from pentimento.control.safety import envelope_for
-from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.journey import poses_of
 from pentimento.robots.machine import HaltedError, MachineError
-from pentimento.robots.motion import timed_path
 from pentimento.robots.rig import Rig, load_rig, rotation_of
-from pentimento.robots.tools import load_tool
 from pentimento.robots.xarm import XArm, connect
+from tests.robots.machines import guarded, in_thread
+from tests.robots.machines import stroke_at as stroke
 
 RIG = load_rig("xarm")
 START_MM = [350.0, 0.0, 60.0, 180.0, 0.0, -90.0]
@@ -106,15 +104,7 @@ def test_the_fake_has_the_signatures_of_the_real_one() -> None:
 def painting(rig: Rig = RIG) -> tuple[FakeXArmApi, GuardedRobot, XArm]:
     api = FakeXArmApi()
     arm = XArm(api, rig, sleep=lambda _: None)
-    tool = load_tool("round_brush")
-    guard = GuardedRobot(HardwareRobot(arm, rig, lambda _: None), envelope_for(tool, rig.canvas_size_m))
-    guard.change_tool(tool)
-    return api, guard, arm
-
-
-def stroke(x_m: float = 0.1) -> np.ndarray:
-    s = np.linspace(0, 1, 24)
-    return timed_path(np.column_stack((x_m + 0.04 * s, 0.1 + 0 * s, -0.002 * np.sin(np.pi * s), 0.5 + 0 * s)), 0.06)
+    return api, guarded(arm, rig), arm
 
 
 def test_setting_up_is_in_millimetres_degrees_and_kilograms() -> None:
@@ -207,17 +197,6 @@ def test_a_stop_ends_the_stream_at_once_and_the_tool_goes_straight_up() -> None:
             stopped.wait(5)
 
     api.on_pose = pause
-    errors: list[BaseException] = []
-
-    def paint() -> None:
-        try:
-            guard.move(stroke())
-        except BaseException as error:
-            errors.append(error)
-
-    painter = threading.Thread(target=paint)
-    painter.start()
-    assert reached.wait(5)
     original = api.set_state
 
     def set_state(state=0) -> int:
@@ -225,10 +204,11 @@ def test_a_stop_ends_the_stream_at_once_and_the_tool_goes_straight_up() -> None:
         stopped.set()
         return code
 
-    api.set_state = set_state  # type: ignore[method-assign]
-    at = list(api.pose)
-    guard.stop("the person pressed stop")
-    painter.join(5)
+    with in_thread(lambda: guard.move(stroke())) as errors:
+        assert reached.wait(5)
+        api.set_state = set_state  # type: ignore[method-assign]
+        at = list(api.pose)
+        guard.stop("the person pressed stop")
     assert isinstance(errors[0], HaltedError)
     assert api.pose[:2] == pytest.approx(at[:2], abs=1e-6) and api.pose[2] == pytest.approx(50)
 
