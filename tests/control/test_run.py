@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import subprocess
 import sys
 import urllib.error
@@ -50,6 +51,14 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("picture") / "t.png"
     write_png(path, image)
     return path
+
+
+@pytest.fixture(scope="module")
+def finished(bundle: Path, picture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a painting that was written to SVG. No test may change it."""
+    out = tmp_path_factory.mktemp("finished") / "out"
+    assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
+    return out
 
 
 def _in_process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -120,10 +129,9 @@ def test_run_serves_the_page_until_it_ends(bundle: Path, picture: Path, tmp_path
 
 
 def test_run_refuses_a_used_folder(
-    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    bundle: Path, picture: Path, finished: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(tmp_path / "out")]
-    assert main(arguments) == 0
+    arguments = ["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(finished)]
     assert main(arguments) == 1
     assert capsys.readouterr().err.count("--resume") == 1
 
@@ -151,10 +159,9 @@ def test_run_refuses_a_file_as_folder(
 
 
 def test_run_with_damaged_state_does_not_suggest_resume(
-    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
+    out = shutil.copytree(finished, tmp_path / "out")
     (out / "state.npz").write_bytes(b"torn")
     assert main(["run", "--resume", str(out)]) == 1
     message = capsys.readouterr().err
@@ -183,12 +190,7 @@ def test_run_with_reached_goal_reports_no_stroke(
 def test_run_refuses_a_changed_bundle_before_writing(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    copy = tmp_path / "copy"
-    copy.mkdir()
-    for file in bundle.rglob("*"):
-        if file.is_file():
-            (copy / file.relative_to(bundle)).parent.mkdir(parents=True, exist_ok=True)
-            (copy / file.relative_to(bundle)).write_bytes(file.read_bytes())
+    copy = shutil.copytree(bundle, tmp_path / "copy")
     (copy / "card.md").write_text("changed")
     out = tmp_path / "out"
     assert main(["run", str(copy), "--goal-image", str(picture), "--out", str(out)]) == 1
@@ -196,10 +198,9 @@ def test_run_refuses_a_changed_bundle_before_writing(
 
 
 def test_run_refuses_to_resume_with_another_bundle(
-    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    assert main(["run", str(bundle), "--robot", "svg", "--goal-image", str(picture), "--out", str(out)]) == 0
+    out = shutil.copytree(finished, tmp_path / "out")
     commission = json.loads((out / "commission.json").read_text())
     (out / "commission.json").write_text(json.dumps(commission | {"digest": "0" * 64}))
     assert main(["run", "--resume", str(out)]) == 1
