@@ -52,7 +52,7 @@ _SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 
 """sRGB of the sheets of colour: white paper, and pale tints."""
 _GROUND_SRGB: Final = (150, 140, 120)
 _LINES: Final = (0.013, 0.02)  # range of `DrawnScene.line`: a marker of 0.8 to 1.2 mm on 60 mm
-_LINE_OF_SOURCE: Final[Mapping[Source, float]] = {"openmoji": 0.03, "tabler": 0.045}
+_LINE_OF_SOURCE: Final[Mapping[Source, float]] = {"openmoji": 0.03, "tabler": 0.045, "fluent": 0.06}
 """Width of a source's lines in sides of a drawing's square; measured on drawings that fill it."""
 
 

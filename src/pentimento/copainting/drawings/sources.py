@@ -1,7 +1,8 @@
 """Drawings of named things from packages of emoji and icons.
 
-OpenMoji has a pen drawing and a painting of each thing, Tabler has pen drawings, Noto Emoji and Twemoji have paintings.
-The first two are Python packages; the others are archives that `npm pack` writes (`pipelines/fetch_drawings.py`).
+OpenMoji has a pen drawing and a painting of each thing. Fluent Emoji (high contrast) and Tabler have pen drawings, Noto
+Emoji and Twemoji paintings. OpenMoji and Tabler are Python packages; the others are archives that `npm pack` writes
+(`pipelines/fetch_drawings.py`).
 """
 
 from __future__ import annotations
@@ -24,14 +25,18 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 
-Source = Literal["openmoji", "tabler", "noto", "twemoji"]
-SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "noto", "twemoji")
-PEN_SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler")
+Source = Literal["openmoji", "tabler", "fluent", "noto", "twemoji"]
+SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "fluent", "noto", "twemoji")
+PEN_SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "fluent")
 """Sources with pen drawings."""
 LICENCES: Final[dict[Source, str]] = {
-    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "noto": "Apache-2.0", "twemoji": "CC-BY-4.0",
+    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "fluent": "MIT", "noto": "Apache-2.0", "twemoji": "CC-BY-4.0",
 }  # fmt: skip
-ARCHIVES: Final[dict[Source, str]] = {"noto": "@iconify-json/noto@1.2.9", "twemoji": "@iconify-json/twemoji@1.2.5"}
+ARCHIVES: Final[dict[Source, str]] = {
+    "fluent": "@iconify-json/fluent-emoji-high-contrast@1.2.6",
+    "noto": "@iconify-json/noto@1.2.9",
+    "twemoji": "@iconify-json/twemoji@1.2.5",
+}
 """Packages of npm with the drawings of a source."""
 
 _PACKAGES: Final[dict[Source, tuple[str, str]]] = {
@@ -46,6 +51,7 @@ _RASTER_PX: Final = 384
 SIDE_PX: Final = 256
 """Side of a `NamedDrawing`."""
 _MARGIN_PX: Final = 2  # of a `NamedDrawing`: an empty border, so that a warped drawing ends in transparent pixels
+_NOT_BY_FLUENT: Final = {"harp", "shovel"}
 _VISIBLE: Final = 8  # alpha of 255 above which a pixel belongs to a drawing
 
 
@@ -63,7 +69,8 @@ class Noun:
     @property
     def sources(self) -> tuple[Source, ...]:
         """The sources that draw it."""
-        return tuple(source for source in SOURCES if source != "tabler" or self.tabler)
+        missing = {"tabler": self.tabler is None, "fluent": self.name in _NOT_BY_FLUENT}
+        return tuple(source for source in SOURCES if not missing.get(source, False))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,15 +103,18 @@ def named_drawing(name: str, source: Source, archives: Path | None = None) -> Na
         ConfigError: the source's package or archive is missing.
     """
     noun = vocabulary()[name]
+    if source not in noun.sources:
+        raise ValueError(f"{source} has no drawing of a {name}.")
     match source:
         case "openmoji":
             root = ElementTree.parse(_file(source, noun.openmoji, f"{noun.openmoji}-FE0F")).getroot()
             painted, lines = _rasterised(root), _rasterised(_lines(root))[..., 3]
         case "tabler":
-            if noun.tabler is None:
-                raise ValueError(f"Tabler Icons has no drawing of a {name}.")
-            text = _file(source, noun.tabler).read_text(encoding="utf-8").replace("currentColor", "#000")
+            text = _file(source, str(noun.tabler)).read_text(encoding="utf-8").replace("currentColor", "#000")
             lines = _rasterised(ElementTree.fromstring(text.replace('stroke-width="2"', _TABLER_LINE)))[..., 3]
+            painted = _filled(lines)
+        case "fluent":
+            lines = _rasterised(ElementTree.fromstring(_archived(source, archives)(noun.openmoji)))[..., 3]
             painted = _filled(lines)
         case _:
             painted = _rasterised(ElementTree.fromstring(_archived(source, archives)(noun.openmoji)))
@@ -127,6 +137,7 @@ def _archived(source: Source, archives: Path | None) -> Callable[[str], str]:
 
     def svg(code: str) -> str:
         found = names.get(code.lower()) or names[f"{code.lower()}-fe0f"]
+        found = found if found in icons["icons"] else icons["aliases"][found]["parent"]
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="{size}">'
             f"{icons['icons'][found]['body']}</svg>"
