@@ -50,6 +50,8 @@ class DrawnScenesConfig:
     """Captions of each scene."""
     alone_share: float
     """Of the scenes: those with one thing."""
+    mirrored_share: float
+    """Of the things."""
     sources: tuple[Source, ...]
     """A scene is drawn by one of these, and shows only things that the source draws."""
     seed: int
@@ -57,7 +59,7 @@ class DrawnScenesConfig:
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes", "wordings")
         at_least(self, 32, "side_px")
-        at_least(self, 0, "val_share", "test_share", "alone_share", "seed")
+        at_least(self, 0, "val_share", "test_share", "alone_share", "mirrored_share", "seed")
 
 
 def nouns_of(source: Source) -> list[str]:
@@ -87,6 +89,7 @@ def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[s
         nouns_of(source),
         source,
         alone_share=config.alone_share,
+        mirrored_share=config.mirrored_share,
         generator=generator,
     )
     everything = range(len(scene.things))

@@ -46,6 +46,7 @@ _SENTENCES: Final[dict[Relation, tuple[str, ...]]] = {
 _OPENINGS: Final = ("", "", "", "", "a picture of ", "a drawing of ", "please draw ")
 _COUNTS: Final = {2: "two", 3: "three", 4: "four"}
 _SYNONYM_SHARE: Final = 0.25  # of the mentions of a noun that has synonyms
+_TURN_RAD: Final = np.radians(3)  # standard deviation of a thing's rotation
 _GROUND_SHARE: Final = 0.2  # of the scenes: a ground line under the things
 _TEST_IN: Final = 12  # one of so many pairs of nouns, and of nouns in a relation, is for testing only
 _SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 222), (226, 236, 214), (236, 236, 238))
@@ -106,25 +107,32 @@ def draw_scene(
     nouns: Sequence[str],
     source: Source,
     *,
-    alone_share: float | None = None,
+    alone_share: float = RELATION_SHARES["alone"],
+    mirrored_share: float = 0.0,
     generator: np.random.Generator,
 ) -> DrawnScene:
     """A random scene of `split` with things of `nouns`, which `source` draws.
 
-    `alone_share` replaces the share of scenes with one thing; the other relations keep their proportions.
+    `alone_share` of the scenes show one thing, whatever `split` is; the other relations keep their proportions.
+    `mirrored_share` of the things are mirrored.
     """
-    shares: dict[Relation, float] = dict(RELATION_SHARES)
-    if alone_share is not None:
-        scale = (1 - alone_share) / (1 - shares["alone"])
-        shares = {name: alone_share if name == "alone" else scale * share for name, share in shares.items()}
+    scale = (1 - alone_share) / (1 - RELATION_SHARES["alone"])
+    shares = {name: alone_share if name == "alone" else scale * share for name, share in RELATION_SHARES.items()}
     while True:
         relation = list(shares)[generator.choice(len(shares), p=list(shares.values()))]
-        scene = _arranged(relation, nouns, source, generator)
+        scene = _arranged(relation, nouns, source, mirrored_share=mirrored_share, generator=generator)
         if relation == "alone" or split_of_scene(relation, [thing.noun for thing in scene.things]) == split:
             return scene
 
 
-def _arranged(relation: Relation, nouns: Sequence[str], source: Source, generator: np.random.Generator) -> DrawnScene:
+def _arranged(
+    relation: Relation,
+    nouns: Sequence[str],
+    source: Source,
+    *,
+    mirrored_share: float,
+    generator: np.random.Generator,
+) -> DrawnScene:
     u = generator.uniform
     places: list[tuple[float, float, float]]  # x, y, size
     match relation:
@@ -167,7 +175,7 @@ def _arranged(relation: Relation, nouns: Sequence[str], source: Source, generato
     picks = generator.choice(len(nouns), 1 if relation == "count" else len(places), replace=False)
     names = [nouns[int(pick)] for pick in picks] * (len(places) if relation == "count" else 1)
     things = tuple(
-        Placed(name, source, x, y, size, float(generator.normal(0, np.radians(5))), bool(u() < 0.3))
+        Placed(name, source, x, y, size, float(generator.normal(0, _TURN_RAD)), bool(u() < mirrored_share))
         for name, (x, y, size) in zip(names, places, strict=True)
     )
     named = tuple(range(len(things)))
