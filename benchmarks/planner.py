@@ -137,6 +137,7 @@ def plain_adam(
     strokes: Strokes,
     canvas: Light,
     scene: Scene,
+    *,
     multiple: float,
     free_color: bool,
     clock: _Clock,
@@ -175,26 +176,42 @@ def _anywhere(scene: Scene, seed: int) -> Strokes:
 def constant_adam(canvas: Light, scene: Scene, seed: int) -> Curve:
     """The curve of Adam as it comes: our first learning rates, and they stay."""
     strokes, clock = _anywhere(scene, seed), _Clock(0)
-    plain_adam(strokes, canvas, scene, 1.0, True, clock, 1.0)
+    plain_adam(strokes, canvas, scene, multiple=1.0, free_color=True, clock=clock, last_rate=1.0)
     return clock.curve
 
 
-def best_adam(canvas: Light, scene: Scene, seed: int) -> tuple[Strokes, Curve, float]:
-    """The baseline's plan, its curve, and the multiple of the learning rates that it owes it to."""
+@dataclass(frozen=True)
+class AdamRun:
+    """A run of the baseline."""
+
+    strokes: Strokes
+    curve: Curve
+    multiple: float
+    """Of the learning rates."""
+
+
+def best_adam(canvas: Light, scene: Scene, seed: int) -> AdamRun:
+    """The baseline's run with the lowest objective."""
     runs = []
     for multiple in MULTIPLES:
         strokes, clock = _anywhere(scene, seed), _Clock(0)
-        plain_adam(strokes, canvas, scene, multiple, True, clock)
-        runs.append((strokes, clock.curve, float(multiple)))
-    return min(runs, key=lambda run: run[1].loss[-1])
+        plain_adam(strokes, canvas, scene, multiple=multiple, free_color=True, clock=clock)
+        runs.append(AdamRun(strokes, clock.curve, float(multiple)))
+    return min(runs, key=lambda run: run.curve.loss[-1])
 
 
 def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
     """One picture: both planners with free colours, in 12 paints, and, if wanted, both paintings in the studio."""
     scene, canvas = scene_of(picture)
-    theirs, adam, multiple = best_adam(canvas, scene, seed)
+    best = best_adam(canvas, scene, seed)
+    adam = best.curve
     row: dict[str, Any] = {"picture": Path(picture).stem, "seed": seed, "strokes": STROKES}
-    row["adam"] = {"multiple": multiple, "seconds": adam.seconds[-1], "loss": adam.loss[-1], "minimum": min(adam.loss)}
+    row["adam"] = {
+        "multiple": best.multiple,
+        "seconds": adam.seconds[-1],
+        "loss": adam.loss[-1],
+        "minimum": min(adam.loss),
+    }
     constant = constant_adam(canvas, scene, seed)
     row["constant"] = {"seconds": constant.seconds[-1], "loss": constant.loss[-1]}
     for name, (iterations, every) in SCHEDULES.items():
@@ -216,7 +233,7 @@ def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
         row, "reaches_constant_seconds", constant
     )
     row["constant_lower_by"] = 1 - row["long"]["loss_at_constant_time"] / constant.loss[-1]
-    row["paints"] = _in_paints(theirs, canvas, scene, multiple, seed, execute)
+    row["paints"] = _in_paints(best.strokes, canvas, scene, multiple=best.multiple, seed=seed, execute=execute)
     return row
 
 
@@ -227,23 +244,26 @@ def _first_to_reach(row: dict[str, Any], which: str, baseline: Curve) -> tuple[f
 
 
 def _in_paints(
-    theirs: Strokes, canvas: Light, scene: Scene, multiple: float, seed: int, execute: bool
+    theirs: Strokes, canvas: Light, scene: Scene, *, multiple: float, seed: int, execute: bool
 ) -> dict[str, Any]:
     """All plans in 12 paints: the baselines ordered from light to dark and given as many iterations again."""
     objective = objective_for(scene, OURS)
     plans = {}
     start = time.process_time()
     plans["adam"] = (
-        *_light_to_dark(theirs, canvas, scene, multiple, seed, OURS.execution_noise),
+        *_light_to_dark(theirs, canvas, scene, multiple=multiple, seed=seed, execution_noise=OURS.execution_noise),
         time.process_time() - start,
     )
     if execute:
         told = _anywhere(scene, seed)
-        plain_adam(told, canvas, scene, multiple, True, _Clock(0), execution_noise=EXECUTION_NOISE)
+        plain_adam(
+            told, canvas, scene, multiple=multiple, free_color=True, clock=_Clock(0), execution_noise=EXECUTION_NOISE
+        )
         start = time.process_time()
         plans["adam_told"] = (
-            *_light_to_dark(told, canvas, scene, multiple, seed, EXECUTION_NOISE), time.process_time() - start
-        )  # fmt: skip
+            *_light_to_dark(told, canvas, scene, multiple=multiple, seed=seed, execution_noise=EXECUTION_NOISE),
+            time.process_time() - start,
+        )
     start = time.process_time()
     config = replace(OURS, iterations_free=120, execution_noise=EXECUTION_NOISE, seed=seed)
     plans["ours"] = (*plan(canvas, scene, STROKES, config, _unheard), time.process_time() - start)
@@ -270,12 +290,14 @@ def _in_paints(
 
 
 def _light_to_dark(
-    strokes: Strokes, canvas: Light, scene: Scene, multiple: float, seed: int, execution_noise: ExecutionNoise
+    strokes: Strokes, canvas: Light, scene: Scene, *, multiple: float, seed: int, execution_noise: ExecutionNoise
 ) -> tuple[Strokes, FloatArray]:
     """A baseline's plan in 12 paints, and these, sRGB [K, 3]."""
     paints = choose_paints(strokes, OURS.palette, seed)
     strokes, paints = in_order(paints.dipped(strokes), paints, scene, replace(OURS, sweeps=1))
-    plain_adam(strokes, canvas, scene, multiple, False, _Clock(0), execution_noise=execution_noise)
+    plain_adam(
+        strokes, canvas, scene, multiple=multiple, free_color=False, clock=_Clock(0), execution_noise=execution_noise
+    )
     return strokes, paints.srgb()
 
 

@@ -24,6 +24,7 @@ def play(
     folder: Path,
     story: Story,
     paint_context: PaintContext,
+    *,
     world: str,
     sampling: SeededSampling,
     codrawing: Codrawing,

@@ -5,6 +5,7 @@ import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 
@@ -87,10 +88,15 @@ def main(arguments: argparse.Namespace) -> None:
         _log_candidates(run, found)
 
 
-def _parts(
-    strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingConfig
-) -> tuple[MeasuredStrokes, MeasuredStrokes, MeasuredStrokes]:
-    """Split strokes into training, validation and test: the base was trained on the first two."""
+class _Parts(NamedTuple):
+    """Strokes by what they are used for; the base was trained on the first two."""
+
+    training: MeasuredStrokes
+    validation: MeasuredStrokes
+    held_out: MeasuredStrokes
+
+
+def _parts(strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingConfig) -> _Parts:
     held_out = torch.tensor(json.loads(held_out_actions.read_text()))
     action = strokes.samples.action
     known = torch.nonzero(~torch.isin(action, held_out)).flatten()
@@ -100,8 +106,7 @@ def _parts(
     validates = torch.isin(action, validating.action)
     unseen = torch.isin(action, held_out)
     parts = (~unseen & ~validates, validates, unseen)
-    training, validation, test_split = (strokes.pick(torch.nonzero(part).flatten()) for part in parts)
-    return training, validation, test_split
+    return _Parts(*(strokes.pick(torch.nonzero(part).flatten()) for part in parts))
 
 
 def _established(found: Diagnosis) -> list[Mechanism]:

@@ -148,9 +148,10 @@ def main(arguments: argparse.Namespace) -> None:
         ordinary = submit(
             partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, edits, config.sampling
         )
+        story_of = partial(play, world=setting.world, sampling=config.sampling, codrawing=config.codrawing)
         played = {
             name: [
-                submit(play, folder, story, paint_context, setting.world, config.sampling, config.codrawing, seed)
+                submit(partial(story_of, seed=seed), folder, story, paint_context)
                 for seed, story in enumerate(stories(held_out, config.codrawing.stories), config.seed)
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))

@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -100,14 +101,8 @@ def main(arguments: argparse.Namespace) -> None:
         blank = observe(robot, calibration, setting.planner.pixels_per_m)
         photograph = fit_to_canvas(load_photograph(setting.photograph), blank.shape[:2])
         target = photograph if tool.color_srgb is None else fit_to_ink(photograph, setting.darkest)
-        models = {
-            "extended": read_stroke_model(weights),
-            "base": base_model(read_parameters(base_weights / "parameters.json")),
-            "polyline": base_model(read_parameters(base_weights / "polyline.json")),
-        }
-        style, light = style_of(setting.planner), target.astype(np.float32)
-        brushes = {name: TorchBrush(model, tool, setting.planner.path_points) for name, model in models.items()}
-        scenes = {name: scene_with(brush, tool, robot.canvas_size_m, light, style) for name, brush in brushes.items()}
+        models = _models(weights, base_weights)
+        scenes = _scenes(models, tool, setting, canvas_size_m=robot.canvas_size_m, target=target)
         scene, losses = scenes["extended"], list[float]()
 
         def log(name: str, value: float, step: int) -> None:
@@ -117,19 +112,14 @@ def main(arguments: argparse.Namespace) -> None:
         strokes, palette = plan(as_linear(blank), scene, config.strokes, setting.planner, log)
         for sentence in _warnings(strokes, scene):
             print(f"paint: {sentence}", file=sys.stderr)
-        paintings: dict[str, Painting] = {}
-        for kind in ("without", "with"):
-            paintings[kind] = paint(
-                _robot(tool, setting, config.seed),
-                scene,
-                strokes,
-                palette_srgb=palette,
-                replan_every=config.replan_every,
-                replan=kind == "with",
-                config=setting.planner,
-                log=run.log_under(kind),
+        new_robot = partial(_robot, tool, setting, config.seed)
+        paintings = {
+            kind: paint(
+                new_robot(), scene, strokes, palette_srgb=palette, replan_every=config.replan_every,
+                replan=kind == "with", config=setting.planner, log=run.log_under(kind),
             )
-
+            for kind in ("without", "with")
+        }  # fmt: skip
         simpler = {name: np.clip(predict(strokes, blank, scenes[name]), 0.0, 1.0) for name in ("base", "polyline")}
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
@@ -143,12 +133,35 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "palette.json", palette)
         metrics = _metrics(scene, blank, simpler, paintings, setting.planner)
         metrics |= _execution_errors(
-            metrics, scenes, models["extended"], lambda: _robot(tool, setting, config.seed), blank, config, setting
+            metrics, scenes, models["extended"], new_robot=new_robot, blank=blank, config=config, setting=setting
         )
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
         for name in ("plan.png", "painting_with.png", "painting_without.png"):
             run.log_picture(out / name)
+
+
+def _models(weights: Path, base_weights: Path) -> dict[str, StrokeModel]:
+    """Return the extended model, the base and the polyline."""
+    return {
+        "extended": read_stroke_model(weights),
+        "base": base_model(read_parameters(base_weights / "parameters.json")),
+        "polyline": base_model(read_parameters(base_weights / "polyline.json")),
+    }
+
+
+def _scenes(
+    models: dict[str, StrokeModel],
+    tool: Tool,
+    setting: Setting,
+    *,
+    canvas_size_m: tuple[float, float],
+    target: FloatArray,
+) -> dict[str, Scene]:
+    """Return the scene of each model, with a blank canvas; ``target`` is linear light."""
+    style, light = style_of(setting.planner), target.astype(np.float32)
+    brushes = {name: TorchBrush(model, tool, setting.planner.path_points) for name, model in models.items()}
+    return {name: scene_with(brush, tool, canvas_size_m, light, style) for name, brush in brushes.items()}
 
 
 def _write_paintings(
@@ -246,6 +259,7 @@ def _execution_errors(
     metrics: dict[str, Any],
     scenes: dict[str, Scene],
     extended: StrokeModel,
+    *,
     new_robot: Callable[[], Robot],
     blank: Image,
     config: Paint,

@@ -124,7 +124,9 @@ def main(arguments: argparse.Namespace) -> None:
             folder.mkdir()
             height, _ = seen_m(robot.scan())
             fit = _goal(wanted, height, setting, robot)
-            predicted = _predicted(height, fit, members, end_effector, robot, sculpting, number)
+            predicted = _predicted(
+                height, fit, members, end_effector=end_effector, robot=robot, sculpting=sculpting, number=number
+            )
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
                 config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
@@ -135,7 +137,16 @@ def main(arguments: argparse.Namespace) -> None:
             frames += [
                 photograph(each, window_m, 2) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
             ]
-            metrics = _metrics(wanted, fit, predicted, sculpture, config, reader, setting, window_m)
+            metrics = _metrics(
+                wanted,
+                fit,
+                predicted,
+                sculpture=sculpture,
+                config=config,
+                reader=reader,
+                setting=setting,
+                window_m=window_m,
+            )
             write_json(folder / "metrics.json", metrics)
             goals[name] = metrics
             run.log_picture(out / f"{name}.png")
@@ -165,6 +176,7 @@ def _predicted(
     height: Array,
     fit: GoalFit,
     members: tuple[PushModel, ...],
+    *,
     end_effector: EndEffector,
     robot: SculptingRobot,
     sculpting: SculptingSettings,
@@ -182,6 +194,7 @@ def _metrics(
     wanted: Wanted,
     fit: GoalFit,
     predicted: PushPlan,
+    *,
     sculpture: Sculpture,
     config: Sculpt,
     reader: LetterClassifier,

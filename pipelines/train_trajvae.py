@@ -56,7 +56,9 @@ def main(arguments: argparse.Namespace) -> None:
         metrics: dict[str, Any] = {"strokes": {"learned": len(learned.hand), "quarantined": len(checked.quarantined)}}
         pictures = []
         for hand in learned.hands:
-            decoder, metrics[hand] = _adapted(model, learned.strokes, held_out.of(hand), hand, config, run)
+            decoder, metrics[hand] = _adapted(
+                model, learned.strokes, held_out.of(hand), hand=hand, config=config, run=run
+            )
             write_decoder(out / "hands" / f"{hand}.npz", decoder)
             samples = decoder.sample(_SAMPLES, np.random.default_rng([config.model.seed, 31]))
             pictures += list(decoder.decode(samples)[0].astype(np.float64))
@@ -69,7 +71,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _adapted(
-    model: TrajVAE, known: Strokes, session: Demonstrated, hand: str, config: TrainTrajVAE, run: Run
+    model: TrajVAE, known: Strokes, session: Demonstrated, *, hand: str, config: TrainTrajVAE, run: Run
 ) -> tuple[StyleDecoder, dict[str, float]]:
     """Return a writer's decoder, fine-tuned on the first strokes of an unseen session, and errors (mm) on the rest."""
     count, few_shot = len(session.hand), config.few_shot_strokes

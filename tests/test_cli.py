@@ -146,8 +146,10 @@ def raster(*_: object) -> list[Command]:
     rng, commands = np.random.default_rng(5), []
     for number in range(54):
         row, column = divmod(number % 18, 3)
-        shape = rng.uniform(0.02, 0.05), rng.uniform(-0.008, 0.008), np.full(3, 2e-3)
-        points = stroke_points(np.array([0.06 + 0.09 * column, 0.03 + 0.028 * row]), 0.0, *shape, 0.0, 16)
+        middle, length = np.array([0.06 + 0.09 * column, 0.03 + 0.028 * row]), rng.uniform(0.02, 0.05)
+        points = stroke_points(
+            middle, 0.0, length, bend_m=rng.uniform(-0.008, 0.008), press_m=np.full(3, 2e-3), yaw_rad=0.0, points=16
+        )
         stroke = PlannedStroke(timed_path(points, 0.06), np.array(INK), dip=column == 0)
         commands.append(Command(number, number // 18, stroke, 1.0))
     return commands
@@ -221,7 +223,7 @@ def test_calibrate_rejects_a_lens_without_a_camera(tmp_path: Path, capsys: pytes
 def test_calibrate_without_a_person_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def nobody(*_: object) -> None:
+    def nobody(*_: object, **__: object) -> None:
         raise EOFError
 
     monkeypatch.setattr(calibrate_command, "calibrate_rig", nobody)

@@ -52,7 +52,14 @@ class Conditions:
 
 
 def pushed(
-    before: Array, worked: Array, command: Command, conditions: Conditions, clay: Clay, effects: Effects, rough: Array
+    before: Array,
+    worked: Array,
+    command: Command,
+    *,
+    conditions: Conditions,
+    clay: Clay,
+    effects: Effects,
+    rough: Array,
 ) -> Array:
     """Heights [N, N] after a push.
 

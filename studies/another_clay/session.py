@@ -57,7 +57,15 @@ def recorded(world: World) -> pa.Table:
             measured["temperature_c"], measured["humidity_pct"], measured["supply_v"],
             float(stiffened[order] - stiffened.mean()),
         )  # fmt: skip
-        after = pushed(height, worked, push.command, conditions, world.clay, world.effects, rough / rough.std())
+        after = pushed(
+            height,
+            worked,
+            push.command,
+            conditions=conditions,
+            clay=world.clay,
+            effects=world.effects,
+            rough=rough / rough.std(),
+        )
         rows.append(_row(order, push, _scan(height, world.clay, rng), _scan(after, world.clay, rng)))
         worked += np.clip(height - after, 0, None)
         height = after

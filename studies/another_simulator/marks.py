@@ -42,7 +42,7 @@ def drawn_tool(rng: np.random.Generator, kind: ToolKind) -> Tool:
 
 
 def widths_m(
-    tool: Tool, effects: Effects, command: Command, xy_m: Array, press_m: Array, worn: float, damp: float
+    tool: Tool, effects: Effects, command: Command, *, xy_m: Array, press_m: Array, worn: float, damp: float
 ) -> Array:
     """Width of the contact at each point [M]; ``worn`` 0 to 1 over the session, ``damp`` about -1 to 1."""
     width = (tool.narrow_m + tool.grows_m * (1 - np.exp(-press_m / 0.0015))) * (press_m > 0)
@@ -58,7 +58,7 @@ def widths_m(
 
 
 def mark(
-    tool: Tool, xy_m: Array, press_m: Array, width_m: Array, yaw_rad: float, window_m: Array, pixels_per_m: float
+    tool: Tool, xy_m: Array, press_m: Array, *, width_m: Array, yaw_rad: float, window_m: Array, pixels_per_m: float
 ) -> Array:
     """Coverage float32[H, W] in [0, 1] of a window (x_min, y_min, x_max, y_max)."""
     columns, rows = np.rint((window_m[2:] - window_m[:2]) * pixels_per_m).astype(int)

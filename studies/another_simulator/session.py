@@ -48,10 +48,18 @@ def recorded(world: World) -> pa.Table:
         command = drawn_command(np.random.default_rng([world.seed, 1, int(action)]), world.tool)
         xy_m, press_m = arm.contact(command)
         damp = float(np.tanh((humidity - _MEAN_HUMIDITY) / _HUMIDITY_SD))
-        width_m = widths_m(tool, effects, command, xy_m, press_m, order / len(actions), damp)
+        width_m = widths_m(tool, effects, command, xy_m=xy_m, press_m=press_m, worn=order / len(actions), damp=damp)
         width_m = width_m * (1 + rng.normal(0, _WIDTH_SCATTER))
         window_m = _window_about(command, world.pixels_per_m, rng)
-        cover = mark(tool, xy_m, press_m, width_m, command.yaw_rad, window_m, world.pixels_per_m)
+        cover = mark(
+            tool,
+            xy_m,
+            press_m,
+            width_m=width_m,
+            yaw_rad=command.yaw_rad,
+            window_m=window_m,
+            pixels_per_m=world.pixels_per_m,
+        )
         paint = (
             opacity * (1 + rng.normal(0, _PAINT_SCATTER)) * _paint(effects, command, since_dip_m, order / len(actions))
         )
@@ -122,8 +130,13 @@ def _paper(world: World, tool: Tool, window_m: Array, shape: tuple[int, ...], rn
     old = drawn_command(rng, world.tool)
     there = old.xy_m - old.xy_m.mean(0) + (window_m[:2] + window_m[2:]) / 2
     xy_m, press_m = Arm(Effects(), rng).contact(Command(old.t_s, there, old.z_m, 0.0, old.speed_m_s, old.length_m))
-    width_m = widths_m(tool, Effects(), old, xy_m, press_m, 0.0, 0.0)
-    cover = 0.8 * mark(tool, xy_m, press_m, width_m, 0.0, window_m, world.pixels_per_m)[..., None]
+    width_m = widths_m(tool, Effects(), old, xy_m=xy_m, press_m=press_m, worn=0.0, damp=0.0)
+    cover = (
+        0.8
+        * mark(tool, xy_m, press_m, width_m=width_m, yaw_rad=0.0, window_m=window_m, pixels_per_m=world.pixels_per_m)[
+            ..., None
+        ]
+    )
     return np.asarray((1 - cover) * blank + cover * _linear(_OLD_PAINT))
 
 

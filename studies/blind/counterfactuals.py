@@ -97,7 +97,12 @@ def stroke_pair(seed: int) -> Pair | None:
     table, truth = strokes.make_world(sketch)
     view = view_of(sketch.tool, fine=False)
     recording = record_world(
-        sketch.world, sketch.seed, sketch.tool, sketch.palette_srgb, strokes.commands_of(sketch, view), view
+        sketch.world,
+        sketch.seed,
+        sketch.tool,
+        palette_srgb=sketch.palette_srgb,
+        commands=strokes.commands_of(sketch, view),
+        view=view,
     )
     own = set(recording.rows[0])
     counterfactual = as_table(

@@ -47,13 +47,16 @@ def auc_by_known_strokes(
         count = len(own.xy_m)
         numbers = [number for number in NUMBERS if number <= _KNOWN * count]
         for known in numbers if len(numbers) > 1 else []:
-            aucs = [_aucs(model, session, own, others, known, split, config) for split in range(_SPLITS)]
+            aucs = [
+                _aucs(model, session, own, others=others, known=known, split=split, config=config)
+                for split in range(_SPLITS)
+            ]
             found.append(Discrimination(session, known, count - known, *np.mean(aucs, axis=0).tolist()))
     return found
 
 
 def _aucs(
-    model: TrajVAE, session: str, own: Strokes, others: Strokes, known: int, split: int, config: TrajVAEConfig
+    model: TrajVAE, session: str, own: Strokes, *, others: Strokes, known: int, split: int, config: TrajVAEConfig
 ) -> tuple[float, float]:
     """Of one split: all samples, and few."""
     rng = np.random.default_rng([config.seed, 43, split, *session.encode()])

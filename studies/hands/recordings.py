@@ -24,7 +24,7 @@ def motion_capture(folder: Path) -> list[Recording]:
     for number, (begin, end) in enumerate(pairwise(offsets)):
         name = str(names[session[number]])
         xy = points[begin:end].astype(np.float64)
-        found.append(recording(name, name, xy, np.arange(len(xy)) / rate_hz))
+        found.append(recording(name, name, xy, t_s=np.arange(len(xy)) / rate_hz))
     return found
 
 
@@ -35,7 +35,9 @@ def tablet(folder: Path) -> list[Recording]:
     found = []
     for number, (begin, end) in enumerate(pairwise(offsets)):
         name, part = str(names[session[number]]), points[begin:end].astype(np.float64)
-        found.append(recording(name, name, part[:, :2] * [TABLET_M, -TABLET_M], None, None, part[:, 2]))
+        found.append(
+            recording(name, name, part[:, :2] * [TABLET_M, -TABLET_M], t_s=None, z_m=None, pressure=part[:, 2])
+        )
     return found
 
 
@@ -48,5 +50,5 @@ def quickdraw(folder: Path, drawings: int) -> list[Recording]:
         for number in range(of_drawing[drawing], of_drawing[drawing + 1]):
             part = points[strokes[number] : strokes[number + 1]].astype(np.float64)
             name = f"drawing_{drawing}"
-            found.append(recording(name, name, part[:, :2] * [QUICKDRAW_M, -QUICKDRAW_M], part[:, 2] / 1e3))
+            found.append(recording(name, name, part[:, :2] * [QUICKDRAW_M, -QUICKDRAW_M], t_s=part[:, 2] / 1e3))
     return found

@@ -96,7 +96,7 @@ def _smoothed(name: str, arguments: argparse.Namespace, given: Settings) -> tupl
         else ChamferObjective(goal, scan.window_m, VOXEL_M)
     )
     for number in range(ACTIONS):
-        action = _next(heights[-1], objective, members, tool.name, given, raw.area_m, number)
+        action = _next(heights[-1], objective, members, tool=tool.name, given=given, area_m=raw.area_m, number=number)
         if action is None:
             heights.append(heights[-1])
             continue
@@ -117,6 +117,7 @@ def _next(
     height: Array,
     objective: ClayObjective,
     members: tuple[PushModel, ...],
+    *,
     tool: str,
     given: Settings,
     area_m: tuple[float, float],

@@ -174,7 +174,7 @@ def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: st
         for name in names:
             for test in ("own", "other"):
                 values = {m: estimate(sets[name], m, test, score).value for m in models if m in _common(sets[name])}
-                lines.append(_set_row(name, test, values, models, best, digits))
+                lines.append(_set_row(name, test, values, models=models, best=best, digits=digits))
     found = [f"{name}: {' / '.join(map(_causes, sets[name]))}" for name in names if OURS in _common(sets[name])]
     lines.append(
         "\nCauses established on the training strokes of each fold: " + "; ".join(found) + ".\n" if found else ""
@@ -183,7 +183,7 @@ def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: st
 
 
 def _set_row(
-    name: str, test: str, values: Mapping[str, float], models: Sequence[str], best: Callable[..., str], digits: int
+    name: str, test: str, values: Mapping[str, float], *, models: Sequence[str], best: Callable[..., str], digits: int
 ) -> str:
     first = best(values, key=lambda model: values[model])
     cells = [

@@ -41,8 +41,11 @@ def record_datasets(tool_name: str, seed: int, of_a: int, of_b: int) -> Datasets
     palette = np.array([tool.color_srgb or PAINT_SRGB])
     view = View(0, 0, PIXELS_PER_M, MARGIN_M)
     canvas = world.paper.size_m
-    commands = [*_designed(tool, canvas, palette, seed, of_a), *_in_hands(tool, canvas, palette, seed, of_b, of_a)]
-    table = as_table(record_world(world, seed, tool, palette, commands, view), {})
+    commands = [
+        *_designed(tool, canvas, palette, seed, of_a),
+        *_in_hands(tool, canvas, palette, seed=seed, strokes=of_b, before=of_a),
+    ]
+    table = as_table(record_world(world, seed, tool, palette_srgb=palette, commands=commands, view=view), {})
     is_b = np.array(table["action_id"].to_pylist()) >= _FIRST_OF_B
     return Datasets(table.filter(pa.array(~is_b)), table.filter(pa.array(is_b)))
 
@@ -52,13 +55,15 @@ def _designed(tool: Tool, canvas_m: tuple[float, float], palette: FloatArray, se
         strokes, 0, 1, 0.0, POINTS, MARGIN_M, 0.008, PIXELS_PER_M, (1.0, 10.0), tuple(map(tuple, palette)), 0.0, seed
     )
     return [
-        _command(c.action_id, c.sheet, c.stroke.path, palette, c.stroke.dip, c.wait_s, canvas_m)
+        _command(
+            c.action_id, c.sheet, c.stroke.path, palette=palette, dip=c.stroke.dip, wait_s=c.wait_s, canvas_m=canvas_m
+        )
         for c in design_collection(tool, canvas_m, palette, config)
     ]
 
 
 def _in_hands(
-    tool: Tool, canvas_m: tuple[float, float], palette: FloatArray, seed: int, strokes: int, before: int
+    tool: Tool, canvas_m: tuple[float, float], palette: FloatArray, *, seed: int, strokes: int, before: int
 ) -> list[Command]:
     """Each in a cell of its own, on sheets after those of dataset A; hand by turns."""
     commands = []
@@ -72,13 +77,21 @@ def _in_hands(
         shape[:, :2] += middle + rng.uniform(-0.004, 0.004, 2)
         path = timed_path(shape, float(np.exp(rng.uniform(*np.log(tool.speed_range_m_s)))))
         commands.append(
-            _command(_FIRST_OF_B + number, before + sheet, path, palette, False, rng.uniform(1, 10), canvas_m)
+            _command(
+                _FIRST_OF_B + number,
+                before + sheet,
+                path,
+                palette=palette,
+                dip=False,
+                wait_s=rng.uniform(1, 10),
+                canvas_m=canvas_m,
+            )
         )
     return commands
 
 
 def _command(
-    action: int, sheet: int, path: FloatArray, palette: FloatArray, dip: bool, wait_s: float,
+    action: int, sheet: int, path: FloatArray, *, palette: FloatArray, dip: bool, wait_s: float,
     canvas_m: tuple[float, float],
 ) -> Command:  # fmt: skip
     rows, columns = round(canvas_m[1] * PIXELS_PER_M), round(canvas_m[0] * PIXELS_PER_M)

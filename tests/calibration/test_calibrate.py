@@ -195,7 +195,17 @@ def test_the_kinds_build_on_each_other_and_end_as_files(tmp_path: Path) -> None:
 
     def run(kind: str) -> None:
         robot = at_the_sheet({})[1] if kind == "touch" else None
-        calibrate(kind, rig, tmp_path, photograph, robot, MARKER, asked.append, lambda _: True, NOW_S)  # type: ignore[arg-type]
+        calibrate(
+            kind,
+            rig,
+            tmp_path,
+            photograph=photograph,
+            robot=robot,
+            tool=MARKER,
+            ask=asked.append,
+            ask_yes=lambda _: True,
+            now_unix_s=NOW_S,
+        )  # type: ignore[arg-type]
 
     with pytest.raises(CalibrationError, match="no lens calibration"):
         run("canvas")
@@ -214,7 +224,17 @@ def test_the_kinds_build_on_each_other_and_end_as_files(tmp_path: Path) -> None:
 
 def test_what_a_kind_needs_and_does_not_get_is_said(tmp_path: Path) -> None:
     def run(kind: str) -> None:
-        calibrate(kind, RIG, tmp_path, None, None, MARKER, lambda _: None, lambda _: True, NOW_S)  # type: ignore[arg-type]
+        calibrate(
+            kind,
+            RIG,
+            tmp_path,
+            photograph=None,
+            robot=None,
+            tool=MARKER,
+            ask=lambda _: None,
+            ask_yes=lambda _: True,
+            now_unix_s=NOW_S,
+        )  # type: ignore[arg-type]
 
     for kind in ("lens", "canvas", "colour"):
         with pytest.raises(CalibrationError, match="has no camera"):

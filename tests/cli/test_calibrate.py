@@ -49,7 +49,7 @@ def test_touch_calibration_of_a_plotter_recovers_the_paper_plane(tmp_path: Path)
         return any(z <= paper_mm(x, y) for x, y, z, _ in since)
 
     try:
-        found = calibrate_rig(str(path), "touch", "marker", tmp_path / "cal", asked.append, person)
+        found = calibrate_rig(str(path), "touch", "marker", folder=tmp_path / "cal", ask=asked.append, ask_yes=person)
     finally:
         grbl.close()
     assert "leaves" in residual_sentence(found) and "at most 0.0003 m" in residual_sentence(found)
@@ -79,7 +79,7 @@ def test_poor_calibration_is_written_and_refused(tmp_path: Path) -> None:
 
     try:
         with pytest.raises(CalibrationError, match="leaves"):
-            calibrate_rig(str(path), "touch", "marker", tmp_path / "cal", asked.append, person)
+            calibrate_rig(str(path), "touch", "marker", folder=tmp_path / "cal", ask=asked.append, ask_yes=person)
     finally:
         grbl.close()
     assert read_calibration(tmp_path / "cal", "touch").residual > 3e-4
@@ -87,7 +87,7 @@ def test_poor_calibration_is_written_and_refused(tmp_path: Path) -> None:
 
 def test_rejects_calibration_of_a_file_rig(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nothing to calibrate"):
-        calibrate_rig("plotter_on_file", "touch", "marker", tmp_path, lambda _: None, lambda _: True)
+        calibrate_rig("plotter_on_file", "touch", "marker", folder=tmp_path, ask=lambda _: None, ask_yes=lambda _: True)
 
 
 def test_asks_again_until_yes_or_no(monkeypatch: pytest.MonkeyPatch) -> None:

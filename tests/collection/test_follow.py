@@ -28,7 +28,15 @@ def actions(*changes: dict[str, Any]) -> pa.Table:
     """As `next_actions.parquet`: strokes beside one another, with changes to each."""
     rows = []
     for number, change in enumerate(changes):
-        points = stroke_points(np.array([0.06 + 0.07 * number, 0.1]), 0.3, 0.035, 0.004, np.full(3, 0.002), 0.0, 16)
+        points = stroke_points(
+            np.array([0.06 + 0.07 * number, 0.1]),
+            0.3,
+            0.035,
+            bend_m=0.004,
+            press_m=np.full(3, 0.002),
+            yaw_rad=0.0,
+            points=16,
+        )
         x, y = points[:, 0], points[:, 1]
         window = [x.min() - 0.012, y.min() - 0.012, x.max() + 0.012, y.max() + 0.012]
         rows.append(
@@ -42,7 +50,7 @@ def made(todo: pa.Table, recorded: pa.Table | None = None, age_m: float = 0.0) -
     robot = VirtualRobot(Studio(load_world("round_brush"), 0))
     guarded = GuardedRobot(robot, envelope_for(TOOL, robot.canvas_size_m))
     table = example_table(4) if recorded is None else recorded
-    rows = follow(guarded, TOOL, todo, table, "next", age_m)
+    rows = follow(guarded, TOOL, todo, recorded=table, session="next", tool_age_m=age_m)
     assert rows.schema.equals(table.schema.remove_metadata())
     return list(rows.to_pylist())
 
@@ -102,7 +110,7 @@ def test_proposed_colour_other_than_the_pens_ink_is_rejected() -> None:
     pen = load_tool("marker")
     robot = VirtualRobot(Studio(load_world("marker"), 0))
     with pytest.raises(ContractError, match="tool file"):
-        follow(robot, pen, actions({"color_srgb": RED}), example_table(4), "next", 0.0)
+        follow(robot, pen, actions({"color_srgb": RED}), recorded=example_table(4), session="next", tool_age_m=0.0)
 
 
 def test_a_robot_goes_on_with_one_tool_on_a_known_canvas() -> None:

@@ -1,13 +1,14 @@
 """A recorded stroke is a row that the strokes contract takes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
 
-from pentimento.calibration.observe import calibrate_camera, rectify
-from pentimento.collection.collect import record_stroke
+from pentimento.calibration.observe import calibrate_camera
+from pentimento.collection.collect import record_stroke, stroke_views
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import snap_window, window_around
@@ -51,21 +52,8 @@ def test_a_stroke_in_the_studio_goes_through_a_file_and_back(tmp_path: Path) -> 
         memory, executed = execute_stroke(robot, tool, stroke, palette_srgb=PALETTE, memory=memory, session=session)
         after = robot.photo()
         window = snap_window(window_around(stroke.path, 0.015), (0, 0, *robot.canvas_size_m), (400, 600))
-        rows.append(
-            record_stroke(
-                session,
-                order,
-                order,
-                tool,
-                executed,
-                window,
-                rectify(before, calibration, window, PER_M),
-                rectify(after, calibration, window, PER_M),
-                before,
-                after,
-                calibration,
-            )
-        )
+        views = stroke_views(before, after, calibration, window_m=window, pixels_per_m=PER_M)
+        rows.append(record_stroke(session, executed, views, order=order, action_id=order, tool=tool))
         before = after
 
     schema = arrow_schema(CONTRACT, include_optional=set(rows[0]))
@@ -111,12 +99,13 @@ def test_images_that_do_not_belong_together_are_refused() -> None:
         session=Session("s", robot.clock_s),
     )
     window = np.array([0.09, 0.09, 0.13, 0.11])
-    image = rectify(photo, calibration, window, PER_M)
+    views = stroke_views(photo, photo, calibration, window_m=window, pixels_per_m=PER_M)
 
     def record(before: np.ndarray, after: np.ndarray) -> None:
-        record_stroke(Session("s", 0.0), 0, 0, tool, executed, window, before, after, photo, photo, calibration)
+        given = replace(views, before=before, after=after)
+        record_stroke(Session("s", 0.0), executed, given, order=0, action_id=0, tool=tool)
 
     with pytest.raises(ContractError, match="rectify both to one window"):
-        record(image, image[:-1])
+        record(views.before, views.after[:-1])
     with pytest.raises(ContractError, match="pixels must be square"):
-        record(image[:20], image[:20])
+        record(views.before[:20], views.after[:20])

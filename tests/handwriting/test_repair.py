@@ -12,7 +12,7 @@ LIMITS = Limits(max_gap_samples=5, jump_m=3e-3, jump_factor=8.0, shortest_m=1e-3
 def line(count: int = 40, step_m: float = 5e-4) -> Recording:
     """A straight stroke at 200 Hz."""
     xy = np.column_stack([np.arange(count) * step_m, np.zeros(count)])
-    return recording("s", "h", xy, np.arange(count) / 200, None, np.full(count, 0.5))
+    return recording("s", "h", xy, t_s=np.arange(count) / 200, z_m=None, pressure=np.full(count, 0.5))
 
 
 def test_repair_keeps_a_faultless_recording() -> None:
@@ -50,7 +50,7 @@ def test_repair_accepts_fast_smooth_movement() -> None:
     """Steps of 5 mm that rise and fall smoothly, as of a hand at 1 m/s."""
     step = 5e-3 * np.sin(np.linspace(0, np.pi, 60)) ** 2
     xy = np.column_stack([np.cumsum(step), np.zeros(60)])
-    assert not repair(recording("s", "h", xy, np.arange(60) / 200), LIMITS).counts
+    assert not repair(recording("s", "h", xy, t_s=np.arange(60) / 200), LIMITS).counts
 
 
 def test_repair_drops_repeated_times_and_invalid_pressure() -> None:
@@ -86,9 +86,9 @@ def test_repair_refuses_invalid_strokes(xy: np.ndarray, fault: str) -> None:
 def test_repair_all_sums_counts() -> None:
     spiked = line()
     spiked.points[20, 2] += 0.05
-    strokes, counts, repaired = repair_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)
-    assert (len(strokes), len(repaired)) == (2, 2)
-    assert {fault: count for fault, count in counts.items() if count} == {
+    found = repair_all([line(), spiked, recording("s", "h", np.zeros((3, 2)))], LIMITS)
+    assert (len(found.strokes), len(found.faulty)) == (2, 2)
+    assert {fault: count for fault, count in found.counts.items() if count} == {
         "spikes_removed": 1,
         "strokes_of_one_point": 1,
     }

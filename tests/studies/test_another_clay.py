@@ -29,7 +29,7 @@ def change(
     worked: np.ndarray = UNTOUCHED,
 ) -> np.ndarray:
     """Millimetres [N, N], upwards."""
-    return pushed(LEVEL, worked, command, conditions, Clay(), effects, UNTOUCHED) - LEVEL
+    return pushed(LEVEL, worked, command, conditions=conditions, clay=Clay(), effects=effects, rough=UNTOUCHED) - LEVEL
 
 
 def middle(pressed: np.ndarray) -> tuple[float, float]:

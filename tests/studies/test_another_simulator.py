@@ -30,8 +30,8 @@ def contact(effects: Effects, command: Command) -> np.ndarray:
 
 def covered_m2(tool: Tool, effects: Effects, command: Command, worn: float = 0.0, damp: float = 0.0) -> float:
     xy, press = Arm(Effects(), np.random.default_rng(0)).contact(command)
-    width = widths_m(tool, effects, command, xy, press, worn, damp)
-    return float(mark(tool, xy, press, width, 0.0, WINDOW_M, 1000.0).sum() * 1e-6)
+    width = widths_m(tool, effects, command, xy_m=xy, press_m=press, worn=worn, damp=damp)
+    return float(mark(tool, xy, press, width_m=width, yaw_rad=0.0, window_m=WINDOW_M, pixels_per_m=1000.0).sum() * 1e-6)
 
 
 @pytest.mark.parametrize("kind", get_args(ToolKind))
@@ -39,8 +39,10 @@ def test_a_mark_lies_about_its_path_and_is_as_large_as_its_width_says(kind: Tool
     tool = drawn_tool(np.random.default_rng(1), kind)
     command = straight()
     xy, press = Arm(Effects(), np.random.default_rng(0)).contact(command)
-    width = widths_m(tool, Effects(), command, xy, press, 0.0, 0.0)
-    made = mark(tool, xy, press, width, 0.0, WINDOW_M, 4000.0)  # OpenCV's smooth edges add half a pixel all round
+    width = widths_m(tool, Effects(), command, xy_m=xy, press_m=press, worn=0.0, damp=0.0)
+    made = mark(
+        tool, xy, press, width_m=width, yaw_rad=0.0, window_m=WINDOW_M, pixels_per_m=4000.0
+    )  # OpenCV's smooth edges add half a pixel all round
     rows, columns = np.indices(made.shape)
     x = (made * (columns + 0.5)).sum() / made.sum() / 4000
     y = 0.06 - (made * (rows + 0.5)).sum() / made.sum() / 4000
@@ -53,7 +55,9 @@ def test_a_mark_lies_about_its_path_and_is_as_large_as_its_width_says(kind: Tool
 def test_up_is_up() -> None:
     tool, command = drawn_tool(np.random.default_rng(1), "nib"), straight()
     high = np.column_stack([command.xy_m[:, 0], np.full(24, 0.05)])
-    made = mark(tool, high, np.full(24, 0.002), np.full(24, 0.003), 0.0, WINDOW_M, 1000.0)
+    made = mark(
+        tool, high, np.full(24, 0.002), width_m=np.full(24, 0.003), yaw_rad=0.0, window_m=WINDOW_M, pixels_per_m=1000.0
+    )
     assert made[:20].sum() > 0.99 * made.sum()
 
 

@@ -38,7 +38,15 @@ def commands(sketch: Sketch) -> list[Command]:
 def record(sketch: Sketch, some: list[Command], strengths: tuple[float, ...] = (), realisation: int = 0) -> Recording:
     view = view_of(sketch.tool, fine=False)
     world = sketch.with_strengths(strengths)
-    return record_world(world, sketch.seed, sketch.tool, sketch.palette_srgb, some, view, realisation=realisation)
+    return record_world(
+        world,
+        sketch.seed,
+        sketch.tool,
+        palette_srgb=sketch.palette_srgb,
+        commands=some,
+        view=view,
+        realisation=realisation,
+    )
 
 
 @cache
@@ -145,7 +153,7 @@ def test_windows_have_the_wanted_size_and_contain_the_path() -> None:
     for fine, size in ((False, {64, 48}), (True, {128, 96})):
         view = view_of(sketch.tool, fine)
         design = randomised(sketch.tool, sketch.world.paper.size_m, sketch.palette_srgb, view, 2)[:3]
-        made = record_world(sketch.world, 2, sketch.tool, sketch.palette_srgb, design, view)
+        made = record_world(sketch.world, 2, sketch.tool, palette_srgb=sketch.palette_srgb, commands=design, view=view)
         for command, row, after in zip(design, made.rows, made.after, strict=True):
             x_min, y_min, x_max, y_max = row["window_m"]
             assert set(after.shape[:2]) == size
@@ -251,7 +259,9 @@ def table() -> pa.Table:
     sketch, _ = world(0.4)
     view = view_of(sketch.tool, fine=False)
     some = commands_of(sketch, view)[:8]
-    made = record_world(sketch.with_strengths((0.4,)), 3, sketch.tool, sketch.palette_srgb, some, view)
+    made = record_world(
+        sketch.with_strengths((0.4,)), 3, sketch.tool, palette_srgb=sketch.palette_srgb, commands=some, view=view
+    )
     return as_table(made, draw_decoys(8, 3))
 
 
@@ -325,12 +335,12 @@ CANDIDATES = {name: np.array([k]) for k, name in enumerate("abcd", 1)}
 
 def test_bic_selects_only_the_true_candidate(pixels: tuple[np.ndarray, np.ndarray]) -> None:
     x, y = pixels
-    assert select(*sums(x, y), np.array([0]), CANDIDATES, len(y)) == ("b",)
+    assert select(*sums(x, y), held=np.array([0]), columns=CANDIDATES, n=len(y)) == ("b",)
 
 
 def test_bic_selects_nothing_where_the_base_is_complete(pixels: tuple[np.ndarray, np.ndarray]) -> None:
     x, y = pixels
-    assert select(*sums(x, y - 0.3 * x[:, 2]), np.array([0]), CANDIDATES, len(y)) == ()
+    assert select(*sums(x, y - 0.3 * x[:, 2]), held=np.array([0]), columns=CANDIDATES, n=len(y)) == ()
 
 
 def test_bic_over_pixels_selects_false_causes_for_errors_shared_by_a_stroke() -> None:
@@ -340,5 +350,5 @@ def test_bic_over_pixels_selects_false_causes_for_errors_shared_by_a_stroke() ->
     for _ in range(20):
         by_stroke = np.repeat(rng.standard_normal((40, 5)), 500, axis=0)
         y = np.repeat(rng.standard_normal(40), 500) + rng.standard_normal(20_000)
-        named += len(select(*sums(by_stroke, y), np.array([0]), CANDIDATES, len(y)))
+        named += len(select(*sums(by_stroke, y), held=np.array([0]), columns=CANDIDATES, n=len(y)))
     assert named > 40  # of 80, all false

@@ -176,6 +176,7 @@ def calibrate(
     kind: Kind,
     rig: Rig,
     folder: Path,
+    *,
     photograph: Callable[[], Photo] | None,
     robot: Robot | None,
     tool: Tool,
@@ -192,7 +193,17 @@ def calibrate(
         robot: for the touch alone: guarded, and with its palette laid out where the tool dips.
         ask, ask_yes: put a request, or a question, to the person.
     """
-    found = _calibrated(kind, rig, folder, photograph, robot, tool, ask, ask_yes, now_unix_s)
+    found = _calibrated(
+        kind,
+        rig,
+        folder,
+        photograph=photograph,
+        robot=robot,
+        tool=tool,
+        ask=ask,
+        ask_yes=ask_yes,
+        now_unix_s=now_unix_s,
+    )
     write_calibration(folder, found)
     return found
 
@@ -201,6 +212,7 @@ def _calibrated(
     kind: Kind,
     rig: Rig,
     folder: Path,
+    *,
     photograph: Callable[[], Photo] | None,
     robot: Robot | None,
     tool: Tool,

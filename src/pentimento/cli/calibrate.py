@@ -36,6 +36,7 @@ def calibrate_rig(
     rig_name: str,
     kind: Kind,
     tool_name: str,
+    *,
     folder: Path,
     ask: Callable[[str], None],
     ask_yes: Callable[[str], bool],
@@ -53,7 +54,17 @@ def calibrate_rig(
     camera = None if rig.camera is None else Webcam(rig.camera)
     try:
         if kind != "touch":
-            found = calibrate(kind, rig, folder, camera, None, tool, ask, ask_yes, time.time())
+            found = calibrate(
+                kind,
+                rig,
+                folder,
+                photograph=camera,
+                robot=None,
+                tool=tool,
+                ask=ask,
+                ask_yes=ask_yes,
+                now_unix_s=time.time(),
+            )
         else:
             robot = HardwareRobot(machine_of(rig), rig, ask, camera)
             guard = GuardedRobot(robot, envelope_for(tool, rig.canvas_size_m))
@@ -62,7 +73,15 @@ def calibrate_rig(
                 if tool.dips:
                     guard.load_palette(_DARK_SRGB)
                 found = calibrate(
-                    kind, rig, folder, None if camera is None else guard.photo, guard, tool, ask, ask_yes, time.time()
+                    kind,
+                    rig,
+                    folder,
+                    photograph=None if camera is None else guard.photo,
+                    robot=guard,
+                    tool=tool,
+                    ask=ask,
+                    ask_yes=ask_yes,
+                    now_unix_s=time.time(),
                 )
             finally:
                 robot.close()

@@ -122,7 +122,9 @@ def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Tab
 
     def execute(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
         nonlocal drawn_m
-        rows = follow(guarded, tool, actions, recorded, f"{tool.name}-{seed}-round-{number}", drawn_m)
+        rows = follow(
+            guarded, tool, actions, recorded=recorded, session=f"{tool.name}-{seed}-round-{number}", tool_age_m=drawn_m
+        )
         drawn_m += sum(drawn_length_m(np.array(path)) for path in rows["path"].to_pylist())
         return rows
 

@@ -113,7 +113,12 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         return
     try:
         found = calibrate_rig(
-            arguments.rig, arguments.kind, arguments.tool, arguments.calibration, ask_at_terminal, yes_at_terminal
+            arguments.rig,
+            arguments.kind,
+            arguments.tool,
+            folder=arguments.calibration,
+            ask=ask_at_terminal,
+            ask_yes=yes_at_terminal,
         )
     except EOFError as error:
         raise ConfigError("A calibration needs a person's answers; run it at a terminal.") from error

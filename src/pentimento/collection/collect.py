@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,27 +22,42 @@ from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 
 
+@dataclass(frozen=True)
+class StrokeViews:
+    """What the camera saw of a stroke."""
+
+    photo_before: Photo
+    photo_after: Photo
+    calibration: CameraCalibration
+    window_m: FloatArray
+    """[4], canvas frame."""
+    before: Image
+    """uint8 sRGB [H, W, 3]: the window, rectified."""
+    after: Image
+
+
+def stroke_views(
+    before: Photo, after: Photo, calibration: CameraCalibration, *, window_m: FloatArray, pixels_per_m: float
+) -> StrokeViews:
+    """The views of a stroke, rectified from the photographs before and after it.
+
+    Raises CalibrationError if the calibration is of other frames or the window lies partly outside the frame.
+    """
+    shown = (rectify(photo, calibration, window_m, pixels_per_m) for photo in (before, after))
+    return StrokeViews(before, after, calibration, window_m, *shown)
+
+
 def record_stroke(
-    session: Session,
-    order: int,
-    action_id: int,
-    tool: Tool,
-    executed: ExecutedStroke,
-    window_m: FloatArray,
-    before: Image,
-    after: Image,
-    photo_before: Photo,
-    photo_after: Photo,
-    calibration: CameraCalibration,
+    session: Session, executed: ExecutedStroke, views: StrokeViews, *, order: int, action_id: int, tool: Tool
 ) -> dict[str, Any]:
     """One row of the `strokes` contract, in its Python form (`pyarrow.Table.from_pylist` takes it).
 
-    `before` and `after` are uint8 sRGB [H, W, 3], rectified from the two photos to `window_m` (canvas
-    frame). What was not measured is null. Identities (surface, camera, …) and further covariates are the
-    caller's to add: `row | {"temperature_c": 21.5}`.
+    What was not measured is null. Identities (surface, camera, …) and further covariates are the caller's to add:
+    `row | {"temperature_c": 21.5}`.
 
     Raises ContractError if the images differ in shape or do not fit the window.
     """
+    before, after, window_m, photo_after = views.before, views.after, views.window_m, views.photo_after
     if before.shape != after.shape:
         raise ContractError(f"The image before is {before.shape} and after {after.shape}; rectify both to one window.")
     pixels_per_m(before.shape, window_m)
@@ -61,12 +77,12 @@ def record_stroke(
         "encoding": "srgb",
         "color_srgb": [float(value) for value in event.color_srgb],
         "t_start_s": event.t_start_s,
-        "t_before_s": photo_before.t_s - session.started_s,
+        "t_before_s": views.photo_before.t_s - session.started_s,
         "t_after_s": photo_after.t_s - session.started_s,
         **executed.covariates,
         "measured_path": measured.tolist() if np.all(np.isfinite(measured[:, 1:])) else None,
-        "window_px": window_in_camera(calibration, window_m).tolist(),
-        "frame_size_px": list(calibration.frame_size_px),
+        "window_px": window_in_camera(views.calibration, window_m).tolist(),
+        "frame_size_px": list(views.calibration.frame_size_px),
         "exposure_s": photo_after.exposure_s,
         "gain": photo_after.gain,
         "white_balance": [float(value) for value in photo_after.white_balance],
@@ -105,13 +121,8 @@ def collect_strokes(
         )
         robot.wait(command.wait_s)
         after = robot.photo()
-        shown_before, shown_after = (
-            rectify(photo, calibration, window, config.pixels_per_m) for photo in (before, after)
-        )
-        row = record_stroke(
-            session, order, command.action_id, tool, executed, window, shown_before, shown_after, before, after,
-            calibration,
-        )  # fmt: skip
+        views = stroke_views(before, after, calibration, window_m=window, pixels_per_m=config.pixels_per_m)
+        row = record_stroke(session, executed, views, order=order, action_id=command.action_id, tool=tool)
         rows.append(row | {"surface_id": f"sheet_{sheet}", "tool_id": f"{tool.name}_0", "camera_id": "camera_0"})
         log("ink_length_m", memory.tool_age_m, order)
     return rows

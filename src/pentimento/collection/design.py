@@ -116,9 +116,9 @@ def design_collection(
                 color, dip = load.for_single(rng)
                 target = drawn[-1 - int(rng.integers(min(_RECENT, len(drawn))))] if drawn else None
                 if target is not None and rng.random() < config.crossing_share:
-                    path = _clear_path(rng, canvas_size_m, tool, config, to_come, target)
+                    path = _clear_path(rng, canvas_size_m, tool, config=config, taken=to_come, about=target)
                 else:
-                    path = _clear_path(rng, canvas_size_m, tool, config, to_come + drawn, None)
+                    path = _clear_path(rng, canvas_size_m, tool, config=config, taken=to_come + drawn, about=None)
                 stroke = PlannedStroke(path, color, dip)
             else:
                 stroke, action = slot, singles + [s is slot for s in again].index(True)
@@ -168,7 +168,9 @@ def _repeated_actions(
     strokes: list[PlannedStroke] = []
     for action in actions:
         rng = np.random.default_rng([config.seed, action])
-        path = _clear_path(rng, canvas_size_m, tool, config, [stroke.path for stroke in strokes], None)
+        path = _clear_path(
+            rng, canvas_size_m, tool, config=config, taken=[stroke.path for stroke in strokes], about=None
+        )
         color = palette_srgb[rng.integers(len(palette_srgb))]
         strokes.append(PlannedStroke(path, color, dip=tool.dips))
     return strokes
@@ -178,6 +180,7 @@ def _clear_path(
     rng: np.random.Generator,
     canvas_size_m: tuple[float, float],
     tool: Tool,
+    *,
     config: CollectionConfig,
     taken: Sequence[FloatArray],
     about: FloatArray | None,
@@ -220,9 +223,9 @@ def _random_path(rng: np.random.Generator, middle_m: FloatArray, tool: Tool, con
         middle_m,
         theta,
         length,
-        length * rng.uniform(*tool.bend_range),
-        rng.uniform(*tool.press_range_m, size=3),
-        (yaw + np.pi / 2) % np.pi - np.pi / 2,
-        config.path_points,
+        bend_m=length * rng.uniform(*tool.bend_range),
+        press_m=rng.uniform(*tool.press_range_m, size=3),
+        yaw_rad=(yaw + np.pi / 2) % np.pi - np.pi / 2,
+        points=config.path_points,
     )
     return timed_path(points, float(np.exp(rng.uniform(*np.log(tool.speed_range_m_s)))))

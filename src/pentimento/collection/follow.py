@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.calibration.observe import calibrate_camera, rectify
-from pentimento.collection.collect import record_stroke
+from pentimento.calibration.observe import calibrate_camera
+from pentimento.collection.collect import record_stroke, stroke_views
 from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import image_shape, pixels_per_m, snap_window
@@ -49,7 +49,7 @@ def tool_of(table: pa.Table) -> str:
 
 
 def follow(
-    robot: Robot, tool: Tool, actions: pa.Table, recorded: pa.Table, session: str, tool_age_m: float
+    robot: Robot, tool: Tool, actions: pa.Table, *, recorded: pa.Table, session: str, tool_age_m: float
 ) -> pa.Table:
     """Execute proposed actions (the columns of ``next_actions.parquet``) in their order on a new sheet.
 
@@ -91,10 +91,8 @@ def follow(
         )
         robot.wait(max(todo[order + 1]["wait_s"] if order + 1 < len(todo) else 0.0, _SETTLE_S))
         after = robot.photo()
-        shown_before, shown_after = (rectify(photo, calibration, window, scale) for photo in (before, after))
-        row = record_stroke(
-            here, order, first + order, tool, made, window, shown_before, shown_after, before, after, calibration
-        )
+        views = stroke_views(before, after, calibration, window_m=window, pixels_per_m=scale)
+        row = record_stroke(here, made, views, order=order, action_id=first + order, tool=tool)
         rows.append(row | {"surface_id": session})
     names = recorded.schema.names
     return pa.Table.from_pylist(

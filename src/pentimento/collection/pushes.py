@@ -98,9 +98,9 @@ def design_pushes(
         pressed: list[FloatArray] = []
         for place in range(size):
             if place == 0 and group in first_of:
-                command = _drawn(first_of[group], True, end_effector, area_m, config, [])
+                command = _drawn(first_of[group], True, end_effector, area_m=area_m, config=config, pressed=[])
             else:
-                command = _drawn(next_single, place == 0, end_effector, area_m, config, pressed)
+                command = _drawn(next_single, place == 0, end_effector, area_m=area_m, config=config, pressed=pressed)
                 next_single += 1
             pressed.append(command.action)
             commands.append(command)
@@ -124,6 +124,7 @@ def _drawn(
     action_id: int,
     smooth: bool,
     end_effector: EndEffector,
+    *,
     area_m: tuple[float, float],
     config: PushCollectionConfig,
     pressed: list[FloatArray],

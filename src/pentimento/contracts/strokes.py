@@ -104,7 +104,7 @@ def _example_row(action: int, order: int, since_dip_m: float, seed: int) -> tupl
     window = _WINDOW_M + np.tile(start_m, 2)
     color_srgb = np.array([0.08, 0.08, 0.10])
     radius_m = 0.0008 + 0.6 * press_m
-    before, after = _example_images(path, window, radius_m, since_dip_m, color_srgb, noise)
+    before, after = _example_images(path, window, radius_m, since_dip_m=since_dip_m, color_srgb=color_srgb, noise=noise)
     row = {
         "session": f"example_{seed}",
         "order": order,
@@ -140,6 +140,7 @@ def _example_images(
     path: npt.NDArray[np.float64],
     window: npt.NDArray[np.float64],
     radius_m: float,
+    *,
     since_dip_m: float,
     color_srgb: npt.NDArray[np.float64],
     noise: np.random.Generator,

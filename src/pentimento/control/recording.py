@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pentimento.calibration.observe import CameraCalibration, rectify
-from pentimento.collection.collect import record_stroke
+from pentimento.calibration.observe import CameraCalibration
+from pentimento.collection.collect import record_stroke, stroke_views
 from pentimento.contracts import pushes, strokes
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.frames import image_shape, snap_window, window_around
@@ -42,10 +42,8 @@ class StrokeRecording:
         """Write the painting's ``number``-th stroke with the others of its batch. Raises OSError."""
         canvas = np.array([0.0, 0.0, *self._canvas_size_m])
         window = snap_window(window_around(executed.event.path, MARGIN_M), canvas, image_shape(canvas, PIXELS_PER_M))
-        shown, shown_after = (rectify(photo, camera, window, PIXELS_PER_M) for photo in (before, after))
-        row = record_stroke(
-            self._session, number, number, self._tool, executed, window, shown, shown_after, before, after, camera
-        )
+        views = stroke_views(before, after, camera, window_m=window, pixels_per_m=PIXELS_PER_M)
+        row = record_stroke(self._session, executed, views, order=number, action_id=number, tool=self._tool)
         # Written before it is kept, so that a full disk leaves the batch as it was.
         rows = [
             *self._rows,

@@ -185,8 +185,7 @@ def _serve(connection: Connection, open_robot: OpenRobot, arguments: tuple[Any, 
     try:
         robot = open_robot(*arguments, ask)
     except Exception as error:
-        number, _, _ = _next_command(connection)
-        send((number, False, error))
+        send((_next_number(connection), False, error))
         return
 
     def execute(number: int, name: str, arguments: tuple[Any, ...]) -> None:
@@ -227,8 +226,9 @@ def _serve(connection: Connection, open_robot: OpenRobot, arguments: tuple[Any, 
     os._exit(0)  # a thread may still wait for a reply that never comes
 
 
-def _next_command(connection: Connection) -> tuple[int, str, tuple[Any, ...]]:
+def _next_number(connection: Connection) -> int:
+    """The number of the next command that expects a reply."""
     while True:
-        number, name, arguments = connection.recv()
+        number, _, _ = connection.recv()
         if number is not None:
-            return number, name, arguments
+            return int(number)

@@ -157,9 +157,9 @@ def _check_times(points: FloatArray, max_duration_s: float) -> None:
     if not abs(t_s[latest]) <= max_duration_s * (1 + _FLOAT32):
         slip = abs(t_s[latest]) / 1000 <= max_duration_s
         hint = " Times are in seconds; these look like milliseconds." if slip else ""
-        _refuse("time", latest, t_s[latest], f"0 to {max_duration_s:g} s", "s", hint)
+        _refuse("time", latest, t_s[latest], limit=f"0 to {max_duration_s:g} s", unit="s", hint=hint)
     if not abs(t_s[0]) <= MIN_STEP_S:
-        _refuse("time", 0, t_s[0], "0 s, the stroke's start", "s")
+        _refuse("time", 0, t_s[0], limit="0 s, the stroke's start", unit="s")
     step_s = np.diff(t_s)
     # Rounding may take this much from a step that was just long enough.
     worst = int(np.argmin(step_s))
@@ -168,8 +168,8 @@ def _check_times(points: FloatArray, max_duration_s: float) -> None:
             "time since the point before",
             worst + 1,
             step_s[worst],
-            f"a step of at least {MIN_STEP_S:g} s",
-            "s",
+            limit=f"a step of at least {MIN_STEP_S:g} s",
+            unit="s",
         )
 
 
@@ -185,12 +185,19 @@ def _check_places(points: FloatArray, envelope: SafetyEnvelope) -> None:
         excess = np.maximum(low - values, values - high)
         worst = int(np.argmax(excess))
         if not excess[worst] <= ROUNDING_M:
-            _refuse(_place_name(column, values[worst]), worst, values[worst], f"{low:g} to {high:g} m", "m", hint)
+            _refuse(
+                _place_name(column, values[worst]),
+                worst,
+                values[worst],
+                limit=f"{low:g} to {high:g} m",
+                unit="m",
+                hint=hint,
+            )
     worst = int(np.argmax(np.abs(points[:, 4])))
     if not abs(points[worst, 4]) <= envelope.max_yaw_rad * (1 + _FLOAT32):
         slip = abs(math.radians(points[worst, 4])) <= envelope.max_yaw_rad
         hint = " Angles are in radians; these look like degrees." if slip else ""
-        _refuse("yaw", worst, points[worst, 4], f"{envelope.max_yaw_rad:g} rad either way", "rad", hint)
+        _refuse("yaw", worst, points[worst, 4], limit=f"{envelope.max_yaw_rad:g} rad either way", unit="rad", hint=hint)
 
 
 def _place_name(column: int, value: float) -> str:
@@ -228,10 +235,10 @@ def _check_rates(points: FloatArray, envelope: SafetyEnvelope) -> None:
 def _check_limit(what: str, values: FloatArray, errors: FloatArray, limit: float, unit: str) -> None:
     worst = int(np.argmax(values - errors))
     if not values[worst] - errors[worst] <= limit * (1 + 1e-9):
-        _refuse(what, worst, values[worst], f"{limit:g} {unit}", unit)
+        _refuse(what, worst, values[worst], limit=f"{limit:g} {unit}", unit=unit)
 
 
-def _refuse(what: str, index: int, value: float, limit: str, unit: str, hint: str = "") -> NoReturn:
+def _refuse(what: str, index: int, value: float, *, limit: str, unit: str, hint: str = "") -> NoReturn:
     raise EnvelopeViolation(
         f"The path's {what} at point {index} is {value:.6g} {unit}; "
         f"the safety envelope allows {limit}.{hint} The command was refused."

@@ -80,7 +80,8 @@ def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gath
     Raises:
         ContractError: no stroke is left.
     """
-    strokes, faults, repaired = repair_all(recordings, limits)
+    repaired = repair_all(recordings, limits)
+    strokes, faults = repaired.strokes, repaired.counts
     if not strokes:
         raise ContractError(f"None of the {len(recordings)} recorded strokes can be used: {faults}.")
     number: Counter[str] = Counter()
@@ -101,4 +102,4 @@ def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gath
         "sessions": len(number),
         "faults": faults,
     }
-    return Gathered(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), counts, repaired)
+    return Gathered(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), counts, repaired.faulty)

@@ -73,7 +73,7 @@ def _stroke(points: Any, session: str, hand: str, scale: FloatArray, where: str)
         )
     except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise ContractError(f"{where}: a point lacks a number for x or y ({error!r}).") from error
-    return recording(session, hand, xy * scale, t, None, pressure)
+    return recording(session, hand, xy * scale, t_s=t, z_m=None, pressure=pressure)
 
 
 def read_quickdraw(path: Path, session: str, hand: str, unit_m: float) -> list[Recording]:
@@ -101,5 +101,5 @@ def read_quickdraw(path: Path, session: str, hand: str, unit_m: float) -> list[R
             if stroke.ndim != 2 or len(stroke) not in (2, 3):
                 raise ContractError(f"{path}, line {number}: a stroke is [x, y] or [x, y, t], each as long.")
             t = stroke[2] / 1e3 if len(stroke) == 3 else None
-            found.append(recording(f"{session}_{number}", hand, stroke[:2].T * np.array([unit_m, -unit_m]), t))
+            found.append(recording(f"{session}_{number}", hand, stroke[:2].T * np.array([unit_m, -unit_m]), t_s=t))
     return found

@@ -65,13 +65,13 @@ def read_optitrack(path: Path, session: str, hand: str, known: OptiTrack) -> lis
     names, kinds, axes = rows[head - 3], rows[head - 1], rows[head]
     data = [row for row in rows[head + 1 :] if row and row[0]]
     t = _column(data, 1, path)
-    pen_at, pen_turn = _body(data, names, kinds, axes, known.pen, path)
-    canvas_at, canvas_turn = _body(data, names, kinds, axes, known.canvas, path)
+    pen_at, pen_turn = _body(data, names, kinds, axes=axes, body=known.pen, path=path)
+    canvas_at, canvas_turn = _body(data, names, kinds, axes=axes, body=known.canvas, path=path)
     axis = np.array(known.tip_axis) / np.linalg.norm(known.tip_axis)
     tip = pen_at * to_m + known.pen_length_m * _turned(pen_turn, np.tile(axis, (len(t), 1)))
     own = _turned(canvas_turn * np.array([-1.0, -1.0, -1.0, 1.0]), tip - canvas_at * to_m)
     place, height = np.column_stack([own[:, 0], -own[:, 2]]), own[:, 1]
-    return strokes_in_contact(session, hand, place, t, height, known.contact_m)
+    return strokes_in_contact(session, hand, place, t_s=t, height_m=height, contact_m=known.contact_m)
 
 
 def _metres(rows: list[list[str]], path: Path) -> float:
@@ -86,7 +86,7 @@ def _metres(rows: list[list[str]], path: Path) -> float:
 
 
 def _body(
-    data: list[list[str]], names: list[str], kinds: list[str], axes: list[str], body: str, path: Path
+    data: list[list[str]], names: list[str], kinds: list[str], *, axes: list[str], body: str, path: Path
 ) -> tuple[FloatArray, FloatArray]:
     """Positions [K, 3] in the file's unit, and quaternions [K, 4] as x, y, z, w."""
 
@@ -181,7 +181,9 @@ def read_c3d(path: Path, session: str, hand: str, known: C3D) -> list[Recording]
     up = _unit(np.cross(x, along_y - origin))
     own = np.stack([((tip - origin) * axis).sum(-1) for axis in (x, np.cross(up, x), up)], axis=-1)
     height = own[:, 2] + known.raised_m
-    return strokes_in_contact(session, hand, own[:, :2], np.arange(len(own)) / rate_hz, height, known.contact_m)
+    return strokes_in_contact(
+        session, hand, own[:, :2], t_s=np.arange(len(own)) / rate_hz, height_m=height, contact_m=known.contact_m
+    )
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
@@ -191,12 +193,11 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 
 def strokes_in_contact(
-    session: str, hand: str, place_m: FloatArray, t_s: FloatArray, height_m: FloatArray, contact_m: float
+    session: str, hand: str, place_m: FloatArray, *, t_s: FloatArray, height_m: FloatArray, contact_m: float
 ) -> list[Recording]:
     """The strokes of a take whose tip is at places [K, 2] and heights [K] over the canvas."""
-    return [
-        recording(session, hand, place_m[part], t_s[part], height_m[part]) for part in _contacts(height_m, contact_m)
-    ]  # fmt: skip
+    parts = _contacts(height_m, contact_m)
+    return [recording(session, hand, place_m[part], t_s=t_s[part], z_m=height_m[part]) for part in parts]
 
 
 def _contacts(height: FloatArray, contact_m: float) -> list[slice]:

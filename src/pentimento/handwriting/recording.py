@@ -38,6 +38,7 @@ def recording(
     session: str,
     hand: str,
     xy_m: FloatArray,
+    *,
     t_s: FloatArray | None = None,
     z_m: FloatArray | None = None,
     pressure: FloatArray | None = None,

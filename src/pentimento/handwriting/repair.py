@@ -90,12 +90,25 @@ def repair(source: Recording, limits: Limits) -> Repaired:
     return Repaired(source, tuple(strokes), ~used, counts)
 
 
-def repair_all(sources: Sequence[Recording], limits: Limits) -> tuple[list[Recording], dict[str, int], list[Repaired]]:
-    """All strokes in order, the number of each of ``FAULTS``, and the recordings with any fault."""
+@dataclass(frozen=True)
+class RepairedAll:
+    """Result of repairing many recordings."""
+
+    strokes: list[Recording]
+    """All strokes, in order."""
+    counts: dict[str, int]
+    """Number of each of ``FAULTS``."""
+    faulty: list[Repaired]
+    """The recordings with any fault."""
+
+
+def repair_all(sources: Sequence[Recording], limits: Limits) -> RepairedAll:
+    """Repair all recordings, or refuse them."""
     repaired = [repair(source, limits) for source in sources]
     total = sum((each.counts for each in repaired), Counter[str]())
     strokes = [stroke for each in repaired for stroke in each.strokes]
-    return strokes, {fault: total[fault] for fault in FAULTS}, [each for each in repaired if each.counts]
+    counts = {fault: total[fault] for fault in FAULTS}
+    return RepairedAll(strokes, counts, [each for each in repaired if each.counts])
 
 
 def _holes(keep: BoolArray, limits: Limits, counts: Counter[str]) -> set[int]:
@@ -132,7 +145,7 @@ def _without_spikes(
     at = 0
     while at + 1 < len(index):
         ahead = range(at + 1, min(at + 2 + limits.max_gap_samples, len(index)))
-        near = [not _is_jump(place, index, at, k, usual, limits) for k in ahead]
+        near = [not _is_jump(place, index, at, b=k, usual=usual, limits=limits) for k in ahead]
         if near[0]:
             at += 1
             continue
@@ -158,7 +171,7 @@ def _usual_step(place: FloatArray, index: IntArray) -> FloatArray:
     return np.append(usual, usual[-1])
 
 
-def _is_jump(place: FloatArray, index: IntArray, a: int, b: int, usual: FloatArray, limits: Limits) -> bool:
+def _is_jump(place: FloatArray, index: IntArray, a: int, *, b: int, usual: FloatArray, limits: Limits) -> bool:
     far = float(np.linalg.norm(place[b] - place[a])) / int(index[b] - index[a])
     return far > max(limits.jump_m, limits.jump_factor * float(usual[a]))
 

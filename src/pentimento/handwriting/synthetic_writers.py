@@ -73,7 +73,7 @@ def _stroke(hand: str, number: int, session: int, index: int, seed: int) -> Reco
     pressure = _pressure(t, speed, rng)
     xy = size * turned(way[drawn, 1:], slant + rng.normal(0, 0.05)) + rng.uniform((0.02, 0.02), _SHEET_M)
     xy = xy + rng.normal(0, _JITTER_M, xy.shape)
-    return recording(f"{hand}_{session}", hand, xy, t, -_PRESSED_M * pressure, pressure)
+    return recording(f"{hand}_{session}", hand, xy, t_s=t, z_m=-_PRESSED_M * pressure, pressure=pressure)
 
 
 def _pressure(t: FloatArray, speed: FloatArray, rng: Rng) -> FloatArray:
@@ -93,7 +93,7 @@ def _loops(rng: Rng) -> list[Movement]:
     movements = []
     for half in range(2 * int(rng.integers(2, 4)) + 1):
         length = (wide if half % 2 == 0 else high) * math.exp(rng.normal(0, 0.06))
-        movements.append(_movement(rng, half, 0.13, length, heading, heading + math.pi))
+        movements.append(_movement(rng, half, 0.13, length_m=length, from_rad=heading, to_rad=heading + math.pi))
         heading += math.pi + rng.normal(0, 0.06)
     return movements
 
@@ -105,7 +105,14 @@ def _zigzags(rng: Rng) -> list[Movement]:
     for leg in range(int(rng.integers(3, 6))):
         heading = (sharp if leg % 2 == 0 else -sharp) + rng.normal(0, 0.07)
         movements.append(
-            _movement(rng, leg, 0.17, step * math.exp(rng.normal(0, 0.1)), heading, heading + rng.normal(0, 0.1))
+            _movement(
+                rng,
+                leg,
+                0.17,
+                length_m=step * math.exp(rng.normal(0, 0.1)),
+                from_rad=heading,
+                to_rad=heading + rng.normal(0, 0.1),
+            )
         )
     return movements
 
@@ -113,26 +120,34 @@ def _zigzags(rng: Rng) -> list[Movement]:
 def _dots(rng: Rng) -> list[Movement]:
     """A curl of about 2 mm."""
     length, turn = rng.uniform(0.0035, 0.0055), rng.uniform(2.4, 3.2)
-    first = _movement(rng, 0, 0.1, length, 0.0, turn)
-    return [first, _movement(rng, 1, 0.1, length * rng.uniform(0.8, 1.1), turn, 2 * turn)]
+    first = _movement(rng, 0, 0.1, length_m=length, from_rad=0.0, to_rad=turn)
+    return [first, _movement(rng, 1, 0.1, length_m=length * rng.uniform(0.8, 1.1), from_rad=turn, to_rad=2 * turn)]
 
 
 def _arcs(rng: Rng) -> list[Movement]:
     """One long arc, to either side."""
     side, bend = (-1.0 if rng.random() < 0.5 else 1.0), rng.uniform(0.5, 0.9)
     half = rng.uniform(0.018, 0.028)
-    first = _movement(rng, 0, 0.16, half, side * bend, 0.0)
-    return [first, _movement(rng, 1, 0.16, half * math.exp(rng.normal(0, 0.1)), 0.0, -side * bend)]
+    first = _movement(rng, 0, 0.16, length_m=half, from_rad=side * bend, to_rad=0.0)
+    return [
+        first,
+        _movement(rng, 1, 0.16, length_m=half * math.exp(rng.normal(0, 0.1)), from_rad=0.0, to_rad=-side * bend),
+    ]
 
 
 def _hatching(rng: Rng) -> list[Movement]:
     """A short straight line that ends in a small hook."""
     heading = rng.normal(0, 0.03)
-    line = _movement(rng, 0, 0.1, rng.uniform(0.010, 0.015), heading, heading + rng.normal(0, 0.08))
-    return [line, _movement(rng, 1, 0.16, rng.uniform(0.0012, 0.002), heading + 1.8, heading + 3.4)]
+    line = _movement(
+        rng, 0, 0.1, length_m=rng.uniform(0.010, 0.015), from_rad=heading, to_rad=heading + rng.normal(0, 0.08)
+    )
+    return [
+        line,
+        _movement(rng, 1, 0.16, length_m=rng.uniform(0.0012, 0.002), from_rad=heading + 1.8, to_rad=heading + 3.4),
+    ]
 
 
-def _movement(rng: Rng, place: int, apart_s: float, length_m: float, from_rad: float, to_rad: float) -> Movement:
+def _movement(rng: Rng, place: int, apart_s: float, *, length_m: float, from_rad: float, to_rad: float) -> Movement:
     """The movement at this place of a sequence, with random timing."""
     mu, sigma = math.log(0.16) + rng.normal(0, 0.04), 0.22 * math.exp(rng.normal(0, 0.08))
     return Movement(length_m, place * apart_s, mu, sigma, from_rad, to_rad)

@@ -60,7 +60,7 @@ def pretrain(strokes: Strokes, config: TrajVAEConfig, log: Log) -> TrajVAE:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         model = TrajVAE(config.points, config.latent, config.width, scale_m, max(height_scale_m, 1e-6))
-    _train(model, (strokes,), config, config.pretraining, config.seed, log)
+    _train(model, (strokes,), config, course=config.pretraining, seed=config.seed, log=log)
     return model
 
 
@@ -71,12 +71,12 @@ def fine_tune(model: TrajVAE, strokes: Strokes, known: Strokes, config: TrajVAEC
     forgetting, rehearsal and pseudorehearsal).
     """
     own = deepcopy(model)
-    _train(own, (strokes, known), config, config.fine_tuning, config.seed + 1, log)
+    _train(own, (strokes, known), config, course=config.fine_tuning, seed=config.seed + 1, log=log)
     return own
 
 
 def _train(
-    model: TrajVAE, sources: tuple[Strokes, ...], config: TrajVAEConfig, course: Course, seed: int, log: Log
+    model: TrajVAE, sources: tuple[Strokes, ...], config: TrajVAEConfig, *, course: Course, seed: int, log: Log
 ) -> None:
     """Minimise the sum of the sources' mean losses, with one batch of each per step."""
     generator = torch.Generator().manual_seed(seed)

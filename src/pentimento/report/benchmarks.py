@@ -109,13 +109,13 @@ def draw_times(inputs: BenchmarkInputs) -> bytes:
         figure = Figure(figsize=(8.6, 5.2), layout="constrained")
         axes = figure.add_subplot()
         for (size, timings), colour in zip(sorted(inputs.ours.items()), cycle(_SHADES), strict=False):
-            _draw(axes, timings, f"Pentimento, {size}²", colour, "o")
+            _draw(axes, timings, f"Pentimento, {size}²", colour=colour, marker="o")
         if inputs.reference:
-            _draw(axes, inputs.reference, "dense reference, 256²", BLUE, "x", ":")
+            _draw(axes, inputs.reference, "dense reference, 256²", colour=BLUE, marker="x", line=":")
         for (name, timings), colour, marker in zip(
             inputs.peers.items(), cycle(_PEER_COLOURS), cycle(_MARKERS), strict=False
         ):
-            _draw(axes, timings, name, colour, marker, "--")
+            _draw(axes, timings, name, colour=colour, marker=marker, line="--")
         axes.set(xscale="log", yscale="log", xlabel="strokes", ylabel="forward + backward / s")
         counts = sorted({timing.strokes for timings in inputs.ours.values() for timing in timings})
         axes.set_xticks(counts, [str(count) for count in counts])
@@ -126,7 +126,7 @@ def draw_times(inputs: BenchmarkInputs) -> bytes:
         return png(figure)
 
 
-def _draw(axes: Axes, timings: list[Timing], label: str, colour: str, marker: str, line: str = "-") -> None:
+def _draw(axes: Axes, timings: list[Timing], label: str, *, colour: str, marker: str, line: str = "-") -> None:
     """A curve with markers, which are open where extrapolated."""
     x, y = [t.strokes for t in timings], [t.s for t in timings]
     axes.plot(x, y, line, color=colour, lw=1.6, marker=marker, markersize=6, label=label)

@@ -57,7 +57,8 @@ def choose(
     return [
         _shown(
             _rank_name(int(rank), len(ranked)), samples, [image[int(ranked[rank])] for image in predicted],
-            int(ranked[rank]), [iou[ranked[rank]].item() for iou in ious], [l1[ranked[rank]].item() for l1 in l1s],
+            index=int(ranked[rank]), ious=[iou[ranked[rank]].item() for iou in ious],
+            l1s=[l1[ranked[rank]].item() for l1 in l1s],
         )
         for rank in ranks
     ]  # fmt: skip
@@ -154,7 +155,7 @@ def _rank_name(rank: int, of: int) -> str:
 
 
 def _shown(
-    label: str, samples: StrokeSamples, predicted: list[Tensor], index: int, ious: list[float], l1s: list[float]
+    label: str, samples: StrokeSamples, predicted: list[Tensor], *, index: int, ious: list[float], l1s: list[float]
 ) -> ShownStroke:
     """One stroke's pictures without their padding (right and bottom)."""
     valid = samples.valid[index] > 0

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,16 @@ _NEEDED = {"13": ("0", "it must report millimetres"), "32": ("0", "laser mode ch
 _ERRORS = {"9": "it is locked after an alarm", "15": "a place beyond its travel", "22": "a feed is missing"}
 
 
+class _Status(NamedTuple):
+    """A report of the controller."""
+
+    state: str
+    phase: str | None
+    """Of the state, such as 0 for a hold that has come to rest."""
+    place_m: FloatArray
+    """[3], work coordinates."""
+
+
 class GrblPlotter:
     """A Machine (see machine.py). Its frame is the controller's work coordinates, in metres here."""
 
@@ -55,7 +66,7 @@ class GrblPlotter:
             while line.receive(_QUIET_S) is not None:  # one that has just been powered greets twice
                 pass
             self._check_settings(self._command("$$", ANSWER_S))
-            state = self._status()[0]
+            state = self._status().state
             if state != "Idle":
                 raise MachineError(
                     f"The plotter on {line.port} is in state {state} and not Idle; home or unlock it by hand, and set "
@@ -66,7 +77,7 @@ class GrblPlotter:
     def where(self) -> FloatArray:
         """The tip's place; the height of a servo's pen is that of the last command."""
         with self._talking:
-            place_m = self._status()[2]
+            place_m = self._status().place_m
         if self._pen.kind == "servo":
             place_m[2] = self._servo_z_m
         return positions_only(place_m)
@@ -141,8 +152,7 @@ class GrblPlotter:
             "answer is lost, and the rest of the motion was not sent. Check the cable."
         )
 
-    def _status(self) -> tuple[str, str | None, FloatArray]:
-        """State, its phase, and the place in work coordinates [3], metres."""
+    def _status(self) -> _Status:
         deadline_s = time.monotonic() + ANSWER_S
         self._line.send_byte(ASK)
         while time.monotonic() < deadline_s:
@@ -153,9 +163,9 @@ class GrblPlotter:
             if offset := _OFFSET.search(match[0]):
                 self._offset_m = _metres(offset[1])
             if match["kind"] == "W":
-                return match["state"], match["phase"], place_m
+                return _Status(match["state"], match["phase"], place_m)
             if self._offset_m is not None:
-                return match["state"], match["phase"], place_m - self._offset_m
+                return _Status(match["state"], match["phase"], place_m - self._offset_m)
             self._line.send_byte(ASK)  # the offset comes with every few reports
         raise MachineError(f"The plotter on {self._line.port} does not say where it is; check the cable.")
 
@@ -194,7 +204,7 @@ class GrblPlotter:
     def _check_arrival(self, place_m: FloatArray) -> None:
         """Raise MachineError if the machine is not at the commanded place: a garbled line is detected only by this."""
         axes = slice(0, 3 if self._pen.kind == "z" else 2)
-        here_m = self._status()[2]
+        here_m = self._status().place_m
         if np.abs(here_m - place_m)[axes].max() > _PLACE_M:
             raise MachineError(
                 f"The plotter on {self._line.port} stands at {np.round(1000 * here_m[axes], 3).tolist()} mm and not at "

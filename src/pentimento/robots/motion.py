@@ -71,7 +71,9 @@ def timed_path(
     # Along and across the path each get an equal part, so that their vector sum keeps the limit.
     share_m_s2 = acceleration_m_s2 / np.sqrt(2)
 
-    cap_m_s = _speed_caps(points, step_m, turn_rad, speed_m_s, share_m_s2, yaw_rate_rad_s)
+    cap_m_s = _speed_caps(
+        points, step_m, turn_rad, speed_m_s=speed_m_s, across_m_s2=share_m_s2, yaw_rate_rad_s=yaw_rate_rad_s
+    )
     speed = _reachable(cap_m_s, step_m, share_m_s2)
     if len(points) == 2:
         duration_s = np.array([_rest_to_rest_s(float(step_m[0]), float(cap_m_s[0]), share_m_s2)])
@@ -109,6 +111,7 @@ def _speed_caps(
     points: FloatArray,
     step_m: FloatArray,
     turn_rad: FloatArray,
+    *,
     speed_m_s: float,
     across_m_s2: float,
     yaw_rate_rad_s: float,

@@ -32,6 +32,7 @@ def stroke_points(
     middle_m: FloatArray,
     theta_rad: float,
     length_m: float,
+    *,
     bend_m: float,
     press_m: FloatArray,
     yaw_rad: float,

@@ -12,8 +12,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.calibration.observe import calibrate_camera, rectify, window_in_camera
-from pentimento.collection.collect import record_stroke
+from pentimento.calibration.observe import calibrate_camera, window_in_camera
+from pentimento.collection.collect import record_stroke, stroke_views
 from pentimento.contracts.covariates import drawn_length_m, fresh_memory, new_sheet
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
@@ -47,6 +47,7 @@ def record_world(
     world: World,
     seed: int,
     tool: Tool,
+    *,
     palette_srgb: NDArray[np.float64],
     commands: Sequence[Command],
     view: View,
@@ -89,17 +90,12 @@ def record_world(
         )
         robot.wait(command.wait_s)
         photo_after = robot.photo()
-        before, after = (
-            rectify(photo, calibration, window_m, view.pixels_per_m) for photo in (photo_before, photo_after)
-        )
-        row = record_stroke(
-            session, order, command.action_id, tool, executed, window_m, before, after,
-            photo_before, photo_after, calibration,
-        )  # fmt: skip
+        views = stroke_views(photo_before, photo_after, calibration, window_m=window_m, pixels_per_m=view.pixels_per_m)
+        row = record_stroke(session, executed, views, order=order, action_id=command.action_id, tool=tool)
         row |= {"surface_id": f"sheet_{sheet}", "tool_id": f"{tool.name}_0", "camera_id": "camera_0"}
         recording.rows.append(row)
-        recording.before.append(before)
-        recording.after.append(after)
+        recording.before.append(views.before)
+        recording.after.append(views.after)
     return recording
 
 

@@ -76,16 +76,31 @@ def randomised(
         group: list[Command] = []
         for k in range(REPEATED // 2):
             taken = [c.path for c in group]
-            path = _search(rng, canvas[None] / 2, None, canvas, taken, tool, view)
+            path = _search(rng, canvas[None] / 2, None, canvas=canvas, taken=taken, tool=tool, view=view)
             action = SINGLES + half * REPEATED // 2 + k
-            group.append(_command(rng, action, half, path, palette_srgb, view, canvas, dip=tool.dips))
+            group.append(
+                _command(
+                    rng, action, half, path=path, palette_srgb=palette_srgb, view=view, canvas=canvas, dip=tool.dips
+                )
+            )
         repeated.append(group)
     commands: list[Command] = []
     for sheet in range(SHEETS):
         count = SINGLES // SHEETS
         colour = np.array(commands[-1].color_srgb) if commands else palette_srgb[0]
         again = repeated[sheet % 2]
-        commands += _sheet(rng, sheet, sheet * count, count, again, colour, tool, palette_srgb, view, canvas)
+        commands += _sheet(
+            rng,
+            sheet,
+            sheet * count,
+            singles=count,
+            repeated=again,
+            colour=colour,
+            tool=tool,
+            palette_srgb=palette_srgb,
+            view=view,
+            canvas=canvas,
+        )
     return commands
 
 
@@ -109,9 +124,11 @@ def raster(
             row, column = divmod(cell, RASTER_COLUMNS)
             middle = EDGE_M + pitch * (column + 0.5, row + 0.5)
             action = len(commands) if cell not in again else SINGLES * 3 + cell
-            path = _path(rng, tool, view, middle, theta_rad=0.0, longest_m=0.8 * float(pitch[0]))
+            path = _path(rng, tool, view, middle_m=middle, theta_rad=0.0, longest_m=0.8 * float(pitch[0]))
             dip = tool.dips and column == 0
-            made = _command(rng, action, sheet, path, colour, view, canvas, dip, wait_s=WAITS_S[0])
+            made = _command(
+                rng, action, sheet, path=path, palette_srgb=colour, view=view, canvas=canvas, dip=dip, wait_s=WAITS_S[0]
+            )
             repeats[cell] = made
             commands.append(made)
     return _renumbered(commands)
@@ -126,6 +143,7 @@ def _sheet(
     rng: np.random.Generator,
     sheet: int,
     first_action: int,
+    *,
     singles: int,
     repeated: list[Command],
     colour: FloatArray,
@@ -150,10 +168,14 @@ def _sheet(
             colour = palette_srgb[rng.integers(len(palette_srgb))]
         if made and rng.random() < CROSSING:
             target = made[-1 - int(rng.integers(min(RECENT, len(made))))].path
-            path = _search(rng, target[:, 1:3], 0.002, canvas, to_come, tool, view)
+            path = _search(rng, target[:, 1:3], 0.002, canvas=canvas, taken=to_come, tool=tool, view=view)
         else:
-            path = _search(rng, canvas[None] / 2, None, canvas, to_come + [c.path for c in made], tool, view)
-        made.append(_command(rng, action, sheet, path, colour[None], view, canvas, dip))
+            path = _search(
+                rng, canvas[None] / 2, None, canvas=canvas, taken=to_come + [c.path for c in made], tool=tool, view=view
+            )
+        made.append(
+            _command(rng, action, sheet, path=path, palette_srgb=colour[None], view=view, canvas=canvas, dip=dip)
+        )
         action += 1
     return made
 
@@ -162,6 +184,7 @@ def _search(
     rng: np.random.Generator,
     about_m: FloatArray,
     spread_m: float | None,
+    *,
     canvas: FloatArray,
     taken: list[FloatArray],
     tool: Tool,
@@ -176,7 +199,7 @@ def _search(
             middle = rng.uniform(0, canvas)
         else:
             middle = about_m[rng.integers(len(about_m))] + spread_m * rng.standard_normal(2)
-        path = _path(rng, tool, view, middle)
+        path = _path(rng, tool, view, middle_m=middle)
         box = window_around(path, 0.4 * tool.nominal_width_m)
         if np.any(path[:, 1:3] < EDGE_M) or np.any(path[:, 1:3] > canvas - EDGE_M):
             continue
@@ -194,6 +217,7 @@ def _path(
     rng: np.random.Generator,
     tool: Tool,
     view: View,
+    *,
     middle_m: FloatArray,
     theta_rad: float | None = None,
     longest_m: float = np.inf,
@@ -208,7 +232,7 @@ def _path(
         bend = length * rng.uniform(*tool.bend_range)
         press = rng.uniform(*tool.press_range_m, size=3)
         yaw = rng.uniform(-np.pi / 2, np.pi / 2) if tool.kind == "flat" else 0.0
-        points = stroke_points(middle_m, theta, length, bend, press, yaw, POINTS)
+        points = stroke_points(middle_m, theta, length, bend_m=bend, press_m=press, yaw_rad=yaw, points=POINTS)
         extent = np.sort(np.ptp(points[:, :2], axis=0))[::-1]
         speed = np.exp(rng.uniform(*np.log(tool.speed_range_m_s)))
         if np.all(extent <= room):
@@ -219,6 +243,7 @@ def _command(
     rng: np.random.Generator,
     action: int,
     sheet: int,
+    *,
     path: FloatArray,
     palette_srgb: FloatArray,
     view: View,

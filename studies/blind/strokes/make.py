@@ -37,7 +37,15 @@ def make_world(sketch: Sketch, fine: bool = False) -> tuple[pa.Table, Truth]:
         strengths = tuple(find_strength(trial, cause, q) for cause, q in zip(effects, sketch.q, strict=True))
     given = [] if column is None else disturbances(_outside(sketch), column, strengths[0].strength)
     world = sketch.with_strengths(tuple(s.strength for s in strengths))
-    recording = record_world(world, sketch.seed, sketch.tool, sketch.palette_srgb, commands, view, given)
+    recording = record_world(
+        world,
+        sketch.seed,
+        sketch.tool,
+        palette_srgb=sketch.palette_srgb,
+        commands=commands,
+        view=view,
+        disturbances=given,
+    )
     truth = Truth(
         sketch.stratum, sketch.seed, sketch.tool.name, sketch.causes, sketch.outside, sketch.q, strengths,
         sketch.misshaped,

@@ -36,7 +36,9 @@ def shifted_table(sketch: Sketch, truth: Truth) -> pa.Table:
     seed = sketch.seed + 1
     design = randomised(pressed, sketch.world.paper.size_m, sketch.palette_srgb, view, seed)
     some = [command for command in design if command.sheet in SHIFTED_SHEETS]
-    return _recorded(sketch, truth, some, view, draw_decoys(len(some), seed), SHIFTED_REALISATION)
+    return _recorded(
+        sketch, truth, some, view=view, columns=draw_decoys(len(some), seed), realisation=SHIFTED_REALISATION
+    )
 
 
 def with_actions(sketch: Sketch, truth: Truth, table: pa.Table, actions: pa.Table) -> pa.Table:
@@ -50,7 +52,7 @@ def with_actions(sketch: Sketch, truth: Truth, table: pa.Table, actions: pa.Tabl
     late = draw_decoys(len(more), sketch.seed + 1)
     names = [name for name in table.column_names if name in late]
     columns = {name: np.concatenate([table[name].to_numpy(), late[name]]) for name in names}
-    return _recorded(sketch, truth, [*commands, *more], view, columns)
+    return _recorded(sketch, truth, [*commands, *more], view=view, columns=columns)
 
 
 def commands_from(actions: pa.Table, sketch: Sketch, view: View, sheet: int, first_action: int) -> list[Command]:
@@ -83,19 +85,26 @@ def with_doubled(sketch: Sketch, truth: Truth, table: pa.Table) -> pa.Table:
     view = view_of(sketch.tool, fine=False)
     doubled = replace(truth, strengths=(replace(found, strength=strength),))
     columns = draw_decoys(table.num_rows, sketch.seed)
-    return _recorded(sketch, doubled, commands_of(sketch, view), view, columns)
+    return _recorded(sketch, doubled, commands_of(sketch, view), view=view, columns=columns)
 
 
 def _recorded(
     sketch: Sketch,
     truth: Truth,
     commands: list[Command],
+    *,
     view: View,
     columns: dict[str, FloatArray],
     realisation: int = 0,
 ) -> pa.Table:
     world = sketch.with_strengths(tuple(s.strength for s in truth.strengths))
     recording = record_world(
-        world, sketch.seed, sketch.tool, sketch.palette_srgb, commands, view, realisation=realisation
+        world,
+        sketch.seed,
+        sketch.tool,
+        palette_srgb=sketch.palette_srgb,
+        commands=commands,
+        view=view,
+        realisation=realisation,
     )
     return as_table(recording, columns)

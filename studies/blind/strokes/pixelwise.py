@@ -32,14 +32,14 @@ def named_by_pixels(base: Model, measured: Measured, vocabulary: Sequence[type[M
         statistics.curvature.sum(0),
         statistics.slope.sum(0),
         float(statistics.energy.sum()),
-        np.arange(len(base.vector)),
-        columns,
-        n,
+        held=np.arange(len(base.vector)),
+        columns=columns,
+        n=n,
     )
 
 
 def select(
-    curvature: Array, slope: Array, energy: float, held: Array, columns: dict[str, Array], n: int
+    curvature: Array, slope: Array, energy: float, *, held: Array, columns: dict[str, Array], n: int
 ) -> tuple[str, ...]:
     """Forward selection on sums over all rows.
 

@@ -103,7 +103,9 @@ def prepare_trial(sketch: Sketch, commands: Sequence[Command], view: View, colum
     last = commands[-1].sheet
     sheets = tuple(sorted({round(0.25 * last), round(0.75 * last)}))
     silent = sketch.with_strengths((0.0,) * len(sketch.causes))
-    one, two = (_record(sketch, silent, commands, view, sheets, r, ()) for r in REALISATIONS)
+    one, two = (
+        _record(sketch, silent, commands, view=view, sheets=sheets, realisation=r, given=()) for r in REALISATIONS
+    )
     return Trial(sketch, commands, view, column, sheets, (one, two))
 
 
@@ -117,7 +119,10 @@ def measure(trial: Trial, cause: str | None, strength: float) -> Strength:
         given = disturbances(sketch.outside, trial.column, strength)
     else:
         world = sketch.with_strengths(tuple(strength if c == cause else 0.0 for c in sketch.causes))
-    loud = [_record(sketch, world, trial.commands, trial.view, trial.sheets, r, given) for r in REALISATIONS]
+    loud = [
+        _record(sketch, world, trial.commands, view=trial.view, sheets=trial.sheets, realisation=r, given=given)
+        for r in REALISATIONS
+    ]
     return Strength(strength, *_energy_over_floor(trial.quiet, (loud[0], loud[1])))
 
 
@@ -170,13 +175,22 @@ def _record(
     sketch: Sketch,
     world: World,
     commands: Sequence[Command],
+    *,
     view: View,
     sheets: tuple[int, ...],
     realisation: int,
     given: Sequence[Disturbance],
 ) -> Recording:
     return record_world(
-        world, sketch.seed, sketch.tool, sketch.palette_srgb, commands, view, given, sheets, realisation
+        world,
+        sketch.seed,
+        sketch.tool,
+        palette_srgb=sketch.palette_srgb,
+        commands=commands,
+        view=view,
+        disturbances=given,
+        sheets=sheets,
+        realisation=realisation,
     )
 
 

@@ -9,7 +9,7 @@ import io
 import json
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -28,9 +28,16 @@ from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from studies.blind.strokes.pixelwise import named_by_pixels
 
 
-def verdict_on(
-    table: pa.Table, seed: int, outside: pa.Table | None = None, without: str | None = None
-) -> tuple[dict[str, Any], Diagnosis, Measured]:
+class Diagnosed(NamedTuple):
+    """Diagnosis of a table."""
+
+    verdict: dict[str, Any]
+    diagnosis: Diagnosis
+    measured: Measured
+    """The rows that could be used."""
+
+
+def verdict_on(table: pa.Table, seed: int, outside: pa.Table | None = None, without: str | None = None) -> Diagnosed:
     """The verdict on rows of the strokes contract.
 
     Args:
@@ -43,7 +50,8 @@ def verdict_on(
     shifted = None
     if outside is not None:
         shifted = gap_closed_on(load_measured(usable_rows(outside).table), found, paints_of(measured), seed)
-    return verdict(found, len(measured), len(set(measured.action.tolist())), shifted=shifted), found, measured
+    result = verdict(found, len(measured), len(set(measured.action.tolist())), shifted=shifted)
+    return Diagnosed(result, found, measured)
 
 
 def main() -> None:

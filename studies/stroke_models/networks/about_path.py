@@ -88,8 +88,9 @@ def about_path(mark: Mark, samples: StrokeSamples) -> Tensor:
         torch.cat(
             [
                 _of_pixels(
-                    moved[b], command[b], mark.radius_m[b], covered[b].flatten(), places[b].reshape(-1, 2),
-                    torch.stack([arc[b], press[b], bend[b]]),
+                    moved[b], command[b], mark.radius_m[b],
+                    covered=covered[b].flatten(), places=places[b].reshape(-1, 2),
+                    along=torch.stack([arc[b], press[b], bend[b]]),
                 ),
                 whole[b].expand(height * width, -1),
             ],
@@ -101,7 +102,7 @@ def about_path(mark: Mark, samples: StrokeSamples) -> Tensor:
 
 
 def _of_pixels(
-    mark: Tensor, command: Tensor, half_width: Tensor, covered: Tensor, places: Tensor, along: Tensor
+    mark: Tensor, command: Tensor, half_width: Tensor, *, covered: Tensor, places: Tensor, along: Tensor
 ) -> Tensor:
     """[P, ``_LOCAL``] of one stroke; ``along`` [3, N]: arc, press and bend of its points."""
     by_mark, by_command = nearest(mark, places), nearest(command, places)

@@ -77,7 +77,7 @@ def fit_soft_edge(
         torch.manual_seed(seed * (_FOLDS + 1) + number)
         known = known & (weight > 0)
         network = _Network(pixels.features[known])
-        _descend(network, pixels.pick(known), after[known], weight[known], steps, batch, log)
+        _descend(network, pixels.pick(known), after[known], weight=weight[known], steps=steps, batch=batch, log=log)
         return network.eval()
 
     def weighted_l1(predicted: Tensor) -> float:
@@ -158,7 +158,7 @@ class _Network(nn.Module):
 
 
 def _descend(
-    network: _Network, pixels: _Pixels, after: Tensor, weight: Tensor, steps: int, batch: int, log: Log
+    network: _Network, pixels: _Pixels, after: Tensor, *, weight: Tensor, steps: int, batch: int, log: Log
 ) -> None:
     """AdamW (Loshchilov & Hutter 2019), its rate up and down in one cycle, on pixels drawn with replacement."""
     optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)

@@ -55,7 +55,15 @@ def hidden_and_named(world: Hidden) -> tuple[set[str], set[str]]:
         column = columns[sketch.outside.column]
         given = disturbances(sketch.outside, (column - column.mean()) / column.std(), world.strengths[0])
     effective = sketch.with_strengths(world.strengths if sketch.causes else ())
-    recording = record_world(effective, world.seed, sketch.tool, sketch.palette_srgb, commands, view, given)
+    recording = record_world(
+        effective,
+        world.seed,
+        sketch.tool,
+        palette_srgb=sketch.palette_srgb,
+        commands=commands,
+        view=view,
+        disturbances=given,
+    )
     verdict, _, _ = verdict_on(as_table(recording, columns), seed=0)
     return set(sketch.causes), {entry["cause"] for entry in verdict["established"]}
 

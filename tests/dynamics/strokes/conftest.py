@@ -47,10 +47,10 @@ def made_by_truth() -> StrokeSamples:
             np.array([rng.uniform(0.03, 0.05), rng.uniform(0.035, 0.045)]),
             rng.uniform(-np.pi, np.pi),
             rng.uniform(0.01, 0.025),
-            rng.uniform(-0.004, 0.004),
-            rng.uniform(2e-4, 3e-3, 3),
-            0.0,
-            12,
+            bend_m=rng.uniform(-0.004, 0.004),
+            press_m=rng.uniform(2e-4, 3e-3, 3),
+            yaw_rad=0.0,
+            points=12,
         )
         path = np.column_stack([np.linspace(0, 1, 12), points])
         rows.append(stroke_row(path, white, white, action))

@@ -19,8 +19,8 @@ def bent(count: int) -> Strokes:
 def test_bezier_paths_agree_with_robot_strokes() -> None:
     strokes = bent(6)
     for s, path in enumerate(strokes.paths(12)):
-        one = [array[s].astype(float) for array in strokes.arrays()[:-1]]
-        points = stroke_points(one[0], *(float(x) for x in one[1:4]), one[4], 0.0, 12)
+        middle, theta, length, bend, press = (array[s].astype(float) for array in strokes.arrays()[:-1])
+        points = stroke_points(middle, theta, length, bend_m=bend, press_m=press, yaw_rad=0.0, points=12)
         np.testing.assert_allclose(path[:, 1:4], points[:, :3], atol=1e-7)
 
 

@@ -15,7 +15,7 @@ ACTION = np.array([0.08, 0.1, 0.5, 0.03, 0.006])
 def executed(action: Array = ACTION, **strengths: float) -> Array:
     world = clay_with(**strengths)
     return executed_line(
-        commanded_line(action, 0.04), world.arm, world.effects, SIZE, Gears(), np.random.default_rng(0)
+        commanded_line(action, 0.04), world.arm, world.effects, size_m=SIZE, gears=Gears(), rng=np.random.default_rng(0)
     )[0]
 
 

@@ -27,7 +27,7 @@ def test_springback_keeps_the_balance_of_dent_rim_far_places_and_pores() -> None
     rim = RIM * 0.6 * DENT.sum() / RIM.sum()
     aside, lost = (share * DENT.sum() * CELL_M**2 for share in (0.1, 0.3))
     height, aside_after, lost_after = spring_back(
-        PRE - DENT + rim, PRE, elastic_m(DENT, 0.003, 0.5, 0.1), aside, lost, CELL_M
+        PRE - DENT + rim, PRE, elastic_m(DENT, 0.003, 0.5, 0.1), aside_m3=aside, lost_m3=lost, cell_m=CELL_M
     )
     change = height - PRE
     assert_allclose(-change.sum() * CELL_M**2, aside_after + lost_after, rtol=1e-9)
@@ -37,7 +37,7 @@ def test_springback_keeps_the_balance_of_dent_rim_far_places_and_pores() -> None
 
 
 def test_nothing_elastic_changes_nothing() -> None:
-    height, aside, lost = spring_back(PRE - DENT, PRE, np.zeros_like(PRE), 1e-9, 2e-9, CELL_M)
+    height, aside, lost = spring_back(PRE - DENT, PRE, np.zeros_like(PRE), aside_m3=1e-9, lost_m3=2e-9, cell_m=CELL_M)
     assert_array_equal(height, PRE - DENT)
     assert (aside, lost) == (1e-9, 2e-9)
 

@@ -13,9 +13,11 @@ from tests.studio.strokes.worlds import arc, straight, world_with
 
 def _drag(path: np.ndarray, base: str = "plain", worn_m: float = 0.0, **strengths: float) -> Drag:
     world = world_with(base, **strengths)
-    tip = execute(path, world.robot, world.effects, (0.3, 0.2), Gears(), np.random.default_rng(0))
+    tip = execute(
+        path, world.robot, world.effects, canvas_size_m=(0.3, 0.2), gears=Gears(), rng=np.random.default_rng(0)
+    )
     friction = np.random.default_rng(1).standard_normal(len(tip.pose) + 2 * DAB_STEPS)
-    return drag(tip, np.zeros(len(tip.pose)), world.tool, world.effects, worn_m, friction)
+    return drag(tip, np.zeros(len(tip.pose)), world.tool, effects=world.effects, worn_m=worn_m, friction=friction)
 
 
 def _half_width_m(moved: Drag) -> float:

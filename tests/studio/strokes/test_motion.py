@@ -12,7 +12,7 @@ SIZE = (0.3, 0.2)
 def _execute(path: np.ndarray, gears: Gears | None = None, **strengths: float) -> Tip:
     world = world_with(**strengths)
     gears = gears or Gears((float(path[0, 1]), float(path[0, 2])))
-    return execute(path, world.robot, world.effects, SIZE, gears, np.random.default_rng(3))
+    return execute(path, world.robot, world.effects, canvas_size_m=SIZE, gears=gears, rng=np.random.default_rng(3))
 
 
 def test_without_errors_the_tip_goes_where_it_is_commanded() -> None:

@@ -316,7 +316,7 @@ def _feasible_path(rng: np.random.Generator, ranges: Ranges) -> Array:
         heading, middle = 0.0, np.array([length / 2, 0.0])
         if ranges.place_m is not None:
             heading, middle = rng.uniform(-np.pi, np.pi), rng.uniform(*ranges.place_m)
-        points = stroke_points(middle, heading, length, bend, press, yaw, _POINTS)
+        points = stroke_points(middle, heading, length, bend_m=bend, press_m=press, yaw_rad=yaw, points=_POINTS)
         low, high = points[:, :2].min(0), points[:, :2].max(0)
         fits = bool((np.sort(high - low)[::-1] <= ranges.room_m).all())
         inside = ranges.place_m is None or bool((low >= ranges.place_m[0]).all() and (high <= ranges.place_m[1]).all())

@@ -94,7 +94,15 @@ def to_planned(strokes: Strokes, tool: Tool, points: int) -> list[PlannedStroke]
     for i in range(len(strokes)):
         middle, theta, length, bend, press, color = (array[i].astype(np.float64) for array in strokes.arrays())
         yaw = float(theta) + np.pi / 2 if tool.kind == "flat" else 0.0
-        xyz_yaw = stroke_points(middle, float(theta), float(length), float(bend), press, _half_turn(yaw), points)
+        xyz_yaw = stroke_points(
+            middle,
+            float(theta),
+            float(length),
+            bend_m=float(bend),
+            press_m=press,
+            yaw_rad=_half_turn(yaw),
+            points=points,
+        )
         srgb = linear_to_srgb(color) if tool.color_srgb is None else np.array(tool.color_srgb)
         planned.append(PlannedStroke(timed_path(xyz_yaw, tool.speed_m_s), np.clip(srgb, 0, 1), dip=False))
     return planned

@@ -34,6 +34,7 @@ def executed_line(
     command: Array,
     arm: Arm,
     effects: ClayEffects,
+    *,
     size_m: tuple[float, float],
     gears: Gears,
     rng: np.random.Generator,

@@ -1,6 +1,7 @@
 """After the push: dents spring back, the far field rises, the retract draws a peak, and steep slopes slide."""
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -29,21 +30,32 @@ def firm_m(dent: Array, worked: Array) -> Array:
     return np.asarray(FIRM_SHARE * dent * worked / (1.0 + worked))
 
 
+class Recovered(NamedTuple):
+    """The material after the elastic recovery of its dents."""
+
+    height: Array
+    """[H,W]."""
+    aside_m3: float
+    """Volume that rises far from the contact."""
+    lost_m3: float
+    """Volume of crushed pores."""
+
+
 def spring_back(
-    height: Array, pre: Array, elastic: Array, aside_m3: float, lost_m3: float, cell_m: float
-) -> tuple[Array, float, float]:
-    """The surface, the volume set aside and the volume lost, after the recovery of the dents' elastic part [H,W].
+    height: Array, pre: Array, elastic: Array, *, aside_m3: float, lost_m3: float, cell_m: float
+) -> Recovered:
+    """The material after the recovery of the dents' elastic part [H,W].
 
     The recovery is smoothed over neighbours. Rims, far field and pores lose the volume that the dents regain.
     """
     if not elastic.any():
-        return height, aside_m3, lost_m3
+        return Recovered(height, aside_m3, lost_m3)
     dent = np.maximum(pre - height, 0.0)
     together = cv2.GaussianBlur(elastic, (0, 0), TOGETHER_M / cell_m, borderType=cv2.BORDER_REFLECT)
     regained = np.minimum(together, dent)
     back = float(regained.sum() / dent.sum())
     rim = np.maximum(height - pre, 0.0)
-    return height + regained - back * rim, aside_m3 * (1.0 - back), lost_m3 * (1.0 - back)
+    return Recovered(height + regained - back * rim, aside_m3 * (1.0 - back), lost_m3 * (1.0 - back))
 
 
 def rise_far(shape: tuple[int, int], centre: Array, heading: Array, reach_m: float, cell_m: float) -> Array:

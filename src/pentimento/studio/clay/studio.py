@@ -90,7 +90,7 @@ class ClayStudio:
         world, effects, rng = self._world, self._world.effects, self._next(Item.PUSH)
         tool = self._held()
         command = commanded_line(action, surface_m)
-        line, self._gears = executed_line(command, world.arm, effects, self.size_m, self._gears, rng)
+        line, self._gears = executed_line(command, world.arm, effects, size_m=self.size_m, gears=self._gears, rng=rng)
         worked = 1.0 - np.exp(-self._strain / world.material.hardening_strain)
         worked *= effects.work_hardening * world.material.hardening
         air = self._air(self.clock_s)
@@ -102,7 +102,16 @@ class ClayStudio:
         )
         pre, volume = self._height.copy(), np.zeros(2)
         contacts = [
-            self._plough(tool, wider, self._cells(finger), heading * (1, -1), pre, hardness, rested, volume)
+            self._plough(
+                tool,
+                wider,
+                self._cells(finger),
+                heading=heading * (1, -1),
+                pre=pre,
+                hardness=hardness,
+                rested=rested,
+                volume=volume,
+            )
             for finger, heading in finger_lines(tool, line, action)
         ]
         travel = np.array([math.cos(action[2]), -math.sin(action[2])])
@@ -171,6 +180,7 @@ class ClayStudio:
         tool: ToolShape,
         wider: float,
         line: Array,
+        *,
         heading: Array,
         pre: Array,
         hardness: Array,
@@ -203,7 +213,7 @@ class ClayStudio:
         elastic = effects.springback * elastic_m(dent, material.rebound_m, material.rebound, setting)
         elastic += firm_m(dent, worked)
         self._height, aside_m3, lost_m3 = spring_back(
-            self._height, pre, elastic, float(volume[1]), float(volume[0]), self._cell_m
+            self._height, pre, elastic, aside_m3=float(volume[1]), lost_m3=float(volume[0]), cell_m=self._cell_m
         )
         self.lost_m3 += lost_m3
         dent = np.maximum(pre - self._height, 0.0)

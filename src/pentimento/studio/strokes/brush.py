@@ -1,6 +1,7 @@
 """A bundle of bristles: its shape at rest, and how it bends, splays and drags over the sheet."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -107,7 +108,7 @@ def _smooth_noise(place: Array, rng: np.random.Generator) -> Array:
     return np.asarray(np.cos(place @ waves.T + phases).sum(axis=1) / np.sqrt(3.0))
 
 
-def drag(tip: Tip, surface_m: Array, tool: Tool, effects: Effects, worn_m: float, friction: Array) -> Drag:
+def drag(tip: Tip, surface_m: Array, tool: Tool, *, effects: Effects, worn_m: float, friction: Array) -> Drag:
     """Contact patch of `tool` for a tip's motion over a surface of height float64[M].
 
     worn_m: length drawn in the tool's life. friction: float64[M + 2 DAB_STEPS] standard normal, the sheet's
@@ -126,8 +127,16 @@ def drag(tip: Tip, surface_m: Array, tool: Tool, effects: Effects, worn_m: float
     return Drag(patch, press, frame, outer, film, speed)
 
 
-def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
-    """Motion with the touch-down and the lift-off added: xy, press, yaw, speed, each [M + 2 DAB_STEPS]."""
+class _Motion(NamedTuple):
+    """A tip's motion with touch-down and lift-off, K = M + 2 DAB_STEPS."""
+
+    xy_m: Array  # [K, 2]
+    press_m: Array  # [K]
+    yaw_rad: Array  # [K]
+    speed_m_s: Array  # [K]
+
+
+def _with_dabs(tip: Tip, surface_m: Array) -> _Motion:
     press = np.asarray(surface_m - tip.pose[:, 2])
     down, up = (np.linspace(min(CLEAR_M, end), end, DAB_STEPS, endpoint=False) for end in (press[0], press[-1]))
     press = np.concatenate([down, press, up[::-1]])
@@ -135,7 +144,7 @@ def _with_dabs(tip: Tip, surface_m: Array) -> tuple[Array, Array, Array, Array]:
     def pad(values: Array) -> Array:
         return np.concatenate([np.repeat(values[:1], DAB_STEPS, 0), values, np.repeat(values[-1:], DAB_STEPS, 0)])
 
-    return pad(tip.pose[:, :2]), press, pad(tip.pose[:, 3]), pad(_blur(tip.speed_m_s, 3))
+    return _Motion(pad(tip.pose[:, :2]), press, pad(tip.pose[:, 3]), pad(_blur(tip.speed_m_s, 3)))
 
 
 @njit(cache=True)

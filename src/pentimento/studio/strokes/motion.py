@@ -39,6 +39,7 @@ def execute(
     path: Array,
     robot: Robot,
     effects: Effects,
+    *,
     canvas_size_m: tuple[float, float],
     gears: Gears,
     rng: np.random.Generator,

@@ -100,12 +100,12 @@ class Studio:
         """
         path = _checked(path)
         world, rng = self._world, self._next(Item.STROKE)
-        tip = execute(path, world.robot, world.effects, world.paper.size_m, self._gears, rng)
+        tip = execute(path, world.robot, world.effects, canvas_size_m=world.paper.size_m, gears=self._gears, rng=rng)
         self._gears = tip.gears
         self.clock_s += world.robot.travel_s + float(path[-1, 0] - path[0, 0])
         surface = surface_height_m(world.paper, world.effects, tip.pose[:, :2])
         friction = rng.standard_normal(len(tip.pose) + 2 * DAB_STEPS)
-        moved = drag(tip, surface, world.tool, world.effects, self._worn_m, friction)
+        moved = drag(tip, surface, world.tool, effects=world.effects, worn_m=self._worn_m, friction=friction)
         self._mark(moved)
         self._worn_m += _drawn_m(tip, surface)
         return tip.encoders
