@@ -9,8 +9,12 @@ Array = NDArray[np.float32]
 
 _SHARPNESS = -0.5
 """Parameter of the cubic kernel (Keys 1981), as in the antialiased resizing of PyTorch and Pillow."""
-_TURN_RAD, _SCALE, _SHIFT = 0.12, 0.1, 0.1
-"""Maximum rotation, scale and shift (as a fraction of half the picture) of a view, as in ``semantics.objective``."""
+_TURN_RAD = 0.12
+"""Maximum rotation of a view, as in ``semantics.objective``; so are the next two."""
+_SCALE = 0.1
+"""Maximum change of scale."""
+_SHIFT = 0.1
+"""Maximum shift, as a fraction of half the picture."""
 
 
 def random_views(count: int, rng: np.random.Generator) -> Array:

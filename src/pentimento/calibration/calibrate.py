@@ -38,8 +38,14 @@ _CHART_PX_PER_M = 1500.0
 
 TOUCH_FROM_M: Final = 0.003
 """Height above the rig file's surface at which the search starts; the rig file is measured with a ruler."""
-_TOUCH_STEP_M, _TOUCH_WITHIN_M = 5e-4, 5e-5
-_LINE_M, _LINES_APART_M = 0.006, 0.004
+_TOUCH_STEP_M = 5e-4
+"""Step of the search for the surface."""
+_TOUCH_WITHIN_M = 5e-5
+"""Precision of the found height."""
+_LINE_M = 0.006
+"""Length of the lines that are drawn at each place."""
+_LINES_APART_M = 0.004
+"""Distance between them, at least."""
 _TOUCH_PX_PER_M = 2000.0
 _DARKER = 0.012
 """Min relative darkening that counts as a mark: several times that of the camera's noise."""

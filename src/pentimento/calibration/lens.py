@@ -26,7 +26,10 @@ SQUARES: Final = (9, 6)
 SQUARE_M: Final = 0.03
 _MARKER_SHARE = 0.7
 _DICTIONARY = "DICT_5X5_100"  # not that of the markers round the canvas
-_MIN_CORNERS, _MIN_PHOTOS = 12, 6
+_MIN_CORNERS = 12
+"""Corners that a photograph must show to be used."""
+_MIN_PHOTOS = 6
+"""Used photographs, at least."""
 
 
 @dataclass(frozen=True, eq=False)

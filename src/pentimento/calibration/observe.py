@@ -25,7 +25,8 @@ Image = NDArray[np.uint8]
 
 _MIN_MARKERS = 4
 _MODULES = 6  # of a marker's side: 4 of code between two of border
-_OUTLIER_PX, _OUTLIER = 0.5, 4.0  # a corner is an outlier beyond half a pixel and four times the median miss
+_OUTLIER_PX = 0.5  # a corner is an outlier that misses by more than this
+_OUTLIER = 4.0  # and by more than so many times the median miss
 _ROUNDS = 3  # of refinement and outlier rejection
 
 

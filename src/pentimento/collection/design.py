@@ -32,7 +32,8 @@ _RECENT = 6
 _BESIDE_M = 0.002
 _DIP_EARLY = 0.12
 """Share of the single strokes with a dip before the load is used up, so that loads of all lengths occur."""
-_DIPPED, _ORDERED = 1, 2  # random streams that are shared by strokes
+_DIPPED = 1  # random stream that strokes share: the paint of a dip
+_ORDERED = 2  # random stream that strokes share: their order
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,17 @@ FloatArray = NDArray[np.float64]
 
 _PIXELS_PER_M = 1000.0
 _PAPER = 237
-_BETWEEN_S, _DIP_S, _SHEET_S = 4.0, 8.0, 20.0
-"""Typical times of a robot to reach and photograph a stroke, to wipe and dip, and to change the sheet."""
+_BETWEEN_S = 4.0
+"""Typical time of a robot to reach and photograph a stroke."""
+_DIP_S = 8.0
+"""Typical time to wipe and dip."""
+_SHEET_S = 20.0
+"""Typical time to change the sheet."""
 _SUBPIXEL = 4  # binary places of cv2's coordinates
-_LIGHTEST, _DEEPEST = 0.6, 1.4
-"""Of the nominal width, at the ends of the tool's range of press."""
+_LIGHTEST = 0.6
+"""Share of the nominal width at the lightest press."""
+_DEEPEST = 1.4
+"""Share of the nominal width at the deepest press."""
 
 
 def rehearse(

@@ -29,7 +29,10 @@ Picture = NDArray[np.uint8]
 PATIENCE_S = 60.0
 """A hand may stay in the picture for this time before the painting is stopped."""
 
-_TRIES, _RETRY_S = 3, 1.0
+_TRIES = 3
+"""Photographs that are tried before an observation fails."""
+_RETRY_S = 1.0
+"""Time between two of them."""
 _BLANK = 4.0  # standard deviation of a frame's values, of 255: markers alone give several times as much
 _MOVED_M = 1e-3
 _CELL_M = 3e-3

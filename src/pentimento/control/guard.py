@@ -19,7 +19,10 @@ from pentimento.robots.tools import Tool
 FloatArray = NDArray[np.float64]
 
 MAX_WAIT_S = 3600.0
-_RELIFTS, _RELIFT_S = 10, 0.02
+_RELIFTS = 10
+"""Lifts that follow a stop, for a command that reached the driver just after the first."""
+_RELIFT_S = 0.02
+"""Time between two of them."""
 _POLL_S = 0.02
 """Time between two checks of the watchdog: a stop may come late by this much."""
 

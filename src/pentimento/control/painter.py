@@ -75,14 +75,16 @@ def paint(
     photo = observe(robot, calibration, config.pixels_per_m)
     remaining = _copy(strokes)
     first = predict(remaining, photo, scene)
-    task = _PaintTask(robot, calibration, session, palette_srgb, replan_every, replan, config, first, log)
-    start = _PaintState((), (photo,), (0.0,), remaining, memory, scene)
+    task = _BatchByBatch(robot, calibration, session, palette_srgb, replan_every, replan, config, first, log)
+    start = _BatchProgress((), (photo,), (0.0,), remaining, memory, scene)
     state, _ = run_loop(task, start, Hooks())
     return Painting(list(state.executed), list(state.photos), list(state.deviation), to_uint8(first))
 
 
 @dataclass(frozen=True)
-class _PaintState:
+class _BatchProgress:
+    """What has been painted, and what remains."""
+
     executed: tuple[PlannedStroke, ...]
     photos: tuple[Image, ...]
     deviation: tuple[float, ...]
@@ -92,7 +94,7 @@ class _PaintState:
 
 
 @dataclass(frozen=True)
-class _PaintTask:
+class _BatchByBatch:
     """``control.loop.Task``: an action is a whole batch of strokes, observed by one photograph."""
 
     robot: Robot
@@ -106,17 +108,17 @@ class _PaintTask:
     """The finished painting as predicted by the first plan, sRGB [H, W, 3]."""
     log: Log
 
-    def outcome(self, state: _PaintState) -> str | None:
+    def outcome(self, state: _BatchProgress) -> str | None:
         return None if len(state.remaining) else "all strokes were executed"
 
-    def batch(self, state: _PaintState) -> Sequence[list[PlannedStroke]]:
+    def batch(self, state: _BatchProgress) -> Sequence[list[PlannedStroke]]:
         scene = state.scene
         return [to_planned(state.remaining.pick(slice(0, self.replan_every)), scene.tool, scene.brush.path_points)]
 
-    def mark_pending(self, state: _PaintState) -> _PaintState:
+    def mark_pending(self, state: _BatchProgress) -> _BatchProgress:
         return state
 
-    def execute(self, state: _PaintState, action: list[PlannedStroke]) -> _PaintState:
+    def execute(self, state: _BatchProgress, action: list[PlannedStroke]) -> _BatchProgress:
         memory, _ = execute(
             self.robot, state.scene.tool, action, palette_srgb=self.palette_srgb, memory=state.memory,
             session=self.session,
@@ -127,9 +129,9 @@ class _PaintTask:
         )  # fmt: skip
         remaining = _copy(state.remaining.pick(slice(self.replan_every, None)))
         photo = observe(self.robot, self.calibration, self.config.pixels_per_m)
-        return _PaintState(executed, (*state.photos, photo), state.deviation, remaining, memory, scene)
+        return _BatchProgress(executed, (*state.photos, photo), state.deviation, remaining, memory, scene)
 
-    def replan(self, state: _PaintState, changed: bool) -> _PaintState:
+    def replan(self, state: _BatchProgress, changed: bool) -> _BatchProgress:
         remaining, photo = _copy(state.remaining), state.photos[-1]
         if self.replans and len(remaining) > 0:
             replan_rest(remaining, photo, state.scene, self.config)

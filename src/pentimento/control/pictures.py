@@ -32,7 +32,8 @@ NEXT: Final = "next.png"
 
 _ENLARGED: Final = 3
 _SUBPIXEL_BITS: Final = 4  # binary places of OpenCV's coordinates
-_LINE, _DOT = (214, 40, 57), (20, 90, 160)  # sRGB
+_LINE = (214, 40, 57)  # sRGB
+_DOT = (20, 90, 160)
 
 
 def draw_strokes(canvas: Picture, strokes: Sequence[PlannedStroke], canvas_size_m: tuple[float, float]) -> Picture:

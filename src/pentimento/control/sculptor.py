@@ -137,7 +137,7 @@ class Sculptor:
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
-        return self._planned(
+        return self._with_new_plan(
             replace(
                 progress, scan=scan, heights_m=(*progress.heights_m[:-1], height),
                 values=(*progress.values[:-1], float(self.foresight.objective.values(height))),
@@ -198,7 +198,7 @@ class Sculptor:
 
     def replan(self, state: SculptureProgress, changed: bool) -> SculptureProgress:
         """See ``control.loop.Task``."""
-        return state if self._ended(state) is not None else self._planned(state)
+        return state if self._ended(state) is not None else self._with_new_plan(state)
 
     @property
     def _reach(self) -> Reach:
@@ -210,7 +210,7 @@ class Sculptor:
             return "acting no longer helped"
         return "all actions were made" if len(progress.actions) >= self.count else None
 
-    def _planned(self, progress: SculptureProgress) -> SculptureProgress:
+    def _with_new_plan(self, progress: SculptureProgress) -> SculptureProgress:
         executed = len(progress.actions)
         new = plan(
             progress.heights_m[-1], self.foresight, self._reach, config=self.config, count=self.count - executed,

@@ -47,15 +47,20 @@ Picture = NDArray[np.uint8]
 
 RECORD = "record"
 
-_OBSERVE_S, _PLAN_S = 30.0, 300.0
-"""Maximum durations of an observation and of a replanning; the tool is up in both."""
+_OBSERVE_S = 30.0
+"""Maximum duration of an observation; the tool is up."""
+_PLAN_S = 300.0
+"""Maximum duration of a replanning; the tool is up."""
 _PAPER = 245
 """sRGB value of the blank sheet that is assumed for a robot without a camera."""
 _MAX_SLOWDOWN = 1.5
 """A stroke may take its commanded duration times this."""
-_UNSEEN, _MIN_SEEN, _EXECUTED = 3, 0.2, 0.5
-"""The tool counts as dry after ``_UNSEEN`` strokes in a row of which less than the share ``_MIN_SEEN`` of the predicted
-change is visible. A pending stroke counts as executed if more than the share ``_EXECUTED`` is visible."""
+_DRY_AFTER = 3
+"""The tool counts as dry after so many strokes in a row that left no mark."""
+_MIN_VISIBLE = 0.2
+"""A stroke that shows less than this share of its predicted change left no mark."""
+_EXECUTED = 0.5
+"""A pending stroke that shows more than this share of its predicted change was executed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +127,7 @@ def resume(session: PaintingSession) -> PaintingState:
     """
     watchdog = Watchdog(session.robot.stop)
     try:
-        task = _PaintingTask(session, watchdog)
+        task = _StrokeByStroke(session, watchdog)
         hooks = Hooks(interrupt=task.interrupt, checkpoint=task.checkpoint, on_action=task.check_marks)
         state, outcome = run_loop(task, task.start(), hooks)
         if outcome is None:
@@ -141,7 +146,7 @@ def resume(session: PaintingSession) -> PaintingState:
         watchdog.close()
 
 
-class _PaintingTask:
+class _StrokeByStroke:
     """``control.loop.Task`` of one session, whose actions are single strokes; and the loop's hooks."""
 
     recorded: Session
@@ -198,7 +203,7 @@ class _PaintingTask:
 
     def batch(self, state: PaintingState) -> Sequence[PlannedStroke]:
         """See ``control.loop.Task``."""
-        return self._planned(state.remaining.pick(slice(0, self.session.replan_every)))
+        return self._commands(state.remaining.pick(slice(0, self.session.replan_every)))
 
     def mark_pending(self, state: PaintingState) -> PaintingState:
         """See ``control.loop.Task``."""
@@ -232,7 +237,7 @@ class _PaintingTask:
     def replan(self, state: PaintingState, changed: bool) -> PaintingState:
         """See ``control.loop.Task``. On a canvas that a person changed, strokes may be removed."""
         self.recording.next_batch()
-        return self._replanned(state, changed)
+        return self._with_new_plan(state, changed)
 
     def interrupt(self, state: PaintingState) -> tuple[PaintingState, Interrupt | None]:
         """``control.loop.Hooks``: obey the person's command before the next stroke."""
@@ -263,18 +268,18 @@ class _PaintingTask:
         """``control.loop.Hooks``: raise PaintingFault, and restore the strokes, when the last ones left no mark."""
         if self.last_visible is not None:
             stroke, share = self.last_visible
-            self.unseen = [*self.unseen, stroke] if share < _MIN_SEEN else []
-        if len(self.unseen) == _UNSEEN:
+            self.unseen = [*self.unseen, stroke] if share < _MIN_VISIBLE else []
+        if len(self.unseen) == _DRY_AFTER:
             again = self.unseen[0].joined(self.unseen[1]).joined(self.unseen[2])
             remaining = again.joined(state.remaining)
-            self.checkpoint(replace(state, remaining=remaining, executed=state.executed - _UNSEEN))
+            self.checkpoint(replace(state, remaining=remaining, executed=state.executed - _DRY_AFTER))
             raise PaintingFault(
                 "no mark",
-                f"The last {_UNSEEN} strokes left no mark: fill the paint or change the pen, see that the tool touches "
-                "the canvas, and resume; they are made again.",
+                f"The last {_DRY_AFTER} strokes left no mark: fill the paint or change the pen, see that the tool "
+                "touches the canvas, and resume; they are made again.",
             )
 
-    def _replanned(self, state: PaintingState, changed: bool) -> PaintingState:
+    def _with_new_plan(self, state: PaintingState, changed: bool) -> PaintingState:
         self.watchdog.beat(_PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
         remaining = adapt(self.context, state.remaining, state.canvas, goal=self.goal, start=self._now(state))
@@ -299,7 +304,7 @@ class _PaintingTask:
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:
         """The state of an earlier session, continued on the canvas as it is now."""
         if state.pending and self._was_executed(state, canvas):
-            (stroke,) = self._planned(state.remaining.pick(slice(0, 1)))
+            (stroke,) = self._commands(state.remaining.pick(slice(0, 1)))
             dip = needs_dip(self.tool, stroke, state.memory)
             started_s = state.clock_s + self.context.brush.timing.reach_s
             memory = advance(state.memory, StrokeEvent(stroke.path, started_s, dip, stroke.color_srgb))
@@ -307,7 +312,7 @@ class _PaintingTask:
             state = replace(state, remaining=remaining, executed=state.executed + 1, memory=memory)
         memory = due_for_dip(add_persons_paint(state.memory, state.canvas, canvas, self._clock_s()), self.tool)
         state = replace(state, pending=False, canvas=canvas, memory=memory, phase="painting")
-        return self._replanned(state, changed=True)
+        return self._with_new_plan(state, changed=True)
 
     def _was_executed(self, state: PaintingState, canvas: Picture) -> bool:
         """Whether the pending stroke is visible. A robot without a camera paints it again."""
@@ -322,7 +327,7 @@ class _PaintingTask:
         self.watchdog.rest()
         return self.checkpoint(replace(state, phase=phase, message=message))
 
-    def _planned(self, strokes: Strokes) -> list[PlannedStroke]:
+    def _commands(self, strokes: Strokes) -> list[PlannedStroke]:
         return to_planned(strokes, self.tool, self.context.brush.path_points)
 
     def _now(self, state: PaintingState) -> Start:

@@ -18,7 +18,9 @@ from torch.nn.functional import avg_pool2d
 Decomposition = Callable[..., Any]
 
 constant_pad_nd = torch.ops.aten.constant_pad_nd
-_BILINEAR, _ZEROS, _BORDER = 0, 0, 1  # as PyTorch numbers the modes of grid_sample
+_BILINEAR = 0  # as PyTorch numbers the modes of grid_sample
+_ZEROS = 0
+_BORDER = 1
 
 
 @dataclass

@@ -17,7 +17,8 @@ Image = NDArray[np.uint8]
 
 _CELL_PX = 96
 _ACROSS = 12
-_INK, _GONE = (40, 40, 40), (200, 60, 40)
+_INK = (40, 40, 40)  # sRGB
+_GONE = (200, 60, 40)  # of removed samples
 _FINE = 4
 """Bits of the fraction of a pixel in OpenCV's coordinates."""
 

@@ -15,8 +15,10 @@ from pentimento.robots.rig import Rig, lengths, rotation_of
 
 FloatArray = NDArray[np.float64]
 
-START_M, START_RAD = 0.002, 0.02
+START_M = 0.002
 """Max distance of the tip from a motion's first pose; beyond it the arm would jump at its maximum speed."""
+START_RAD = 0.02
+"""Max rotation from it, likewise."""
 
 
 def tool_of(rig: Rig) -> tuple[FloatArray, FloatArray]:

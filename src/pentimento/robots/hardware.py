@@ -31,7 +31,10 @@ FloatArray = NDArray[np.float64]
 
 LIFT_WITHIN_S = 2.0
 """Max time for a halted move to come to rest; after it, lifting counts as failed."""
-_STIR_M, _WIPE_M = 0.006, 0.03
+_STIR_M = 0.006
+"""Length of a rub in a well of paint or water."""
+_WIPE_M = 0.03
+"""Length of a rub on the cloth."""
 _WIPES = 3
 
 

@@ -15,10 +15,13 @@ from pentimento.robots.rig import Rig, rotation_of
 
 FloatArray = NDArray[np.float64]
 
-LANDING_M_S, RISING_M_S = 0.02, 0.05
-"""Speeds towards the canvas, slow enough for a tip on an uneven sheet, and away from it."""
+LANDING_M_S = 0.02
+"""Speed towards the canvas, slow enough for a tip on an uneven sheet."""
+RISING_M_S = 0.05
+"""Speed away from it."""
 _POINTS = 33  # of a straight motion, so that a driver that follows points resolves its acceleration
-_SAME_M, _SAME_RAD = 1e-6, 1e-6
+_SAME_M = 1e-6  # places and angles nearer than this are the same
+_SAME_RAD = 1e-6
 _FACING = rotation_of(np.pi, 0.0, 0.0)  # the tip's z axis points into the canvas
 
 

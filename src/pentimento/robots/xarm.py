@@ -27,8 +27,11 @@ PERIOD_S = 0.01
 """Between poses; the controller takes 100 to 250 a second."""
 LATE_S = 0.5
 """Max delay of a motion by a busy computer; beyond it the motion is broken off."""
-_SERVO, _READY, _STOP = 1, 0, 4  # set_mode, set_state, set_state
-_ARRIVED_M, _ARRIVE_S = 1e-3, 1.0
+_SERVO = 1  # of set_mode
+_READY = 0  # of set_state
+_STOP = 4  # of set_state
+_ARRIVED_M = 1e-3  # max distance from a motion's last pose
+_ARRIVE_S = 1.0  # max time to come so near
 _HALT_S = 1.0  # for the stream of poses to end after a halt
 _KEYS = frozenset({"address", "tool_centre", "tool_turn", "load_kg", "load_centre", "collision_sensitivity"})
 

@@ -14,7 +14,7 @@ from pentimento.planning.objectives import PrintObjective
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.config import ExecutionNoise, PlannerConfig
 from pentimento.planning.strokes.descent import descend, optimise
-from pentimento.planning.strokes.initialise import round_shares
+from pentimento.planning.strokes.families import round_shares
 from pentimento.planning.strokes.palette import cluster_palette
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import render_plan

@@ -7,7 +7,8 @@ import pytest
 
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlannerConfig
-from pentimento.planning.strokes.initialise import BezierFamily, guided_strokes, saliency
+from pentimento.planning.strokes.families import BezierFamily
+from pentimento.planning.strokes.initialise import guided_strokes, saliency
 from pentimento.planning.strokes.relocate import contributions, relocate, without_harmful
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene

@@ -36,10 +36,14 @@ _MAX_HEIGHT = 4.0
 """Heights relative to the start are clipped at this many units."""
 _START_MM = 3.0
 """Radius of the median around the start, as in ``contracts.height_maps.surface_at_m``."""
-_COARSE, _MAPS = 8, 4
-"""Side (``_COARSE``) and number (``_MAPS``) of the maps that length and depth are expanded to."""
-_SHAPE, _MERGED = 8, 24
-"""Channels of the branch of length and depth (``_SHAPE``), and after merging (``_MERGED``)."""
+_COARSE = 8
+"""Side of the maps that length and depth are expanded to."""
+_MAPS = 4
+"""Number of these maps."""
+_SHAPE = 8
+"""Channels of the branch of length and depth."""
+_MERGED = 24
+"""Channels after merging."""
 _MIN_TRAVEL_MM = 0.05  # a travel of no length is a tool pressed straight down
 """Added to the travel, so that a push without travel is a tool pressed straight down."""
 _TINY = 1e-6

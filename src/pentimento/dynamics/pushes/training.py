@@ -22,8 +22,10 @@ from pentimento.dynamics.quiet_lightning import quiet_lightning
 
 Log = Callable[[str, float, int], None]
 
-_TOOL_STEPS, _TOOL_RATE = 120, 0.05
-"""Steps and learning rate (``_TOOL_RATE``) of the fit of the tool's parameters, which precedes the network's."""
+_TOOL_STEPS = 120
+"""Steps of the fit of the tool's parameters, which precedes the network's."""
+_TOOL_RATE = 0.05
+"""Learning rate of the same."""
 
 
 @dataclass(frozen=True)

@@ -143,10 +143,14 @@ def _typical(mechanism: Mechanism | type[Mechanism]) -> Tensor:
 
 
 _FIXED = "softness_raw"
-_STEP, _STEP_OF_VALUE = 0.1, 0.1
-"""The first simplex, in the parameters' own units and as a share of each."""
-_SAME_LOSS, _SAME_VALUE = 1e-4, 5e-3
-"""A simplex whose corners differ by less, of the loss and in the parameters' units, has converged."""
+_STEP = 0.1
+"""Size of the first simplex along a parameter, in its own unit."""
+_STEP_OF_VALUE = 0.1
+"""Added to that, as a share of the parameter."""
+_SAME_LOSS = 1e-4
+"""Difference between the corners of a converged simplex, as a share of the loss."""
+_SAME_VALUE = 5e-3
+"""The same of the parameters, in their units."""
 _EVALUATIONS = 100
 """At most, for each parameter."""
 

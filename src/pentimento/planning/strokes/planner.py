@@ -18,7 +18,7 @@ from pentimento.planning.adam import half_cosine
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import Log, PlanConfig, PlannerConfig, ShapedPlanConfig
 from pentimento.planning.strokes.descent import optimise
-from pentimento.planning.strokes.initialise import BezierFamily, PathFamily, shaped_family
+from pentimento.planning.strokes.families import BezierFamily, PathFamily, shaped_family
 from pentimento.planning.strokes.paints import Paints, check_palette, choose_paints, in_order, repaint
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.relocate import relocate

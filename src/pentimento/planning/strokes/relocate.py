@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlanConfig, PlannerConfig
-from pentimento.planning.strokes.initialise import PathFamily, alone_px
+from pentimento.planning.strokes.families import PathFamily
+from pentimento.planning.strokes.initialise import alone_px
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene

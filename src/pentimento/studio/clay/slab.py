@@ -41,7 +41,8 @@ def fresh_surface(slab: Slab, shape: tuple[int, int], rng: np.random.Generator) 
     return np.asarray(level_m + slab.undulation_m * waves + slab.roughness_m * grain)
 
 
-NEUTRAL_C, NEUTRAL_HUMIDITY = 21.0, 0.45
+NEUTRAL_C = 21.0  # at which the material has its own hardness
+NEUTRAL_HUMIDITY = 0.45
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ from pentimento.studio.shared import Gears, Item, item_rng
 
 Array = NDArray[np.float64]
 
-SMOOTHING_S, TOOL_CHANGE_S = 45.0, 20.0
+SMOOTHING_S = 45.0
+TOOL_CHANGE_S = 20.0
 REFERENCE_SPEED_M_S = 0.02
 BULB_M = 0.003  # distance around the contact within which the material is worked, too
 TOUCHED_M = 1e-4

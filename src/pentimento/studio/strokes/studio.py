@@ -28,7 +28,10 @@ from pentimento.studio.strokes.sheet import (
 from pentimento.studio.strokes.sweep import sweep
 from pentimento.studio.strokes.world import World
 
-PHOTO_S, DIP_S, WIPE_S, SHEET_S = 1.0, 5.0, 4.0, 20.0
+PHOTO_S = 1.0  # what each takes
+DIP_S = 5.0
+WIPE_S = 4.0
+SHEET_S = 20.0
 RINSED = 0.015  # share of the old paint left in the bristles after a wipe, at full mixing strength
 MIN_SPEED_M_S = 0.008  # bounds the wicking of a tool that hardly moves
 NO_DEPLETION = 1e-30  # strength that makes the load so large that no stroke changes its floating-point number
