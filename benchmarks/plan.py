@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from benchmarks.planner import OURS, SIZE_M, STROKES, plain_adam, scene_of
+from benchmarks.plain_adam import OURS, SIZE_M, STROKES, plain_adam, scene_of
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.planner import plan
 
@@ -42,7 +42,7 @@ def _plan(way: Way, strokes: int, iterations: int) -> tuple[int, float]:
         case "thesis":
             random = random_strokes(strokes, scene.tool, SIZE_M, np.random.default_rng(_SEED))
             random.keep_within(scene.tool, SIZE_M, OURS.edge_m)
-            plain_adam(random, canvas, scene, multiple=4.0, free_color=True, clock=log)
+            plain_adam(random, canvas, scene, multiple=4.0, free_color=True, log=log)
         case "ours":
             config = replace(OURS, iterations_free=iterations // 2, iterations_palette=iterations // 2)
             plan(canvas, scene, strokes, config, log)

@@ -16,7 +16,7 @@ import statistics
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,27 +26,25 @@ import skimage
 import torch
 from numpy.typing import NDArray
 
-from pentimento.contracts.colour import srgb_to_linear
-from pentimento.control.painter import as_linear, paint
-from pentimento.dynamics.strokes.extended import base_model
-from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.adam import half_cosine
-from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import (
-    ExecutionNoise,
-    LearningRates,
-    ObjectivesConfig,
-    PlannerConfig,
+from benchmarks.plain_adam import (
+    OURS,
+    STROKES,
+    Clock,
+    Curve,
+    anywhere,
+    best_adam,
+    constant_adam,
+    plain_adam,
+    scene_of,
 )
-from pentimento.planning.strokes.initialise import random_strokes
+from pentimento.control.painter import as_linear, paint
+from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.config import ExecutionNoise
 from pentimento.planning.strokes.paints import choose_paints, in_order
-from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.planning.strokes.planner import free_plan, plan
-from pentimento.planning.strokes.render_plan import faults, render_and_back, render_plan
-from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
-from pentimento.planning.strokes.target import PHOTOGRAPHS, fit_to_canvas, load_photograph
-from pentimento.robots.tools import load_tool
+from pentimento.planning.strokes.render_plan import render_plan
+from pentimento.planning.strokes.scene import Scene, objective_for
+from pentimento.planning.strokes.target import PHOTOGRAPHS
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.strokes.studio import Studio
 from pentimento.studio.strokes.world import load_world
@@ -57,147 +55,11 @@ Light = NDArray[np.float32]
 DATA = Path(skimage.__file__).parent / "data"
 PICTURES = (*PHOTOGRAPHS, *(str(DATA / name) for name in ("hubble_deep_field.jpg", "motorcycle_left.png", "ihc.png")))
 SEEDS = (1, 2)
-STROKES, ITERATIONS = 400, 400
-SIZE_M, PIXELS_PER_M = (0.30, 0.20), 1050.0
-# As train_stroke_dynamics found it for the round brush.
-MODEL = Traj2StrokeParameters((0.934, 0.921), (7.2e-4, -5.0e-4), 1.197, 1.92e-3, 0.0697, 0.9803)
-PAPER_SRGB = (0.955, 0.95, 0.935)
-PLAIN_RATES = LearningRates(6e-4, 0.03, 6e-4, 3e-4, 5e-5, 0.02)
-MULTIPLES = (8, 16, 32)
-OURS = PlannerConfig(
-    initialisation="error_guided",
-    candidates=8,
-    rounds=3,
-    sizes=(0.8, 0.0),
-    iterations_per_round=8,
-    iterations_free=60,
-    iterations_palette=120,
-    iterations_replan=0,
-    replan_rate=0.0,
-    relocate_every=10,
-    relocate_share=0.3,
-    min_gain_per_stroke=0.0,
-    palette=PaletteChoice("plan", 12, None, None),
-    sweeps=4,
-    path_points=16,
-    pixels_per_m=PIXELS_PER_M,
-    edge_m=6e-3,
-    distances_px=(1, 4),
-    objectives=ObjectivesConfig(1.0, None),
-    execution_noise=ExecutionNoise(0.0, 0.0),
-    learning_rates=LearningRates(2.4e-3, 0.12, 2.4e-3, 1.2e-3, 8e-4, 0.06),
-    seed=1,
-)
 SCHEDULES = {"short": (40, 4), "middle": (120, 5), "long": (390, 10)}
 """Iterations with free colours, and between two relocations. The last takes about as long as the baseline and is what
 is compared at equal time, cut off there; to the baseline's loss goes the first that gets there."""
 EXECUTION_NOISE = ExecutionNoise(0.3, 0.0)
 """Where plans are executed."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A run: the objective after so many seconds."""
-
-    seconds: list[float]
-    loss: list[float]
-
-    def reaches(self, loss: float) -> float | None:
-        """Seconds until it is that low, if it ever is."""
-        return next((s for s, value in zip(self.seconds, self.loss, strict=True) if value <= loss), None)
-
-    def after(self, seconds: float) -> float:
-        """The least by then."""
-        return min(value for s, value in zip(self.seconds, self.loss, strict=True) if s <= seconds)
-
-
-class _Clock:
-    """Collects a curve; what is measured at half the resolution is no value of the objective and stays out."""
-
-    def __init__(self, skip: int) -> None:
-        self.curve = Curve([], [])
-        self._skip, self._start = skip, time.process_time()
-
-    def __call__(self, _name: str, value: float, step: int) -> None:
-        if step >= self._skip:
-            self.curve.seconds.append(time.process_time() - self._start)
-            self.curve.loss.append(value)
-
-
-def scene_of(picture: str) -> tuple[Scene, Light]:
-    """The picture as a task for the round brush, and a blank canvas."""
-    shape = round(SIZE_M[1] * PIXELS_PER_M), round(SIZE_M[0] * PIXELS_PER_M)
-    target, tool = fit_to_canvas(load_photograph(picture), shape).astype(np.float32), load_tool("round_brush")
-    paper = srgb_to_linear(np.array(PAPER_SRGB, np.float32))
-    brush = TorchBrush(base_model(MODEL), tool, OURS.path_points)
-    return scene_with(brush, tool, SIZE_M, target), np.tile(paper, (*shape, 1))
-
-
-def plain_adam(
-    strokes: Strokes,
-    canvas: Light,
-    scene: Scene,
-    *,
-    multiple: float,
-    free_color: bool,
-    clock: _Clock,
-    last_rate: float = 0.0,
-    execution_noise: ExecutionNoise = OURS.execution_noise,
-) -> None:
-    """Move the strokes in place for ``ITERATIONS``, along a cosine from the rates to ``last_rate`` times them."""
-    rates = asdict(PLAIN_RATES)
-    # Tensors that share the strokes' memory: what moves them, moves the strokes.
-    shared = [torch.from_numpy(array) for array in strokes.arrays()]
-    groups = [(tensor, multiple * rate) for tensor, rate in zip(shared, rates.values(), strict=True)]
-    groups = groups if free_color else groups[:-1]
-    adam = torch.optim.Adam([{"params": [tensor], "lr": rate} for tensor, rate in groups])
-    schedule = torch.optim.lr_scheduler.LambdaLR(adam, lambda i: half_cosine(i, ITERATIONS, 1.0, last_rate))
-    objective, rng = objective_for(scene, OURS), np.random.default_rng(OURS.seed)
-    for iteration in range(ITERATIONS + 1):
-        fault = faults(len(strokes), execution_noise, rng) if execution_noise.any() else None
-        image, back = render_and_back(strokes, canvas, scene, fault)
-        loss, of_image = objective(image)
-        clock("objective", loss, iteration)
-        if iteration < ITERATIONS:
-            for (tensor, _), gradient in zip(groups, back(of_image), strict=False):
-                tensor.grad = torch.from_numpy(gradient)
-            adam.step()
-            schedule.step()
-            strokes.keep_within(scene.tool, scene.canvas_size_m, OURS.edge_m)
-
-
-def _anywhere(scene: Scene, seed: int) -> Strokes:
-    """The baseline's start."""
-    strokes = random_strokes(STROKES, scene.tool, SIZE_M, np.random.default_rng(seed))
-    strokes.keep_within(scene.tool, SIZE_M, OURS.edge_m)
-    return strokes
-
-
-def constant_adam(canvas: Light, scene: Scene, seed: int) -> Curve:
-    """The curve of Adam as it comes: our first learning rates, and they stay."""
-    strokes, clock = _anywhere(scene, seed), _Clock(0)
-    plain_adam(strokes, canvas, scene, multiple=1.0, free_color=True, clock=clock, last_rate=1.0)
-    return clock.curve
-
-
-@dataclass(frozen=True)
-class AdamRun:
-    """A run of the baseline."""
-
-    strokes: Strokes
-    curve: Curve
-    multiple: float
-    """Of the learning rates."""
-
-
-def best_adam(canvas: Light, scene: Scene, seed: int) -> AdamRun:
-    """The baseline's run with the lowest objective."""
-    runs = []
-    for multiple in MULTIPLES:
-        strokes, clock = _anywhere(scene, seed), _Clock(0)
-        plain_adam(strokes, canvas, scene, multiple=multiple, free_color=True, clock=clock)
-        runs.append(AdamRun(strokes, clock.curve, float(multiple)))
-    return min(runs, key=lambda run: run.curve.loss[-1])
 
 
 def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
@@ -216,7 +78,7 @@ def measure(picture: str, seed: int, execute: bool) -> dict[str, Any]:
     row["constant"] = {"seconds": constant.seconds[-1], "loss": constant.loss[-1]}
     for name, (iterations, every) in SCHEDULES.items():
         config = replace(OURS, iterations_free=iterations, relocate_every=every, seed=seed)
-        clock = _Clock(config.rounds * config.iterations_per_round + iterations // 2)
+        clock = Clock(config.rounds * config.iterations_per_round + iterations // 2)
         rng = np.random.default_rng([seed, 0])
         free_plan(canvas, scene, STROKES, config, rng=rng, log=clock)
         row[name] = {
@@ -255,9 +117,9 @@ def _in_paints(
         time.process_time() - start,
     )
     if execute:
-        told = _anywhere(scene, seed)
+        told = anywhere(scene, seed)
         plain_adam(
-            told, canvas, scene, multiple=multiple, free_color=True, clock=_Clock(0), execution_noise=EXECUTION_NOISE
+            told, canvas, scene, multiple=multiple, free_color=True, log=Clock(0), execution_noise=EXECUTION_NOISE
         )
         start = time.process_time()
         plans["adam_told"] = (
@@ -296,7 +158,7 @@ def _light_to_dark(
     paints = choose_paints(strokes, OURS.palette, seed)
     strokes, paints = in_order(paints.dipped(strokes), paints, scene, replace(OURS, sweeps=1))
     plain_adam(
-        strokes, canvas, scene, multiple=multiple, free_color=False, clock=_Clock(0), execution_noise=execution_noise
+        strokes, canvas, scene, multiple=multiple, free_color=False, log=Clock(0), execution_noise=execution_noise
     )
     return strokes, paints.srgb()
 

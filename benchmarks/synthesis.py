@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from benchmarks.bars import Bar
 from benchmarks.clock import in_turns
 from benchmarks.peers import WHERE
-from benchmarks.planner import MODEL
+from benchmarks.plain_adam import MODEL
 from benchmarks.tables import bar_table, markdown
 from pentimento.contracts.colour import srgb_to_linear
 from pentimento.contracts.scenes import example_table

@@ -1,4 +1,4 @@
-"""What the planner needs of a kind of stroke (``PathFamily``): for Bézier strokes, and for strokes of one kind of shape."""
+"""What the planner needs of a kind of stroke (``PathFamily``), for Bézier strokes and strokes of one kind of shape."""
 
 from __future__ import annotations
 
