@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.pushes.fit import derivatives, fit
+from pentimento.diagnosis.pushes.fit import fit
+from pentimento.diagnosis.pushes.jacobian import derivatives
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, cropped
 from pentimento.diagnosis.pushes.measured import measure as measure_pushes
 from pentimento.dynamics.pushes.analytic import first_model

@@ -13,7 +13,8 @@ from pentimento.diagnosis.pushes.establish import (
     varies_by_place,
     with_one_borderline,
 )
-from pentimento.diagnosis.pushes.fit import action_losses, fit
+from pentimento.diagnosis.pushes.fit import fit
+from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.search import Search, observable_causes
 from pentimento.diagnosis.score import Evidence, Step

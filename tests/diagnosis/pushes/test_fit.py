@@ -10,17 +10,9 @@ import pytest
 
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.pushes import fit as fitting
-from pentimento.diagnosis.pushes.fit import (
-    Slopes,
-    action_losses,
-    equalised,
-    fit,
-    fit_without,
-    linearise,
-    linearise_rows,
-    residual,
-    slopes_of,
-)
+from pentimento.diagnosis.pushes import jacobian
+from pentimento.diagnosis.pushes.fit import equalised, fit, fit_without
+from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, linearise, linearise_rows, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.modes import MODES, AllModes, mode_scores
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
@@ -103,7 +95,7 @@ def test_reused_jacobian_gives_statistics_of_nearby_model(measured: MeasuredPush
 def test_statistics_are_independent_of_thread_count(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
     model, found = first_model(measured.scene), []
     for threads in (1, 2):
-        monkeypatch.setattr(fitting, "get_num_threads", lambda threads=threads: threads)
+        monkeypatch.setattr(jacobian, "get_num_threads", lambda threads=threads: threads)
         found.append((*linearise_rows(model, measured), residual(model, measured)))
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)

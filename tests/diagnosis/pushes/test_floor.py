@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.pushes.fit import action_losses, mean_squared_error, residual
 from pentimento.diagnosis.pushes.floor import (
     ExecutionNoise,
     error_of_execution_noise,
@@ -17,6 +16,7 @@ from pentimento.diagnosis.pushes.floor import (
     noise_derivatives,
     noise_floor,
 )
+from pentimento.diagnosis.pushes.jacobian import action_losses, mean_squared_error, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank, played

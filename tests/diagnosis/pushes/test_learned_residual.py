@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.pushes.fit import fit, linearise, mean_squared_error, residual
+from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.floor import noise_derivatives
+from pentimento.diagnosis.pushes.jacobian import linearise, mean_squared_error, residual
 from pentimento.diagnosis.pushes.learned_residual import learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.diagnosis.pushes.fit import action_losses, fit
+from pentimento.diagnosis.pushes.fit import fit
+from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.search import _linearised, _Thresholds, could_be_the_base, observable_causes
 from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, first_model

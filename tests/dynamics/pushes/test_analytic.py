@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.pushes.fit import derivatives
+from pentimento.diagnosis.pushes.jacobian import derivatives
 from pentimento.dynamics.pushes.analytic import BASE, CONTACT, AnalyticPush, first_model, identity, touch
 from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY

@@ -17,8 +17,9 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.diagnosis.evaluation import Floor, mean_gain
 from pentimento.diagnosis.pushes.establish import Decision, decide, is_superfluous, values_with_errors
-from pentimento.diagnosis.pushes.fit import action_losses, equalised, fit, fit_without
+from pentimento.diagnosis.pushes.fit import equalised, fit, fit_without
 from pentimento.diagnosis.pushes.floor import floor_in_search, floor_of_test_split
+from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.learned_residual import LearnedPushResidual, learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, PushSplits, split_pushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, structured_residual

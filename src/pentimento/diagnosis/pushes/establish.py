@@ -16,8 +16,9 @@ from scipy.stats import chi2, combine_pvalues
 
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.gauss_newton import covariance
-from pentimento.diagnosis.pushes.fit import action_losses, fit, fit_without, linearise
+from pentimento.diagnosis.pushes.fit import fit, fit_without
 from pentimento.diagnosis.pushes.floor import floor_in_search
+from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, PushSplits
 from pentimento.diagnosis.pushes.search import MAX_CAUSES, Search, could_be_the_base
 from pentimento.diagnosis.score import Step, paired_p, projected_statistics, unconfirmed

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.evaluation import MIN_REPEATED, Floor, repeat_variances, weighted_floor
-from pentimento.diagnosis.pushes.fit import MM, action_losses, linearise_rows, residual
+from pentimento.diagnosis.pushes.jacobian import MM, action_losses, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene

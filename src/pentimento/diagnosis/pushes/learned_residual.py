@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.boosting import Trees, action_effect, cause_projection, cross_fitted, folds, grow
-from pentimento.diagnosis.pushes.fit import MM, linearise, residual
 from pentimento.diagnosis.pushes.floor import noise_derivatives
+from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.dynamics.pushes.analytic import AnalyticPush, keep, settle, touch
 from pentimento.dynamics.pushes.mechanisms import Mechanism

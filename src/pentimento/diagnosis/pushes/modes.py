@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.pushes.fit import linearise_rows
+from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.residual_structure import ModeScores, Structure, find_structure
 from pentimento.dynamics.pushes.analytic import AnalyticPush

@@ -27,7 +27,7 @@ from pentimento.diagnosis.experiment_design import (
 )
 from pentimento.diagnosis.figures import Screening, screening_of
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
-from pentimento.diagnosis.pushes.fit import linearise, linearise_rows, residual
+from pentimento.diagnosis.pushes.jacobian import linearise, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
 from pentimento.diagnosis.pushes.search import observable_causes

@@ -14,7 +14,7 @@ from pentimento.contracts.frames import canvas_to_pixel
 from pentimento.diagnosis.figures import ResidualMap, residual_maps
 from pentimento.diagnosis.page import render_report
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
-from pentimento.diagnosis.pushes.fit import MM
+from pentimento.diagnosis.pushes.jacobian import MM
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.next_pushes import PushProposal, PushScreening
 from pentimento.diagnosis.verdict import PUSHES

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.gauss_newton import Statistics
-from pentimento.diagnosis.pushes.fit import Slopes, action_losses, fit, fit_without, slopes_of
+from pentimento.diagnosis.pushes.fit import fit, fit_without
+from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.score import Evidence, Step, evidence_for, information, most_parsimonious, paired_p, scatter
 from pentimento.dynamics.pushes.analytic import AnalyticPush, identity

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
-from pentimento.diagnosis.pushes.fit import action_losses, fit
+from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.floor import noise_floor
+from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, MeasuredPushes, cropped, measure
 from pentimento.diagnosis.pushes.next_pushes import as_table, proposal_for, screen
 from pentimento.diagnosis.pushes.page import build_page
