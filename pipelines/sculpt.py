@@ -138,15 +138,9 @@ def main(arguments: argparse.Namespace) -> None:
                 photograph(each, window_m, 2) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
             ]
             metrics = _metrics(
-                wanted,
-                fit,
-                predicted,
-                sculpture=sculpture,
-                config=config,
-                reader=reader,
-                setting=setting,
+                wanted, fit, predicted, sculpture=sculpture, config=config, reader=reader, setting=setting,
                 window_m=window_m,
-            )
+            )  # fmt: skip
             write_json(folder / "metrics.json", metrics)
             goals[name] = metrics
             run.log_picture(out / f"{name}.png")

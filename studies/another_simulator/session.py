@@ -52,14 +52,9 @@ def recorded(world: World) -> pa.Table:
         width_m = width_m * (1 + rng.normal(0, _WIDTH_SCATTER))
         window_m = _window_about(command, world.pixels_per_m, rng)
         cover = mark(
-            tool,
-            xy_m,
-            press_m,
-            width_m=width_m,
-            yaw_rad=command.yaw_rad,
-            window_m=window_m,
+            tool, xy_m, press_m, width_m=width_m, yaw_rad=command.yaw_rad, window_m=window_m,
             pixels_per_m=world.pixels_per_m,
-        )
+        )  # fmt: skip
         paint = (
             opacity * (1 + rng.normal(0, _PAINT_SCATTER)) * _paint(effects, command, since_dip_m, order / len(actions))
         )
