@@ -210,7 +210,8 @@ def sections(profile: str, folder: Path) -> dict[str, Any]:
 def section_type(stage: str) -> Any:
     """The dataclass into which a stage reads its section."""
     module = import_module(f"pipelines.{stage}")
-    read = re.search(rf'load_section\(Path\("params.yaml"\), "{stage}", (\w+)\)', inspect.getsource(module))
+    file = r'(?:Path\("params.yaml"\)|arguments\.params)'
+    read = re.search(rf'load_section\({file}, "{stage}", (\w+)\)', inspect.getsource(module))
     assert read is not None
     return getattr(module, read[1])
 
