@@ -1,3 +1,4 @@
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -10,6 +11,7 @@ from pentimento.report.diagnoses import DiagnosisInputs
 from pentimento.report.handwriting import read_handwriting
 from pentimento.report.page import ReportConfig, ReportInputs, build_report
 from pentimento.report.paintings import PaintingInputs
+from pentimento.report.performances import read_performances
 from pentimento.report.sculpting import read_sculpture
 from pentimento.report.tools import ToolInputs
 from tests.report.conftest import PICTURES
@@ -95,19 +97,25 @@ def test_optional_sections_are_on_the_page_and_linked_only_with_inputs(
 ) -> None:
     from tests.report.test_diagnoses import VERDICT
     from tests.report.test_handwriting import write as write_handwriting
+    from tests.report.test_performances import write as write_performance
     from tests.report.test_sculpting import write as write_sculpture
 
     write_sculpture(tmp_path)
     sculpture = read_sculpture("foam", tmp_path, tmp_path / "metrics_of_model", tmp_path / "gap")
+    performances = tmp_path / "performances"
+    performances.mkdir()
+    (performances / "metrics.json").write_text(json.dumps({"hut": write_performance(performances, "hut", "a hut")}))
+    (performances / "sculptures.json").write_text("{}")
     full = replace(
         inputs,
         diagnoses=[DiagnosisInputs("round_brush", VERDICT, {})],
         handwriting=read_handwriting(*write_handwriting(tmp_path / "hands")),
         sculptures=[sculpture],
+        performances=read_performances(performances),
     )
     with_all = build_report(full, CONFIG)["index.html"].decode()
     assert read(with_all).open == []
-    for target in ("gap", "hands", "sculpting-foam"):
+    for target in ("gap", "hands", "sculpting-foam", "runner"):
         for text in (f'<a href="#{target}">', f'<section id="{target}">'):
             assert text in with_all and text not in page
 

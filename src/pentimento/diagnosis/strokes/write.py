@@ -24,6 +24,7 @@ from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import NotObservable
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+from pentimento.report.wording import count
 
 STROKES = "strokes"
 """Folder of the table that includes the added rows."""
@@ -141,8 +142,8 @@ def diagnose_in_rounds(
         table = pa.concat_tables([table, rows])
         card = f"# Strokes of a diagnosis\n\n{recorded} rows as given, {table.num_rows - recorded} added.\n"
         write_table(out / STROKES, table, CONTRACT, card)
-        count = f"{number} round" + ("s" if number > 1 else "")
-        found = diagnosed(table, f"{table.num_rows - recorded} of the strokes were collected as proposed, in {count}.")
+        added = f"{table.num_rows - recorded} of the strokes were collected as proposed"
+        found = diagnosed(table, f"{added}, in {count(number, 'round')}.")
     return table
 
 
