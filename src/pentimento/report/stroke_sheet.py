@@ -20,7 +20,16 @@ from pentimento.report.figures import ERROR_COLOURS, OCHRE, drawing, png, shared
 FloatArray = NDArray[np.float64]
 
 COLUMNS = ("before", "after", "Traj2Stroke", "polyline", "|error| Traj2Stroke", "|error| polyline")
-_LABEL_IN, _CELL_IN, _GAP_IN, _TITLE_IN, _BAR_IN = 1.25, 1.62, 0.06, 0.32, 0.75
+_LABEL_IN = 1.25
+"""Width of the rows' labels; all sizes in inches."""
+_CELL_IN = 1.62
+"""Width of the widest picture."""
+_GAP_IN = 0.06
+"""Gap between pictures."""
+_TITLE_IN = 0.32
+"""Height of the columns' titles."""
+_BAR_IN = 0.75
+"""Width of the space for the colour bar."""
 _SCALE_BAR_M = 0.01
 
 

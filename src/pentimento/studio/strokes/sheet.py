@@ -90,7 +90,8 @@ def _diffuse(film: NDArray[np.float32], conductivity: Field, out: NDArray[np.flo
                     out[r2, c2, i] += flow
 
 
-LIGHTEST, DARKEST = 0.94, 0.012  # masstones that pigments can reach
+LIGHTEST = 0.94  # masstones that pigments can reach
+DARKEST = 0.012
 FREEZE_STEP = 0.01  # change of dryness at which a cell's appearance is computed again
 
 Array = NDArray[np.float64]
