@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from diffusers import AutoencoderKL
+from numpy.typing import NDArray
 
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
@@ -24,8 +25,9 @@ from pentimento.copainting.goal.planner import (
     text_encoder_of,
 )
 from pentimento.copainting.goal.training import train_goal_planner
-from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, train_vae, vae_pictures
+from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, train_vae
 from pentimento.copainting.jobs import scratch_folder
+from pentimento.copainting.scenes.ink import random_strokes
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
@@ -33,6 +35,9 @@ from pipelines._tracking import Run, input_digest, tracked_run
 from pipelines.pretrain_goal_planner import SCRATCH
 
 _HELD_OUT_SEED = 1_000_003  # of the pairs that are scored: not the seed of any phase
+_STROKES_KEY = 7  # of the generators of random strokes, beside the seed
+_STROKES = (2, 40)  # in a picture of random strokes
+_WIDTHS_PX = (1.2, 4.0)  # of random strokes
 
 
 @dataclass(frozen=True)
@@ -129,10 +134,21 @@ def _begun(encoder: Encoder, config: TrainGoalBase, scratch: Path, run: Run) -> 
                 side_px=config.side_px,
                 seed=seed,
             )
-            pictures = vae_pictures([pair.target for pair in pairs], seed)
-            train_vae(pictures, config.vae, seed, log=run.log).save_pretrained(folder)
+            pictures = _with_strokes(np.stack([pair.target for pair in pairs]), seed)
+            half = config.phases[0].training.precision != "32-true"
+            train_vae(pictures, config.vae, seed, half_precision=half, log=run.log).save_pretrained(folder)
     vae = AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
     return build_goal_planner(config.shape, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed)
+
+
+def _with_strokes(pictures: NDArray[np.uint8], seed: int) -> NDArray[np.uint8]:
+    """Return pictures [N, H, W, 3] and a quarter as many of random strokes: what else a canvas may show."""
+    side = pictures.shape[1]
+    strokes = []
+    for index in range(len(pictures) // 4):
+        generator = np.random.default_rng([seed, _STROKES_KEY, index])
+        strokes.append(random_strokes(side, int(generator.integers(*_STROKES)), _WIDTHS_PX, generator))
+    return np.concatenate([pictures, np.stack(strokes)]) if strokes else pictures
 
 
 def _trained(planner: GoalPlanner, config: TrainGoalBase, number: int, scratch: Path, run: Run) -> list[float]:

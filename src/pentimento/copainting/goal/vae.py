@@ -83,9 +83,11 @@ def vae_pictures(scenes: Sequence[NDArray[np.uint8]], seed: int) -> NDArray[np.u
     return np.concatenate([np.stack([*scenes]), lines, strokes])
 
 
-def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, *, log: Log) -> AutoencoderKL:
+def train_vae(
+    pictures: NDArray[np.uint8], config: VaeConfig, seed: int, *, half_precision: bool = False, log: Log
+) -> AutoencoderKL:
     """Train an autoencoder on pictures, uint8 [N, H, W, 3], with the loss L1 + L2; `log("vae_loss", value, step)` at
-    each step.
+    each step. `half_precision` computes in bfloat16 where PyTorch's autocast does, and keeps weights in float32.
 
     Its `scaling_factor` is set to the inverse standard deviation of the latents, as in latent diffusion.
     """
@@ -96,9 +98,11 @@ def train_vae(pictures: NDArray[np.uint8], config: VaeConfig, seed: int, *, log:
         generator = generator_for(seed, step)
         chosen = torch.randint(0, len(pictures), (config.batch,), generator=generator)
         shown = as_model_input(pictures[chosen.numpy()])
-        latents = vae.encode(shown).latent_dist
-        again = vae.decode(latents.mean + latents.std * torch.randn(latents.mean.shape, generator=generator)).sample
-        loss = _reconstruction_loss(again, shown) + _KL_WEIGHT * latents.kl().mean()
+        with torch.autocast("cpu", torch.bfloat16, enabled=half_precision):
+            latents = vae.encode(shown).latent_dist
+            noise = torch.randn(latents.mean.shape, generator=generator)
+            again = vae.decode(latents.mean + latents.std * noise).sample
+        loss = _reconstruction_loss(again.float(), shown) + _KL_WEIGHT * latents.kl().float().mean()
         _descend(optimizer, loss, config, step)
         log("vae_loss", float(loss.detach()), step)
     vae.eval().requires_grad_(False)
