@@ -25,7 +25,7 @@ class Robot(Protocol):
 
     All paths are float64[N, 5] in the canvas frame (t_s from 0, x_m, y_m, z_m, yaw_rad), at rest at both
     ends. The driver decides how the tip travels between strokes. Callers use a robot through
-    `control.safety.GuardedRobot`, so that every command is checked.
+    `control.guard.GuardedRobot`, so that every command is checked.
     """
 
     @property

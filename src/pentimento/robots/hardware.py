@@ -39,7 +39,7 @@ _WIPES = 3
 
 
 class HardwareRobot:
-    """A Robot (see driver.py) on real hardware. Callers reach it through `control.safety.GuardedRobot`.
+    """A Robot (see driver.py) on real hardware. Callers reach it through `control.guard.GuardedRobot`.
 
     Between strokes the tip goes up, across at travel height and down again. Every motion is checked against the rig's
     reach before it is sent to the machine.
