@@ -22,7 +22,7 @@ bar = np.zeros(flat().shape)
 bar[20:28, 10:38] = -1.0
 goal = fit_goal(bar, flat(), GoalSettings(1.0, 10.0, 0.01, 0.5, 0.003, 0.1)).height_m
 foresight = EnsembleRollout([PressedClay()], ClayObjective(goal, WINDOW_M, CONFIG.weights), 0.0)
-values = plan(flat(), foresight, REACH, CONFIG, 4, (0,)).values
+values = plan(flat(), foresight, REACH, config=CONFIG, count=4, item=(0,)).values
 assert values[-1] < 0.7 * values[0], values
 """
 
