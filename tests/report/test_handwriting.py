@@ -26,7 +26,7 @@ def write(folder: Path) -> tuple[Path, Path, Path]:
     drawn = {
         "error": {name: 0.02 for name in NAMES} | {"blank": 0.09},
         "strokes": dict.fromkeys(NAMES, 40),
-        "ink_m": dict.fromkeys(NAMES, 2.5),
+        "ink_length_m": dict.fromkeys(NAMES, 2.5),
         "taken_for": taken_for,
     }
     errors = {"fine_tuned": 0.4, "pretrained": 0.6, "nearest_demonstration": 1.2, "mean_stroke": 3.0}
