@@ -64,6 +64,8 @@ class TrainGoalBase:
     """Folder of a goal planner whose training goes on; null starts with new weights."""
     shape: GoalPlannerShape
     vae: VaeConfig
+    vae_crop_px: int | None
+    """Side of the squares that the autoencoder learns from, since smaller ones allow more steps; null: whole pictures."""
     phases: tuple[Phase, ...]
     """In order; each starts with the averaged weights of the one before."""
     sampling: Sampling
@@ -136,7 +138,10 @@ def _begun(encoder: Encoder, config: TrainGoalBase, scratch: Path, run: Run) -> 
             )
             pictures = _with_strokes(np.stack([pair.target for pair in pairs]), seed)
             half = config.phases[0].training.precision != "32-true"
-            train_vae(pictures, config.vae, seed, half_precision=half, log=run.log).save_pretrained(folder)
+            vae = train_vae(
+                pictures, config.vae, seed, crop_px=config.vae_crop_px, half_precision=half, log=run.log
+            )  # fmt: skip
+            vae.save_pretrained(folder)
     vae = AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)
     return build_goal_planner(config.shape, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed)
 

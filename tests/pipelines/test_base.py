@@ -27,6 +27,7 @@ SECTION: dict[str, Any] = {
     "start": None,
     "shape": {"unet_channels": [8, 16], "unet_layers": 1, "heads": 2, "prediction": "sample"},
     "vae": {"channels": [8, 8], "latent_channels": 4, "pictures": 4, "steps": 3, "batch": 2, "learning_rate": 1e-3},
+    "vae_crop_px": 32,
     "phases": [PHASE, PHASE | {"alone_share": 0.2}],
     "sampling": SAMPLING,
     "threads": 1,

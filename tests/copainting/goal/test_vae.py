@@ -11,6 +11,7 @@ from pentimento.contracts.images import decode_png
 from pentimento.copainting.goal.vae import (
     DecoderConfig,
     VaeConfig,
+    _random_crops,
     as_model_input,
     as_pictures,
     encode,
@@ -70,3 +71,12 @@ def test_pictures_convert_to_model_input_and_back() -> None:
     shown = as_model_input(pictures)
     assert shown.shape == (2, 3, 4, 6) and float(shown.abs().max()) <= 1
     assert (as_pictures(shown) == pictures).all()
+
+
+def test_crops_are_parts_of_their_pictures() -> None:
+    images = torch.arange(2 * 3 * 12 * 10, dtype=torch.float32).reshape(2, 3, 12, 10)
+    crops = _random_crops(images, 8, torch.Generator().manual_seed(0))
+    assert crops.shape == (2, 3, 8, 8)
+    for crop, image in zip(crops, images, strict=True):
+        (row, column) = np.argwhere(image[0].numpy() == float(crop[0, 0, 0]))[0]
+        assert (image[:, row : row + 8, column : column + 8] == crop).all()

@@ -84,10 +84,19 @@ def vae_pictures(scenes: Sequence[NDArray[np.uint8]], seed: int) -> NDArray[np.u
 
 
 def train_vae(
-    pictures: NDArray[np.uint8], config: VaeConfig, seed: int, *, half_precision: bool = False, log: Log
+    pictures: NDArray[np.uint8],
+    config: VaeConfig,
+    seed: int,
+    *,
+    crop_px: int | None = None,
+    half_precision: bool = False,
+    log: Log,
 ) -> AutoencoderKL:
     """Train an autoencoder on pictures, uint8 [N, H, W, 3], with the loss L1 + L2; `log("vae_loss", value, step)` at
-    each step. `half_precision` computes in bfloat16 where PyTorch's autocast does, and keeps weights in float32.
+    each step.
+
+    Each step sees random squares of `crop_px` of its pictures; None shows them whole. `half_precision` computes in
+    bfloat16 where PyTorch's autocast does, and keeps weights in float32.
 
     Its `scaling_factor` is set to the inverse standard deviation of the latents, as in latent diffusion.
     """
@@ -98,6 +107,8 @@ def train_vae(
         generator = generator_for(seed, step)
         chosen = torch.randint(0, len(pictures), (config.batch,), generator=generator)
         shown = as_model_input(pictures[chosen.numpy()])
+        if crop_px is not None:
+            shown = _random_crops(shown, crop_px, generator)
         with torch.autocast("cpu", torch.bfloat16, enabled=half_precision):
             latents = vae.encode(shown).latent_dist
             noise = torch.randn(latents.mean.shape, generator=generator)
@@ -168,6 +179,17 @@ def ink_after_round_trip(
         shares = {"recall": ink_recall(pictures, again), "precision": ink_recall(again, pictures)}
         scores[name] = {kind: None if math.isnan(share) else share for kind, share in shares.items()}
     return scores
+
+
+def _random_crops(images: Tensor, side_px: int, generator: torch.Generator) -> Tensor:
+    """A random square of each image [B, 3, H, W]."""
+    bounds = [size - side_px + 1 for size in images.shape[2:]]
+    corners = [torch.randint(0, bound, (len(images),), generator=generator).tolist() for bound in bounds]
+    squares = [
+        image[:, top : top + side_px, left : left + side_px]
+        for image, top, left in zip(images, *corners, strict=True)
+    ]  # fmt: skip
+    return torch.stack(squares)
 
 
 def _reconstruction_loss(reconstructed: Tensor, pictures: Tensor) -> Tensor:
