@@ -65,7 +65,7 @@ class TrainGoalBase:
     shape: GoalPlannerShape
     vae: VaeConfig
     vae_crop_px: int | None
-    """Side of the squares that the autoencoder learns from, since smaller ones allow more steps; null: whole pictures."""
+    """Side of the squares that the autoencoder learns from: small ones allow more steps. Null: whole pictures."""
     phases: tuple[Phase, ...]
     """In order; each starts with the averaged weights of the one before."""
     sampling: Sampling
