@@ -109,6 +109,7 @@ def test_captions_name_every_thing_or_those_that_are_asked_for() -> None:
         text = caption(scene, generator)
         assert "owl" in text and "star" in text
     assert caption_of(scene, [1], generator) == "a star"
+    assert caption_of(scene_of(placed("popcorn", 0.5, 0.5, 0.4)), [0], generator) == "popcorn"
 
 
 def test_pairs_keep_the_canvas_and_name_the_medium() -> None:

@@ -209,7 +209,7 @@ def caption_of(scene: DrawnScene, shown: Collection[int], generator: np.random.G
     words = {noun: _word(noun, generator) for noun in counts}
     return listed(
         [
-            phrase(words[noun]) if count == 1 else f"{_COUNTS[count]} {plural(words[noun])}"
+            one(words[noun]) if count == 1 else f"{_COUNTS[count]} {plural(words[noun])}"
             for noun, count in counts.items()
         ]
     )
