@@ -2,7 +2,7 @@
 #   make repro [PROFILE=smoke]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make test                    the whole test suite
 #   make check                   format, lint, types
-#   make base                    the base of the goal planner (hours; goes on where it was interrupted)
+#   make base                    the base of the goal planner (hours; the UNet's training goes on where it was interrupted)
 #   make deps                    write into dvc.yaml the dependencies that follow from code and params.yaml
 #   make bench                   the benchmarks, side by side with the slow references
 #   make studies [WORLDS=0.1]    the blind benchmark of the diagnosis (hours), or a share of them; resumes where it was interrupted
@@ -56,7 +56,7 @@ check: env
 	$(BIN)/python -m pytest -q tests/test_layering.py tests/pipelines/test_stages.py
 
 base: env
-	$(BIN)/dvc repro base/dvc.yaml
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro base/dvc.yaml
 
 deps: env
 	$(BIN)/python -m pipelines._deps

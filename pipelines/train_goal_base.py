@@ -26,10 +26,9 @@ from pentimento.copainting.goal.planner import (
     text_encoder_of,
 )
 from pentimento.copainting.goal.training import train_goal_planner
-from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, train_vae
+from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, stroke_picture, train_vae
 from pentimento.copainting.jobs import scratch_folder
 from pentimento.copainting.scenes.edits import Pair
-from pentimento.copainting.scenes.ink import random_strokes
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
@@ -38,8 +37,6 @@ from pipelines.pretrain_goal_planner import SCRATCH
 
 _HELD_OUT_SEED = 1_000_003  # of the pairs that are scored: not the seed of any phase
 _STROKES_KEY = 7  # of the generators of random strokes, beside the seed
-_STROKES = (2, 40)  # in a picture of random strokes
-_WIDTHS_PX = (1.2, 4.0)  # of random strokes
 
 
 @dataclass(frozen=True)
@@ -54,6 +51,8 @@ class Phase:
     def __post_init__(self) -> None:
         at_least(self, 1, "pairs")
         at_least(self, 0, "alone_share")
+        if self.alone_share > 1:
+            raise ValueError(f"alone_share is {self.alone_share}; it is a share of the scenes, at most 1.")
 
 
 @dataclass(frozen=True)
@@ -156,11 +155,8 @@ def _mostly_in_colours(pairs: Sequence[Pair]) -> NDArray[np.uint8]:
 
 def _with_strokes(pictures: NDArray[np.uint8], seed: int) -> NDArray[np.uint8]:
     """Return pictures [N, H, W, 3] and a quarter as many of random strokes: what else a canvas may show."""
-    side = pictures.shape[1]
-    strokes = []
-    for index in range(len(pictures) // 4):
-        generator = np.random.default_rng([seed, _STROKES_KEY, index])
-        strokes.append(random_strokes(side, int(generator.integers(*_STROKES)), _WIDTHS_PX, generator))
+    generators = (np.random.default_rng([seed, _STROKES_KEY, index]) for index in range(len(pictures) // 4))
+    strokes = [stroke_picture(pictures.shape[1], generator) for generator in generators]
     return np.concatenate([pictures, np.stack(strokes)]) if strokes else pictures
 
 
@@ -184,15 +180,16 @@ def _trained(planner: GoalPlanner, config: TrainGoalBase, number: int, scratch: 
         def log(what: str, value: float, step: int) -> None:
             run.log(f"phase_{number}.{what}", value, step)
 
-        losses = train_goal_planner(planner, pairs, phase.training, scratch=steps, log=log)
+        done = train_goal_planner(planner, pairs, phase.training, scratch=steps, log=log)
         with output_folder(folder) as completed:
             states = {name: getattr(planner, name).state_dict() for name in ("unet", "text_encoder")}
-            torch.save(states | {"losses": losses}, completed / "trained.pt")
+            torch.save(states | {"losses": done}, completed / "trained.pt")
         shutil.rmtree(steps, ignore_errors=True)
     trained = torch.load(folder / "trained.pt", weights_only=True)
     for name in ("unet", "text_encoder"):
         getattr(planner, name).load_state_dict(trained[name])
-    return [float(loss) for loss in np.asarray(trained["losses"])]
+    losses: list[float] = trained["losses"]
+    return losses
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.images import image_cell
 from pentimento.contracts.ranges import at_least
-from pentimento.contracts.scenes import CONTRACT
+from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
 from pentimento.copainting.drawings.scenes import (
     DrawnScene,
@@ -60,6 +60,8 @@ class DrawnScenesConfig:
         at_least(self, 1, "scenes", "wordings")
         at_least(self, 32, "side_px")
         at_least(self, 0, "val_share", "test_share", "alone_share", "mirrored_share", "seed")
+        if max(self.val_share + self.test_share, self.alone_share, self.mirrored_share) > 1:
+            raise ValueError("A share of the scenes or of the things is above 1; give fractions.")
 
 
 def nouns_of(source: Source) -> list[str]:
@@ -79,10 +81,7 @@ def drawn_scenes(config: DrawnScenesConfig, archives: Path | None) -> pa.Table:
 
 def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[str, Any]:
     generator = np.random.default_rng([config.seed, index])
-    chance = generator.random()
-    split = (
-        "test" if chance < config.test_share else "val" if chance < config.test_share + config.val_share else "train"
-    )
+    split = split_of(generator.random(), config.val_share, config.test_share)
     source = config.sources[index // 2 % len(config.sources)]
     scene = draw_scene(
         "test" if split == "test" else "train",

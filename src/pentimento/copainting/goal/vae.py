@@ -213,8 +213,13 @@ def _drawings(scenes: Sequence[NDArray[np.uint8]], seed: int, use: int) -> tuple
     for index, scene in enumerate(scenes):
         generator = np.random.default_rng([seed, use, index])
         lines.append(pen_drawing(scene, np.ones(scene.shape[:2], bool), random_pen(generator)))
-        strokes.append(random_strokes(scene.shape[0], int(generator.integers(*_STROKES)), _WIDTHS_PX, generator))
+        strokes.append(stroke_picture(scene.shape[0], generator))
     return np.stack(lines), np.stack(strokes)
+
+
+def stroke_picture(side_px: int, generator: np.random.Generator) -> NDArray[np.uint8]:
+    """A few or many random strokes, sRGB [side, side, 3]."""
+    return random_strokes(side_px, int(generator.integers(*_STROKES)), _WIDTHS_PX, generator)
 
 
 def as_model_input(pictures: NDArray[np.uint8]) -> Tensor:
