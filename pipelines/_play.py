@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.requests import with_medium
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
@@ -34,7 +35,8 @@ def play(
     planner = load_goal_planner(folder)
 
     def goal_for(photo: Picture, prompt: str) -> Picture:
-        return np.asarray(complete_canvases(planner, photo[None], [prompt], sampling)[0])
+        request = with_medium(prompt, paint_context.medium.words)
+        return np.asarray(complete_canvases(planner, photo[None], [request], sampling)[0])
 
     return codraw(_robot(paint_context, world, seed), paint_context, story, goal_for, config=codrawing, seed=seed)
 

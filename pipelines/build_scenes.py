@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.tables import write_table
+from pentimento.copainting.drawings.pairs import DrawnScenesConfig, drawn_scenes
+from pentimento.copainting.drawings.sources import LICENCES
 from pentimento.copainting.scenes.imported_scenes import ImportedConfig, import_scenes
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.semantics.segmentation import SegmentationConfig, segment
@@ -28,7 +30,10 @@ _GRID = (6, 12)
 class BuildScenes:
     """Section `build_scenes` of params.yaml."""
 
+    named: DrawnScenesConfig | None
+    """Scenes of named things from packages of drawings; null for `drawn` or `imported`."""
     drawn: ScenesConfig
+    """Scenes of made-up things, which need no package."""
     imported: ImportedConfig | None
     """A local data set instead of the drawn scenes, or null."""
     segmentation: SegmentationConfig
@@ -58,6 +63,9 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _scenes(config: BuildScenes, run: Run) -> tuple[pa.Table, dict[str, int], str]:
+    if config.imported is None and config.named is not None:
+        licences = ", ".join(f"{source} ({LICENCES[source]})" for source in config.named.sources)
+        return drawn_scenes(config.named, None), {}, f"Drawings by {licences}."
     if config.imported is None:
         origin = (
             "Drawn by procedure; test and validation hold pairs of kinds, and kinds in colours, not seen in training."

@@ -46,9 +46,11 @@ from pentimento.copainting.evaluation.scoring import (
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
 from pentimento.copainting.jobs import gather, worker_pool
+from pentimento.copainting.scenes.collage import as_drawn
 from pentimento.copainting.scenes.edits import scene_edits, scenes_of
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.sheets import side_by_side
+from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
@@ -132,7 +134,8 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
         worker_pool(config.workers, end_with_parent) as submit,
     ):
-        table = read_table(arguments.scenes, scenes.CONTRACT).table
+        with_pen = load_tool(setting.medium.tool).color_srgb is not None and setting.medium.ink is None
+        table = as_drawn(read_table(arguments.scenes, scenes.CONTRACT).table, with_pen=with_pen)
         held_out = scenes_of(table, "test")
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
         cases = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)

@@ -22,7 +22,7 @@ from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import read_table
 from pentimento.copainting.jobs import scratch_folder
-from pentimento.copainting.scenes.collage import half_scenes, pairs_shown
+from pentimento.copainting.scenes.collage import as_drawn, half_scenes, pairs_in_training
 from pentimento.copainting.synthesis.dataset import Threshold, dataset_card, keep_pairs, preview, threshold_of
 from pentimento.copainting.synthesis.painter import Setting, load_painter
 from pentimento.copainting.synthesis.pairs import beside_pairs, usable_captions
@@ -95,7 +95,8 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         load_painter(arguments.setting, setting, stroke_model, arguments.semantics)  # so that its errors come first
-        table = read_table(arguments.scenes, CONTRACT).table
+        has_ink = load_tool(setting.tool).color_srgb is not None
+        table = as_drawn(read_table(arguments.scenes, CONTRACT).table, with_pen=has_ink and setting.ink is None)
         scenes = chosen(table, config.scenes, arguments.scenes)
         halves = halves_of(table, config.half_scenes, setting.planner.seed)
         rows, half_rows, step = scenes.to_pylist(), halves.to_pylist(), config.scenes_per_shard
@@ -166,9 +167,7 @@ def write_beside(
     """Write a shard of pairs that ask for one object beside another, from halves with a sufficient score."""
     painted = [row for file in files for row in read_table(file, copaintings.CONTRACT).table.to_pylist()]
     good = [row for row in painted if row["clip_score"] >= minimum]
-    trained = table.filter(pc.equal(table["split"], "train"))
-    kinds = trained["objects"].to_pylist() if "objects" in table.column_names else []
-    together = pairs_shown(of or () for of in kinds)
+    together = pairs_in_training(table.filter(pc.equal(table["split"], "train")))
     captions_of = partial(usable_captions, tool=load_tool(setting.tool))
     by_id = {row["scene_id"]: row for row in halves}
     rows = beside_pairs(good, by_id, captions_of, together=together, number=number, seed=setting.planner.seed)

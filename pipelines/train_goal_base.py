@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
-from pentimento.copainting.drawings.pairs import MEDIUM_WORDS, drawn_pairs, nouns_of
+from pentimento.copainting.drawings.pairs import MEDIUM_WORDS, drawn_pairs
+from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_planner
 from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
 from pentimento.copainting.goal.planner import (
@@ -46,13 +47,15 @@ class Phase:
     pairs: int
     alone_share: float
     """Of the scenes: those with one thing."""
+    tidy_share: float
+    """Of the pairs: things stand in their usual places, or on a grid beside things that are there."""
     training: GoalTraining
 
     def __post_init__(self) -> None:
         at_least(self, 1, "pairs")
-        at_least(self, 0, "alone_share")
-        if self.alone_share > 1:
-            raise ValueError(f"alone_share is {self.alone_share}; it is a share of the scenes, at most 1.")
+        at_least(self, 0, "alone_share", "tidy_share")
+        if max(self.alone_share, self.tidy_share) > 1:
+            raise ValueError("alone_share or tidy_share is above 1; give fractions.")
 
 
 @dataclass(frozen=True)
@@ -171,6 +174,7 @@ def _trained(planner: GoalPlanner, config: TrainGoalBase, number: int, scratch: 
                 "train",
                 nouns_of("openmoji"),
                 alone_share=phase.alone_share,
+                tidy_share=phase.tidy_share,
                 side_px=config.side_px,
                 seed=phase.training.seed,
             ),

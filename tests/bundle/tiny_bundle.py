@@ -73,7 +73,8 @@ def write_tiny_bundle(folder: Path) -> Path:
     words = WordsFacts("words/vocab.json", "words/merges.txt", 8)
     x, y = (Port(name, ("n", 2), "float32", "1") for name in ("x", "y"))
     setting = Setting(
-        "tools/marker.toml", "pen", CANVAS_M, 6, 3, PLANNER, envelope_for(load_tool("marker"), CANVAS_M)
+        "tools/marker.toml", "pen", "with a marker", CANVAS_M, 6, 3, PLANNER,
+        envelope_for(load_tool("marker"), CANVAS_M),
     )  # fmt: skip
     manifest = Manifest(
         schema=SCHEMA,

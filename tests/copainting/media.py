@@ -25,7 +25,7 @@ PLANNER = PlannerConfig(
     distances_px=(1, 2), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(0.0008, 0.04, 0.0008, 0.0005, 0.00002, 0.0), seed=0,
 )  # fmt: skip
-MEDIUM = Medium("marker", 0.1, InkTones(0.001, 0.15, 0.3), PLANNER)
+MEDIUM = Medium("marker", 0.1, "with a marker", InkTones(0.001, 0.15, 0.3), PLANNER)
 PARAMETERS = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, 1.5e-3, 0.2, 0.95)
 
 

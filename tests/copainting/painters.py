@@ -31,8 +31,8 @@ PLANNER = PlannerConfig(
     learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 2e-5, 0.0), seed=1,
 )  # fmt: skip
 MARKER = Setting(
-    tool="marker", canvas_m=(0.06, 0.06), picture_px=24, paper=0.98, strokes=8, ink=InkTones(0.0015, 0.15, 0.3),
-    guidance=Guidance(weight=0.02, iterations=2, rate=0.5, views=1), planner=PLANNER,
+    tool="marker", canvas_m=(0.06, 0.06), picture_px=24, paper=0.98, strokes=8, words="with a marker",
+    ink=InkTones(0.0015, 0.15, 0.3), guidance=Guidance(weight=0.02, iterations=2, rate=0.5, views=1), planner=PLANNER,
 )  # fmt: skip
 BRUSH = replace(
     MARKER, tool="round_brush", canvas_m=(0.16, 0.16), ink=None, guidance=None, planner=replace(

@@ -5,10 +5,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.images import decode_png
 from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.copainting.drawings.pairs import DrawnScenesConfig
@@ -21,7 +23,7 @@ from tests.copainting.goal_planners import small_encoder
 from tests.pipelines.test_goal_planner_stages import SAMPLING, TRAINING
 
 PARAMS = Path(__file__).parents[2] / "base/params.yaml"
-PHASE: dict[str, Any] = {"pairs": 6, "alone_share": 0.5, "training": TRAINING}
+PHASE: dict[str, Any] = {"pairs": 6, "alone_share": 0.5, "tidy_share": 0.5, "training": TRAINING}
 SECTION: dict[str, Any] = {
     "side_px": 64,
     "start": None,
@@ -61,13 +63,17 @@ def test_parameters_that_ship_are_read_by_the_stages() -> None:
 
 def test_drawn_scenes_keep_the_contract_and_name_their_licence(stage_folder: Path) -> None:
     config = {"scenes": 6, "side_px": 32, "val_share": 0.0, "test_share": 0.3, "wordings": 2, "alone_share": 0.5}
-    config["mirrored_share"] = 0.5
+    config |= {"mirrored_share": 0.5, "pen_share": 0.5}
     params = write_params(draw_scenes={"guide": config | {"sources": ["openmoji", "tabler"], "seed": 0}})
     arguments = argparse.Namespace(params=params, reader="guide", archives=Path("semantics"), out=Path("scenes"))
     Path("semantics").mkdir()
     draw_scenes.main(arguments)
     rows = read_table(Path("scenes"), CONTRACT).table.to_pylist()
     assert {(row["source"], row["licence"]) for row in rows} == {("openmoji", "CC-BY-SA-4.0"), ("tabler", "MIT")}
+    for row in rows:
+        pen = decode_png(row["pen"]["bytes"])
+        assert (np.ptp(pen, axis=-1) == 0).all() and pen.max() == 255  # black on white
+        assert (decode_png(row["regions"]["bytes"])[pen[..., 0] < 64] > 0).mean() > 0.7 or row["ground"] == "line"
 
 
 def test_base_is_trained_in_phases_and_training_can_go_on_from_it(folder: Path) -> None:

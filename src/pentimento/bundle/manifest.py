@@ -144,6 +144,8 @@ class Setting:
     """Name of the tool's file."""
     brush: str
     """Name of one of the manifest's brushes."""
+    words: str
+    """What a request to the goal planner says of the medium."""
     canvas_m: tuple[float, float]
     strokes: int
     replan_every: int

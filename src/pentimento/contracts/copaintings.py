@@ -27,6 +27,7 @@ CONTRACT: Final = TableContract(
         known("region", pa.int32(), "label of the region that was removed (semantic); null otherwise"),
         needed("seed", pa.int64(), "seed of the plan and of the removal"),
         needed("caption", pa.string(), "of the scene, or of what is missing"),
+        known("medium", pa.string(), "what a request says of the medium: with a marker"),
         needed("partial", IMAGE, "PNG of the painting without the removed strokes", "", "image"),
         needed("full", IMAGE, "PNG of the full painting", "", "image"),
         needed("plan_id", pa.string(), "which plan painted it; two, where one thing is beside another"),

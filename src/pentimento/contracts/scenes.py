@@ -29,6 +29,7 @@ CONTRACT: Final = TableContract(
         known("colors", pa.list_(pa.string()), "of the objects, in their order"),
         known("arrangement", pa.string(), "how the objects stand to each other"),
         known("ground", pa.string(), "what they stand before"),
+        known("pen", IMAGE, "PNG, RGB: the same picture drawn with a pen, as large as the image", "", "image"),
     ),
 )
 
@@ -62,10 +63,19 @@ def split_of(chance: float, val_share: float, test_share: float) -> str:
     return SPLITS[int(np.searchsorted(bounds, chance, side="right"))]
 
 
+WITHOUT_ARTICLE: Final = frozenset({
+    "bread", "broccoli", "cheese", "cherries", "chips", "corn", "crossed swords", "dice", "french fries", "fries",
+    "glasses", "gloves", "grapes", "headphones", "honey", "ice", "jeans", "maize", "milk", "pancakes", "pants",
+    "peanuts", "piano keys", "popcorn", "scissors", "shades", "shorts", "skis", "soap", "socks", "spectacles",
+    "sunglasses", "table tennis", "ping pong", "tennis", "trainers", "trousers", "crutches",
+})  # fmt: skip
+"""Kinds in the plural, and substances."""
+
+
 def phrase(kind: str, color: str | None = None) -> str:
-    """A kind of object with its article and colour: "an orange cup"."""
+    """A kind of object with its article, where it has one, and its colour: "an orange cup", "scissors"."""
     words = kind if color is None else f"{color} {kind}"
-    return f"{'an' if words[:1] in 'aeiou' else 'a'} {words}"
+    return words if kind in WITHOUT_ARTICLE else f"{'an' if words[:1] in 'aeiou' else 'a'} {words}"
 
 
 def listed(phrases: Sequence[str]) -> str:

@@ -17,6 +17,7 @@ from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
+from pentimento.contracts.requests import with_medium
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
 from pentimento.control.commission import Commission, Wanted, exclusive, write_commission
 from pentimento.control.goal import GoalSampling, goal_from_picture, goal_from_words
@@ -131,7 +132,9 @@ def run(
                 on_state=_on_state(served, progress),
             )  # fmt: skip
             if not has_state(folder):
-                goal_for = _goal_for(commission.wanted, graphs, context, commission.seed)
+                goal_for = _goal_for(
+                    commission.wanted, graphs, context, setting=commission.setting, seed=commission.seed
+                )
                 begin(session, goal_for, commission.strokes, log=_planning_log(progress, context.planner))
             state = resume_session(session)
             if state.phase == "done":
@@ -161,7 +164,9 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
     return PaintContext(tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, _threads())
 
 
-def _goal_for(wanted: Wanted, graphs: Graphs, context: PaintContext, seed: int) -> Callable[[Picture], Picture]:
+def _goal_for(
+    wanted: Wanted, graphs: Graphs, context: PaintContext, *, setting: str, seed: int
+) -> Callable[[Picture], Picture]:
     """A function from the canvas to the goal, uint8 sRGB [H, W, 3] both."""
     if wanted.kind == "picture":
         picture = read_image(Path(wanted.value))
@@ -172,8 +177,9 @@ def _goal_for(wanted: Wanted, graphs: Graphs, context: PaintContext, seed: int) 
         facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
         facts.text_guidance, seed,
     )  # fmt: skip
+    request = with_medium(wanted.value, bundle.setting(setting).words)
     return lambda canvas: goal_from_words(
-        wanted.value, canvas, goal_networks(graphs), schedule=noise_schedule(bundle),
+        request, canvas, goal_networks(graphs), schedule=noise_schedule(bundle),
         tokenizer=tokenizer(bundle, facts.words), sampling=sampling,
     )  # fmt: skip
 

@@ -59,6 +59,8 @@ class SettingConfig:
     """A tool and a canvas, and how the robot paints there."""
 
     tool: str
+    words: str
+    """What a request to the goal planner says of the medium."""
     canvas_m: tuple[float, float]
     strokes: int
     replan_every: int
@@ -230,6 +232,7 @@ def _setting(config: SettingConfig) -> Setting:
     return Setting(
         tool=f"tools/{config.tool}.toml",
         brush=brush_name(config),
+        words=config.words,
         canvas_m=config.canvas_m,
         strokes=config.strokes,
         replan_every=config.replan_every,

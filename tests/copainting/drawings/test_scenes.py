@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pentimento.copainting.drawings.pairs import drawn_pairs, nouns_of
+from pentimento.contracts.scenes import phrase
+from pentimento.copainting.drawings.pairs import drawn_pairs
 from pentimento.copainting.drawings.scenes import (
     RELATION_SHARES,
     DrawnScene,
@@ -11,11 +12,11 @@ from pentimento.copainting.drawings.scenes import (
     caption,
     caption_of,
     draw_scene,
-    one,
     plural,
     render_scene,
     split_of_scene,
 )
+from pentimento.copainting.drawings.sources import nouns_of
 
 NOUNS = ["cat", "tree", "house", "sun", "apple", "fish", "car", "star", "boot", "key", "egg", "moon"]
 SIDE = 64
@@ -98,7 +99,7 @@ def test_nothing_lies_off_the_sheet() -> None:
     ],
 )
 def test_plural_and_article(word: str, several: str, single: str) -> None:
-    assert (plural(word), one(word)) == (several, single)
+    assert (plural(word), phrase(word)) == (several, single)
 
 
 def test_captions_name_every_thing_or_those_that_are_asked_for() -> None:

@@ -55,8 +55,12 @@ def drawn_scenes(number: int) -> pa.Table:
 
 def test_edit_captions_name_the_whole_or_the_missing_things() -> None:
     table = drawn_scenes(60)
-    known = {caption for captions in table["captions"].to_pylist() for caption in captions}
+    media = ("with a marker", "in colours")
+    known = {
+        f"{caption}, {words}" for captions in table["captions"].to_pylist() for caption in captions for words in media
+    }
     pairs = scene_edits(table, 2, 0)
+    assert all(pair.caption.endswith(media) for pair in pairs)
     short = [pair for pair in pairs if pair.caption not in known]
     assert 0 < len(short) < len(pairs)
     things = sorted({kind for kinds in table["objects"].to_pylist() for kind in kinds})
@@ -70,7 +74,8 @@ def test_edits_combine_only_kinds_that_a_scene_shows_together() -> None:
     table = drawn_scenes(80)
     seen = pairs_shown(table["objects"].to_pylist())
     kinds = sorted({kind for row in table["objects"].to_pylist() for kind in row})
-    named = [[kind for kind in kinds if f" {kind} " in f" {pair.caption} "] for pair in scene_edits(table, 3, 2)]
+    requests = [pair.caption.rpartition(", ")[0] for pair in scene_edits(table, 3, 2)]
+    named = [[kind for kind in kinds if f" {kind} " in f" {request} "] for request in requests]
     together = [frozenset(pair) for pair in named if len(pair) == 2]
     assert len(together) > 10 and set(together) <= seen
 

@@ -100,9 +100,7 @@ def test_brush_plan_uses_a_limited_palette(folders: tuple[Path, Path]) -> None:
     assert result.scene.target.std(0).max() > 0
 
 
-def test_rejects_ink_tones_that_do_not_fit_the_tool(folders: tuple[Path, Path]) -> None:
-    with pytest.raises(ConfigError, match="the marker has its own ink"):
-        painter(folders, replace(MARKER, ink=None))
+def test_rejects_ink_tones_for_a_tool_without_ink(folders: tuple[Path, Path]) -> None:
     with pytest.raises(ConfigError, match="the round_brush has none"):
         painter(folders, replace(BRUSH, ink=MARKER.ink))
 
@@ -158,8 +156,9 @@ def paintings() -> tuple[list[Row], dict[str, dict[str, Any]]]:
         scenes[name] = {"scene_id": name, "arrangement": name.split("/")[1], "objects": [kind]}
         rows.append({
             "scene_id": name, "setting": "marker", "strategy": "all", "region": None, "seed": place, "caption": "a bar",
-            "partial": png(PAPER), "full": png(picture), "plan_id": f"plan_{place}", "kept": [False] * (place + 1),
-            "clip_score": place / 10, "scorer": "s", "split": "val" if place >= 4 else "train",
+            "medium": "with a marker", "partial": png(PAPER), "full": png(picture), "plan_id": f"plan_{place}",
+            "kept": [False] * (place + 1), "clip_score": place / 10, "scorer": "s",
+            "split": "val" if place >= 4 else "train",
         })  # fmt: skip
     return rows, scenes
 

@@ -13,21 +13,24 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.images import image_cell
 from pentimento.contracts.ranges import at_least
+from pentimento.contracts.requests import COLOUR_WORDS, MARKER_WORDS, with_medium
 from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
 from pentimento.copainting.drawings.scenes import (
     DrawnScene,
     Medium,
+    Places,
+    Rendered,
     caption,
     caption_of,
     draw_scene,
     render_scene,
 )
-from pentimento.copainting.drawings.sources import LICENCES, PEN_SOURCES, Source, vocabulary
+from pentimento.copainting.drawings.sources import LICENCES, PEN_SOURCES, Source, nouns_of
 from pentimento.copainting.scenes.edits import Pair
 from pentimento.copainting.scenes.ink import random_strokes
 
-MEDIUM_WORDS: Final[dict[Medium, str]] = {"marker": "with a marker", "colour": "in colours"}
+MEDIUM_WORDS: Final[dict[Medium, str]] = {"marker": MARKER_WORDS, "colour": COLOUR_WORDS}
 """What the request of a pair says of its medium."""
 _MEDIA: Final[tuple[Medium, ...]] = ("marker", "colour")
 _BLANK_SHARE: Final = 0.4  # of the pairs of scenes with several things: the canvas is blank
@@ -46,6 +49,8 @@ class DrawnScenesConfig:
     side_px: int
     val_share: float
     test_share: float
+    pen_share: float
+    """Of the scenes of a source with pen drawings: the picture is the pen drawing, which column `pen` holds anyway."""
     wordings: int
     """Captions of each scene."""
     alone_share: float
@@ -59,19 +64,13 @@ class DrawnScenesConfig:
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes", "wordings")
         at_least(self, 32, "side_px")
-        at_least(self, 0, "val_share", "test_share", "alone_share", "mirrored_share", "seed")
-        if max(self.val_share + self.test_share, self.alone_share, self.mirrored_share) > 1:
+        at_least(self, 0, "val_share", "test_share", "pen_share", "alone_share", "mirrored_share", "seed")
+        if max(self.val_share + self.test_share, self.pen_share, self.alone_share, self.mirrored_share) > 1:
             raise ValueError("A share of the scenes or of the things is above 1; give fractions.")
 
 
-def nouns_of(source: Source) -> list[str]:
-    """The nouns that a source draws, in alphabetical order."""
-    return [name for name, noun in vocabulary().items() if source in noun.sources]
-
-
 def drawn_scenes(config: DrawnScenesConfig, archives: Path | None) -> pa.Table:
-    """A table of the `scenes` contract; row i depends on (seed, i) only. Every second scene is a pen drawing, where its
-    source has pen drawings. `archives` as for `named_drawing`.
+    """A table of the `scenes` contract; row i depends on (seed, i) only. `archives` as for `named_drawing`.
 
     The splits `train` and `val` share compositions; `test` shows held-out ones. A scene with one thing is in any split.
     """
@@ -85,15 +84,20 @@ def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[s
     source = config.sources[index // 2 % len(config.sources)]
     scene = draw_scene(
         "test" if split == "test" else "train",
-        nouns_of(source),
+        nouns_of(source, archives),
         source,
         alone_share=config.alone_share,
         mirrored_share=config.mirrored_share,
         generator=generator,
     )
     everything = range(len(scene.things))
-    medium = _MEDIA[index % 2] if source in PEN_SOURCES else "colour"
-    rendered = render_scene(scene, everything, medium, side_px=config.side_px, archives=archives)
+    has_pen = source in PEN_SOURCES
+    media: dict[Medium, Rendered] = {
+        medium: render_scene(scene, everything, medium, side_px=config.side_px, archives=archives)
+        for medium in _MEDIA
+        if has_pen or medium == "colour"
+    }
+    rendered = media["marker" if has_pen and generator.random() < config.pen_share else "colour"]
     captions = [caption(scene, generator) for _ in range(config.wordings)]
     return {
         "image": image_cell(rendered.image),
@@ -108,37 +112,61 @@ def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[s
         "colors": [],
         "arrangement": scene.relation,
         "ground": "line" if scene.ground_y is not None else "none",
+        "pen": image_cell(media["marker"].image) if has_pen else None,
     }
 
 
 def drawn_pairs(
-    count: int, split: str, nouns: Sequence[str], *, alone_share: float, side_px: int, seed: int
+    count: int,
+    split: str,
+    nouns: Sequence[str],
+    *,
+    alone_share: float,
+    tidy_share: float = 0.0,
+    side_px: int,
+    seed: int,
 ) -> list[Pair]:
     """`count` pairs of scenes of a split, which OpenMoji draws; pair i depends on (seed, i) only.
 
     The request ends with the words of the medium. The canvas shows some or none of the things, each of them whole
     except for one that may be half drawn; it may also show strokes that belong to nothing.
+
+    In `tidy_share` of the pairs, things stand in their usual places if the canvas shows none of them, else on a grid.
+    These are learned sooner: then words or canvas decide where a thing goes.
     """
-    return [_pair(split, nouns, alone_share, side_px, np.random.default_rng([seed, index])) for index in range(count)]
+    generators = (np.random.default_rng([seed, index]) for index in range(count))
+    return [_pair(split, nouns, alone_share, tidy_share, side_px, generator) for generator in generators]
 
 
-def _pair(split: str, nouns: Sequence[str], alone_share: float, side_px: int, generator: np.random.Generator) -> Pair:
-    scene = draw_scene(split, nouns, "openmoji", alone_share=alone_share, generator=generator)
+def _pair(
+    split: str,
+    nouns: Sequence[str],
+    alone_share: float,
+    tidy_share: float,
+    side_px: int,
+    generator: np.random.Generator,
+) -> Pair:
+    alone, begun = generator.random() < alone_share, generator.random() < _BEGUN_SHARE
+    blank = alone or generator.random() < _BLANK_SHARE
+    places: Places = "anywhere"
+    if generator.random() < tidy_share:
+        places = "usual" if blank and not begun else "grid"
+    scene = draw_scene(split, nouns, "openmoji", alone_share=float(alone), places=places, generator=generator)
     medium = _MEDIA[int(generator.integers(len(_MEDIA)))]
     number = len(scene.things)
     missing = set(range(number))
-    if number > 1 and generator.random() >= _BLANK_SHARE:
+    if not blank:
         missing = set(generator.permutation(number)[: int(generator.integers(1, number))].tolist())
     kept = set(range(number)) - missing
     full = render_scene(scene, range(number), medium, side_px=side_px).image
     canvas = render_scene(scene, kept, medium, side_px=side_px).image
-    if generator.random() < _BEGUN_SHARE:
+    if begun:
         canvas = _begun(scene, kept, sorted(missing)[0], canvas, medium, generator)
     if generator.random() < _SCRIBBLE_SHARE:
         canvas, full = _scribbled(canvas, full, generator)
     whole = number == 1 or not kept or generator.random() >= _MISSING_SHARE
     request = caption(scene, generator) if whole else caption_of(scene, missing, generator)
-    return Pair(canvas, full, f"{request}, {MEDIUM_WORDS[medium]}")
+    return Pair(canvas, full, with_medium(request, MEDIUM_WORDS[medium]))
 
 
 def _begun(

@@ -16,10 +16,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.scenes import listed, phrase
+from pentimento.contracts.scenes import WITHOUT_ARTICLE, listed, phrase
 from pentimento.copainting.drawings.sources import SIDE_PX, Source, named_drawing, vocabulary
 
 Medium = Literal["marker", "colour"]
+Places = Literal["usual", "grid", "anywhere"]
+"""Where things stand: `usual` is the middle of each range, upright, the same for all scenes of a relation; a single
+thing is large and centred. `grid` is random, in steps of a sixteenth of the sheet, upright. `anywhere` is random,
+slightly turned, some of it on a ground line.
+"""
 Relation = Literal["alone", "count", "beside", "above", "on", "behind", "inside", "row", "over_two", "four"]
 FloatArray = NDArray[np.float64]
 
@@ -52,8 +57,15 @@ _TEST_IN: Final = 12  # one of so many pairs of nouns, and of nouns in a relatio
 _SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 222), (226, 236, 214), (236, 236, 238))
 """sRGB of the sheets of colour: white paper, and pale tints."""
 _GROUND_SRGB: Final = (150, 140, 120)
-_LINES: Final = (0.013, 0.02)  # range of `DrawnScene.line`: a marker of 0.8 to 1.2 mm on 60 mm
-_LINE_OF_SOURCE: Final[Mapping[Source, float]] = {"openmoji": 0.03, "tabler": 0.045, "fluent": 0.06}
+_LINES: Final = (0.018, 0.022)  # range of `DrawnScene.line`: a marker of 2 mm on about 100 mm
+_LARGE: Final = 0.875  # size of a single thing in its usual place, in sides of the sheet
+_GRID: Final = 16  # places on a grid are multiples of one of so many parts of the sheet
+_LINE_OF_SOURCE: Final[Mapping[Source, float]] = {
+    "openmoji": 0.03,
+    "tabler": 0.045,
+    "fluent": 0.06,
+    "emojione_monotone": 0.045,
+}
 """Width of a source's lines in sides of a drawing's square; measured on drawings that fill it."""
 
 
@@ -109,6 +121,7 @@ def draw_scene(
     *,
     alone_share: float = RELATION_SHARES["alone"],
     mirrored_share: float = 0.0,
+    places: Places = "anywhere",
     generator: np.random.Generator,
 ) -> DrawnScene:
     """A random scene of `split` with things of `nouns`, which `source` draws.
@@ -120,7 +133,7 @@ def draw_scene(
     shares = {name: alone_share if name == "alone" else scale * share for name, share in RELATION_SHARES.items()}
     while True:
         relation = list(shares)[generator.choice(len(shares), p=list(shares.values()))]
-        scene = _arranged(relation, nouns, source, mirrored_share=mirrored_share, generator=generator)
+        scene = _arranged(relation, nouns, source, mirrored_share=mirrored_share, where=places, generator=generator)
         if relation == "alone" or split_of_scene(relation, [thing.noun for thing in scene.things]) == split:
             return scene
 
@@ -131,13 +144,16 @@ def _arranged(
     source: Source,
     *,
     mirrored_share: float,
+    where: Places,
     generator: np.random.Generator,
 ) -> DrawnScene:
-    u = generator.uniform
+    def u(low: float = 0.0, high: float = 1.0) -> float:
+        return (low + high) / 2 if where == "usual" else float(generator.uniform(low, high))
+
     places: list[tuple[float, float, float]]  # x, y, size
     match relation:
         case "alone":
-            size = u(0.45, 0.92)
+            size = _LARGE if where == "usual" else u(0.45, 0.92)
             places = [(u(size / 2, 1 - size / 2), u(size / 2, 1 - size / 2), size)]
         case "count":
             count = int(generator.integers(2, 5))
@@ -172,21 +188,27 @@ def _arranged(
             places = [(x, y, u(0.38, 0.46)) for x, y in ((0.5, 0.25), (0.26, 0.74), (0.74, 0.74))]
         case "four":
             places = [(x, y, u(0.36, 0.44)) for x, y in ((0.26, 0.26), (0.74, 0.26), (0.26, 0.74), (0.74, 0.74))]
+    if where == "grid":
+        places = [(round(_GRID * x) / _GRID, round(_GRID * y) / _GRID, round(_GRID * s) / _GRID) for x, y, s in places]
     picks = generator.choice(len(nouns), 1 if relation == "count" else len(places), replace=False)
     names = [nouns[int(pick)] for pick in picks] * (len(places) if relation == "count" else 1)
     things = tuple(
-        Placed(name, source, x, y, size, float(generator.normal(0, _TURN_RAD)), bool(u() < mirrored_share))
+        Placed(name, source, x, y, size, _turn(where, generator), bool(u() < mirrored_share))
         for name, (x, y, size) in zip(names, places, strict=True)
     )
     named = tuple(range(len(things)))
     if relation == "inside":  # the container is behind
         things, named = things[::-1], named[::-1]
     ground = None
-    if u() < _GROUND_SHARE and relation in ("alone", "beside", "row", "on"):
+    if where == "anywhere" and u() < _GROUND_SHARE and relation in ("alone", "beside", "row", "on"):
         ground = max(thing.y + 0.5 * thing.size for thing in things) - u(0.01, 0.05)
     sheet = _SHEETS[int(generator.integers(len(_SHEETS)))]
     ground = ground if ground is not None and ground < 0.97 else None
     return DrawnScene(relation, things, named, ground, sheet, float(u(*_LINES)))
+
+
+def _turn(where: Places, generator: np.random.Generator) -> float:
+    return float(generator.normal(0, _TURN_RAD)) if where == "anywhere" else 0.0
 
 
 def caption(scene: DrawnScene, generator: np.random.Generator) -> str:
@@ -195,7 +217,7 @@ def caption(scene: DrawnScene, generator: np.random.Generator) -> str:
     words = [_word(noun, generator) for noun in order]
     sentences = _SENTENCES[scene.relation]
     sentence = sentences[int(generator.integers(len(sentences)))]
-    fields = {letter: one(word) for letter, word in zip("abcd", words, strict=False)}
+    fields = {letter: phrase(word) for letter, word in zip("abcd", words, strict=False)}
     opening = "" if sentence.startswith("just") else str(generator.choice(_OPENINGS))
     return opening + sentence.format(**fields, a_plural=plural(words[0]), count=_COUNTS.get(len(order), ""))
 
@@ -209,7 +231,7 @@ def caption_of(scene: DrawnScene, shown: Collection[int], generator: np.random.G
     words = {noun: _word(noun, generator) for noun in counts}
     return listed(
         [
-            one(words[noun]) if count == 1 else f"{_COUNTS[count]} {plural(words[noun])}"
+            phrase(words[noun]) if count == 1 else f"{_COUNTS[count]} {plural(words[noun])}"
             for noun, count in counts.items()
         ]
     )
@@ -218,7 +240,7 @@ def caption_of(scene: DrawnScene, shown: Collection[int], generator: np.random.G
 def plural(word: str) -> str:
     """The plural of an English noun of the vocabulary; a word for a pair or a substance stays as it is."""
     *before, last = word.split(" ")
-    if word in _WITHOUT_ARTICLE or last in _UNCHANGED:
+    if word in WITHOUT_ARTICLE or last in _UNCHANGED:
         return word
     if last in _IRREGULAR:
         last = _IRREGULAR[last]
@@ -231,22 +253,11 @@ def plural(word: str) -> str:
     return " ".join([*before, last])
 
 
-def one(word: str) -> str:
-    """A noun with its article, where it has one: "an owl", "scissors"."""
-    return word if word in _WITHOUT_ARTICLE else phrase(word)
-
-
 _UNCHANGED: Final = {"fish", "sheep", "deer", "moose", "shrimp", "squid", "elk"}
 _IRREGULAR: Final = {
     "mouse": "mice", "goose": "geese", "tooth": "teeth", "knife": "knives", "wolf": "wolves", "leaf": "leaves",
     "scarf": "scarves", "loaf": "loaves",
 }  # fmt: skip
-_WITHOUT_ARTICLE: Final = frozenset({
-    "bread", "broccoli", "cheese", "cherries", "chips", "corn", "crossed swords", "dice", "french fries", "fries",
-    "glasses", "gloves", "grapes", "headphones", "honey", "ice", "jeans", "maize", "milk", "pancakes", "pants",
-    "peanuts", "piano keys", "popcorn", "scissors", "shades", "shorts", "skis", "soap", "socks", "spectacles",
-    "sunglasses", "table tennis", "ping pong", "tennis", "trainers", "trousers", "crutches",
-})  # fmt: skip
 
 
 def _word(noun: str, generator: np.random.Generator) -> str:

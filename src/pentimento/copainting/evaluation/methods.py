@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.ranges import at_least
+from pentimento.contracts.requests import with_medium
 from pentimento.control.goal import keep_canvas
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.goal_plans import (
@@ -121,12 +122,13 @@ def run_on_canvas(cases: Sequence[Case], task: Task, methods: Sequence[str], sub
     """Run methods of `ON_CANVAS`, by submitted jobs, on canvases that show drawings of other prompts."""
     side, numbers = task.blank.shape[0], range(len(cases))
     captions = [case.caption for case in cases]
+    requests = [with_medium(caption, task.paint_context.medium.words) for caption in captions]
     started = gather([submit(_start, task, case, ORACLE in methods, i) for i, case in enumerate(cases)])
     sheets = [sheet for sheet, _ in started]
     canvases = np.stack([as_picture(sheet, side) for sheet in sheets])
     papers = np.stack([task.blank] * len(cases))
     futures = {
-        name: submit(_complete, folder, inputs, captions, task.sampling)
+        name: submit(_complete, folder, inputs, requests, task.sampling)
         for name, folder, inputs in (
             (BASE, task.planners.base, canvases),
             (FINE_TUNED, task.planners.fine_tuned, canvases),
@@ -159,12 +161,12 @@ def run_on_paper(cases: Sequence[Case], task: Task, submit: Submit) -> Outcomes:
 
     The oracle is the robot's drawing of the scene itself: an upper bound of the scores.
     """
-    captions = [case.caption for case in cases]
+    requests = [with_medium(case.caption, task.paint_context.medium.words) for case in cases]
     papers = np.stack([task.blank] * len(cases))
     sheet = _blank_sheet(task)
     futures = {
-        BASE: submit(_complete, task.planners.base, papers, captions, task.sampling),
-        FINE_TUNED: submit(_complete, task.planners.fine_tuned, papers, captions, task.sampling),
+        BASE: submit(_complete, task.planners.base, papers, requests, task.sampling),
+        FINE_TUNED: submit(_complete, task.planners.fine_tuned, papers, requests, task.sampling),
     }
     true = [submit(_draw, task, sheet, case.image, i) for i, case in enumerate(cases)]
     goals = {name: future.result() for name, future in futures.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import islice
+from itertools import combinations, islice
 from typing import Any, Final, NamedTuple
 
 import cv2
@@ -15,6 +15,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, image_cell
 from pentimento.contracts.scenes import CONTRACT, labels_of, read_scene
 from pentimento.contracts.schema import arrow_schema
+from pentimento.copainting.drawings.scenes import split_of_scene
+from pentimento.copainting.drawings.sources import LICENCES
 
 _EXTENT: Final = (0.44, 0.52)  # range of the longer side of a placed cut-out, in sides of the sheet
 _JITTER: Final = 0.03  # largest offset of a cut-out from its half's centre along each axis, in sides of the sheet
@@ -118,6 +120,35 @@ def pairs_shown(objects: Iterable[Sequence[str]]) -> set[frozenset[str]]:
         for number, one in enumerate(kinds)
         for other in kinds[number + 1 :]
     }  # fmt: skip
+
+
+def pairs_in_training(scenes: pa.Table) -> set[frozenset[str]]:
+    """The pairs of kinds that pictures for training may show together.
+
+    For drawings of named things, a hash of the words decides it (`split_of_scene`); few of those pairs occur in a small
+    table. For other `scenes`, those that occur in one scene; empty without `objects`.
+    """
+    if "objects" not in scenes.column_names:
+        return set()
+    objects = [kinds or () for kinds in scenes["objects"].to_pylist()]
+    if not set(scenes["source"].to_pylist()) <= LICENCES.keys():
+        return pairs_shown(objects)
+    kinds = sorted({kind for each in objects for kind in each})
+    return {frozenset(pair) for pair in combinations(kinds, 2) if split_of_scene("beside", pair) == "train"}
+
+
+def as_drawn(scenes: pa.Table, *, with_pen: bool) -> pa.Table:
+    """Scenes as a tool draws them: `with_pen`, their pen drawings take the place of their pictures.
+
+    Raises:
+        ContractError: a scene has no pen drawing.
+    """
+    if not with_pen:
+        return scenes
+    if "pen" not in scenes.column_names or scenes["pen"].null_count:
+        raise ContractError("The scenes have no pen drawings; set ink, which converts their pictures to ink.")
+    place = scenes.column_names.index("image")
+    return scenes.set_column(place, scenes.schema.field("image"), scenes["pen"])
 
 
 def half_scenes(scenes: pa.Table, count: int, seed: int) -> pa.Table:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
+from pentimento.contracts.requests import COLOUR_WORDS, MARKER_WORDS, with_medium
 from pentimento.contracts.scenes import labels_of, listed, phrase, read_scene, without_colors
-from pentimento.copainting.scenes.collage import PAPER_SRGB, pairs_shown, put, random_halves, without
+from pentimento.copainting.scenes.collage import PAPER_SRGB, pairs_in_training, put, random_halves, without
 from pentimento.copainting.scenes.ink import pen_drawing, random_pen
 
 _BLANK_SHARE: Final = 0.3  # of the edits of scenes with several objects: all objects are missing
@@ -51,6 +52,8 @@ class _Shown:
     """Of the things, by label; empty if the table has none."""
     colors: tuple[str, ...]
     captions: tuple[str, ...]
+    pen: NDArray[np.uint8] | None
+    """The picture as a pen drawing; None if one must be made of it."""
 
 
 def scene_edits(scenes: pa.Table, variants: int, seed: int) -> list[Pair]:
@@ -65,7 +68,7 @@ def scene_edits(scenes: pa.Table, variants: int, seed: int) -> list[Pair]:
         ContractError: the pictures differ in size, or a mask's size is not its picture's.
     """
     shown = [_shown(row, index) for index, row in enumerate(scenes.to_pylist())]
-    together = pairs_shown(each.kinds for each in shown)
+    together = pairs_in_training(scenes)
     alone = [number for number, each in enumerate(shown) if len(each.kinds) == 1]
     pairs = []
     for index, each in enumerate(shown):
@@ -84,11 +87,18 @@ def scene_edits(scenes: pa.Table, variants: int, seed: int) -> list[Pair]:
 
 
 def pairs_of(copaintings: pa.Table, split: str) -> list[Pair]:
-    """The co-paintings of one split as pairs of a partial and a full painting (thesis 6.4.1)."""
+    """The co-paintings of one split as pairs of a partial and a full painting (thesis 6.4.1). The request names the
+    medium, where the table does.
+    """
+    named = "medium" in copaintings.column_names
     chosen = copaintings.filter(pa.array([name == split for name in copaintings["split"].to_pylist()], pa.bool_()))
     return [
-        Pair(decode_png(row["partial"]["bytes"]), decode_png(row["full"]["bytes"]), row["caption"])
-        for row in chosen.select(["partial", "full", "caption"]).to_pylist()
+        Pair(
+            decode_png(row["partial"]["bytes"]),
+            decode_png(row["full"]["bytes"]),
+            with_medium(row["caption"], row["medium"]) if row.get("medium") else row["caption"],
+        )
+        for row in chosen.select(["partial", "full", "caption", *(["medium"] if named else [])]).to_pylist()
     ]
 
 
@@ -103,17 +113,22 @@ def scenes_of(scenes: pa.Table, split: str) -> pa.Table:
 def _shown(row: dict[str, Any], index: int) -> _Shown:
     image, regions = read_scene(row, f"Scene {index}")
     kinds, colors = (tuple(str(word) for word in row.get(name) or ()) for name in ("objects", "colors"))
-    return _Shown(image, regions, kinds, colors, tuple(row.get("captions") or [row["caption"]]))
+    pen = None if row.get("pen") is None else decode_png(row["pen"]["bytes"])
+    return _Shown(image, regions, kinds, colors, tuple(row.get("captions") or [row["caption"]]), pen)
 
 
 def _collage(one: _Shown, other: _Shown, generator: np.random.Generator) -> _Shown:
     """The things of two scenes on the background of the first."""
     image = without(one.image, one.regions, labels_of(one.regions))
+    pen = None if one.pen is None or other.pen is None else np.full_like(one.pen, 255)
     regions = np.zeros_like(one.regions)
     for label, (each, half) in enumerate(zip((one, other), random_halves(generator), strict=True), 1):
-        image, there = put(image, each.image, each.regions, half=half, generator=generator)
+        place = generator.integers(2**31)  # the same in both pictures
+        image, there = put(image, each.image, each.regions, half=half, generator=np.random.default_rng(place))
+        if pen is not None and each.pen is not None:
+            pen = put(pen, each.pen, each.regions, half=half, generator=np.random.default_rng(place))[0]
         regions[there] = label
-    return _Shown(image, regions, one.kinds + other.kinds, one.colors + other.colors, ())
+    return _Shown(image, regions, one.kinds + other.kinds, one.colors + other.colors, (), pen)
 
 
 def _edit(shown: _Shown, generator: np.random.Generator) -> Pair:
@@ -123,12 +138,15 @@ def _edit(shown: _Shown, generator: np.random.Generator) -> Pair:
     if labels.size > 1 and generator.random() >= _BLANK_SHARE:
         missing = np.sort(generator.permutation(labels)[: int(generator.integers(1, labels.size))])
     if generator.random() < _PEN_SHARE:
+        request = with_medium(_request(shown, missing, False, generator), MARKER_WORDS)
+        if shown.pen is not None:
+            return Pair(without(shown.pen, regions, missing), shown.pen, request)
         pen = random_pen(generator)
         before, after = (
             pen_drawing(image, np.isin(regions, kept), pen) for kept in (np.setdiff1d(labels, missing), labels)
         )
-        return Pair(before, after, _request(shown, missing, False, generator))
-    caption = _request(shown, missing, True, generator)
+        return Pair(before, after, request)
+    caption = with_medium(_request(shown, missing, True, generator), COLOUR_WORDS)
     if missing.size == labels.size and generator.random() < _PAPER_SHARE:
         return Pair(np.full_like(image, PAPER_SRGB), image, caption)
     return Pair(without(image, regions, missing), image, caption)

@@ -66,10 +66,9 @@ class InkTones:
 
 
 def check_ink(ink: InkTones | None, has_ink: bool, owner: str, tool: str) -> None:
-    """Raise `ConfigError` unless ink tones are given exactly for a tool that has its own ink."""
-    if (ink is None) == has_ink:
-        has = "has its own ink: give its ink tones" if has_ink else "has none: set ink to null"
-        raise ConfigError(f"{owner} has ink {ink!r}, but the {tool} {has}.")
+    """Raise `ConfigError` if ink tones are given for a tool without its own ink."""
+    if ink is not None and not has_ink:
+        raise ConfigError(f"{owner} has ink {ink!r}, but the {tool} has none: set ink to null.")
 
 
 def ink_tones(picture: FloatArray, pixels_per_m: float, config: InkTones) -> FloatArray:

@@ -64,8 +64,12 @@ class Setting:
     paper: float
     """The sheet's grey, sRGB from 0 to 1."""
     strokes: int
+    words: str
+    """What a request to the goal planner says of the medium."""
     ink: InkTones | None
-    """How scenes are converted to ink, for a tool with its own ink; null for a tool that takes paints."""
+    """How scenes are converted to ink, for a tool with its own ink; null where scenes have pen drawings, and for a tool
+    that takes paints.
+    """
     guidance: Guidance | None
     """Null for no semantic guidance."""
     planner: PlannerConfig

@@ -57,6 +57,7 @@ def paint_scene(row: Mapping[str, Any], painter: Painter, config: PartialsConfig
             "region": partial.region,
             "seed": seed,
             "caption": missing_thing(row, partial, painter.tool) or caption,
+            "medium": setting.words,
             "partial": image_cell(painting.picture(partial.kept, setting.stored_px)),
             "full": full_cell,
             "plan_id": f"{painter.name}/{row['scene_id']}/{seed}",
