@@ -143,7 +143,8 @@ def _begun(encoder: Encoder, config: TrainGoalBase, scratch: Path, run: Run) -> 
             pictures = _with_strokes(_mostly_in_colours(pairs), seed)
             half = config.phases[0].training.precision != "32-true"
             vae = train_vae(
-                pictures, config.vae, seed, crop_px=config.vae_crop_px, half_precision=half, log=run.log
+                pictures, config.vae, seed, crop_px=config.vae_crop_px, teach_colours=True, half_precision=half,
+                log=run.log,
             )  # fmt: skip
             vae.save_pretrained(folder)
     vae = AutoencoderKL.from_pretrained(scratch / "vae", local_files_only=True).eval().requires_grad_(False)

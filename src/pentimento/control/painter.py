@@ -22,7 +22,7 @@ from pentimento.planning.strokes.config import Log, PlannerConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.planner import plan
-from pentimento.planning.strokes.relocate import without_harmful
+from pentimento.planning.strokes.relocate import without_useless
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene, Style, objective_for
 from pentimento.robots.driver import Robot
@@ -201,7 +201,7 @@ def first_plan(
     """
     scene = context.scene(as_linear(goal), start)
     strokes, palette = plan(as_linear(canvas), scene, count, context.planner, log)
-    return without_harmful(strokes, as_linear(canvas), scene, context.planner), palette
+    return without_useless(strokes, as_linear(canvas), scene, context.planner), palette
 
 
 def replanned(context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start) -> Strokes:
@@ -217,7 +217,7 @@ def replanned_and_pruned(
 ) -> Strokes:
     """``replanned`` on a canvas that a person has changed: strokes that increase the objective now are removed."""
     moved = replanned(context, remaining, canvas, goal=goal, start=start)
-    return without_harmful(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)
+    return without_useless(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)
 
 
 def predict_canvas(context: PaintContext, strokes: Strokes, canvas: Image, start: Start) -> Array:

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import avg_pool2d
 
 from pentimento.contracts import scenes
 from pentimento.contracts.images import decode_png
 from pentimento.copainting.goal.vae import (
     DecoderConfig,
     VaeConfig,
+    _colour_loss,
     _random_crops,
     as_model_input,
     as_pictures,
@@ -80,3 +82,15 @@ def test_crops_are_parts_of_their_pictures() -> None:
     for crop, image in zip(crops, images, strict=True):
         (row, column) = np.argwhere(image[0].numpy() == float(crop[0, 0, 0]))[0]
         assert (image[:, row : row + 8, column : column + 8] == crop).all()
+
+
+def test_colour_loss_is_zero_for_the_pictures_themselves_and_the_mean_opponent_colours_of_their_cells() -> None:
+    pictures = torch.rand((2, 3, 16, 24), generator=torch.Generator().manual_seed(1)) * 2 - 1
+    red, green, blue = avg_pool2d(pictures, 8).unbind(1)
+    latents = torch.zeros((2, 5, 2, 3))
+    latents[:, 3], latents[:, 4] = 2 * (red - green), 2 * (blue - (red + green) / 2)
+    assert float(_colour_loss(pictures, pictures, latents)) < 1e-10
+    grey = pictures.mean(1, keepdim=True)
+    assert float(_colour_loss(pictures + grey, pictures, latents)) < 1e-6  # lightness is not its concern
+    tinted = pictures + torch.tensor([0.1, 0.0, 0.0])[:, None, None]
+    assert float(_colour_loss(tinted, pictures, latents)) == pytest.approx((0.1 + 0.05) / 2, rel=1e-4)

@@ -9,7 +9,7 @@ from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.families import BezierFamily
 from pentimento.planning.strokes.initialise import guided_strokes, saliency
-from pentimento.planning.strokes.relocate import contributions, relocate, without_harmful
+from pentimento.planning.strokes.relocate import contributions, relocate, without_useless
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene
 from tests.planning.strokes.scenes import (
@@ -56,13 +56,13 @@ def test_hidden_stroke_has_no_contribution() -> None:
     assert abs(worth[0]) < 0.1 * worth[2]
 
 
-def test_without_harmful_removes_harmful_strokes() -> None:
+def test_without_useless_removes_harmful_strokes() -> None:
     strokes = strokes_at((0.03, 0.02), (0.04, 0.06), (0.08, 0.05), (0.075, 0.025))
     blank = replace(scene(), target=WHITE)  # every stroke on it does harm
-    assert len(without_harmful(strokes, WHITE, blank, SHARP)) == 0
+    assert len(without_useless(strokes, WHITE, blank, SHARP)) == 0
     corner = replace(scene(), target=scene().target.copy())
     corner.target[:18, :34] = 1.0  # where the second lies, it is to stay white
-    kept = without_harmful(strokes, WHITE, corner, SHARP)
+    kept = without_useless(strokes, WHITE, corner, SHARP)
     np.testing.assert_array_equal(kept.middle_m, strokes.middle_m[[0, 2, 3]])
     assert (contributions(kept, WHITE, corner, SHARP) >= 0).all()
     assert summed_error(kept, corner) < summed_error(strokes, corner)

@@ -19,7 +19,7 @@ from pentimento.planning.strokes.config import PlannerConfig, no_log
 from pentimento.planning.strokes.descent import descend
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.planner import plan
-from pentimento.planning.strokes.relocate import without_harmful
+from pentimento.planning.strokes.relocate import without_useless
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.robots.tools import Tool, load_tool
@@ -121,7 +121,7 @@ def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, stroke
 def _drawn(paint_context: PaintContext, sheet: Light, target: Light, strokes: int) -> Drawn:
     scene, config = paint_context.scene(target), paint_context.medium.planner
     planned, palette = plan(sheet, scene, strokes, config, no_log)
-    useful = without_harmful(planned, sheet, scene, config)
+    useful = without_useless(planned, sheet, scene, config)
     return Drawn(useful, predicted(useful, sheet, scene), palette)
 
 

@@ -91,7 +91,6 @@ def _train(
             devices=config.devices,
             strategy=config.strategy,
             precision=config.precision,
-            gradient_clip_val=1.0,
             callbacks=[*callbacks],
             plugins=LightningEnvironment(),  # no other processes than ours, in a cluster's job either
             logger=False,

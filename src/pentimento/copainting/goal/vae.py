@@ -16,6 +16,7 @@ import torch
 from diffusers import AutoencoderKL
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn.functional import avg_pool2d
 
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.jobs import generator_for
@@ -24,6 +25,10 @@ from pentimento.copainting.scenes.ink import ink_recall, pen_drawing, random_pen
 Log = Callable[[str, float, int], None]
 
 _KL_WEIGHT: Final = 1e-6  # as in latent diffusion (Rombach et al. 2022): it only keeps the latents in bounds
+_OPPONENT: Final = ((1.0, -1.0, 0.0), (-0.5, -0.5, 1.0))  # red against green, blue against yellow, of RGB
+_COLOUR_LATENTS: Final = slice(-len(_OPPONENT), None)  # the latents that are taught the mean colour of their cell
+_COLOUR_SCALE: Final = 2.0  # of that colour: the latents' spread is about 1
+_COLOUR_WEIGHT: Final = 2.0  # of the error of colours, and of those latents
 _WARM_UP: Final = 20  # steps
 _STROKES: Final = (2, 40)  # in a picture of random strokes
 _WIDTHS_PX: Final = (1.2, 4.0)  # of random strokes
@@ -89,13 +94,16 @@ def train_vae(
     seed: int,
     *,
     crop_px: int | None = None,
+    teach_colours: bool = False,
     half_precision: bool = False,
     log: Log,
 ) -> AutoencoderKL:
     """Train an autoencoder on pictures, uint8 [N, H, W, 3], with the loss L1 + L2; `log("vae_loss", value, step)` at
     each step.
 
-    Each step sees random squares of `crop_px` of its pictures; None shows them whole. `half_precision` computes in
+    Each step sees random squares of `crop_px` of its pictures; None shows them whole. `teach_colours` adds the error of
+    the opponent colours, and teaches the last two latents the mean opponent colours of their cell: without it, a short
+    training on drawings learns their lines and hardly their hues. `half_precision` computes in
     bfloat16 where PyTorch's autocast does, and keeps weights in float32.
 
     Its `scaling_factor` is set to the inverse standard deviation of the latents, as in latent diffusion.
@@ -114,6 +122,8 @@ def train_vae(
             noise = torch.randn(latents.mean.shape, generator=generator)
             again = vae.decode(latents.mean + latents.std * noise).sample
         loss = _reconstruction_loss(again.float(), shown) + _KL_WEIGHT * latents.kl().float().mean()
+        if teach_colours:
+            loss = loss + _COLOUR_WEIGHT * _colour_loss(again.float(), shown, latents.mean.float())
         _descend(optimizer, loss, config, step)
         log("vae_loss", float(loss.detach()), step)
     vae.eval().requires_grad_(False)
@@ -195,6 +205,15 @@ def _random_crops(images: Tensor, side_px: int, generator: torch.Generator) -> T
 def _reconstruction_loss(reconstructed: Tensor, pictures: Tensor) -> Tensor:
     error = reconstructed - pictures
     return error.abs().mean() + 0.5 * error.square().mean()
+
+
+def _colour_loss(reconstructed: Tensor, pictures: Tensor, latents: Tensor) -> Tensor:
+    """The error of the opponent colours, and of the latents [B, C, h, w] that are to hold their means."""
+    opponent = pictures.new_tensor(_OPPONENT)
+    colours = torch.einsum("kc,bchw->bkhw", opponent, pictures)
+    error = torch.einsum("kc,bchw->bkhw", opponent, reconstructed) - colours
+    means = avg_pool2d(colours, pictures.shape[-1] // latents.shape[-1])
+    return error.abs().mean() + (latents[:, _COLOUR_LATENTS] - _COLOUR_SCALE * means).square().mean()
 
 
 def _descend(optimizer: torch.optim.Optimizer, loss: Tensor, config: VaeConfig | DecoderConfig, step: int) -> None:

@@ -112,8 +112,10 @@ class ObjectivesConfig:
 class PlannerConfig:
     """How Bézier strokes are planned."""
 
-    initialisation: Literal["random", "error_guided", "saliency"]
-    """Where strokes start: anywhere (thesis 4.3.5), where the error is large, or where error and saliency are."""
+    initialisation: Literal["random", "error_guided", "saliency", "lines"]
+    """Where strokes start: anywhere (thesis 4.3.5), where the error is large, where error and saliency are, or along
+    the target's lines and then where the error is large. `lines` is for a tool with its own ink.
+    """
     candidates: int
     """Candidates rendered for each new stroke; the one that lowers the error most is kept."""
     rounds: int
@@ -136,7 +138,9 @@ class PlannerConfig:
     relocate_share: float
     """Largest share of the strokes that is relocated each time."""
     min_gain_per_stroke: float
-    """Rounds stop after one whose strokes lowered the objective by less than this on average; 0 uses all rounds."""
+    """Rounds stop after one whose strokes lowered the objective by less than this on average; 0 uses all rounds. Plans
+    that start along lines end without the strokes that lower it by less.
+    """
     palette: PaletteChoice
     sweeps: int
     """Largest number of times that the brush goes through the paints from light to dark; 1 is the thesis's order."""

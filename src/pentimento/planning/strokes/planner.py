@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.adam import half_cosine
-from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.config import Log, PlanConfig, PlannerConfig, ShapedPlanConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.families import BezierFamily, PathFamily, shaped_family
+from pentimento.planning.strokes.lines import line_strokes
 from pentimento.planning.strokes.paints import Paints, check_palette, choose_paints, in_order, repaint
 from pentimento.planning.strokes.paths import PlannedPaths
-from pentimento.planning.strokes.relocate import relocate
+from pentimento.planning.strokes.relocate import relocate, without_useless
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Scene, first_pass, halved, objective_for
 from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
@@ -77,7 +78,7 @@ def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Lo
     ``log("objective", value, iteration)`` is called at every iteration.
 
     Raises:
-        ConfigError: the palette does not fit the tool, or the picture is smaller than a viewing distance.
+        ConfigError: palette or initialisation do not fit the tool, or the picture is smaller than a viewing distance.
         ImageError: the palette's picture does not exist.
     """
     check_palette(config.palette, scene.tool)
@@ -99,11 +100,17 @@ def free_plan(
     canvas: Array, scene: Scene, count: int, config: PlannerConfig, *, rng: np.random.Generator, log: Log
 ) -> Strokes:
     """Up to ``count`` Bézier strokes, each in a colour of its own, in the order in which they were added."""
-    family = BezierFamily(config, count)
     first_scene, first_config = first_pass(scene, config)
-    strokes = _in_rounds(Planner(canvas, first_scene, first_config, family, rng, log))
+    begun = no_strokes()
+    if config.initialisation == "lines":
+        begun = line_strokes(count, canvas, first_scene)
+        begun.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
+    family = BezierFamily(config, count - len(begun))
+    strokes = _in_rounds(Planner(canvas, first_scene, first_config, family, rng, log), begun)
     planner, done = Planner(canvas, scene, config, family, rng, log), config.rounds * config.iterations_per_round
-    return _in_stretches(planner, Draft(strokes, None), config.iterations_free, rate=1.0, done=done).strokes
+    strokes = _in_stretches(planner, Draft(strokes, None), config.iterations_free, rate=1.0, done=done).strokes
+    # Lines that are drawn need no strokes beside them, however many are allowed.
+    return without_useless(strokes, canvas, scene, config) if config.initialisation == "lines" else strokes
 
 
 def plan_shapes(
@@ -127,16 +134,17 @@ def plan_shapes(
         )
     rng = np.random.default_rng([config.seed, 21])
     planner = Planner(canvas, scene, config, shaped_family(shapes, ink_m, config, rng), rng, log)
-    draft, done = Draft(_in_rounds(planner), None), config.rounds * config.iterations_per_round
+    draft, done = Draft(_in_rounds(planner, planner.family.none()), None), config.rounds * config.iterations_per_round
     return _in_stretches(planner, draft, config.iterations, rate=1.0, done=done).strokes
 
 
-def _in_rounds(planner: Planner[S]) -> S:
-    """Strokes added round by round, each round where the picture is still wrong, and optimised together."""
+def _in_rounds(planner: Planner[S], strokes: S) -> S:
+    """Strokes added to the given ones round by round, each round where the picture is still wrong, and optimised
+    together."""
     planner = planner.coarse()
     canvas, scene, config, family = planner.canvas, planner.scene, planner.config, planner.family
-    strokes, objective = family.none(), objective_for(scene, config)
-    before = objective(canvas)[0]
+    objective = objective_for(scene, config)
+    before = objective(render_plan(strokes, canvas, scene))[0]
     for number in range(config.rounds):
         count = family.count_in_round(number, strokes)
         if count is None:

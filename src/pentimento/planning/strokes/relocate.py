@@ -54,19 +54,21 @@ def contributions(strokes: PlannedPaths, canvas: Array, scene: Scene, config: Pl
     return rise_without(alone_px(strokes, scene), canvas, scene.target, distances=config.distances_px)
 
 
-def without_harmful(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
-    """The strokes without those whose removal lowers the objective.
+def without_useless(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
+    """The strokes without those that lower the objective by less than ``config.min_gain_per_stroke``; if that is 0,
+    without those that raise it.
 
-    Each round removes the worse half of the harmful strokes, because removing one stroke can make another useful.
+    Each round removes the worse half of them, because removing one stroke can make another useful.
     """
+    least = config.min_gain_per_stroke * scene.target.shape[0] * scene.target.shape[1]
     left = strokes.pick(slice(None))
     while len(left):
         left.inherited = None  # positions in the plan have changed
         worth = contributions(left, canvas, scene, config)
-        harmful = np.flatnonzero(worth < 0)
-        if not len(harmful):
+        useless = np.flatnonzero(worth < least)
+        if not len(useless):
             break
-        worst = harmful[np.argsort(worth[harmful], kind="stable")][: (len(harmful) + 1) // 2]
+        worst = useless[np.argsort(worth[useless], kind="stable")][: (len(useless) + 1) // 2]
         left = left.pick(np.setdiff1d(np.arange(len(left)), worst))
     left.inherited = None
     return left
