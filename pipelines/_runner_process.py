@@ -18,7 +18,12 @@ def paint(arguments: argparse.Namespace) -> None:
     """Paint into `--out`, as `pentimento run` does."""
     wanted = Wanted("words", arguments.words) if arguments.picture is None else Wanted("picture", arguments.picture)
     commission = commission_of(
-        arguments.bundle, wanted, setting=arguments.setting, strokes=arguments.strokes, seed=arguments.seed
+        arguments.bundle,
+        wanted,
+        tell=print,
+        setting=arguments.setting,
+        strokes=arguments.strokes,
+        seed=arguments.seed,
     )
     run(
         commission,

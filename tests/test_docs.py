@@ -252,7 +252,9 @@ def folders() -> set[str]:
 @cache
 def files() -> list[str]:
     """Files and folders of the repository that are no outputs."""
-    found = (path for folder in (*CODE, "docs", "profiles") for path in [ROOT / folder, *(ROOT / folder).rglob("*")])
+    found = (
+        path for folder in (*CODE, "docs", "profiles", "base") for path in [ROOT / folder, *(ROOT / folder).rglob("*")]
+    )
     return [path.relative_to(ROOT).as_posix() for path in found]
 
 

@@ -23,6 +23,7 @@ from pentimento.control.safety import envelope_for
 from pentimento.robots.tools import load_tool
 from pipelines._imports import ROOT, imported_names
 from tests.bundle.tiny_bundle import CANVAS_M, GRAPHS, change, graph, relist, write_tiny_bundle
+from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
 from tests.control.sculpting_bundle import SETTINGS
 
 SEMANTIC = "graphs/semantic.onnx"
@@ -302,7 +303,7 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"schema": 1}, "schema 1 and this version reads 3; write the bundle again with the stage deploy"),
+        ({"schema": 1}, "schema 1 and this version reads 4; write the bundle again with the stage deploy"),
         ({"sculpting": {"clay_foam": to_plain(SETTINGS)}}, "refers to 'clay_foam'"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown keys \['more'\]"),
@@ -317,8 +318,27 @@ def test_open_bundle_rejects_an_invalid_manifest(bundle: Path, entries: dict[str
         open_bundle(bundle)
 
 
+def test_open_bundle_reads_what_the_goal_planner_was_taught(bundle: Path, tmp_path: Path) -> None:
+    assert open_bundle(bundle).vocabulary is None
+    taught = write_painting_bundle(tmp_path / "taught", small_vocabulary())
+    assert open_bundle(taught).vocabulary == small_vocabulary()
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"nouns": {}}', '{"notice": "", "nouns": {"cat": "cats"}}', "[" * 100_000])
+def test_open_bundle_rejects_a_damaged_vocabulary(tmp_path: Path, text: str) -> None:
+    taught = write_painting_bundle(tmp_path / "taught", small_vocabulary())
+    (taught / "words/nouns.json").write_text(text)
+    relist(taught)
+    with pytest.raises(BundleError, match=r"is refused: words/nouns\.json"):
+        open_bundle(taught)
+    (taught / "words/nouns.json").unlink()
+    relist(taught)
+    with pytest.raises(BundleError, match=r"refers to 'words/nouns\.json'"):
+        open_bundle(taught)
+
+
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": 3, "schema": 3}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+    "text", ["", "[]", "{", '{"schema": 4, "schema": 4}', '{"schema": NaN}', "[" * 100_000, "\xff"]
 )
 def test_open_bundle_rejects_malformed_json(bundle: Path, text: str) -> None:
     (bundle / MANIFEST).write_bytes(text.encode("latin-1"))

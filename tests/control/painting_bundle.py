@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from pentimento.bundle.reader import MANIFEST
+from pentimento.bundle.vocabulary import Noun, Vocabulary
+from pentimento.contracts.codec import to_plain
 from pentimento.robots.strokes import shape_basis
-from tests.bundle.tiny_bundle import PLANNER, add_graphs, numbers, relist, write_tiny_bundle
+from tests.bundle.tiny_bundle import PLANNER, add_graphs, change, numbers, relist, write_tiny_bundle
 
 POINTS = PLANNER.path_points
 
@@ -109,12 +112,23 @@ _GRAPHS = {
 }  # fmt: skip
 
 
-def write_painting_bundle(folder: Path) -> Path:
-    """Write the bundle into a new folder."""
+def small_vocabulary() -> Vocabulary:
+    """Cats and dogs."""
+    cat = Noun("a cat", "cats", ("cat", "kitten"), ("cats", "kittens"), ("tabby",))
+    dog = Noun("a dog", "dogs", ("dog",), ("dogs",), ("poodle",))
+    return Vocabulary("written by hand", {"cat": cat, "dog": dog})
+
+
+def write_painting_bundle(folder: Path, vocabulary: Vocabulary | None = None) -> Path:
+    """Write the bundle into a new folder; its goal planner knows all words, or a vocabulary."""
     write_tiny_bundle(folder)
     add_graphs(folder, _GRAPHS, "stroke_marker")
     letters = [f"{letter}</w>" for letter in "abcdefghijklmnopqrstuvwxyz"]
     words = {word: number for number, word in enumerate([*letters, "<|startoftext|>", "<|endoftext|>"])}
     (folder / "words/vocab.json").write_text(json.dumps(words))
+    if vocabulary is not None:
+        (folder / "words/nouns.json").write_text(json.dumps(to_plain(vocabulary)))
+        goal = json.loads((folder / MANIFEST).read_text())["goal"]
+        change(folder, goal=goal | {"nouns": "words/nouns.json"})
     relist(folder)
     return folder

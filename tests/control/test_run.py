@@ -24,7 +24,7 @@ from pentimento.control.commission import Wanted
 from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
 from tests.bundle.tiny_bundle import CANVAS_M
-from tests.control.painting_bundle import write_painting_bundle
+from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
 from tests.robots.small_plotter import small_plotter
 
 WITHOUT_TORCH = """
@@ -99,6 +99,50 @@ def test_run_paints_a_goal_from_words_without_torch(bundle: Path, tmp_path: Path
     assert canvas[:16].mean() < canvas[16:].mean()
 
 
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundle whose goal planner was taught two nouns."""
+    return write_painting_bundle(tmp_path_factory.mktemp("taught"), small_vocabulary())
+
+
+def test_run_tells_what_it_draws_before_it_paints(taught: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = _in_process(
+        "run", taught, "--goal-text", "a small poodle over two cats", "--out", out, "--strokes", "2", "--seed", "5"
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["a poodle: drawn as a dog", "not understood and left out: small"]
+    commission = json.loads((out / "commission.json").read_text())
+    assert commission["wanted"]["value"] == "a small poodle over two cats"  # the person's own words
+
+
+def test_goal_planner_reads_taught_words_and_the_medium(
+    taught: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+
+    def goal(words: str, canvas: np.ndarray, *_: object, **__: object) -> np.ndarray:
+        read.append(words)
+        return canvas
+
+    monkeypatch.setattr("pentimento.control.run.goal_from_words", goal)
+    for text in (["--goal-text", "a poodle, please"], []):
+        out = tmp_path / f"out{len(read)}"
+        assert main(["run", str(taught), "--robot", "svg", "--out", str(out), *text]) == 0
+    assert read == ["a dog, with a marker", ""]  # without words the canvas is completed
+
+
+@pytest.mark.parametrize("text", ["florb", "", "  ", "five cats", "a cat\x07", "a" * 2000])
+def test_run_refuses_words_that_it_does_not_understand_and_creates_no_folder(
+    taught: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(taught), "--goal-text", text, "--out", str(out)]) == 1
+    printed = capsys.readouterr()
+    assert "Nothing was painted" in printed.err and printed.out == "" and not out.exists()
+
+
 def test_run_writes_strokes_to_svg_without_recording(
     bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -118,7 +162,7 @@ def test_run_serves_the_page_until_it_ends(bundle: Path, picture: Path, tmp_path
             seen.append((address, answer.status))
         control.send("stop")
 
-    commission = commission_of(bundle, Wanted("picture", str(picture)), robot="svg")
+    commission = commission_of(bundle, Wanted("picture", str(picture)), tell=print, robot="svg")
     state = run(
         commission, out, resume=False, calibration=tmp_path, ask=print, page=look, control=control,
         progress=Progress(io.StringIO()),

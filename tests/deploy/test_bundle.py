@@ -9,6 +9,7 @@ from pentimento.bundle.graphs import GraphClay, Graphs
 from pentimento.bundle.reader import open_bundle
 from pentimento.control.safety import envelope_for
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
+from pentimento.deploy.words import taught_vocabulary
 from pentimento.dynamics.pushes.push_model import planned_clay
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
@@ -43,6 +44,13 @@ def test_bundle_facts_are_those_of_the_models() -> None:
     assert goal.alphas_cumprod == pytest.approx(models.goal.scheduler.alphas_cumprod.tolist())
     assert brush.fitted == models.strokes["marker"].fitted and brush.timing == models.strokes["marker"].timing
     assert brush.picks_up and brush.has_gain
+
+
+def test_bundle_carries_the_vocabulary_of_the_goal_planner() -> None:
+    folder, _ = small_bundle()
+    opened = open_bundle(folder)
+    assert opened.manifest.goal.nouns == "words/nouns.json"
+    assert opened.vocabulary == taught_vocabulary()
 
 
 def test_push_model_of_the_bundle_agrees_with_pytorch() -> None:

@@ -109,6 +109,8 @@ class GoalFacts:
     image_guidance: float
     text_guidance: float
     words: WordsFacts
+    nouns: str | None
+    """Name of the file with the nouns that it was taught; None for one that knows all words."""
 
 
 @dataclass(frozen=True)

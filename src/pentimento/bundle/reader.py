@@ -19,12 +19,13 @@ from typing import Any, Final, NoReturn
 
 from pentimento.bundle.manifest import FileEntry, GraphEntry, Manifest, Setting
 from pentimento.bundle.onnx_header import Header, read_header
+from pentimento.bundle.vocabulary import Vocabulary, read_vocabulary
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.tools import Tool, load_tool
 
-SCHEMA: Final = 3
+SCHEMA: Final = 4
 MANIFEST: Final = "manifest.json"
 OPSETS: Final = (18, 20)
 """First and last operator set that is supported."""
@@ -53,6 +54,8 @@ class Bundle:
     """By setting."""
     contents: Mapping[str, bytes]
     """Checked bytes by file."""
+    vocabulary: Vocabulary | None
+    """What the goal planner was taught; None for one that knows all words."""
 
     def graph(self, name: str) -> bytes:
         """A graph's checked bytes.
@@ -103,7 +106,7 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
         if wider:
             _refuse(folder, f"the safety envelope of {name} is wider than this robot's own in {', '.join(wider)}")
     _check_parts(folder, manifest)
-    return Bundle(folder, found, manifest, tools, contents)
+    return Bundle(folder, found, manifest, tools, contents, _vocabulary(folder, manifest, contents))
 
 
 def _manifest(folder: Path, text: bytes) -> Manifest:
@@ -224,6 +227,14 @@ def _checked_tool(folder: Path, name: str, setting: Setting, manifest: Manifest)
     return tool
 
 
+def _vocabulary(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> Vocabulary | None:
+    name = manifest.goal.nouns
+    try:
+        return None if name is None else read_vocabulary(contents[name], name)
+    except ConfigError as error:
+        raise BundleError(f"The bundle {folder} is refused: {error}") from error
+
+
 def _check_parts(folder: Path, manifest: Manifest) -> None:
     """Refuse a manifest that refers to graphs, files, brushes or models that it does not list."""
     graphs = {"semantic", "text", "caption", "goal_text", "goal_encode", "goal_denoise", "goal_decode"}
@@ -235,6 +246,7 @@ def _check_parts(folder: Path, manifest: Manifest) -> None:
         graphs |= {f"{name}_after", f"{name}_pull"}
     words = (manifest.encoder.words, manifest.goal.words)
     files = {file for entry in words for file in (entry.vocabulary, entry.merges)}
+    files |= set() if manifest.goal.nouns is None else {manifest.goal.nouns}
     files |= {f"end_effectors/{clay.end_effector}.toml" for clay in manifest.clays.values()}
     missing = [*sorted(graphs - set(manifest.graphs)), *sorted(files - set(manifest.files))]
     missing += [setting.brush for setting in manifest.settings.values() if setting.brush not in manifest.brushes]

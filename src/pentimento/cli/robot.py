@@ -29,6 +29,7 @@ def _run(arguments: argparse.Namespace) -> None:
     from pentimento.control.checkpoint import has_state
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
+    from pentimento.control.request_items import plain_text
     from pentimento.control.run import commission_of, run
 
     if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
@@ -39,11 +40,12 @@ def _run(arguments: argparse.Namespace) -> None:
         commission = read_commission(folder)
     else:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
-        wanted = picture or Wanted("words", arguments.goal_text or "")
+        # Without any goal the canvas is completed; words that were given and are empty are a mistake.
+        text = "" if arguments.goal_text is None else plain_text(arguments.goal_text)
         commission = commission_of(
-            arguments.bundle, wanted, setting=arguments.setting, robot=arguments.robot or "virtual",
-            execute=arguments.execute, strokes=arguments.strokes, replan_every=arguments.replan_every,
-            seed=arguments.seed,
+            arguments.bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
+            robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
+            replan_every=arguments.replan_every, seed=arguments.seed,
         )  # fmt: skip
     control, progress = Control(), Progress()
     keyboard = at_terminal(control, progress)
@@ -81,6 +83,10 @@ def _sculpt(arguments: argparse.Namespace) -> None:
         )
     progress.message("")
     print(f"{len(state.progress.actions)} pushes; {state.stopped}. The sculpture is in {folder}.")
+
+
+def _tell(message: str) -> None:
+    print(message, flush=True)
 
 
 def _print_address(address: str) -> None:

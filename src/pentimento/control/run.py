@@ -27,6 +27,7 @@ from pentimento.control.page import Page
 from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
+from pentimento.control.request import understand
 from pentimento.control.safety import envelope_for
 from pentimento.control.session import PaintingSession, begin
 from pentimento.control.session import resume as resume_session
@@ -48,6 +49,7 @@ def commission_of(
     bundle: Path,
     wanted: Wanted,
     *,
+    tell: Callable[[str], None],
     setting: str | None = None,
     robot: str = "virtual",
     execute: bool = False,
@@ -57,14 +59,21 @@ def commission_of(
 ) -> Commission:
     """The commission of a command; for what is None, the bundle's setting decides.
 
+    Args:
+        tell: called with each sentence about words that are drawn as something else, or left out.
+
     Raises:
         BundleError: the bundle is refused, or has no such setting.
-        ConfigError: the bundle has several settings to begin with, and none is named.
+        ConfigError: the bundle has several settings to begin with, and none is named; or the words are not understood.
         ImageError: the goal picture cannot be read.
     """
     opened = open_bundle(bundle)
+    # Both are checked here, so that an error leaves no folder behind.
     if wanted.kind == "picture":
-        read_image(Path(wanted.value))  # so that an error leaves no folder behind
+        read_image(Path(wanted.value))
+    elif wanted.value:
+        for message in understand(wanted.value, opened.vocabulary).messages():
+            tell(message)
     # A tool with its own ink needs no paints, so it is the one to begin with.
     names = sorted(name for name, tool in opened.tools.items() if tool.color_srgb is not None) or sorted(opened.tools)
     if setting is None and len(names) > 1:
@@ -177,7 +186,8 @@ def _goal_for(
         facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
         facts.text_guidance, seed,
     )  # fmt: skip
-    request = with_medium(wanted.value, bundle.setting(setting).words)
+    caption = understand(wanted.value, bundle.vocabulary).text if wanted.value else ""
+    request = with_medium(caption, bundle.setting(setting).words)
     return lambda canvas: goal_from_words(
         request, canvas, goal_networks(graphs), schedule=noise_schedule(bundle),
         tokenizer=tokenizer(bundle, facts.words), sampling=sampling,

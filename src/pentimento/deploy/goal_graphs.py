@@ -69,8 +69,8 @@ def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
     return graphs
 
 
-def goal_facts(planner: GoalPlanner, words: WordsFacts, sampling: GoalSampling) -> GoalFacts:
-    """The facts of a goal planner for the sampler.
+def goal_facts(planner: GoalPlanner, words: WordsFacts, sampling: GoalSampling, *, nouns: str | None) -> GoalFacts:
+    """The facts of a goal planner for the sampler; `nouns` is the file of its vocabulary.
 
     Raises:
         ConfigError: the lean core's sampler does not support its noise schedule.
@@ -97,6 +97,7 @@ def goal_facts(planner: GoalPlanner, words: WordsFacts, sampling: GoalSampling) 
         image_guidance=sampling.image_guidance,
         text_guidance=sampling.text_guidance,
         words=words,
+        nouns=nouns,
     )
 
 
