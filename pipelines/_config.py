@@ -57,6 +57,18 @@ def require_model(key: str, tool: str, tools: Sequence[str]) -> None:
         )
 
 
+def shipped(source: str | None, base: Path | None, part: str) -> Path | None:
+    """Return the folder or name of a published model; `base` names a part of the base that ships, in the folder `base`.
+
+    Raises `ConfigError` if the stage was not given that folder.
+    """
+    if source != "base":
+        return None if source is None else Path(source)
+    if base is None:
+        raise ConfigError(f"params.yaml asks for {part} of the base that ships, but the stage has no --base; add it.")
+    return base / part
+
+
 def _build(value: Any, kind: Any, key: str) -> Any:
     """Convert the YAML value at `key` to the type `kind`."""
     if isinstance(kind, type) and is_dataclass(kind):

@@ -29,7 +29,7 @@ from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, trai
 from pentimento.copainting.jobs import scratch_folder
 from pentimento.copainting.scenes.edits import scene_edits, scenes_of
 from pentimento.semantics.encoder import Encoder
-from pipelines._config import load_section
+from pipelines._config import load_section, shipped
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, input_digest, tracked_run
 
@@ -41,7 +41,9 @@ class PretrainGoalPlanner:
     """Section `pretrain_goal_planner` of params.yaml."""
 
     from_pretrained: str | None
-    """A folder in diffusers' layout or a downloaded model (timbrooks/instruct-pix2pix); null trains one."""
+    """`base` for the one that ships, a folder in diffusers' layout, or a downloaded model (timbrooks/instruct-pix2pix);
+    null trains one.
+    """
     scenes: int
     """Maximum number of training scenes."""
     edits: int
@@ -60,6 +62,7 @@ class PretrainGoalPlanner:
 def main(arguments: argparse.Namespace) -> None:
     """Write `--out`: the pipeline in diffusers' layout, metrics.json, curve.json and the grid of guidances."""
     config = load_section(Path("params.yaml"), "pretrain_goal_planner", PretrainGoalPlanner)
+    published = shipped(config.from_pretrained, arguments.base, "goal")
     single_threaded()
     torch.set_num_threads(config.threads)
     inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics}
@@ -74,8 +77,8 @@ def main(arguments: argparse.Namespace) -> None:
         checked = read_table(arguments.scenes, CONTRACT)
         training, held_out = scenes_of(checked.table, "train").slice(0, config.scenes), scenes_of(checked.table, "val")
         losses: list[float] = []
-        if config.from_pretrained is not None:
-            planner = load_goal_planner(config.from_pretrained)
+        if published is not None:
+            planner = load_goal_planner(published)
         else:
             planner, losses = _trained(training, Encoder.load(arguments.semantics), config, scratch, run)
         edits = scene_edits(held_out, 1, config.training.seed)
@@ -125,5 +128,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="pretrain_goal_planner", description=__doc__)
     parser.add_argument("--scenes", required=True, type=Path)
     parser.add_argument("--semantics", required=True, type=Path)
+    parser.add_argument("--base", type=Path, help="folder of the base that ships, for `from_pretrained: base`")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

@@ -29,7 +29,7 @@ from pentimento.semantics.examples import (
 from pentimento.semantics.scores import clip_score, mismatched_quantile, object_scores, recognised, retrieval
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pentimento.semantics.training import EncoderTraining, train_encoder
-from pipelines._config import load_section
+from pipelines._config import load_section, shipped
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
 
@@ -39,7 +39,9 @@ class EncoderConfig:
     """One encoder: trained here, or published."""
 
     published: str | None
-    """Local folder of a CLIP model in the published layout, used unchanged; null trains one."""
+    """`base` for the one that ships, or the local folder of a CLIP model in the published layout; either is used
+    unchanged. Null trains one.
+    """
     shape: EncoderShape
     training: EncoderTraining
 
@@ -77,6 +79,10 @@ class TrainSemantics:
 def main(arguments: argparse.Namespace) -> None:
     """Write `--semantics` and `--judge`: each a model in the published layout, with metrics.json and curve.json."""
     config = load_section(arguments.params, "train_semantics", TrainSemantics)
+    folders = {
+        name: shipped(config.encoders[name].published, arguments.base, part)
+        for name, part in (("main", "semantics"), ("judge", "judge"))
+    }
     single_threaded()
     scenes = {"main": arguments.scenes, "judge": arguments.judge_scenes or arguments.scenes}
     inputs = {"scenes": arguments.scenes} | ({"judge_scenes": s} if (s := arguments.judge_scenes) else {})
@@ -88,7 +94,9 @@ def main(arguments: argparse.Namespace) -> None:
         outs = {"main": main_out, "judge": judge_out}
         # Each process creates its own examples, which takes no longer than creating them once on one core.
         with ProcessPoolExecutor(len(outs), multiprocessing.get_context("spawn"), end_with_parent) as pool:
-            begun = {name: pool.submit(_train, name, config, scenes[name], out) for name, out in outs.items()}
+            begun = {
+                name: pool.submit(_train, name, config, scenes[name], folders[name], out) for name, out in outs.items()
+            }
             results = {name: future.result() for name, future in begun.items()}
         for name, (metrics, curve) in results.items():
             for step, loss in zip(curve["step"], curve["loss"], strict=True):
@@ -96,14 +104,18 @@ def main(arguments: argparse.Namespace) -> None:
             run.log_metrics({name: metrics})
 
 
-def _train(name: str, config: TrainSemantics, scenes: Path, out: Path) -> tuple[dict[str, Any], dict[str, list[float]]]:
-    """Train one encoder in a separate process; write it with its scores and its curve into ``out``."""
+def _train(
+    name: str, config: TrainSemantics, scenes: Path, published: Path | None, out: Path
+) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """Train one encoder in a separate process, or read the published one; write it with its scores and its curve into
+    ``out``.
+    """
     single_threaded()
     rows = _splits(scenes, config.side_px)
     test = _first(rows["test"], config.test_scenes)
     views = torch.from_numpy(drawn_views(test.images, config.views_seed + 1)).permute(1, 0, 4, 2, 3).float() / 255
     kinds = sorted(set(kinds_of(rows["train"])) | set(kinds_of(rows["test"])))
-    encoder, curve = _encoder(config.encoders[name], config, rows["train"])
+    encoder, curve = _encoder(config.encoders[name], config, published, rows["train"])
     metrics = evaluate(encoder, test, views, kinds, config.retrieval_candidates)
     metrics["parameters"] = sum(p.numel() for p in encoder.model.parameters())
     metrics["digest"] = encoder.digest
@@ -145,11 +157,13 @@ def _finite(values: dict[str, float]) -> dict[str, float]:
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
-def _encoder(entry: EncoderConfig, config: TrainSemantics, rows: Captioned) -> tuple[Encoder, dict[str, list[float]]]:
+def _encoder(
+    entry: EncoderConfig, config: TrainSemantics, published: Path | None, rows: Captioned
+) -> tuple[Encoder, dict[str, list[float]]]:
     """Return the encoder and its curve, which is empty for a published one."""
     curve: dict[str, list[float]] = {"step": [], "loss": []}
-    if entry.published is not None:
-        return Encoder.load(Path(entry.published)), curve
+    if published is not None:
+        return Encoder.load(published), curve
 
     def log(what: str, value: float, step: int) -> None:
         curve["step"].append(step)
@@ -183,6 +197,7 @@ if __name__ == "__main__":
     parser.add_argument("--params", type=Path, default=Path("params.yaml"))
     parser.add_argument("--scenes", required=True, type=Path)
     parser.add_argument("--judge-scenes", type=Path, help="the judge learns from these instead")
+    parser.add_argument("--base", type=Path, help="folder of the base that ships, for `published: base`")
     parser.add_argument("--semantics", required=True, type=Path, help="where the main encoder goes")
     parser.add_argument("--judge", required=True, type=Path, help="where the judge goes")
     stage_main(main, parser)

@@ -74,7 +74,9 @@ def write_params(pretrain: dict[str, Any] | None = None, finetune: dict[str, Any
 
 
 def pretrain(out: str = "base") -> Path:
-    pretrain_goal_planner.main(argparse.Namespace(scenes=Path("scenes"), semantics=Path("semantics"), out=Path(out)))
+    pretrain_goal_planner.main(
+        argparse.Namespace(scenes=Path("scenes"), semantics=Path("semantics"), base=None, out=Path(out))
+    )
     return Path(out)
 
 

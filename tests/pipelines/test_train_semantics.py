@@ -17,7 +17,7 @@ from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.semantics.encoder import Encoder
-from pipelines._config import load_section
+from pipelines._config import load_section, shipped
 from pipelines.train_semantics import TrainSemantics, main
 from pipelines.train_semantics import _train as train
 
@@ -49,7 +49,7 @@ def write_inputs(folder: Path, params: dict) -> None:
 def run(folder: Path, params: dict) -> dict[str, Path]:
     write_inputs(folder, params)
     outs = {"semantics": folder / "semantics", "judge": folder / "judge"}
-    inputs = {"params": Path("params.yaml"), "scenes": folder / "scenes", "judge_scenes": None}
+    inputs = {"params": Path("params.yaml"), "scenes": folder / "scenes", "judge_scenes": None, "base": None}
     main(argparse.Namespace(**inputs, **outs))
     return outs
 
@@ -67,15 +67,23 @@ def test_two_encoders_with_scores_beside_chance_and_the_same_bytes_again(stage_f
             assert 0 < metrics[view]["objects"]["chance"] < 0.2
     # Again: the judge is trained again, the main encoder is read from the output of the first run.
     params = section()
-    params["encoders"]["main"]["published"] = str(outs["semantics"])
+    params["encoders"]["main"]["published"] = "base"
     write_inputs(stage_folder, params)
     config = load_section(Path("params.yaml"), "train_semantics", TrainSemantics)
     for name in config.encoders:
         (stage_folder / "again" / name).mkdir(parents=True)
-        train(name, config, stage_folder / "scenes", stage_folder / "again" / name)
+        published = shipped(config.encoders[name].published, stage_folder, "semantics")
+        train(name, config, stage_folder / "scenes", published, stage_folder / "again" / name)
     for file in outs["judge"].iterdir():
         assert (stage_folder / "again/judge" / file.name).read_bytes() == file.read_bytes(), file.name
     assert Encoder.load(stage_folder / "again/main").digest == encoders["semantics"].digest
+
+
+def test_a_base_that_the_stage_was_not_given_is_a_sentence(stage_folder: Path) -> None:
+    params = section()
+    params["encoders"]["main"]["published"] = "base"
+    with pytest.raises(ConfigError, match="semantics of the base that ships, but the stage has no --base"):
+        run(stage_folder, params)
 
 
 def test_a_judge_that_is_the_same_is_a_sentence(stage_folder: Path) -> None:
