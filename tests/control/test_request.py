@@ -15,7 +15,7 @@ from pentimento.deploy.words import taught_vocabulary
 
 @cache
 def taught() -> Vocabulary:
-    return taught_vocabulary()
+    return taught_vocabulary("named")
 
 
 def understood(words: str) -> Understood:
@@ -155,7 +155,7 @@ def test_more_than_four_things_are_refused(words: str) -> None:
     assert "up to four" in refusal(words) and "is not understood" not in refusal(words)
 
 
-@pytest.mark.parametrize("vocabulary", [None, taught_vocabulary()])
+@pytest.mark.parametrize("vocabulary", [None, taught_vocabulary("named")])
 @pytest.mark.parametrize(
     ("words", "message"),
     [

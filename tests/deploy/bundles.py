@@ -29,7 +29,7 @@ CONFIG = DeployConfig(
     tolerance=1e-4,
     views=1,
     sampling=GoalSampling(2, 1.0, 5.0),
-    vocabulary=True,
+    vocabulary="named",
     settings={"small": SettingConfig("marker", "with a marker", CANVAS_M, 6, 3, False, PLANNER)},
     clays={"foam": ClayConfig((0.0, 0.0, 0.1, 0.08), (40, 50), SETTINGS)},
 )

@@ -50,7 +50,7 @@ def test_bundle_carries_the_vocabulary_of_the_goal_planner() -> None:
     folder, _ = small_bundle()
     opened = open_bundle(folder)
     assert opened.manifest.goal.nouns == "words/nouns.json"
-    assert opened.vocabulary == taught_vocabulary()
+    assert opened.vocabulary == taught_vocabulary("named")
 
 
 def test_push_model_of_the_bundle_agrees_with_pytorch() -> None:

@@ -13,12 +13,13 @@ from pentimento.control.request import EXAMPLES, understand
 from pentimento.control.request_items import Named, nouns_by_word, scan
 from pentimento.copainting.drawings.scenes import plural
 from pentimento.copainting.drawings.sources import vocabulary
+from pentimento.copainting.scenes.things import KINDS
 from pentimento.deploy.words import taught_vocabulary
 
 
 @cache
 def taught() -> Vocabulary:
-    return taught_vocabulary()
+    return taught_vocabulary("named")
 
 
 def test_each_taught_word_and_its_plural_is_one_noun() -> None:
@@ -78,3 +79,18 @@ def test_vocabulary_is_small_survives_storage_and_names_its_licence() -> None:
     assert "WordNet 3.0 Copyright 2006 by Princeton University" in taught().notice
     table = files("pentimento.copainting.drawings").joinpath("nearest_words.txt")
     assert len(table.read_bytes()) < 200_000
+
+
+def test_made_up_things_are_reached_by_what_was_not_taught() -> None:
+    vocabulary = taught_vocabulary("made_up")
+    assert set(vocabulary.nouns) == set(KINDS)
+    assert all(noun.words == (name,) for name, noun in vocabulary.nouns.items())
+    for asked, drawn in (
+        ("a kitten", "a cat"),
+        ("an oak", "a tree"),
+        ("two boats", "two boats"),
+        ("a clock", "a clock"),
+    ):
+        assert understand(asked, vocabulary).text == drawn
+    with pytest.raises(ConfigError):
+        understand("a saxophone", vocabulary)

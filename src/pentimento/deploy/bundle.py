@@ -36,7 +36,7 @@ from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph
 from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
 from pentimento.deploy.push_graphs import clay_graphs
 from pentimento.deploy.stroke_graphs import brush_graphs
-from pentimento.deploy.words import taught_vocabulary
+from pentimento.deploy.words import Things, taught_vocabulary
 from pentimento.dynamics.pushes.push_model import PushModel, planned_clay
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.planning.strokes.config import PlannerConfig
@@ -99,8 +99,8 @@ class DeployConfig:
     """Random views of a picture in the encoder's objectives, in addition to the plain one."""
     sampling: GoalSampling
     """Of the goal planner."""
-    vocabulary: bool
-    """The goal planner knows only the nouns of `copainting/drawings/vocabulary.toml`, into which requests are put."""
+    vocabulary: Things | None
+    """The things that the goal planner was taught, into which requests are put; null if it knows all words."""
     settings: dict[str, SettingConfig]
     clays: dict[str, ClayConfig]
     """By material."""
@@ -160,9 +160,11 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     encoder = EncoderFacts(
         models.encoder.image_px, models.encoder.model.config.projection_dim, config.views, encoder_words
     )
-    if config.vocabulary:
-        contents[_NOUNS] = (json.dumps(to_plain(taught_vocabulary()), ensure_ascii=False) + "\n").encode()
-    goal = goal_facts(models.goal, goal_words, config.sampling, nouns=_NOUNS if config.vocabulary else None)
+    if config.vocabulary is not None:
+        contents[_NOUNS] = (
+            json.dumps(to_plain(taught_vocabulary(config.vocabulary)), ensure_ascii=False) + "\n"
+        ).encode()
+    goal = goal_facts(models.goal, goal_words, config.sampling, nouns=None if config.vocabulary is None else _NOUNS)
     settings = {name: _setting(setting) for name, setting in config.settings.items()}
     contents["metrics.json"] = _json(_metrics(graphs))
     contents["card.md"] = bundle_card(settings, entries, {name: len(data) for name, data in contents.items()}).encode()
