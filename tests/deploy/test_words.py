@@ -8,6 +8,7 @@ import pytest
 
 from pentimento.bundle.vocabulary import Vocabulary, read_vocabulary
 from pentimento.contracts.codec import to_plain
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.requests import MARKER_WORDS
 from pentimento.control.request import EXAMPLES, understand
 from pentimento.control.request_items import Named, nouns_by_word, scan
@@ -85,12 +86,7 @@ def test_made_up_things_are_reached_by_what_was_not_taught() -> None:
     vocabulary = taught_vocabulary("made_up")
     assert set(vocabulary.nouns) == set(KINDS)
     assert all(noun.words == (name,) for name, noun in vocabulary.nouns.items())
-    for asked, drawn in (
-        ("a kitten", "a cat"),
-        ("an oak", "a tree"),
-        ("two boats", "two boats"),
-        ("a clock", "a clock"),
-    ):
-        assert understand(asked, vocabulary).text == drawn
+    asked = {"a kitten": "a cat", "an oak": "a tree", "two boats": "two boats", "a clock": "a clock"}
+    assert {words: understand(words, vocabulary).text for words in asked} == asked
     with pytest.raises(ConfigError):
         understand("a saxophone", vocabulary)
