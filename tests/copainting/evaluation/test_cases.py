@@ -29,7 +29,7 @@ def test_cases_combine_kinds_that_no_training_scene_combines() -> None:
     assert not any(colors & set(case.caption.split()) for case in cases)
 
 
-def test_cases_place_the_requested_thing_in_the_free_half() -> None:
+def test_cases_place_the_requested_thing_beside_the_other() -> None:
     """Of pictures on plain grounds: where one differs from its ground, the other does not."""
     held_out, training = drawn(300)
     overlaps = []
@@ -39,10 +39,6 @@ def test_cases_place_the_requested_thing_in_the_free_half() -> None:
             for image in (case.image, case.other_image)
         ]
         assert all(mark.any() for mark in marks)
-        rows, columns = np.nonzero(marks[0])
-        assert case.room is not None
-        side = case.image.shape[0]
-        assert abs(columns.mean() / side - case.room.x) < 0.2 and abs(rows.mean() / side - case.room.y) < 0.2
         overlaps.append((marks[0] & marks[1]).sum() / min(mark.sum() for mark in marks))
     assert max(overlaps) < 0.2
 
@@ -60,7 +56,7 @@ def test_paper_cases_are_the_first_of_the_table() -> None:
     table = scenes.example_table(6)
     cases = paper_cases(table, 4)
     assert [case.scene_id for case in cases] == table["scene_id"].to_pylist()[:4]
-    assert all(not case.other_objects and case.room is None and (case.other_image == 255).all() for case in cases)
+    assert all(not case.other_objects and (case.other_image == 255).all() for case in cases)
 
 
 def test_plain_caption_prefers_captions_without_colours() -> None:

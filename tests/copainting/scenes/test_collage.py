@@ -7,13 +7,9 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png
 from pentimento.copainting.scenes.collage import (
-    HALVES,
-    Half,
-    close_up,
     half_scenes,
     opposite,
     pairs_shown,
-    put,
     random_halves,
 )
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
@@ -26,36 +22,6 @@ def square(side: int) -> tuple[np.ndarray, np.ndarray]:
     image, regions = np.full((40, 40, 3), 128, np.uint8), np.zeros((40, 40), np.uint8)
     image[2 : 2 + side, 2 : 2 + side], regions[2 : 2 + side, 2 : 2 + side] = 10, 1
     return image, regions
-
-
-@pytest.mark.parametrize("half", [half for both in HALVES for half in both])
-@pytest.mark.parametrize("side", [8, 17, 30])
-def test_put_scales_a_thing_of_any_size_into_its_half(half: Half, side: int) -> None:
-    sheet, there = put(WHITE, *square(side), half=half, generator=np.random.default_rng(0))
-    rows, columns = np.nonzero(there)
-    assert abs(columns.mean() + 0.5 - 40 * half.x) < 2.5 and abs(rows.mean() + 0.5 - 40 * half.y) < 2.5
-    assert 0.4 * 40 <= np.ptp(rows) + 1 <= 0.56 * 40
-    assert sheet[there].mean() < 40  # nothing of the grey ground comes with it
-    apart = np.hypot(columns[:, None] - 39 * (1 - half.x), rows[:, None] - 39 * (1 - half.y))
-    assert apart.min() > 4  # the other half's middle is free
-
-
-def test_put_changes_only_its_half() -> None:
-    sheet, there = put(WHITE, *square(12), half=HALVES[0][0], generator=np.random.default_rng(1))
-    assert (sheet[:, 26:] == 255).all() and there[:, :26].any()
-    image, regions = square(12)
-    same, nowhere = put(WHITE, image, np.zeros_like(regions), half=HALVES[0][0], generator=np.random.default_rng(1))
-    assert (same == WHITE).all() and not nowhere.any()
-
-
-@pytest.mark.parametrize("half", [half for both in HALVES for half in both])
-def test_close_up_contains_everything_put_into_the_half(half: Half) -> None:
-    for seed in range(5):
-        sheet, there = put(WHITE, *square(17), half=half, generator=np.random.default_rng(seed))
-        near = close_up(sheet, half)
-        assert near.shape == sheet.shape
-        dark = (near < 128).mean() / (sheet < 128).mean()
-        assert there.any() and dark == pytest.approx((40 / 23) ** 2, rel=0.12)
 
 
 def test_random_halves_face_each_other() -> None:

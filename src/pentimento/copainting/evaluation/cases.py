@@ -32,8 +32,6 @@ class Case:
     other_image: Picture
     """The scene whose drawing starts the canvas."""
     other_objects: tuple[str, ...]
-    room: Half | None
-    """The free half of the sheet; None if nothing was drawn on it."""
 
 
 def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) -> list[Case]:
@@ -64,7 +62,7 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
         cases.append(
             Case(
                 row.scene_id, row.caption, row.objects, _in_half(row, half, generator),
-                _in_half(other, other_half, generator), other.objects, half,
+                _in_half(other, other_half, generator), other.objects,
             )
         )  # fmt: skip
     return cases
@@ -79,7 +77,7 @@ def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
     rows = [_read(row, number) for number, row in enumerate(held_out.slice(0, max(count, 2)).to_pylist())]
     _check(rows)
     return [
-        Case(row.scene_id, row.caption, row.objects, row.image, np.full_like(row.image, 255), (), None)
+        Case(row.scene_id, row.caption, row.objects, row.image, np.full_like(row.image, 255), ())
         for row in rows[:count]
     ]  # fmt: skip
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -26,7 +27,6 @@ from pentimento.copainting.evaluation.methods import (
     complete_canvases,
 )
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
-from pentimento.copainting.scenes.collage import close_up
 from pentimento.copainting.scenes.edits import Pair
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.semantics.encoder import Encoder, as_images
@@ -34,8 +34,11 @@ from pentimento.semantics.scores import clip_score, embed_all, object_scores, re
 
 FloatArray = NDArray[np.float64]
 Columns = dict[str, FloatArray]
+Picture = NDArray[np.uint8]
 Pictures = NDArray[np.uint8]
 
+_RIM_PX: Final = 1  # around what changed: the antialiased edge of a line
+_MARGIN: Final = 0.06  # around what was added, in its sides
 _CHANGED_LEVELS: Final = 64  # of 255, in any channel: a pixel that differs by less counts as unchanged
 
 
@@ -69,6 +72,25 @@ def changed_share(canvases: Pictures, pictures: Pictures) -> FloatArray:
     return np.asarray(moved.mean(axis=(1, 2)), dtype=np.float64)
 
 
+def added(canvas: Picture, drawing: Picture) -> Picture:
+    """What a drawing [H, W, 3] shows more than its canvas, on white: the smallest square around it with a margin,
+    resized to the drawing's size. All white if nothing was added.
+    """
+    new = np.abs(canvas.astype(np.int16) - drawing).max(-1) >= _CHANGED_LEVELS
+    if not new.any():
+        return np.full_like(drawing, 255)
+    seen = cv2.dilate(new.astype(np.uint8), np.ones((2 * _RIM_PX + 1,) * 2, np.uint8))[..., None] > 0
+    alone = np.where(seen, drawing, np.uint8(255))
+    rows, columns = np.flatnonzero(new.any(1)), np.flatnonzero(new.any(0))
+    side = max(np.ptp(rows), np.ptp(columns)) + 1
+    side += 2 * round(_MARGIN * side)
+    top, left = (rows[0] + rows[-1] + 1 - side) // 2, (columns[0] + columns[-1] + 1 - side) // 2
+    padded = np.pad(alone, ((side, side), (side, side), (0, 0)), constant_values=255)
+    square = padded[top + side : top + 2 * side, left + side : left + 2 * side]
+    method = cv2.INTER_AREA if side > drawing.shape[0] else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(square, drawing.shape[1::-1], interpolation=method), dtype=np.uint8)
+
+
 @dataclass(frozen=True)
 class Judges:
     """The encoders that score."""
@@ -98,7 +120,7 @@ def score(outcomes: Outcomes, cases: Sequence[Case], judges: Judges) -> dict[str
         table[method] = {
             "clip_score": clip_score(judges.main, images, captions).double().numpy(),
             "judge_score": clip_score(judges.judge, images, captions).double().numpy(),
-            "objects": objects_found(judges, drawings, cases) if judges.kinds else missing,
+            "objects": objects_found(judges, outcomes.canvases, drawings, cases) if judges.kinds else missing,
             "delta_pix": missing if goals is None else delta_pix(goals, drawings),
             "delta_sem": missing if goals is None else delta_sem(judges.main, goals, drawings),
             "goal_keeps": missing if goals is None else surviving_ink(outcomes.canvases, goals),
@@ -109,16 +131,13 @@ def score(outcomes: Outcomes, cases: Sequence[Case], judges: Judges) -> dict[str
     return table
 
 
-def objects_found(judges: Judges, drawings: Pictures, cases: Sequence[Case]) -> FloatArray:
+def objects_found(judges: Judges, canvases: Pictures, drawings: Pictures, cases: Sequence[Case]) -> FloatArray:
     """Fraction [B] of the k kinds asked for that are among the judge's k best; NaN if a prompt asks for no known kind.
 
-    If a half of the sheet was left free, the judge sees that half only. On the whole sheet it would often rank the
-    other thing first, however well the requested one is drawn.
+    The judge sees what was added to the canvas. On the whole sheet it would often rank the other thing first, however
+    well the requested one is drawn.
     """
-    views = [
-        drawing if case.room is None else close_up(drawing, case.room)
-        for drawing, case in zip(drawings, cases, strict=True)
-    ]
+    views = [added(canvas, drawing) for canvas, drawing in zip(canvases, drawings, strict=True)]
     scores = object_scores(judges.judge, as_images(views), judges.kinds)
     hits = recognised(scores, judges.kinds, [case.objects for case in cases])
     return np.array([np.mean(of_one) if of_one else np.nan for of_one in hits])

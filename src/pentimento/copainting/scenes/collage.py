@@ -1,4 +1,4 @@
-"""Scenes cut out and combined: things removed, placed in one half of a sheet, or seen from close up."""
+"""Scenes cut out and combined: things removed, or placed in one half of a sheet."""
 
 from __future__ import annotations
 
@@ -98,18 +98,6 @@ def put(
     share = cv2.warpAffine(objects.astype(np.float32), moved, size, flags=cv2.INTER_LINEAR)[..., None]
     mixed = np.round(sheet + (image.astype(np.float64) - sheet) * share).astype(np.uint8)
     return mixed, share[..., 0] >= 0.5
-
-
-def close_up(sheet: NDArray[np.uint8], half: Half) -> NDArray[np.uint8]:
-    """The square around the centre of a half that contains whatever `put` placed there, resized to the size of the
-    sheet.
-    """
-    height, width = sheet.shape[:2]
-    rows, columns = (round((_EXTENT[1] + 2 * _JITTER) * side) for side in (height, width))
-    top = int(np.clip(round(half.y * height - rows / 2), 0, height - rows))
-    left = int(np.clip(round(half.x * width - columns / 2), 0, width - columns))
-    part = np.ascontiguousarray(sheet[top : top + rows, left : left + columns])
-    return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
 
 def pairs_shown(objects: Iterable[Sequence[str]]) -> set[frozenset[str]]:
