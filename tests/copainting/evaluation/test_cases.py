@@ -6,7 +6,8 @@ import pytest
 
 from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.evaluation.cases import choose_cases, paper_cases, plain_caption
+from pentimento.copainting.drawings.scenes import split_of_scene
+from pentimento.copainting.evaluation.cases import begun_by_others, choose_cases, paper_cases, plain_caption
 from pentimento.copainting.scenes.collage import pairs_shown
 from pentimento.copainting.scenes.edits import scenes_of
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
@@ -68,3 +69,22 @@ def test_plain_caption_prefers_captions_without_colours() -> None:
 def test_rejects_a_single_held_out_scene() -> None:
     with pytest.raises(ContractError, match="two or more"):
         choose_cases(scenes.example_table(1), scenes.example_table(1), 5, 0)
+
+
+@pytest.mark.parametrize("overlapping", [False, True])
+def test_canvases_begun_by_others_show_a_held_out_pair_beside_or_over_each_other(overlapping: bool) -> None:
+    cases = begun_by_others(24, side_px=96, overlapping=overlapping, seed=1)
+    shares, places = [], []
+    for case in cases:
+        assert split_of_scene("beside", case.objects + case.other_objects) == "test"
+        assert case.objects[0] in case.caption
+        marks = [(image < 128).all(-1) for image in (case.image, case.other_image)]
+        assert all(mark.any() for mark in marks)
+        boxes = [[(np.flatnonzero(mark.any(axis))[[0, -1]]) for axis in (0, 1)] for mark in marks]
+        widths = [min(a[1], b[1]) - max(a[0], b[0]) for a, b in zip(*boxes, strict=True)]
+        shares.append(min(widths) > 0)
+        places.append([float(ends.mean()) for ends in boxes[1]])
+    assert np.mean(shares) == 1 if overlapping else np.mean(shares) < 0.7
+    assert (np.std(places, axis=0) > 96 * 0.08).all()  # anywhere
+    again = begun_by_others(3, side_px=96, overlapping=overlapping, seed=1)
+    assert all((a.other_image == b.other_image).all() for a, b in zip(again, cases, strict=False))

@@ -11,11 +11,17 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.scenes import labels_of, read_scene, without_colors
+from pentimento.contracts.scenes import labels_of, phrase, read_scene, without_colors
+from pentimento.copainting.drawings.scenes import DrawnScene, Placed, render_scene, split_of_scene
+from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.scenes.collage import Half, pairs_in_training, put, random_halves, without
 
 Picture = NDArray[np.uint8]
 
+_BEGUN_SIZES: Final = (0.35, 0.6)  # of what somebody else began, in sides of the sheet
+_BEGUN_TURN_RAD: Final = np.radians(8)  # standard deviation of its rotation
+_BEGUN_LINES: Final = (0.015, 0.03)  # range of its lines' width, in sides of the sheet
+_SMALLEST: Final = 0.35  # size of a requested thing, in sides of the sheet
 _TRIES: Final = 50  # scenes drawn to find one that no training scene combines with a given scene
 
 
@@ -66,6 +72,50 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
             )
         )  # fmt: skip
     return cases
+
+
+def begun_by_others(count: int, *, side_px: int, overlapping: bool, seed: int) -> list[Case]:
+    """`count` wishes for a named thing on canvases where somebody else began: a pen drawing of another thing, by another
+    illustrator (Tabler), anywhere on the sheet, slightly turned, in thin or thick lines.
+
+    The two things are a held-out pair of nouns (`split_of_scene`). The requested one goes around the other, or over it
+    if `overlapping`; its picture is OpenMoji's pen drawing in such a place. Case i depends on (seed, i) only.
+    """
+    return [
+        _begun_by_others(index, side_px, overlapping, np.random.default_rng([seed, index])) for index in range(count)
+    ]
+
+
+def _begun_by_others(number: int, side_px: int, overlapping: bool, generator: np.random.Generator) -> Case:
+    asked_nouns, other_nouns = nouns_of("openmoji"), nouns_of("tabler")
+    while True:
+        asked = asked_nouns[int(generator.integers(len(asked_nouns)))]
+        other = other_nouns[int(generator.integers(len(other_nouns)))]
+        if asked != other and split_of_scene("beside", (asked, other)) == "test":
+            break
+    size = float(generator.uniform(*_BEGUN_SIZES))
+    x, y = (float(value) for value in generator.uniform(size / 2, 1 - size / 2, 2))
+    turn, mirrored = float(generator.normal(0, _BEGUN_TURN_RAD)), bool(generator.random() < 0.5)
+    there = Placed(other, "tabler", x, y, size, turn, mirrored)
+    # Around the other thing: in the middle of the largest of the four strips that it leaves.
+    room = {"left": x - size / 2, "right": 1 - x - size / 2, "upper": y - size / 2, "lower": 1 - y - size / 2}
+    free = max(room, key=lambda name: room[name])
+    extent = max(room[free], _SMALLEST)
+    near, far = extent / 2, 1 - extent / 2
+    place = {"left": (near, y), "right": (far, y), "upper": (x, near), "lower": (x, far)}[free]
+    if overlapping:
+        place, extent = (x, y), max(size, _SMALLEST)
+    wished = Placed(
+        asked, "openmoji", *(float(np.clip(v, extent / 2, 1 - extent / 2)) for v in place), extent, 0.0, False
+    )
+    line = float(generator.uniform(*_BEGUN_LINES))
+    images = [
+        render_scene(
+            DrawnScene("alone", (thing,), (0,), None, (255, 255, 255), line), [0], "marker", side_px=side_px
+        ).image
+        for thing in (wished, there)
+    ]
+    return Case(f"begun_{number:04d}", phrase(asked), (asked,), images[0], images[1], (other,))
 
 
 def paper_cases(held_out: pa.Table, count: int) -> list[Case]:

@@ -82,9 +82,9 @@ def added(canvas: Picture, drawing: Picture) -> Picture:
     seen = cv2.dilate(new.astype(np.uint8), np.ones((2 * _RIM_PX + 1,) * 2, np.uint8))[..., None] > 0
     alone = np.where(seen, drawing, np.uint8(255))
     rows, columns = np.flatnonzero(new.any(1)), np.flatnonzero(new.any(0))
-    side = max(np.ptp(rows), np.ptp(columns)) + 1
+    side = int(max(np.ptp(rows), np.ptp(columns))) + 1
     side += 2 * round(_MARGIN * side)
-    top, left = (rows[0] + rows[-1] + 1 - side) // 2, (columns[0] + columns[-1] + 1 - side) // 2
+    top, left = (int(ends[0] + ends[-1] + 1 - side) // 2 for ends in (rows, columns))
     padded = np.pad(alone, ((side, side), (side, side), (0, 0)), constant_values=255)
     square = padded[top + side : top + 2 * side, left + side : left + 2 * side]
     method = cv2.INTER_AREA if side > drawing.shape[0] else cv2.INTER_CUBIC
