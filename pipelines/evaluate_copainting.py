@@ -16,7 +16,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.evaluation.cases import Case, choose_cases, paper_cases
+from pentimento.copainting.drawings.sources import LICENCES
+from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, paper_cases
 from pentimento.copainting.evaluation.codraw import Codrawing, Turn, film_strip, stories, turn_scores
 from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
 from pentimento.copainting.evaluation.methods import (
@@ -138,7 +139,15 @@ def main(arguments: argparse.Namespace) -> None:
         table = as_drawn(read_table(arguments.scenes, scenes.CONTRACT).table, with_pen=with_pen)
         held_out = scenes_of(table, "test")
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
-        cases = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
+        overlapping: list[Case] = []
+        if set(table["source"].to_pylist()) <= LICENCES.keys():
+            side = decode_png(table["image"][0].as_py()["bytes"]).shape[0]
+            cases, overlapping = (
+                begun_by_others(config.prompts, side_px=side, overlapping=over, seed=config.seed)
+                for over in (False, True)
+            )
+        else:
+            cases = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
         paint_context = load_paint_context(setting.medium, strokes_models[setting.medium.tool])
         planners = Planners(arguments.base, arguments.fine_tuned)
         task = Task(
@@ -166,6 +175,7 @@ def main(arguments: argparse.Namespace) -> None:
         few = cases[: config.other_medium_prompts]
         other_task = replace(task, begun_with=load_paint_context(other, strokes_models[other.tool]))
         foreign = run_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
+        over = run_on_canvas(overlapping, task, (BASE, FINE_TUNED), submit) if overlapping else None
         turns = {name: gather(futures) for name, futures in played.items()}
 
         scores = score(begun, cases, judges)
@@ -175,6 +185,7 @@ def main(arguments: argparse.Namespace) -> None:
             "ordinary": _plain(ordinary.result()),
             "on_paper": _plain(summary(score(paper, on_paper, judges), config.seed)),
             "other_medium": _plain(summary(score(foreign, few, judges), config.seed)),
+            **({} if over is None else {"overlapping": _plain(summary(score(over, overlapping, judges), config.seed))}),
             "turns": {name: turn_scores(drawn, judges.judge) for name, drawn in turns.items()},
             "correlation": painted_gap(pairs, table, judges.main),
             "vae_ink_recall": _ink_recall(begun.canvases, planners),
@@ -185,6 +196,8 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "metrics.json", metrics)
         write_json(out / "cases.json", _by_case(cases, scores))
         asked = {"methods": (begun, cases), "on_paper": (paper, on_paper), "other_medium": (foreign, few)}
+        if over is not None:
+            asked["overlapping"] = (over, overlapping)
         _write_pictures(out, asked, turns, config.figures.method_rows)
         page, key = preference_page(_compared(cases[: config.figures.preference_prompts], begun), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")

@@ -75,8 +75,8 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
 
 
 def begun_by_others(count: int, *, side_px: int, overlapping: bool, seed: int) -> list[Case]:
-    """`count` wishes for a named thing on canvases where somebody else began: a pen drawing of another thing, by another
-    illustrator (Tabler), anywhere on the sheet, slightly turned, in thin or thick lines.
+    """`count` wishes for a named thing on canvases where somebody else began: a pen drawing of another thing, by
+    another illustrator (Tabler), anywhere on the sheet, slightly turned, in thin or thick lines.
 
     The two things are a held-out pair of nouns (`split_of_scene`). The requested one goes around the other, or over it
     if `overlapping`; its picture is OpenMoji's pen drawing in such a place. Case i depends on (seed, i) only.
@@ -105,17 +105,12 @@ def _begun_by_others(number: int, side_px: int, overlapping: bool, generator: np
     place = {"left": (near, y), "right": (far, y), "upper": (x, near), "lower": (x, far)}[free]
     if overlapping:
         place, extent = (x, y), max(size, _SMALLEST)
-    wished = Placed(
-        asked, "openmoji", *(float(np.clip(v, extent / 2, 1 - extent / 2)) for v in place), extent, 0.0, False
-    )
+    column, row = (float(np.clip(value, extent / 2, 1 - extent / 2)) for value in place)
+    wished = Placed(asked, "openmoji", column, row, extent, 0.0, False)
     line = float(generator.uniform(*_BEGUN_LINES))
-    images = [
-        render_scene(
-            DrawnScene("alone", (thing,), (0,), None, (255, 255, 255), line), [0], "marker", side_px=side_px
-        ).image
-        for thing in (wished, there)
-    ]
-    return Case(f"begun_{number:04d}", phrase(asked), (asked,), images[0], images[1], (other,))
+    scenes = [DrawnScene("alone", (thing,), (0,), None, (255, 255, 255), line) for thing in (wished, there)]
+    wanted, begun = (render_scene(scene, [0], "marker", side_px=side_px).image for scene in scenes)
+    return Case(f"begun_{number:04d}", phrase(asked), (asked,), wanted, begun, (other,))
 
 
 def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
