@@ -74,7 +74,8 @@ def copy_in_half_precision(source: Path, target: Path) -> None:
 
 
 def _card(params: dict[str, Any], metrics: dict[str, Any], size: int) -> str:
-    nouns = vocabulary().values()
+    drawn_by = params["draw_scenes"]
+    of_judge = ", ".join(f"{source} ({LICENCES[source]})" for source in drawn_by["judge"]["sources"])
     goal, phases = metrics["goal"], params["train_goal_base"]["phases"]
     compositions = goal["compositions"]
     rows = "\n".join(
@@ -89,9 +90,9 @@ An Instruct-Pix2Pix model of {goal["parameters"]["unet"] / 1e6:.1f} million UNet
 reads prompts with and a judge. {size / 1e6:.0f} MB in half precision. `make base` trains it; base.json holds the
 parameters, hashes and metrics.
 
-**Licence of the weights: CC BY-SA 4.0.** They learned from drawings by [OpenMoji](https://openmoji.org) (CC BY-SA 4.0;
-{len(nouns)} nouns) and, the judge alone, from [Tabler Icons](https://tabler.io/icons) (MIT;
-{sum(noun.tabler is not None for noun in nouns)} nouns). The project's code is under the MIT licence.
+**Licence of the weights: CC BY-SA 4.0.** Goal planner and encoder learned from drawings of {len(vocabulary())} nouns by
+[OpenMoji](https://openmoji.org) (CC BY-SA 4.0), the judge from drawings of the same nouns by others: {of_judge}. The
+project's code is under the MIT licence.
 
 **Training.** {steps} steps of {phases[0]["training"]["batch"]} pairs of a begun and a finished drawing, half of them
 pen drawings and half painted. Pairs of nouns and relations of a noun are held out by a hash of their words.

@@ -89,13 +89,15 @@ def test_base_is_trained_in_phases_and_training_can_go_on_from_it(folder: Path) 
 def test_what_ships_has_hashes_a_licence_and_a_limit_of_size(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     base = train("goal")
     (Path("semantics") / "metrics.json").write_text("{}")
+    params = write_params(train_goal_base=SECTION, draw_scenes={"judge": {"sources": ["noto", "twemoji"]}})
     arguments = argparse.Namespace(
-        params=Path("params.yaml"), semantics=Path("semantics"), judge=Path("semantics"), goal=base, out=Path("weights")
+        params=params, semantics=Path("semantics"), judge=Path("semantics"), goal=base, out=Path("weights")
     )
     export_base.main(arguments)
     facts = json.loads(Path("weights/base.json").read_text())
     assert facts["licence"] == "CC-BY-SA-4.0" and "goal/unet/diffusion_pytorch_model.safetensors" in facts["sha256"]
-    assert "CC BY-SA 4.0" in Path("weights/card.md").read_text()
+    card = Path("weights/card.md").read_text()
+    assert "CC BY-SA 4.0" in card and "noto (Apache-2.0), twemoji (CC-BY-4.0)" in card
     assert load_goal_planner(Path("weights/goal"))
     monkeypatch.setattr(export_base, "_MAX_BYTES", 1000)
     with pytest.raises(PentimentoError, match="take a smaller UNet"):
