@@ -16,7 +16,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.drawings.sources import LICENCES
+from pentimento.copainting.drawings.sources import LICENCES, nouns_of
 from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, paper_cases
 from pentimento.copainting.evaluation.codraw import Codrawing, Turn, film_strip, stories, turn_scores
 from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
@@ -140,7 +140,9 @@ def main(arguments: argparse.Namespace) -> None:
         held_out = scenes_of(table, "test")
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
         overlapping: list[Case] = []
+        kinds = _kinds(held_out)
         if set(table["source"].to_pylist()) <= LICENCES.keys():
+            kinds = nouns_of("openmoji")
             side = decode_png(table["image"][0].as_py()["bytes"]).shape[0]
             cases, overlapping = (
                 begun_by_others(config.prompts, side_px=side, overlapping=over, seed=config.seed)
@@ -154,7 +156,7 @@ def main(arguments: argparse.Namespace) -> None:
             paint_context, paint_context, blank_sheet(pairs, cases[0].image.shape), planners, arguments.semantics,
             config.strokes, config.sampling, config.text_only, config.seed,
         )  # fmt: skip
-        judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), _kinds(held_out))
+        judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), kinds)
 
         edits = scene_edits(held_out.slice(0, config.ordinary_scenes), 1, config.seed)
         ordinary = submit(

@@ -16,6 +16,7 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png, encode_png, read_image
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import write_table
+from pentimento.copainting.drawings.pairs import DrawnScenesConfig, drawn_scenes
 from pentimento.copainting.goal.planner import save_goal_planner
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
 from pentimento.dynamics.strokes.extended import base_model, model_files
@@ -41,9 +42,9 @@ PLANNER: dict[str, Any] = {
     "seed": 0,
 }  # fmt: skip
 INK = {"line_m": "1 mm", "contrast": 0.15, "tone": 0.3}
-MARKER = {"tool": "marker", "side_m": "100 mm", "ink": INK, "planner": PLANNER}
+MARKER = {"tool": "marker", "side_m": "100 mm", "words": "with a marker", "ink": INK, "planner": PLANNER}
 BRUSH = {
-    "tool": "round_brush", "side_m": "100 mm", "ink": None,
+    "tool": "round_brush", "side_m": "100 mm", "words": "in colours", "ink": None,
     "planner": PLANNER
     | {"iterations_palette": 2, "palette": {"source": "plan", "size": 2, "picture": None, "colors_srgb": None}},
 }  # fmt: skip
@@ -182,6 +183,21 @@ def test_the_same_bytes_again_and_with_two_workers(folder: Path, evaluated: Path
     write_params({"workers": 2})
     two = evaluate(folder, "two")
     assert {f.name: f.read_bytes() for f in evaluated.iterdir()} == {f.name: f.read_bytes() for f in two.iterdir()}
+
+
+def test_named_things_are_asked_for_on_canvases_that_others_began(folder: Path) -> None:
+    config = DrawnScenesConfig(
+        scenes=60, side_px=SIDE_PX, val_share=0.1, test_share=0.6, pen_share=0.0, wordings=2, alone_share=0.2,
+        mirrored_share=0.0, sources=("openmoji",), seed=0,
+    )  # fmt: skip
+    write_table(Path("scenes"), drawn_scenes(config, None), scenes.CONTRACT, "# Card")
+    marker = SECTION["settings"]["marker"] | {"medium": MARKER | {"ink": None}}
+    write_params({"settings": {"marker": marker}})
+    out = evaluate(folder, "named", scenes=Path("scenes"))
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert set(metrics["overlapping"]) == {"no_change", "base", "fine_tuned"}
+    assert set(json.loads((out / "cases.json").read_text())[0]) >= {"caption", "fine_tuned"}
+    assert read_image(out / "overlapping.png").std() > 0
 
 
 def test_a_tool_without_a_model_is_one_sentence(folder: Path) -> None:
