@@ -82,8 +82,8 @@ def test_vocabulary_is_small_survives_storage_and_names_its_licence() -> None:
     assert len(table.read_bytes()) < 200_000
 
 
-def test_made_up_things_are_reached_by_what_was_not_taught() -> None:
-    vocabulary = taught_vocabulary("made_up")
+def test_synthetic_things_are_reached_by_what_was_not_taught() -> None:
+    vocabulary = taught_vocabulary("synthetic")
     assert set(vocabulary.nouns) == set(KINDS)
     assert all(noun.words == (name,) for name, noun in vocabulary.nouns.items())
     asked = {"a kitten": "a cat", "an oak": "a tree", "two boats": "two boats", "a clock": "a clock"}

@@ -20,7 +20,7 @@ SEGMENTATION = {"method": "classical", "sam_folder": None, "scale": 60.0, "min_s
 
 
 def run(folder: Path, imported: dict | None) -> Path:
-    section = {"drawn": DRAWN, "imported": imported, "segmentation": SEGMENTATION}
+    section = {"named": None, "drawn": DRAWN, "imported": imported, "segmentation": SEGMENTATION}
     YAML(typ="safe").dump({"build_scenes": section}, folder / "params.yaml")
     main(argparse.Namespace(out=folder / "scenes"))
     return folder / "scenes"
@@ -50,3 +50,16 @@ def test_a_local_data_set_is_taken_in_and_what_is_bad_is_counted(stage_folder: P
     metrics = json.loads((out / "metrics.json").read_text())
     assert metrics["scenes"] == 1 and metrics["quarantined"] == {"all": 1, "not a readable picture": 1}
     assert "CC0-1.0" in (out / "README.md").read_text()
+
+
+def test_named_things_are_painted_and_drawn_with_a_pen(stage_folder: Path) -> None:
+    named = {
+        "scenes": 12, "side_px": 32, "val_share": 0.2, "test_share": 0.3, "pen_share": 0.0, "wordings": 2,
+        "alone_share": 0.5, "mirrored_share": 0.0, "sources": ["openmoji"], "seed": 0,
+    }  # fmt: skip
+    section = {"named": named, "drawn": DRAWN, "imported": None, "segmentation": SEGMENTATION}
+    YAML(typ="safe").dump({"build_scenes": section}, Path("params.yaml"))
+    main(argparse.Namespace(out=Path("scenes")))
+    table = read_table(Path("scenes"), CONTRACT).table
+    assert table.num_rows == 12 and table["pen"].null_count == 0
+    assert "CC-BY-SA-4.0" in (Path("scenes") / "README.md").read_text()

@@ -17,7 +17,7 @@ lines before them, which begin with #, say where the words come from and under w
 """
 
 
-Things = Literal["named", "made_up"]
+Things = Literal["named", "synthetic"]
 """What a goal planner was taught: the nouns of `vocabulary.toml`, or the kinds of `copainting.scenes.things`."""
 
 
