@@ -75,13 +75,15 @@ def copy_in_half_precision(source: Path, target: Path) -> None:
 
 def _card(params: dict[str, Any], metrics: dict[str, Any], size: int) -> str:
     drawn_by = params["draw_scenes"]
-    of_judge = ", ".join(f"{source} ({LICENCES[source]})" for source in drawn_by["judge"]["sources"])
+    of_judge = "\n".join(f"- {source} ({LICENCES[source]})" for source in drawn_by["judge"]["sources"])
     goal, phases = metrics["goal"], params["train_goal_base"]["phases"]
     compositions = goal["compositions"]
     rows = "\n".join(
         f"| {name.replace('_', '-')} compositions | {scores['mse']:.4f} | {scores['mse_of_copying']:.4f} |"
         for name, scores in compositions.items()
     )
+    alone = all(phase["alone_share"] == 1 for phase in phases)
+    scenes = "one thing alone; it was not taught scenes yet" if alone else "relations of up to four things"
     steps = " + ".join(str(phase["training"]["steps"]) for phase in phases)
     return f"""# Base of the goal planner
 
@@ -91,8 +93,10 @@ reads prompts with and a judge. {size / 1e6:.0f} MB in half precision. `make bas
 parameters, hashes and metrics.
 
 **Licence of the weights: CC BY-SA 4.0.** Goal planner and encoder learned from drawings of {len(vocabulary())} nouns by
-[OpenMoji](https://openmoji.org) (CC BY-SA 4.0), the judge from drawings of the same nouns by others: {of_judge}. The
-project's code is under the MIT licence.
+[OpenMoji](https://openmoji.org) (CC BY-SA 4.0). The project's code is under the MIT licence. The judge learned from
+drawings of the same nouns by others:
+
+{of_judge}
 
 **Training.** {steps} steps of {phases[0]["training"]["batch"]} pairs of a begun and a finished drawing, half of them
 pen drawings and half painted. Pairs of nouns and relations of a noun are held out by a hash of their words.
@@ -102,7 +106,7 @@ pen drawings and half painted. Pairs of nouns and relations of a noun are held o
 {rows}
 
 **Limits.** It knows the nouns of `src/pentimento/copainting/drawings/vocabulary.toml`, mostly in one view each, and
-relations of up to four things. It does not draw people, faces or letters.
+{scenes}. It does not draw people, faces or letters.
 """
 
 

@@ -97,7 +97,7 @@ def test_what_ships_has_hashes_a_licence_and_a_limit_of_size(folder: Path, monke
     facts = json.loads(Path("weights/base.json").read_text())
     assert facts["licence"] == "CC-BY-SA-4.0" and "goal/unet/diffusion_pytorch_model.safetensors" in facts["sha256"]
     card = Path("weights/card.md").read_text()
-    assert "CC BY-SA 4.0" in card and "noto (Apache-2.0), twemoji (CC-BY-4.0)" in card
+    assert "CC BY-SA 4.0" in card and "- noto (Apache-2.0)\n- twemoji (CC-BY-4.0)" in card
     assert load_goal_planner(Path("weights/goal"))
     monkeypatch.setattr(export_base, "_MAX_BYTES", 1000)
     with pytest.raises(PentimentoError, match="take a smaller UNet"):
