@@ -16,6 +16,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
+from pentimento.copainting.drawings.scenes import Medium as DrawingMedium
 from pentimento.copainting.drawings.sources import LICENCES, nouns_of
 from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, paper_cases
 from pentimento.copainting.evaluation.codraw import Codrawing, Turn, film_strip, stories, turn_scores
@@ -135,7 +136,8 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
         worker_pool(config.workers, end_with_parent) as submit,
     ):
-        with_pen = load_tool(setting.medium.tool).color_srgb is not None and setting.medium.ink is None
+        has_ink = load_tool(setting.medium.tool).color_srgb is not None
+        with_pen = has_ink and setting.medium.ink is None
         table = as_drawn(read_table(arguments.scenes, scenes.CONTRACT).table, with_pen=with_pen)
         held_out = scenes_of(table, "test")
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
@@ -144,8 +146,9 @@ def main(arguments: argparse.Namespace) -> None:
         if set(table["source"].to_pylist()) <= LICENCES.keys():
             kinds = nouns_of("openmoji")
             side = decode_png(table["image"][0].as_py()["bytes"]).shape[0]
+            drawn_with: DrawingMedium = "marker" if has_ink else "colour"
             cases, overlapping = (
-                begun_by_others(config.prompts, side_px=side, overlapping=over, seed=config.seed)
+                begun_by_others(config.prompts, drawn_with, side_px=side, overlapping=over, seed=config.seed)
                 for over in (False, True)
             )
         else:

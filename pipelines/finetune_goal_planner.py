@@ -1,8 +1,8 @@
-"""Fine-tune the goal planner's base on one setting's co-paintings (thesis 6.4.2)."""
+"""Fine-tune the goal planner's base on the co-paintings of all settings (thesis 6.4.2)."""
 
 import argparse
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from pentimento.contracts.copaintings import CONTRACT
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
-from pentimento.contracts.tables import read_table
+from pentimento.contracts.tables import CheckedTable, read_table
 from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_planner
 from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
@@ -36,7 +36,7 @@ class FinetuneGoalPlanner:
 
     training: GoalTraining
     decoder: DecoderConfig | None
-    """Of the autoencoder, fine-tuned on the setting's paintings before the UNet; null keeps the base's decoder."""
+    """Of the autoencoder, fine-tuned on the paintings before the UNet; null keeps the base's decoder."""
     sampling: Sampling
     threads: int
     """PyTorch's threads for all devices together; last digits of results depend on the number."""
@@ -50,26 +50,25 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "finetune_goal_planner", FinetuneGoalPlanner)
     single_threaded()
     torch.set_num_threads(config.threads)
-    inputs = {"copaintings": arguments.copaintings, "base": arguments.base}
+    folders = {setting: arguments.copaintings / setting for setting in arguments.settings}
+    inputs = {**folders, "base": arguments.base}
     digests = {name: input_digest(path) for name, path in inputs.items()}
-    name = f"finetune_goal_planner@{arguments.setting}"
     # Interrupted training can continue on other devices.
     anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
-    scratch = scratch_folder(SCRATCH, name, asdict(anywhere), digests)
+    scratch = scratch_folder(SCRATCH, "finetune_goal_planner", asdict(anywhere), digests)
     with (
-        tracked_run("finetune_goal_planner", arguments.setting, asdict(config), inputs) as run,
+        tracked_run("finetune_goal_planner", None, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
-        checked = read_table(arguments.copaintings, CONTRACT)
+        tables = {setting: read_table(folder, CONTRACT) for setting, folder in folders.items()}
         planner = load_goal_planner(arguments.base)
-        training, held_out = pairs_of(checked.table, "train"), pairs_of(checked.table, "val")
-        if not held_out:
-            raise ContractError(f"{arguments.copaintings} has no pair of the split val; synthesise more scenes.")
+        training = [pair for checked in tables.values() for pair in pairs_of(checked.table, "train")]
+        held_out = _interleaved(folders, tables)
         before = score_planner(planner, held_out, config.sampling)
         if config.decoder is not None:
             planner.register_modules(vae=_with_decoder(planner, training, config, scratch, run))
-        pairs = encode_pairs(planner, training)
-        losses = train_goal_planner(planner, pairs, config.training, scratch=scratch / "steps", log=run.log)
+        latents = encode_pairs(planner, training)
+        losses = train_goal_planner(planner, latents, config.training, scratch=scratch / "steps", log=run.log)
         grid = guidance_grid(planner, held_out[: config.sampling.shown], config.sampling)
         metrics: dict[str, Any] = {
             "held_out": {
@@ -79,7 +78,7 @@ def main(arguments: argparse.Namespace) -> None:
             "pairs": {
                 "training": len(training),
                 "held_out": len(held_out),
-                "quarantined": len(checked.quarantined),
+                "quarantined": sum(len(checked.quarantined) for checked in tables.values()),
             },
         }
         save_goal_planner(planner, out)
@@ -89,6 +88,15 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(metrics)
         run.log_picture(out / "guidance.png")
     shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _interleaved(folders: Mapping[str, Path], tables: Mapping[str, CheckedTable]) -> list[Pair]:
+    """The held-out pairs of all settings in turn, as many of each as the setting with the fewest has."""
+    of_each = {setting: pairs_of(checked.table, "val") for setting, checked in tables.items()}
+    for setting, pairs in of_each.items():
+        if not pairs:
+            raise ContractError(f"{folders[setting]} has no pair of the split val; synthesise more scenes.")
+    return [pair for of_all in zip(*of_each.values(), strict=False) for pair in of_all]
 
 
 def _with_decoder(
@@ -108,8 +116,8 @@ def _with_decoder(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="finetune_goal_planner", description=__doc__)
-    parser.add_argument("--setting", required=True)
-    parser.add_argument("--copaintings", required=True, type=Path)
+    parser.add_argument("--copaintings", required=True, type=Path, help="folder of the co-paintings of each setting")
+    parser.add_argument("--settings", required=True, nargs="+")
     parser.add_argument("--base", required=True, type=Path)
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

@@ -50,8 +50,6 @@ class EncoderConfig:
 class TrainSemantics:
     """Section `train_semantics` of params.yaml."""
 
-    side_px: int
-    """Of the scenes."""
     merges: int
     """Maximum number of merges of the tokenizer."""
     caption_tokens: int
@@ -67,7 +65,7 @@ class TrainSemantics:
     def __post_init__(self) -> None:
         at_least(self, 0, "merges", "views_seed")
         at_least(self, 4, "caption_tokens")
-        above_zero(self, "side_px", "test_scenes")
+        above_zero(self, "test_scenes")
         at_least(self, 2, "retrieval_candidates")
         if set(self.encoders) != {"main", "judge"}:
             raise ValueError(f"encoders are {', '.join(self.encoders) or 'none'}; give main and judge.")
@@ -111,7 +109,7 @@ def _train(
     ``out``.
     """
     single_threaded()
-    rows = _splits(scenes, config.side_px)
+    rows = _splits(scenes)
     test = _first(rows["test"], config.test_scenes)
     views = torch.from_numpy(drawn_views(test.images, config.views_seed + 1)).permute(1, 0, 4, 2, 3).float() / 255
     kinds = sorted(set(kinds_of(rows["train"])) | set(kinds_of(rows["test"])))
@@ -175,7 +173,7 @@ def _encoder(
     return train_encoder(known, tokenizer, entry.shape, config=entry.training, log=log), curve
 
 
-def _splits(folder: Path, side_px: int) -> dict[str, Captioned]:
+def _splits(folder: Path) -> dict[str, Captioned]:
     table = read_table(folder, CONTRACT).table
     if "split" not in table.column_names:
         raise ContractError(f"The scenes in {folder} have no column split; make them by build_scenes.")
@@ -183,7 +181,7 @@ def _splits(folder: Path, side_px: int) -> dict[str, Captioned]:
     for split, part in parts.items():
         if part.num_rows < 2:
             raise ContractError(f"The scenes in {folder} hold {part.num_rows} of split {split}; at least 2 are needed.")
-    return {split: captioned(part, side_px) for split, part in parts.items()}
+    return {split: captioned(part) for split, part in parts.items()}
 
 
 def _first(rows: Captioned, count: int) -> Captioned:

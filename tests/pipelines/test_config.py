@@ -226,7 +226,8 @@ def test_the_full_profile_is_of_one_size_throughout(tmp_path: Path) -> None:
     full = sections("full", tmp_path)
     scenes, evaluated, deployed = full["build_scenes"].imported, full["evaluate_copainting"], full["deploy"]
     setting = full["synthesize_copaintings"].settings["marker"]
-    assert scenes.side_px == full["train_semantics"].side_px == setting.picture_px
+    sizes = {each.picture_px for each in full["synthesize_copaintings"].settings.values()}
+    assert sizes == {scenes.side_px}
     side_m, pixels_per_m = setting.canvas_m[0], setting.planner.pixels_per_m
     media = [evaluated.settings["marker"].medium, evaluated.other_media["marker"]]
     assert {(medium.side_m, medium.planner.pixels_per_m) for medium in media} == {(side_m, pixels_per_m)}

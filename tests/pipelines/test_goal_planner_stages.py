@@ -58,7 +58,10 @@ FINETUNE: dict[str, Any] = {
 def folder(stage_folder: Path) -> Path:
     """Example scenes and co-paintings, and params.yaml."""
     write_table(stage_folder / "scenes", scenes.example_table(12), scenes.CONTRACT, "# Card")
-    write_table(stage_folder / "copaintings", copaintings.example_table(12), copaintings.CONTRACT, "# Card")
+    for setting in ("marker", "colour12"):
+        write_table(
+            stage_folder / "copaintings" / setting, copaintings.example_table(12), copaintings.CONTRACT, "# Card"
+        )
     (stage_folder / "semantics").mkdir()
     small_encoder().save(stage_folder / "semantics")
     write_params()
@@ -81,7 +84,9 @@ def pretrain(out: str = "base") -> Path:
 
 
 def finetune(out: str = "fine") -> Path:
-    arguments = argparse.Namespace(setting="marker", copaintings=Path("copaintings"), base=Path("base"), out=Path(out))
+    arguments = argparse.Namespace(
+        copaintings=Path("copaintings"), settings=["marker", "colour12"], base=Path("base"), out=Path(out)
+    )
     finetune_goal_planner.main(arguments)
     return Path(out)
 

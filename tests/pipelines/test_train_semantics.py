@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 SHAPE = {"image_px": 16, "patch_px": 8, "image_width": 32, "image_layers": 2, "text_width": 16, "text_layers": 1}
 SHAPE |= {"heads": 2, "embedding": 16}
 TRAINING = {"steps": 5, "batch": 8, "rate": 0.003, "warmup": 0.1, "weight_decay": 0.01}
-TRAINING |= {"object_weight": 1.0, "patch_weight": 1.0, "seed": 0}
+TRAINING |= {"object_weight": 1.0, "patch_weight": 1.0, "precision": "32-true", "seed": 0}
 TRAINING |= {"view_shares": {"picture": 0.4, "lines": 0.2, "hatching": 0.1, "grey": 0.1, "strokes": 0.1, "paint": 0.1}}
 
 
@@ -33,7 +33,7 @@ def section() -> dict:
     entry = {"published": None, "shape": SHAPE, "training": TRAINING}
     judge = entry | {"shape": SHAPE | {"image_layers": 0}, "training": TRAINING | {"seed": 1}}
     return {
-        "side_px": 32, "merges": 300, "caption_tokens": 24, "views_seed": 0, "test_scenes": 24,
+        "merges": 300, "caption_tokens": 24, "views_seed": 0, "test_scenes": 24,
         "retrieval_candidates": 8,
         "encoders": {"main": entry, "judge": judge},
     }  # fmt: skip

@@ -19,7 +19,7 @@ SHAPE = EncoderShape(
 
 def training(**changes: object) -> EncoderTraining:
     values = {"steps": 30, "batch": 16, "rate": 0.003, "warmup": 0.1, "weight_decay": 0.01}
-    values |= {"object_weight": 1.0, "patch_weight": 1.0, "seed": 0}
+    values |= {"object_weight": 1.0, "patch_weight": 1.0, "precision": "32-true", "seed": 0}
     shares = {"picture": 0.4, "lines": 0.2, "hatching": 0.1, "grey": 0.1, "strokes": 0.1, "paint": 0.1}
     return EncoderTraining(**({"view_shares": shares} | values | changes))
 
@@ -27,7 +27,7 @@ def training(**changes: object) -> EncoderTraining:
 @pytest.fixture(scope="session")
 def rows() -> Captioned:
     table = build_scenes(ScenesConfig(60, 32, 0.1, 0.1, 4, 0), lambda *_: None)
-    return captioned(table.filter(pc.equal(table["split"], "train")), 32)
+    return captioned(table.filter(pc.equal(table["split"], "train")))
 
 
 @pytest.fixture(scope="session")

@@ -62,17 +62,17 @@ class Examples:
     """[N, R]: the kind of each region label; -1 without an object."""
 
 
-def captioned(table: pa.Table, side_px: int) -> Captioned:
+def captioned(table: pa.Table) -> Captioned:
     """The rows of a `scenes` table as arrays; without `captions`, `caption` is the only one.
 
     Raises:
-        ContractError: pictures of several sizes or of another side than `side_px`, or no row.
+        ContractError: pictures of several sizes, or no row.
     """
     images = [decode_png(row["bytes"]) for row in table.column("image").to_pylist()]
     shapes = {image.shape for image in images}
-    if shapes != {(side_px, side_px, 3)}:
+    if len(shapes) != 1:
         found = ", ".join(sorted(" x ".join(map(str, shape)) for shape in shapes)) or "no picture"
-        raise ContractError(f"The scenes hold {found}; the encoder learns from {side_px} x {side_px} x 3 only.")
+        raise ContractError(f"The scenes hold {found}; the encoder learns from pictures of one size.")
     alone = [[caption] for caption in table.column("caption").to_pylist()]
     several = _lists(table, "captions")
     captions = [list(dict.fromkeys(more)) or one for one, more in zip(alone, several, strict=True)]

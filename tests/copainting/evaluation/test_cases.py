@@ -73,7 +73,7 @@ def test_rejects_a_single_held_out_scene() -> None:
 
 @pytest.mark.parametrize("overlapping", [False, True])
 def test_canvases_begun_by_others_show_a_held_out_pair_beside_or_over_each_other(overlapping: bool) -> None:
-    cases = begun_by_others(24, side_px=96, overlapping=overlapping, seed=1)
+    cases = begun_by_others(24, "marker", side_px=96, overlapping=overlapping, seed=1)
     shares, places = [], []
     for case in cases:
         assert split_of_scene("beside", case.objects + case.other_objects) == "test"
@@ -86,5 +86,16 @@ def test_canvases_begun_by_others_show_a_held_out_pair_beside_or_over_each_other
         places.append([float(ends.mean()) for ends in boxes[1]])
     assert np.mean(shares) == 1 if overlapping else np.mean(shares) < 0.7
     assert (np.std(places, axis=0) > 96 * 0.08).all()  # anywhere
-    again = begun_by_others(3, side_px=96, overlapping=overlapping, seed=1)
+    again = begun_by_others(3, "marker", side_px=96, overlapping=overlapping, seed=1)
     assert all((a.other_image == b.other_image).all() for a, b in zip(again, cases, strict=False))
+
+
+def test_canvases_begun_by_others_in_colour_show_the_same_things_in_the_same_places_filled() -> None:
+    of_medium = [
+        begun_by_others(6, medium, side_px=96, overlapping=False, seed=1) for medium in ("marker", "colour")
+    ]  # fmt: skip
+    for pen, colour in zip(*of_medium, strict=True):
+        assert (pen.objects, pen.other_objects) == (colour.objects, colour.other_objects)
+        assert np.ptp(pen.other_image.astype(int), axis=2).max() == 0
+        filled = np.ptp(colour.other_image.astype(int), axis=2) > 0
+        assert filled.sum() > (pen.other_image[..., 0] < 128).sum()

@@ -24,6 +24,7 @@ from pentimento.copainting.drawings.scenes import (
     caption,
     caption_of,
     draw_scene,
+    moved,
     render_scene,
 )
 from pentimento.copainting.drawings.sources import LICENCES, PEN_SOURCES, Source, nouns_of
@@ -131,8 +132,8 @@ def drawn_pairs(
     The request ends with the words of the medium. The canvas shows some or none of the things, each of them whole
     except for one that may be half drawn; it may also show strokes that belong to nothing.
 
-    In `tidy_share` of the pairs, things stand in their usual places if the canvas shows none of them, else on a grid.
-    These are learned sooner: then words or canvas decide where a thing goes.
+    In `tidy_share` of the pairs, what is to be added stands in its usual place, and what is there is moved at random.
+    These are learned sooner: then words and canvas decide where a thing goes.
     """
     generators = (np.random.default_rng([seed, index]) for index in range(count))
     return [_pair(split, nouns, alone_share, tidy_share, side_px, generator) for generator in generators]
@@ -148,9 +149,8 @@ def _pair(
 ) -> Pair:
     alone, begun = generator.random() < alone_share, generator.random() < _BEGUN_SHARE
     blank = alone or generator.random() < _BLANK_SHARE
-    places: Places = "anywhere"
-    if generator.random() < tidy_share:
-        places = "usual" if blank and not begun else "grid"
+    tidy = generator.random() < tidy_share
+    places: Places = "usual" if tidy else "anywhere"
     scene = draw_scene(split, nouns, "openmoji", alone_share=float(alone), places=places, generator=generator)
     medium = _MEDIA[int(generator.integers(len(_MEDIA)))]
     number = len(scene.things)
@@ -158,6 +158,8 @@ def _pair(
     if not blank:
         missing = set(generator.permutation(number)[: int(generator.integers(1, number))].tolist())
     kept = set(range(number)) - missing
+    if tidy:
+        scene = moved(scene, kept, generator)
     full = render_scene(scene, range(number), medium, side_px=side_px).image
     canvas = render_scene(scene, kept, medium, side_px=side_px).image
     if begun:

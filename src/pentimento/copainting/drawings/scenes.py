@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -20,10 +20,9 @@ from pentimento.contracts.scenes import WITHOUT_ARTICLE, listed, phrase
 from pentimento.copainting.drawings.sources import SIDE_PX, Source, named_drawing, vocabulary
 
 Medium = Literal["marker", "colour"]
-Places = Literal["usual", "grid", "anywhere"]
+Places = Literal["usual", "anywhere"]
 """Where things stand: `usual` is the middle of each range, upright, the same for all scenes of a relation; a single
-thing is large and centred. `grid` is random, in steps of a sixteenth of the sheet, upright. `anywhere` is random,
-slightly turned, some of it on a ground line.
+thing is large and centred. `anywhere` is random, slightly turned, some of it on a ground line.
 """
 Relation = Literal["alone", "count", "beside", "above", "on", "behind", "inside", "row", "over_two", "four"]
 FloatArray = NDArray[np.float64]
@@ -59,12 +58,17 @@ _SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 
 _GROUND_SRGB: Final = (150, 140, 120)
 _LINES: Final = (0.018, 0.022)  # range of `DrawnScene.line`: a marker of 2 mm on about 100 mm
 _LARGE: Final = 0.875  # size of a single thing in its usual place, in sides of the sheet
-_GRID: Final = 16  # places on a grid are multiples of one of so many parts of the sheet
+_SHIFT: Final = 0.1  # largest shift of `moved` along each axis, in sides of the sheet
+_RESIZE: Final = (0.75, 1.15)  # range of the factor of a size in `moved`
 _LINE_OF_SOURCE: Final[Mapping[Source, float]] = {
     "openmoji": 0.03,
     "tabler": 0.045,
     "fluent": 0.06,
     "emojione_monotone": 0.045,
+    "lucide": 0.045,
+    "phosphor": 0.055,
+    "icon_park": 0.045,
+    "hugeicons": 0.045,
 }
 """Width of a source's lines in sides of a drawing's square; measured on drawings that fill it."""
 
@@ -188,8 +192,6 @@ def _arranged(
             places = [(x, y, u(0.38, 0.46)) for x, y in ((0.5, 0.25), (0.26, 0.74), (0.74, 0.74))]
         case "four":
             places = [(x, y, u(0.36, 0.44)) for x, y in ((0.26, 0.26), (0.74, 0.26), (0.26, 0.74), (0.74, 0.74))]
-    if where == "grid":
-        places = [(round(_GRID * x) / _GRID, round(_GRID * y) / _GRID, round(_GRID * s) / _GRID) for x, y, s in places]
     picks = generator.choice(len(nouns), 1 if relation == "count" else len(places), replace=False)
     names = [nouns[int(pick)] for pick in picks] * (len(places) if relation == "count" else 1)
     things = tuple(
@@ -205,6 +207,19 @@ def _arranged(
     sheet = _SHEETS[int(generator.integers(len(_SHEETS)))]
     ground = ground if ground is not None and ground < 0.97 else None
     return DrawnScene(relation, things, named, ground, sheet, float(u(*_LINES)))
+
+
+def moved(scene: DrawnScene, which: Collection[int], generator: np.random.Generator) -> DrawnScene:
+    """The scene with the things `which` (indices) shifted, resized and turned at random, within the sheet."""
+    things = list(scene.things)
+    for index in sorted(which):
+        thing = things[index]
+        size = thing.size * generator.uniform(*_RESIZE)
+        x, y = np.clip(generator.uniform(-_SHIFT, _SHIFT, 2) + (thing.x, thing.y), size / 2, 1 - size / 2)
+        things[index] = replace(
+            thing, x=float(x), y=float(y), size=float(size), turn_rad=float(generator.normal(0, _TURN_RAD))
+        )
+    return replace(scene, things=tuple(things))
 
 
 def _turn(where: Places, generator: np.random.Generator) -> float:

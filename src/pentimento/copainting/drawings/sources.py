@@ -1,8 +1,7 @@
 """Drawings of named things from packages of emoji and icons.
 
-OpenMoji has a pen drawing and a painting of each thing. Fluent Emoji (high contrast), EmojiOne (monotone) and Tabler
-have pen drawings, the others paintings. OpenMoji and Tabler are Python packages; the others are archives that
-`npm pack` writes (`pipelines/fetch_drawings.py`).
+OpenMoji has a pen drawing and a painting of each thing. `PEN_SOURCES` have pen drawings, the others paintings. OpenMoji
+and Tabler are Python packages; the others are archives that `npm pack` writes (`pipelines/fetch_drawings.py`).
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
-from typing import IO, Final, Literal
+from typing import IO, Any, Final, Literal
 from xml.etree import ElementTree
 
 import cv2
@@ -26,15 +25,20 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError
 
 Source = Literal[
-    "openmoji", "tabler", "fluent", "fluent_flat", "noto", "noto_v1", "twemoji", "emojione", "emojione_v1",
-    "emojione_monotone",
+    "openmoji", "tabler", "fluent", "fluent_flat", "fluent_shaded", "noto", "noto_v1", "twemoji", "emojione",
+    "emojione_v1", "emojione_monotone", "fxemoji", "streamline_emojis", "game_icons", "lucide", "phosphor", "icon_park",
+    "hugeicons",
 ]  # fmt: skip
-PEN_SOURCES: Final[tuple[Source, ...]] = ("openmoji", "tabler", "fluent", "emojione_monotone")
+PEN_SOURCES: Final[tuple[Source, ...]] = (
+    "openmoji", "tabler", "fluent", "emojione_monotone", "lucide", "phosphor", "icon_park", "hugeicons",
+)  # fmt: skip
 """Sources with pen drawings."""
 LICENCES: Final[dict[Source, str]] = {
-    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "fluent": "MIT", "fluent_flat": "MIT", "noto": "Apache-2.0",
-    "noto_v1": "Apache-2.0", "twemoji": "CC-BY-4.0", "emojione": "CC-BY-4.0", "emojione_v1": "CC-BY-SA-4.0",
-    "emojione_monotone": "CC-BY-4.0",
+    "openmoji": "CC-BY-SA-4.0", "tabler": "MIT", "fluent": "MIT", "fluent_flat": "MIT", "fluent_shaded": "MIT",
+    "noto": "Apache-2.0", "noto_v1": "Apache-2.0", "twemoji": "CC-BY-4.0", "emojione": "CC-BY-4.0",
+    "emojione_v1": "CC-BY-SA-4.0", "emojione_monotone": "CC-BY-4.0", "fxemoji": "Apache-2.0",
+    "streamline_emojis": "CC-BY-4.0", "game_icons": "CC-BY-3.0", "lucide": "ISC", "phosphor": "MIT",
+    "icon_park": "Apache-2.0", "hugeicons": "MIT",
 }  # fmt: skip
 ARCHIVES: Final[dict[Source, str]] = {
     "fluent": "@iconify-json/fluent-emoji-high-contrast@1.2.6",
@@ -45,6 +49,14 @@ ARCHIVES: Final[dict[Source, str]] = {
     "emojione": "@iconify-json/emojione@1.2.3",
     "emojione_v1": "@iconify-json/emojione-v1@1.2.3",
     "emojione_monotone": "@iconify-json/emojione-monotone@1.2.1",
+    "fluent_shaded": "@iconify-json/fluent-emoji@1.2.7",
+    "fxemoji": "@iconify-json/fxemoji@1.2.2",
+    "streamline_emojis": "@iconify-json/streamline-emojis@1.2.4",
+    "game_icons": "@iconify-json/game-icons@1.2.4",
+    "lucide": "@iconify-json/lucide@1.2.137",
+    "phosphor": "@iconify-json/ph@1.2.2",
+    "icon_park": "@iconify-json/icon-park-outline@1.2.4",
+    "hugeicons": "@iconify-json/hugeicons@1.2.35",
 }
 """Packages of npm with the drawings of a source."""
 
@@ -53,8 +65,36 @@ _PACKAGES: Final[dict[Source, tuple[str, str]]] = {
     "tabler": ("pytablericons", "pytablericons/icons/outline"),
 }
 """Distribution, and folder of its SVG files."""
+_NAMES_LIKE: Final[dict[Source, Source]] = {
+    "fluent_shaded": "fluent_flat", "noto_v1": "noto", "emojione": "noto", "emojione_v1": "noto",
+    "emojione_monotone": "noto",
+}  # fmt: skip
+"""Archives that list no code points name their drawings as another archive does."""
+_ENDINGS: Final[dict[Source, tuple[str, ...]]] = {
+    "fxemoji": ("", "face"), "streamline_emojis": ("", "1", "face"), "game_icons": ("", "face"), "lucide": ("",),
+    "phosphor": ("light",), "icon_park": ("", "one"), "hugeicons": ("", "01", "02"),
+}  # fmt: skip
+"""Archives whose drawings are named by words: what may follow the noun."""
+_OTHER_THINGS: Final[dict[Source, frozenset[str]]] = {
+    "fxemoji": frozenset({"keyboard", "desktop computer", "window"}),
+    "game_icons": frozenset({"bicycle", "butterfly", "clover", "crab", "fire", "light bulb", "spider", "tiger", "tree"}),
+    "lucide": frozenset({"light bulb", "mouse", "radio"}),
+    "phosphor": frozenset({"light bulb", "mouse"}),
+    "icon_park": frozenset({
+        "anchor", "apple", "brain", "egg", "envelope", "hippo", "keyboard", "light bulb", "mouse", "palm tree", "ring",
+        "telephone", "telescope", "tornado", "trumpet",
+    }),
+    "hugeicons": frozenset({"keyboard", "mouse"}),
+}  # fmt: skip
+"""Nouns under which an archive draws something else."""
+_LINES: Final[dict[Source, tuple[str, str]]] = {
+    "lucide": ('stroke-width="2"', 'stroke-width="0.9"'),
+    "hugeicons": ('stroke-width="1.5"', 'stroke-width="0.9"'),
+    "icon_park": ('stroke-width="4"', 'stroke-width="1.8"'),
+    "tabler": ('stroke-width="2"', 'stroke-width="0.9"'),
+}
+"""Width of a source's lines, and one nearly as thin as OpenMoji's."""
 _FILLS: Final = {"color", "color-foreground"}  # groups of an OpenMoji file with its fills; the others hold the lines
-_TABLER_LINE: Final = 'stroke-width="0.9"'  # of a drawing of 24: nearly as thin as OpenMoji's lines
 _RASTER_PX: Final = 384
 """Side at which files are rasterised."""
 SIDE_PX: Final = 256
@@ -110,7 +150,7 @@ def nouns_of(source: Source, archives: Path | None = None) -> tuple[str, ...]:
         case "tabler":
             return tuple(name for name, noun in vocabulary().items() if noun.tabler is not None)
     drawn = _archive(source, archives)
-    return tuple(name for name, noun in vocabulary().items() if drawn(noun.openmoji) is not None)
+    return tuple(name for name, noun in vocabulary().items() if drawn(noun) is not None)
 
 
 @cache
@@ -129,46 +169,53 @@ def named_drawing(name: str, source: Source, archives: Path | None = None) -> Na
             return NamedDrawing(*_cropped(lines, painted))
         case "tabler":
             text = None if noun.tabler is None else _file(source, noun.tabler).read_text(encoding="utf-8")
-            text = text and text.replace("currentColor", "#000").replace('stroke-width="2"', _TABLER_LINE)
         case _:
-            text = _archive(source, archives)(noun.openmoji)
+            text = _archive(source, archives)(noun)
     if text is None:
         raise ValueError(f"{source} has no drawing of a {name}.")
-    painted = _rasterised(ElementTree.fromstring(text.replace("currentColor", "#000")))
+    text = text.replace("currentColor", "#000").replace(*_LINES.get(source, ("", "")))
+    painted = _rasterised(ElementTree.fromstring(text))
     if source in PEN_SOURCES:
         return NamedDrawing(*_cropped(painted[..., 3], _filled(painted[..., 3])))
     return NamedDrawing(*_cropped(np.zeros(painted.shape[:2], np.uint8), painted))
 
 
 @cache
-def _archive(source: Source, archives: Path | None) -> Callable[[str], str | None]:
-    """A function from a code point to the text of its SVG in an archive of Iconify's layout, or None.
+def _archive(source: Source, archives: Path | None) -> Callable[[Noun], str | None]:
+    """A function from a noun to the text of its SVG in an archive of Iconify's layout, or None."""
+    icons, codes = _content(source, archives)
+    if source in _NAMES_LIKE:
+        codes = _content(_NAMES_LIKE[source], archives)[1]
+    endings, others = _ENDINGS.get(source, ()), _OTHER_THINGS.get(source, ())
+    size = f"0 0 {icons['width']} {icons['height']}"
 
-    An archive without code points names a drawing as Noto Emoji does.
-    """
+    def svg(noun: Noun) -> str | None:
+        words = () if noun.name in others else (noun.name, *noun.synonyms)
+        code = noun.openmoji.lower()
+        names = [f"{word}-{ending}".replace(" ", "-").rstrip("-") for word in words for ending in endings]
+        for name in (codes.get(code), codes.get(f"{code}-fe0f"), *names):
+            found = icons.get("aliases", {}).get(name, {}).get("parent", name)
+            if found in icons["icons"]:
+                return (
+                    '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+                    f'viewBox="{size}">{icons["icons"][found]["body"]}</svg>'
+                )
+        return None
+
+    return svg
+
+
+def _content(source: Source, archives: Path | None) -> tuple[dict[str, Any], dict[str, str]]:
+    """The drawings of an archive, and their names by code point, which may be empty."""
     file = _file_of(source)
     if archives is None or not (archives / file).is_file():
         raise ConfigError(
             f"{file} with the drawings of {source} is not in {archives}; run `make base`, which fetches it."
         )
     with tarfile.open(archives / file) as archive:
-        names, icons = (json.load(_member(archive, f"package/{part}.json")) for part in ("chars", "icons"))
-    if not names:
-        with tarfile.open(archives / _file_of("noto")) as archive:
-            names = json.load(_member(archive, "package/chars.json"))
-    size = f"0 0 {icons['width']} {icons['height']}"
-
-    def svg(code: str) -> str | None:
-        found = names.get(code.lower()) or names.get(f"{code.lower()}-fe0f")
-        found = icons.get("aliases", {}).get(found, {}).get("parent", found)
-        if found not in icons["icons"]:
-            return None
-        return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="{size}">'
-            f"{icons['icons'][found]['body']}</svg>"
-        )
-
-    return svg
+        codes = "package/chars.json"
+        icons = json.load(_member(archive, "package/icons.json"))
+        return icons, json.load(_member(archive, codes)) if codes in archive.getnames() else {}
 
 
 def _file_of(source: Source) -> str:

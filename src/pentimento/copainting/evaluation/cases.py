@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.scenes import labels_of, phrase, read_scene, without_colors
 from pentimento.copainting.drawings.scenes import DrawnScene, Placed, render_scene, split_of_scene
+from pentimento.copainting.drawings.scenes import Medium as DrawingMedium
 from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.scenes.collage import Half, pairs_in_training, put, random_halves, without
 
@@ -21,6 +22,7 @@ Picture = NDArray[np.uint8]
 _BEGUN_SIZES: Final = (0.35, 0.6)  # of what somebody else began, in sides of the sheet
 _BEGUN_TURN_RAD: Final = np.radians(8)  # standard deviation of its rotation
 _BEGUN_LINES: Final = (0.015, 0.03)  # range of its lines' width, in sides of the sheet
+_FILL_SRGB: Final = (70, 255)  # range of each channel of the colour that fills it
 _SMALLEST: Final = 0.35  # size of a requested thing, in sides of the sheet
 _TRIES: Final = 50  # scenes drawn to find one that no training scene combines with a given scene
 
@@ -74,19 +76,22 @@ def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) 
     return cases
 
 
-def begun_by_others(count: int, *, side_px: int, overlapping: bool, seed: int) -> list[Case]:
-    """`count` wishes for a named thing on canvases where somebody else began: a pen drawing of another thing, by
-    another illustrator (Tabler), anywhere on the sheet, slightly turned, in thin or thick lines.
+def begun_by_others(count: int, medium: DrawingMedium, *, side_px: int, overlapping: bool, seed: int) -> list[Case]:
+    """`count` wishes for a named thing on canvases where somebody else began: a drawing of another thing, by another
+    illustrator (Tabler), anywhere on the sheet, slightly turned, in thin or thick lines; in colour, filled with one.
 
     The two things are a held-out pair of nouns (`split_of_scene`). The requested one goes around the other, or over it
-    if `overlapping`; its picture is OpenMoji's pen drawing in such a place. Case i depends on (seed, i) only.
+    if `overlapping`; its picture is OpenMoji's drawing in such a place. Case i depends on (medium, seed, i) only.
     """
+    generators = (np.random.default_rng([seed, index]) for index in range(count))
     return [
-        _begun_by_others(index, side_px, overlapping, np.random.default_rng([seed, index])) for index in range(count)
+        _begun_by_others(index, medium, side_px, overlapping, generator) for index, generator in enumerate(generators)
     ]
 
 
-def _begun_by_others(number: int, side_px: int, overlapping: bool, generator: np.random.Generator) -> Case:
+def _begun_by_others(
+    number: int, medium: DrawingMedium, side_px: int, overlapping: bool, generator: np.random.Generator
+) -> Case:
     asked_nouns, other_nouns = nouns_of("openmoji"), nouns_of("tabler")
     while True:
         asked = asked_nouns[int(generator.integers(len(asked_nouns)))]
@@ -109,8 +114,12 @@ def _begun_by_others(number: int, side_px: int, overlapping: bool, generator: np
     wished = Placed(asked, "openmoji", column, row, extent, 0.0, False)
     line = float(generator.uniform(*_BEGUN_LINES))
     scenes = [DrawnScene("alone", (thing,), (0,), None, (255, 255, 255), line) for thing in (wished, there)]
-    wanted, begun = (render_scene(scene, [0], "marker", side_px=side_px).image for scene in scenes)
-    return Case(f"begun_{number:04d}", phrase(asked), (asked,), wanted, begun, (other,))
+    wanted, begun = (render_scene(scene, [0], medium, side_px=side_px) for scene in scenes)
+    canvas = begun.image
+    if medium == "colour":
+        fill = generator.uniform(*_FILL_SRGB, size=3)
+        canvas = np.where(begun.regions[..., None] > 0, np.round(canvas / 255 * fill), canvas).astype(np.uint8)
+    return Case(f"begun_{number:04d}", phrase(asked), (asked,), wanted.image, canvas, (other,))
 
 
 def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
