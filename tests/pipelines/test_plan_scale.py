@@ -32,7 +32,7 @@ LOCK = """\
 stages:
   build_scenes: {outs: [{path: data/scenes}]}
   synthesize_copaintings@marker: {deps: [{path: data/scenes}], outs: [{path: data/copaintings/marker}]}
-  finetune_goal_planner@marker: {deps: [{path: data/copaintings/marker}], outs: [{path: models/goal}]}
+  finetune_goal_planner: {deps: [{path: data/copaintings/marker}], outs: [{path: models/goal}]}
   evaluate_copainting@marker: {deps: [{path: models/goal}, {path: pipelines/x.py}], outs: [{path: data/evaluation}]}
   sculpt@foam: {outs: [{path: data/sculptures}]}
 """
