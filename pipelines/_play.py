@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.requests import with_medium
+from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
 from pentimento.copainting.evaluation.goal_plans import PaintContext
-from pentimento.copainting.evaluation.methods import complete_canvases
+from pentimento.copainting.evaluation.methods import complete_requests
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.robots.driver import Robot
 from pentimento.robots.virtual import VirtualRobot
@@ -29,14 +29,18 @@ def play(
     world: str,
     sampling: SeededSampling,
     codrawing: Codrawing,
+    vocabulary: Vocabulary | None,
     seed: int,
 ) -> list[Turn]:
     """Draw one story on a new sheet in the studio; the goal planner in `folder` sets the robot's goals."""
     planner = load_goal_planner(folder)
 
     def goal_for(photo: Picture, prompt: str) -> Picture:
-        request = with_medium(prompt, paint_context.medium.words)
-        return np.asarray(complete_canvases(planner, photo[None], [request], sampling)[0])
+        goals = complete_requests(
+            planner, photo[None], [prompt], sampling, medium=paint_context.medium.words, vocabulary=vocabulary,
+            largest=codrawing.largest,
+        )  # fmt: skip
+        return np.asarray(goals[0])
 
     return codraw(_robot(paint_context, world, seed), paint_context, story, goal_for, config=codrawing, seed=seed)
 

@@ -11,15 +11,17 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
+from pentimento.copainting.drawings.pairs import drawn_pairs
 from pentimento.copainting.drawings.scenes import Medium as DrawingMedium
 from pentimento.copainting.drawings.sources import LICENCES, nouns_of
-from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, paper_cases
-from pentimento.copainting.evaluation.codraw import Codrawing, Turn, film_strip, stories, turn_scores
+from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, composed_cases, paper_cases
+from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, film_strip, stories, turn_scores, wishes
 from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
 from pentimento.copainting.evaluation.methods import (
     BASE,
@@ -49,9 +51,10 @@ from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
 from pentimento.copainting.jobs import gather, worker_pool
 from pentimento.copainting.scenes.collage import as_drawn
-from pentimento.copainting.scenes.edits import scene_edits, scenes_of
+from pentimento.copainting.scenes.edits import Pair, scene_edits, scenes_of
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.sheets import side_by_side
+from pentimento.deploy.words import taught_vocabulary
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section, require_model
@@ -61,7 +64,10 @@ from pipelines._tracking import tracked_run
 
 Pictures = NDArray[np.uint8]
 
+BEGUN = "begun"
+"""Requests on canvases that somebody else began: the thesis's Table 6.1."""
 _SHOWN_PX = 128
+_TURNS = 3  # of a story whose things a person begins to draw
 
 
 @dataclass(frozen=True)
@@ -136,82 +142,107 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
         worker_pool(config.workers, end_with_parent) as submit,
     ):
-        has_ink = load_tool(setting.medium.tool).color_srgb is not None
-        with_pen = has_ink and setting.medium.ink is None
-        table = as_drawn(read_table(arguments.scenes, scenes.CONTRACT).table, with_pen=with_pen)
-        held_out = scenes_of(table, "test")
+        table, asked = _asked(arguments.scenes, setting.medium, config)
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
-        overlapping: list[Case] = []
-        kinds = _kinds(held_out)
-        if set(table["source"].to_pylist()) <= LICENCES.keys():
-            kinds = nouns_of("openmoji")
-            side = decode_png(table["image"][0].as_py()["bytes"]).shape[0]
-            drawn_with: DrawingMedium = "marker" if has_ink else "colour"
-            cases, overlapping = (
-                begun_by_others(config.prompts, drawn_with, side_px=side, overlapping=over, seed=config.seed)
-                for over in (False, True)
-            )
-        else:
-            cases = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
+        begun = asked.on_canvas[BEGUN]
         paint_context = load_paint_context(setting.medium, strokes_models[setting.medium.tool])
         planners = Planners(arguments.base, arguments.fine_tuned)
         task = Task(
-            paint_context, paint_context, blank_sheet(pairs, cases[0].image.shape), planners, arguments.semantics,
-            config.strokes, config.sampling, config.text_only, config.seed,
+            paint_context, paint_context, blank_sheet(pairs, begun[0].image.shape), planners, arguments.semantics,
+            asked.vocabulary, config.strokes, config.sampling, config.text_only, config.seed,
         )  # fmt: skip
-        judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), kinds)
+        judges = Judges(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), asked.kinds)
 
-        edits = scene_edits(held_out.slice(0, config.ordinary_scenes), 1, config.seed)
         ordinary = submit(
-            partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, edits, config.sampling
+            partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, asked.edits, config.sampling
         )
-        story_of = partial(play, world=setting.world, sampling=config.sampling, codrawing=config.codrawing)
+        story_of = partial(
+            play, world=setting.world, sampling=config.sampling, codrawing=config.codrawing,
+            vocabulary=asked.vocabulary,
+        )  # fmt: skip
         played = {
             name: [
                 submit(partial(story_of, seed=seed), folder, story, paint_context)
-                for seed, story in enumerate(stories(held_out, config.codrawing.stories), config.seed)
+                for seed, story in enumerate(asked.stories, config.seed)
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
         }
-        begun = run_on_canvas(cases, task, ON_CANVAS, submit)
-        run.log("prompts", len(cases))
-        on_paper = paper_cases(held_out, config.blank_canvas_prompts)
-        paper = run_on_paper(on_paper, task, submit)
-        few = cases[: config.other_medium_prompts]
+        drawn = {
+            name: run_on_canvas(cases, task, ON_CANVAS if name == BEGUN else (BASE, FINE_TUNED), submit)
+            for name, cases in asked.on_canvas.items()
+        }
+        drawn |= {name: run_on_paper(cases, task, submit) for name, cases in asked.on_paper.items()}
+        few = begun[: config.other_medium_prompts]
         other_task = replace(task, begun_with=load_paint_context(other, strokes_models[other.tool]))
-        foreign = run_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
-        over = run_on_canvas(overlapping, task, (BASE, FINE_TUNED), submit) if overlapping else None
+        drawn["other_medium"] = run_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
+        given = {**asked.on_canvas, **asked.on_paper, "other_medium": few}
         turns = {name: gather(futures) for name, futures in played.items()}
 
-        scores = score(begun, cases, judges)
+        scores = {name: score(outcomes, given[name], judges) for name, outcomes in drawn.items()}
         metrics = {
-            "table": _plain(summary(scores, config.seed)),
-            "comparisons": _plain(comparisons(scores, config.seed)),
+            **{name: _plain(summary(of_one, config.seed)) for name, of_one in scores.items()},
+            "comparisons": _plain(comparisons(scores[BEGUN], config.seed)),
             "ordinary": _plain(ordinary.result()),
-            "on_paper": _plain(summary(score(paper, on_paper, judges), config.seed)),
-            "other_medium": _plain(summary(score(foreign, few, judges), config.seed)),
-            **({} if over is None else {"overlapping": _plain(summary(score(over, overlapping, judges), config.seed))}),
-            "turns": {name: turn_scores(drawn, judges.judge) for name, drawn in turns.items()},
-            "correlation": painted_gap(pairs, table, judges.main),
-            "vae_ink_recall": _ink_recall(begun.canvases, planners),
-            "cases": {
-                "prompts": len(cases), "ordinary": len(edits), "on_paper": len(on_paper), "other_medium": len(few),
+            "turns": {
+                name: turn_scores(of_one, asked.stories, judges.judge, judges.kinds) for name, of_one in turns.items()
             },
-        }  # fmt: skip
+            "correlation": painted_gap(pairs, table, judges.main),
+            "vae_ink_recall": _ink_recall(drawn[BEGUN].canvases, planners),
+            "cases": {name: len(cases) for name, cases in given.items()} | {"ordinary": len(asked.edits)},
+        }
         write_json(out / "metrics.json", metrics)
-        write_json(out / "cases.json", _by_case(cases, scores))
-        asked = {"methods": (begun, cases), "on_paper": (paper, on_paper), "other_medium": (foreign, few)}
-        if over is not None:
-            asked["overlapping"] = (over, overlapping)
-        _write_pictures(out, asked, turns, config.figures.method_rows)
-        page, key = preference_page(_compared(cases[: config.figures.preference_prompts], begun), config.seed)
+        write_json(out / "cases.json", _by_case(begun, scores[BEGUN]))
+        _write_pictures(out, {name: (drawn[name], given[name]) for name in given}, turns, config.figures.method_rows)
+        page, key = preference_page(_compared(begun[: config.figures.preference_prompts], drawn[BEGUN]), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")
         write_json(out / "preference_key.json", key)
         run.log_metrics(
-            {name: metrics[name] for name in ("table", "comparisons", "ordinary", "on_paper", "vae_ink_recall")}
+            {name: metrics[name] for name in (BEGUN, "comparisons", "ordinary", "on_paper", "vae_ink_recall")}
         )
-        for picture in ("methods.png", "turns.png"):
+        for picture in (f"{BEGUN}.png", "turns.png"):
             run.log_picture(out / picture)
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What the goal planners are asked for."""
+
+    on_canvas: dict[str, list[Case]]
+    on_paper: dict[str, list[Case]]
+    edits: list[Pair]
+    stories: list[Story]
+    kinds: tuple[str, ...]
+    """Which the judge ranks."""
+    vocabulary: Vocabulary | None
+    """What the planners were taught; None if they know all words."""
+
+
+def _asked(folder: Path, medium: Medium, config: EvaluateCopainting) -> tuple[pa.Table, _Asked]:
+    """The scenes as the medium's tool draws them, and held-out requests: for named things, or from the scenes."""
+    has_ink = load_tool(medium.tool).color_srgb is not None
+    table = as_drawn(read_table(folder, scenes.CONTRACT).table, with_pen=has_ink and medium.ink is None)
+    held_out = scenes_of(table, "test")
+    paper = paper_cases(held_out, config.blank_canvas_prompts)
+    if not set(table["source"].to_pylist()) <= LICENCES.keys():
+        begun = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
+        edits = scene_edits(held_out.slice(0, config.ordinary_scenes), 1, config.seed)
+        told = stories(held_out, config.codrawing.stories, _TURNS)
+        return table, _Asked({BEGUN: begun}, {"on_paper": paper}, edits, told, _kinds(held_out), None)
+    side, nouns = paper[0].image.shape[0], nouns_of("openmoji")
+    drawn_with: DrawingMedium = "marker" if has_ink else "colour"
+    on_canvas = {
+        name: begun_by_others(config.prompts, drawn_with, side_px=side, overlapping=over, seed=config.seed)
+        for name, over in ((BEGUN, False), ("overlapping", True))
+    }
+    on_paper = {
+        f"composed_{name}": composed_cases(
+            config.blank_canvas_prompts, split, drawn_with, side_px=side, seed=config.seed
+        )
+        for name, split in (("seen", "train"), ("held_out", "test"))
+    }
+    edits = drawn_pairs(config.ordinary_scenes, "test", nouns, blank_share=0.3, side_px=side, seed=config.seed)
+    told = wishes(config.codrawing.stories, turns=config.codrawing.wishes, side_px=side, seed=config.seed)
+    return table, _Asked(on_canvas, {"on_paper": paper, **on_paper}, edits, told, nouns, taught_vocabulary("named"))
 
 
 def _write_pictures(

@@ -82,8 +82,6 @@ def _card(params: dict[str, Any], metrics: dict[str, Any], size: int) -> str:
         f"| {name.replace('_', '-')} compositions | {scores['mse']:.4f} | {scores['mse_of_copying']:.4f} |"
         for name, scores in compositions.items()
     )
-    alone = all(phase["alone_share"] == 1 for phase in phases)
-    scenes = "one thing alone; it was not taught scenes yet" if alone else "relations of up to four things"
     steps = " + ".join(str(phase["training"]["steps"]) for phase in phases)
     return f"""# Base of the goal planner
 
@@ -98,15 +96,17 @@ drawings of the same nouns by others:
 
 {of_judge}
 
-**Training.** {steps} steps of {phases[0]["training"]["batch"]} pairs of a begun and a finished drawing, half of them
-pen drawings and half painted. Pairs of nouns and relations of a noun are held out by a hash of their words.
+**Training.** {steps} steps of {phases[0]["training"]["batch"]} pairs: a window of a canvas, and the same with one more
+thing that fills it; half of them pen drawings and half painted. Pairs of a noun and what stands beside it are held out
+by a hash of their words.
 
 | mean squared error (sRGB, 0 to 1) | completions | of changing nothing |
 |---|---|---|
 {rows}
 
-**Limits.** It knows the nouns of `src/pentimento/copainting/drawings/vocabulary.toml`, mostly in one view each, and
-{scenes}. It does not draw people, faces or letters.
+**Limits.** It draws one thing at a time; `pentimento.control.layout` gives each thing of a request a window of its own.
+It knows the nouns of `src/pentimento/copainting/drawings/vocabulary.toml`, mostly in one view each. It does not draw
+people, faces or letters.
 """
 
 

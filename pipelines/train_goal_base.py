@@ -45,17 +45,15 @@ class Phase:
     """A part of the training, with pairs of its own."""
 
     pairs: int
-    alone_share: float
-    """Of the scenes: those with one thing."""
-    tidy_share: float
-    """Of the pairs: things stand in their usual places, or on a grid beside things that are there."""
+    blank_share: float
+    """Of the pairs: those on a blank canvas."""
     training: GoalTraining
 
     def __post_init__(self) -> None:
         at_least(self, 1, "pairs")
-        at_least(self, 0, "alone_share", "tidy_share")
-        if max(self.alone_share, self.tidy_share) > 1:
-            raise ValueError("alone_share or tidy_share is above 1; give fractions.")
+        at_least(self, 0, "blank_share")
+        if self.blank_share > 1:
+            raise ValueError(f"blank_share is {self.blank_share}; give a fraction.")
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ def main(arguments: argparse.Namespace) -> None:
                 config.sampling.scored,
                 split,
                 nouns_of("openmoji"),
-                alone_share=0.25,
+                blank_share=0.3,
                 side_px=config.side_px,
                 seed=_HELD_OUT_SEED,
             )
@@ -136,7 +134,7 @@ def _begun(encoder: Encoder, config: TrainGoalBase, scratch: Path, run: Run) -> 
                 config.vae.pictures,
                 "train",
                 nouns_of("openmoji"),
-                alone_share=0.4,
+                blank_share=0.4,
                 side_px=config.side_px,
                 seed=seed,
             )
@@ -174,8 +172,7 @@ def _trained(planner: GoalPlanner, config: TrainGoalBase, number: int, scratch: 
                 phase.pairs,
                 "train",
                 nouns_of("openmoji"),
-                alone_share=phase.alone_share,
-                tidy_share=phase.tidy_share,
+                blank_share=phase.blank_share,
                 side_px=config.side_px,
                 seed=phase.training.seed,
             ),

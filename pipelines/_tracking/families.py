@@ -41,7 +41,7 @@ HEADLINES = {
     "train_semantics": Headline("main.picture.objects.recognised", "main.picture.objects.chance"),
     "pretrain_goal_planner": Headline("held_out.mse", "held_out.mse_of_copying"),
     "finetune_goal_planner": Headline("held_out.fine_tuned.mse", "held_out.fine_tuned.mse_of_copying"),
-    "evaluate_copainting": Headline("table.fine_tuned.judge_score.value", "table.no_change.judge_score.value"),
+    "evaluate_copainting": Headline("begun.fine_tuned.judge_score.value", "begun.no_change.judge_score.value"),
     "train_push_dynamics": Headline("held_out.model.window_l_3d_mm2", "held_out.mean_footprint.window_l_3d_mm2"),
     "diagnose_pushes": Headline("held_out.planned_mm2", "held_out.network_mm2"),
     "deploy": Headline("largest_difference", None),

@@ -10,11 +10,11 @@ from pentimento.contracts.codec import to_plain
 from pentimento.contracts.errors import ConfigError
 
 CAT = Noun("a cat", "cats", ("cat", "kitten"), ("cats", "kittens"), ("tabby",))
-PLAIN: dict[str, Any] = to_plain(Vocabulary("by hand", {"cat": CAT}))
+PLAIN: dict[str, Any] = to_plain(Vocabulary("by hand", False, {"cat": CAT}))
 
 
 def test_vocabulary_round_trip() -> None:
-    assert read_vocabulary(json.dumps(PLAIN).encode(), "nouns.json") == Vocabulary("by hand", {"cat": CAT})
+    assert read_vocabulary(json.dumps(PLAIN).encode(), "nouns.json") == Vocabulary("by hand", False, {"cat": CAT})
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ def test_vocabulary_round_trip() -> None:
     [
         ([], "nouns.json"),
         ({"nouns": {}}, "missing keys"),
-        ({"notice": "", "nouns": {}}, "no nouns"),
+        ({"notice": "", "by_window": True, "nouns": {}}, "no nouns"),
         (PLAIN | {"more": 1}, "unknown keys"),
         (PLAIN | {"nouns": {"cat": to_plain(CAT) | {"words": "cat"}}}, "a list"),
         (PLAIN | {"nouns": {"cat": to_plain(CAT) | {"one": 1}}}, "a text"),

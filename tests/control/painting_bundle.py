@@ -116,7 +116,7 @@ def small_vocabulary() -> Vocabulary:
     """Cats and dogs."""
     cat = Noun("a cat", "cats", ("cat", "kitten"), ("cats", "kittens"), ("tabby",))
     dog = Noun("a dog", "dogs", ("dog",), ("dogs",), ("poodle",))
-    return Vocabulary("written by hand", {"cat": cat, "dog": dog})
+    return Vocabulary("written by hand", False, {"cat": cat, "dog": dog})
 
 
 def write_painting_bundle(folder: Path, vocabulary: Vocabulary | None = None) -> Path:

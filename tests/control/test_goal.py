@@ -7,6 +7,7 @@ import pytest
 from pentimento.bundle.sampler import Networks, NoiseSchedule
 from pentimento.bundle.tokenizer import END, START, Tokenizer
 from pentimento.control.goal import GoalSampling, goal_from_picture, goal_from_words, keep_canvas
+from pentimento.control.layout import WHOLE, Wish
 from pentimento.robots.tools import load_tool
 
 SIDE, STEP = 32, 8
@@ -38,7 +39,12 @@ def _sampling(text_guidance: float, seed: int) -> GoalSampling:
 
 def _completed(canvas: np.ndarray, answers: np.ndarray | None) -> np.ndarray:
     return goal_from_words(
-        "a b", canvas, _networks(answers), schedule=SCHEDULE, tokenizer=WORDS, sampling=_sampling(1.0, 3)
+        lambda _: [Wish("a b", WHOLE)],
+        canvas,
+        _networks(answers),
+        schedule=SCHEDULE,
+        tokenizer=WORDS,
+        sampling=_sampling(1.0, 3),
     )
 
 
@@ -98,7 +104,14 @@ def test_goal_from_words_depends_on_the_seed_only(guidance: float) -> None:
 
     canvas = _canvas(SIDE, SIDE)
     goals = [
-        goal_from_words("a", canvas, networks(), schedule=SCHEDULE, tokenizer=WORDS, sampling=_sampling(guidance, seed))
+        goal_from_words(
+            lambda _: [Wish("a", WHOLE)],
+            canvas,
+            networks(),
+            schedule=SCHEDULE,
+            tokenizer=WORDS,
+            sampling=_sampling(guidance, seed),
+        )
         for seed in (1, 1, 2)
     ]
     assert np.array_equal(goals[0], goals[1]) and not np.array_equal(goals[0], goals[2])

@@ -23,14 +23,14 @@ from tests.copainting.goal_planners import small_encoder
 from tests.pipelines.test_goal_planner_stages import SAMPLING, TRAINING
 
 PARAMS = Path(__file__).parents[2] / "base/params.yaml"
-PHASE: dict[str, Any] = {"pairs": 6, "alone_share": 0.5, "tidy_share": 0.5, "training": TRAINING}
+PHASE: dict[str, Any] = {"pairs": 6, "blank_share": 0.5, "training": TRAINING}
 SECTION: dict[str, Any] = {
     "side_px": 64,
     "start": None,
     "shape": {"unet_channels": [8, 16], "unet_layers": 1, "heads": 2, "prediction": "sample"},
     "vae": {"channels": [8, 8], "latent_channels": 4, "pictures": 4, "steps": 3, "batch": 2, "learning_rate": 1e-3},
     "vae_crop_px": 32,
-    "phases": [PHASE, PHASE | {"alone_share": 0.2}],
+    "phases": [PHASE, PHASE | {"blank_share": 0.2}],
     "sampling": SAMPLING,
     "threads": 1,
 }
@@ -63,7 +63,7 @@ def test_parameters_that_ship_are_read_by_the_stages() -> None:
 
 def test_drawn_scenes_keep_the_contract_and_name_their_licence(stage_folder: Path) -> None:
     config = {"scenes": 6, "side_px": 32, "val_share": 0.0, "test_share": 0.3, "wordings": 2, "alone_share": 0.5}
-    config |= {"mirrored_share": 0.5, "pen_share": 0.5}
+    config |= {"mirrored_share": 0.5, "pen_share": 0.5, "places": "anywhere"}
     params = write_params(draw_scenes={"guide": config | {"sources": ["openmoji", "tabler"], "seed": 0}})
     arguments = argparse.Namespace(params=params, reader="guide", archives=Path("semantics"), out=Path("scenes"))
     Path("semantics").mkdir()

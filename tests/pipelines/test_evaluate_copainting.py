@@ -56,7 +56,15 @@ SECTION: dict[str, Any] = {
     "strokes": {"begun": 5, "added": 6},
     "sampling": {"steps": 1, "image_guidance": 1.0, "text_guidance": 1.0, "seed": 0},
     "text_only": {"iterations": 2, "views": 0},
-    "codrawing": {"stories": 1, "person_strokes": 3, "robot_strokes": 3, "tremor_m": "0.5 mm", "replan_every": 5},
+    "codrawing": {
+        "stories": 1,
+        "person_strokes": 3,
+        "robot_strokes": 3,
+        "tremor_m": "0.5 mm",
+        "replan_every": 5,
+        "wishes": 2,
+        "largest": 0.5,
+    },
     "figures": {"method_rows": 2, "preference_prompts": 2},
     "workers": 1,
     "seed": 0,
@@ -142,7 +150,7 @@ def evaluated(inputs: Path, tmp_path_factory: pytest.TempPathFactory, enter: Ent
 def test_every_number_has_its_baselines_beside_it(evaluated: Path) -> None:
     out = evaluated
     metrics = json.loads((out / "metrics.json").read_text())
-    table = metrics["table"]
+    table = metrics["begun"]
     assert set(table) == set(evaluate_copainting.ON_CANVAS)
     scores = {"clip_score", "judge_score", "objects", "drawing_keeps", "changed", "strokes"}
     gaps = {"delta_pix", "delta_sem", "goal_keeps"}
@@ -170,7 +178,7 @@ def test_every_number_has_its_baselines_beside_it(evaluated: Path) -> None:
     assert len(cases) == 3
     mean = np.mean([case["fine_tuned"]["judge_score"] for case in cases])
     assert abs(mean - table["fine_tuned"]["judge_score"]["value"]) < 1e-6
-    for name in ("methods", "on_paper", "other_medium", "turns", "turns_base"):
+    for name in ("begun", "on_paper", "other_medium", "turns", "turns_base"):
         assert read_image(out / f"{name}.png").std() > 0
     key = json.loads((out / "preference_key.json").read_text())
     page = (out / "preference.html").read_text()
@@ -188,7 +196,7 @@ def test_the_same_bytes_again_and_with_two_workers(folder: Path, evaluated: Path
 def test_named_things_are_asked_for_on_canvases_that_others_began(folder: Path) -> None:
     config = DrawnScenesConfig(
         scenes=60, side_px=SIDE_PX, val_share=0.1, test_share=0.6, pen_share=0.0, wordings=2, alone_share=0.2,
-        mirrored_share=0.0, sources=("openmoji",), seed=0,
+        mirrored_share=0.0, places="usual", sources=("openmoji",), seed=0,
     )  # fmt: skip
     write_table(Path("scenes"), drawn_scenes(config, None), scenes.CONTRACT, "# Card")
     marker = SECTION["settings"]["marker"] | {"medium": MARKER | {"ink": None}}
@@ -196,6 +204,10 @@ def test_named_things_are_asked_for_on_canvases_that_others_began(folder: Path) 
     out = evaluate(folder, "named", scenes=Path("scenes"))
     metrics = json.loads((out / "metrics.json").read_text())
     assert set(metrics["overlapping"]) == {"no_change", "base", "fine_tuned"}
+    assert {"composed_seen", "composed_held_out"} <= set(metrics)
+    for played in metrics["turns"].values():
+        assert len(played) == 2
+        assert played[0]["covered"] <= played[1]["covered"] and 0 <= played[1]["first_found"] <= 1
     assert set(json.loads((out / "cases.json").read_text())[0]) >= {"caption", "fine_tuned"}
     assert read_image(out / "overlapping.png").std() > 0
 

@@ -25,20 +25,21 @@ def row(score: float, gap: float | None) -> dict[str, dict[str, float]]:
 
 TURN = {
     "judge_score_no_change": 0.1, "judge_score": 0.325, "goal_keeps": None, "drawing_keeps": 0.9, "changed": 0.1,
-    "strokes": 12.0,
+    "strokes": 12.0, "covered": 0.05, "first_found": None,
 }  # fmt: skip
 METRICS: dict[str, Any] = {
-    "table": {
+    "begun": {
         "no_change": row(0.11, None), "copy_input": row(0.11, 0.0), "ignore_input": row(0.12, 0.061),
         "text_only": row(0.44, None), "base": row(0.2, 0.062), "fine_tuned": row(0.31, 0.013), "oracle": row(0.4, 0.01),
     },
     "comparisons": {"delta_pix_closed": estimate(0.94), "delta_pix_ratio": estimate(4.769)},
     "on_paper": {"no_change": row(0.0, None), "fine_tuned": row(0.5, 0.02)},
+    "composed_seen": {"fine_tuned": row(0.41, 0.02)},
     "other_medium": {"no_change": row(0.1, None), "fine_tuned": row(0.3, 0.02)},
     "turns": {"fine_tuned": [TURN] * 3, "base": [TURN] * 3},
     "correlation": {"delta_sem": {"r": -0.48, "p": 2.4e-31, "paintings": 300}},
     "vae_ink_recall": {"fine_tuned": 0.99},
-    "cases": {"prompts": 100, "on_paper": 50, "other_medium": 1},
+    "cases": {"begun": 100, "composed_seen": 7, "on_paper": 50, "other_medium": 1},
 }  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def test_missing_gap_between_base_and_oracle_is_stated(folder: Path) -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "metrics.json").write_text(json.dumps(METRICS))
-    for name in ("methods", "on_paper", "other_medium", "turns"):
+    for name in ("begun", "on_paper", "other_medium", "turns"):
         write_png(tmp_path / f"{name}.png", np.full((4, 4, 3), 200, np.uint8))
     return tmp_path
 
@@ -65,8 +66,9 @@ def test_every_method_is_in_the_table_with_its_interval(folder: Path) -> None:
     assert "13.00<br><small>3.00&nbsp;… 23.00</small>" in section
     assert section.count('<td class="number">–</td>') >= 2  # no gap where there is no goal
     assert "4.769 (4.759\u00a0… 4.779)" in section and "100 held-out prompts" in section and "1 prompt." in section
+    assert "in training: 7 prompts." in section and "0.410" in section
     assert "turn 3" in section and "0.325" in section and "r = −0.480, p = 2e−31" in section
-    assert {f"copainting_marker_{name}.png" for name in ("methods", "on_paper", "other_medium", "turns")} == set(
+    assert {f"copainting_marker_{name}.png" for name in ("begun", "on_paper", "other_medium", "turns")} == set(
         album.files
     )
 

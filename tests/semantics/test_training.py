@@ -10,7 +10,7 @@ from transformers import CLIPTokenizer
 from pentimento.semantics.drawings import STYLES, draw
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.examples import VIEWS, Captioned, Examples, drawn_views
-from pentimento.semantics.training import contrast, patch_kinds, train_encoder
+from pentimento.semantics.training import contrast, moved, patch_kinds, train_encoder
 from tests.semantics.conftest import SHAPE, training
 
 
@@ -32,6 +32,19 @@ def test_patch_kind_is_the_one_that_covers_most() -> None:
     kinds = patch_kinds(regions, torch.tensor([[-1, 7, 3]]), 4)
     assert kinds.tolist() == [[7, -1, -1, 3]]
     assert (patch_kinds(regions, torch.tensor([[-1]]), 4) == -1).all()
+
+
+def test_pictures_and_regions_are_moved_together() -> None:
+    images = torch.zeros(8, 3, 32, 32)
+    images[:, :, 10:22, 8:24] = 1.0
+    regions = (images[:, 0] > 0).to(torch.uint8)
+    shown, labels = moved(images, regions, torch.Generator().manual_seed(1))
+    assert shown.shape == images.shape and labels.dtype == regions.dtype
+    inside = shown[:, 0] > 0.5
+    assert ((inside != (labels > 0)).float().mean((1, 2)) < 0.03).all()  # but for half pixels along the edge
+    assert (inside != (regions > 0)).float().mean() > 0.02
+    areas = inside.float().sum((1, 2)) / 192
+    assert (areas > math.exp(-0.35)).all() and (areas < math.exp(0.35)).all()
 
 
 def test_altered_captions_differ_by_one_word(known: Examples, tokenizer: CLIPTokenizer, rows: Captioned) -> None:

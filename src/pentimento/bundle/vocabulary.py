@@ -32,6 +32,8 @@ class Vocabulary:
 
     notice: str
     """Where the words come from, and under which licence."""
+    by_window: bool
+    """The goal planner was taught one thing at a time, which fills its picture; else whole scenes."""
     nouns: dict[str, Noun]
 
     def __post_init__(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from pentimento.bundle.sampler import Networks, NoiseSchedule, complete, normal, round_trip, seed_for
 from pentimento.bundle.tokenizer import Tokenizer
-from pentimento.control.painter import as_linear, as_picture
+from pentimento.control.layout import Wish, drawn_in_windows
+from pentimento.control.painter import as_picture
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink
 from pentimento.robots.tools import Tool
 
@@ -59,7 +61,7 @@ def goal_from_picture(picture: Picture, canvas: Picture, tool: Tool) -> Picture:
 
 
 def goal_from_words(
-    words: str,
+    wishes: Callable[[Picture], Sequence[Wish]],
     canvas: Picture,
     networks: Networks,
     *,
@@ -67,28 +69,35 @@ def goal_from_words(
     tokenizer: Tokenizer,
     sampling: GoalSampling,
 ) -> Picture:
-    """The goal planner's completion of the canvas uint8 [H, W, 3] for a person's words; "" only completes it.
+    """The goal planner's completion of the canvas uint8 [H, W, 3] for what a person wishes.
 
-    The goal planner completes the largest centred square at the size that it was trained with. The rest of the canvas
-    stays as it is, and so does what the planner leaves of the square. A seed gives the same goal as in the workshop.
-    """  # fmt: skip
+    The goal planner completes windows of the largest centred square at the size that it was trained with. The rest of
+    the canvas stays as it is, and so does what the planner leaves of a window. A seed gives the same goal as in the
+    workshop.
+
+    Args:
+        wishes: what to draw where on a square canvas, see `layout.wishes_for`.
+    """
     height, width = canvas.shape[:2]
     square = min(height, width)
     top, left = (height - square) // 2, (width - square) // 2
     inner = np.ascontiguousarray(canvas[top : top + square, left : left + square])
-    small = _resized(inner, sampling.side_px)
     cells = sampling.side_px // sampling.latent_step_px
-    noise = normal((1, sampling.latent_channels, cells, cells), seed_for(sampling.seed, 0))
-    completion = complete(
-        networks, schedule, small[None], tokens=tokenizer.encode([words]), no_words=tokenizer.encode([""]),
-        noise=noise, steps=sampling.steps, image_guidance=sampling.image_guidance,
-        text_guidance=sampling.text_guidance,
-    )  # fmt: skip
-    completion = keep_canvas(small[None], completion, round_trip(networks, small[None]), sampling.latent_step_px)[0]
-    changed = (completion != small).any(-1).astype(np.uint8)
-    changed = cv2.resize(changed, (square, square), interpolation=cv2.INTER_NEAREST)[..., None] > 0
-    goal = canvas.copy()  # not resized where nothing changes, which would blur it
-    goal[top : top + square, left : left + square] = np.where(changed, _resized(completion, square), inner)
+
+    def completed(small: Picture, words: str, number: int) -> Picture:
+        noise = normal((1, sampling.latent_channels, cells, cells), seed_for(sampling.seed + number, 0))
+        completion = complete(
+            networks, schedule, small[None], tokens=tokenizer.encode([words]), no_words=tokenizer.encode([""]),
+            noise=noise, steps=sampling.steps, image_guidance=sampling.image_guidance,
+            text_guidance=sampling.text_guidance,
+        )  # fmt: skip
+        known = round_trip(networks, small[None])
+        return np.asarray(keep_canvas(small[None], completion, known, sampling.latent_step_px)[0])
+
+    goal = canvas.copy()
+    goal[top : top + square, left : left + square] = drawn_in_windows(
+        inner, wishes(inner), side_px=sampling.side_px, complete=completed
+    )
     return goal
 
 
@@ -114,11 +123,3 @@ def keep_canvas(canvas: Picture, completion: Picture, reconstruction: Picture, c
         weight = cv2.dilate(weight, reach)[..., None]
         goal[:] = np.round(before + weight * (completed.astype(np.float32) - before))
     return goals
-
-
-def _resized(picture: Picture, side_px: int) -> Picture:
-    """A square picture at another size, in linear light: averaged down or interpolated up."""
-    if picture.shape[0] == side_px:
-        return picture
-    method = cv2.INTER_AREA if side_px < picture.shape[0] else cv2.INTER_LINEAR
-    return as_picture(np.asarray(cv2.resize(as_linear(picture), (side_px, side_px), interpolation=method), np.float32))

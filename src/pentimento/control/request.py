@@ -57,15 +57,30 @@ _ALIKE: Final = 0.7
 
 
 @dataclass(frozen=True)
+class Asked:
+    """Things of a kind that a request names."""
+
+    words: str
+    """One of them: "a cat"."""
+    number: int
+    link: str | None
+    """To what is named before: a relation as taught, "and", "," or "with"; None for the first."""
+
+
+@dataclass(frozen=True)
 class Understood:
     """A request, and what became of the person's words."""
 
     text: str
-    """For the goal planner, without the medium."""
-    drawn_as: tuple[str, ...]
+    """For a goal planner that was taught scenes, without the medium."""
+    drawn_as: tuple[str, ...] = ()
     """Sentences such as "a poodle: drawn as a dog"."""
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
     """Words that were not understood."""
+    things: tuple[Asked, ...] = ()
+    """What is to be drawn; empty where the goal planner knows all words."""
+    in_a_row: bool = False
+    """All things stand side by side."""
 
     def messages(self) -> list[str]:
         """What the person must know before the painting."""
@@ -102,7 +117,7 @@ def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
     """
     text = plain_text(words)
     if vocabulary is None:
-        return Understood(text, (), ())
+        return Understood(text)
     nouns = nouns_by_word(vocabulary)
     items = scan(text, nouns)
     negations = [item for item in items if item.said in _NEGATIONS]
@@ -112,7 +127,10 @@ def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
     _check_number(things)
     orders = [item.said for item in items if isinstance(item, Order)]
     drawn_as = dict.fromkeys(_sentences(things, vocabulary))
-    return Understood(" ".join([_text(things, vocabulary), *orders]), tuple(drawn_as), tuple(dict.fromkeys(left_out)))
+    return Understood(
+        " ".join([_text(things, vocabulary), *orders]), tuple(drawn_as), tuple(dict.fromkeys(left_out)),
+        _asked(things, vocabulary), bool(orders),
+    )  # fmt: skip
 
 
 def _things(items: Sequence[Item], nouns: Mapping[str, Named]) -> tuple[list[_Thing], list[str]]:
@@ -268,6 +286,18 @@ def _text(things: Sequence[_Thing], vocabulary: Vocabulary) -> str:
             link = "," if goes_on else "and"
         parts.append(f"{'' if link == ',' else ' '}{link} {_named(thing, vocabulary)}")
     return "".join(parts)
+
+
+def _asked(things: Sequence[_Thing], vocabulary: Vocabulary) -> tuple[Asked, ...]:
+    """The things without "it": "a tree with a bird above it" are a bird and, above, a tree."""
+    if things[-1].noun is None:
+        first, second, it = things
+        things = [_Thing(None, *_without_link(second)), _Thing(it.link, *_without_link(first))]
+    return tuple(
+        Asked(vocabulary.nouns[thing.noun.noun].one, thing.number, thing.link if at else None)
+        for at, thing in enumerate(things)
+        if thing.noun is not None
+    )
 
 
 def _named(thing: _Thing, vocabulary: Vocabulary) -> str:

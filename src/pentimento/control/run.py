@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,17 @@ from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
-from pentimento.contracts.requests import with_medium
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
 from pentimento.control.commission import Commission, Wanted, exclusive, write_commission
 from pentimento.control.goal import GoalSampling, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
+from pentimento.control.layout import wishes_for
 from pentimento.control.open_robot import open_robot, rig_named
 from pentimento.control.page import Page
 from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
-from pentimento.control.request import understand
+from pentimento.control.request import Understood, understand
 from pentimento.control.safety import envelope_for
 from pentimento.control.session import PaintingSession, begin
 from pentimento.control.session import resume as resume_session
@@ -186,10 +187,13 @@ def _goal_for(
         facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
         facts.text_guidance, seed,
     )  # fmt: skip
-    caption = understand(wanted.value, bundle.vocabulary).text if wanted.value else ""
-    request = with_medium(caption, bundle.setting(setting).words)
+    request = understand(wanted.value, bundle.vocabulary) if wanted.value else Understood("")
+    wishes = partial(
+        wishes_for, request, medium=bundle.setting(setting).words,
+        by_window=bundle.vocabulary is not None and bundle.vocabulary.by_window,
+    )  # fmt: skip
     return lambda canvas: goal_from_words(
-        request, canvas, goal_networks(graphs), schedule=noise_schedule(bundle),
+        wishes, canvas, goal_networks(graphs), schedule=noise_schedule(bundle),
         tokenizer=tokenizer(bundle, facts.words), sampling=sampling,
     )  # fmt: skip
 

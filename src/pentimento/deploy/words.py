@@ -35,6 +35,7 @@ def taught_vocabulary(things: Things) -> Vocabulary:
     known = {word for words in taught.values() for word in words}
     return Vocabulary(
         notice,
+        things == "named",
         {
             name: _noun(words, tuple(word for word in nearest.get(name, ()) if word not in known))
             for name, words in taught.items()

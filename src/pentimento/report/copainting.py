@@ -35,11 +35,20 @@ _COLUMNS = {
     "changed": "changed",
     "strokes": "strokes",
 }
-_SHARES = {"objects", "goal_keeps", "drawing_keeps", "changed"}
+_SHARES = {"objects", "goal_keeps", "drawing_keeps", "changed", "covered", "first_found"}
 _THOUSANDTHS = {"delta_pix", "delta_sem"}
 _SYMBOLS = {"delta_pix": Markup("Δ<sub>pix</sub>"), "delta_sem": Markup("Δ<sub>sem</sub>")}
-_PICTURES = ("methods", "on_paper", "other_medium", "turns")
-_OF_A_TURN = ("judge_score_no_change", "judge_score", "goal_keeps", "drawing_keeps", "changed", "strokes")
+_PICTURES = ("begun", "on_paper", "other_medium", "turns")
+_FURTHER = {
+    "overlapping": "On canvases that a drawing fills: what is asked for lies over it",
+    "composed_seen": "Several things in a relation, on blank paper; pairs and relations that occur in training",
+    "composed_held_out": "The same with pairs and relations that do not",
+}
+"""Tables that only named things have."""
+_OF_A_TURN = (
+    "judge_score_no_change", "judge_score", "goal_keeps", "drawing_keeps", "changed", "covered", "first_found",
+    "strokes",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +70,7 @@ def read_copainting(setting: str, folder: Path) -> CopaintingInputs:
     path = folder / "metrics.json"
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
-        for part in ("table", "comparisons", "on_paper", "other_medium", "turns", "correlation", "cases"):
+        for part in ("begun", "comparisons", "on_paper", "other_medium", "turns", "correlation", "cases"):
             metrics[part]
         pictures = {name: (folder / f"{name}.png").read_bytes() for name in _PICTURES}
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -83,8 +92,13 @@ def _values(inputs: CopaintingInputs) -> dict[str, Any]:
         "cases": metrics["cases"],
         "pictures": inputs.pictures,
         "gains": _gains(metrics),
-        "begun": _scores(metrics["table"]),
+        "begun": _scores(metrics["begun"]),
         "paper": _scores(metrics["on_paper"]),
+        "further": [
+            _scores(metrics[name]) | {"title": title, "cases": metrics["cases"][name]}
+            for name, title in _FURTHER.items()
+            if name in metrics
+        ],
         "foreign": _scores(metrics["other_medium"]),
         "turns": _turn_rows(metrics["turns"]),
         "correlations": [_correlation(name, found) for name, found in correlation.items()],

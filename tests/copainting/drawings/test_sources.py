@@ -51,15 +51,24 @@ def test_missing_package_is_named_with_what_to_install(monkeypatch: pytest.Monke
         named_drawing.__wrapped__("cat", "openmoji")
 
 
-def test_drawing_is_read_from_an_archive(tmp_path: Path) -> None:
-    square = {"cat": {"body": '<path fill="#00f" d="M2 4h8v4h-8z"/>'}}
-    contents = {"chars": {"1f408": "cat"}, "icons": {"icons": square, "width": 12, "height": 12}}
-    with tarfile.open(tmp_path / "iconify-json-noto-1.2.9.tgz", "w:gz") as archive:
+SQUARE = {"body": '<path fill="#00f" d="M2 4h8v4h-8z"/>'}
+
+
+def write_archive(folder: Path, source: sources.Source, names: list[str], codes: dict[str, str] | None) -> None:
+    icons = {"icons": dict.fromkeys(names, SQUARE), "width": 12, "height": 12}
+    contents = {"icons": icons} | ({} if codes is None else {"chars": codes})
+    package, _, version = sources.ARCHIVES[source].rpartition("@")
+    file = folder / f"{package[1:].replace('/', '-')}-{version}.tgz"
+    with tarfile.open(file, "w:gz") as archive:
         for name, content in contents.items():
             data = json.dumps(content).encode()
             member = tarfile.TarInfo(f"package/{name}.json")
             member.size = len(data)
             archive.addfile(member, BytesIO(data))
+
+
+def test_drawing_is_read_from_an_archive(tmp_path: Path) -> None:
+    write_archive(tmp_path, "noto", ["cat"], {"1f408": "cat"})
     drawing = named_drawing("cat", "noto", tmp_path)
     assert not drawing.ink.any()
     covered = drawing.painting[..., 3] > 127
@@ -67,3 +76,12 @@ def test_drawing_is_read_from_an_archive(tmp_path: Path) -> None:
     assert (drawing.painting[covered] == (0, 0, 255, 255)).all(-1).mean() > 0.97
     with pytest.raises(ConfigError, match=r"twemoji is not in .*make base"):
         named_drawing("cat", "twemoji", tmp_path)
+
+
+def test_archive_without_code_points_has_the_names_of_another_one_or_is_asked_by_words(tmp_path: Path) -> None:
+    write_archive(tmp_path, "noto", ["cat", "dog"], {"1f408": "cat", "1f415": "dog"})
+    write_archive(tmp_path, "emojione", ["dog"], None)
+    assert sources.nouns_of("emojione", tmp_path) == ("dog",)
+    write_archive(tmp_path, "phosphor", ["palm-tree-light", "pizza", "mouse-light", "sofa-light"], None)
+    # `pizza` lacks the ending of light lines, `couch` is found by its synonym, and the mouse is a computer's.
+    assert sources.nouns_of("phosphor", tmp_path) == ("couch", "palm tree")

@@ -85,7 +85,8 @@ def test_canvases_begun_by_others_show_a_held_out_pair_beside_or_over_each_other
         shares.append(min(widths) > 0)
         places.append([float(ends.mean()) for ends in boxes[1]])
     assert np.mean(shares) == 1 if overlapping else np.mean(shares) < 0.7
-    assert (np.std(places, axis=0) > 96 * 0.08).all()  # anywhere
+    if not overlapping:
+        assert (np.std(places, axis=0) > 96 * 0.08).all()  # anywhere
     again = begun_by_others(3, "marker", side_px=96, overlapping=overlapping, seed=1)
     assert all((a.other_image == b.other_image).all() for a, b in zip(again, cases, strict=False))
 

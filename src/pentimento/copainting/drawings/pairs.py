@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,15 +17,14 @@ from pentimento.contracts.requests import COLOUR_WORDS, MARKER_WORDS, with_mediu
 from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
 from pentimento.copainting.drawings.scenes import (
-    DrawnScene,
     Medium,
+    Placed,
     Places,
     Rendered,
     caption,
-    caption_of,
     draw_scene,
-    moved,
     render_scene,
+    split_of_scene,
 )
 from pentimento.copainting.drawings.sources import LICENCES, PEN_SOURCES, Source, nouns_of
 from pentimento.copainting.scenes.edits import Pair
@@ -34,10 +33,15 @@ from pentimento.copainting.scenes.ink import random_strokes
 MEDIUM_WORDS: Final[dict[Medium, str]] = {"marker": MARKER_WORDS, "colour": COLOUR_WORDS}
 """What the request of a pair says of its medium."""
 _MEDIA: Final[tuple[Medium, ...]] = ("marker", "colour")
-_BLANK_SHARE: Final = 0.4  # of the pairs of scenes with several things: the canvas is blank
-_BEGUN_SHARE: Final = 0.15  # of the pairs: part of a missing thing is drawn already
+_BEGUN_SHARE: Final = 0.12  # of the pairs: part of the asked thing is drawn already
 _SCRIBBLE_SHARE: Final = 0.1  # of the pairs: the canvas shows other strokes, which the finished drawing keeps
-_MISSING_SHARE: Final = 0.6  # of the requests: they name the missing things, not the whole scene
+_OTHERS: Final = (1, 4)  # range of the number of other things; the second is excluded
+_OTHER_SIZES: Final = (0.5, 1.6)  # of other things, in sides of the window: a window may be small
+_OTHER_LINES: Final = (0.018, 0.05)  # least width of their lines
+_OTHER_TURN_RAD: Final = np.radians(6)
+_OVER_SHARE: Final = 0.25  # of the other things: they overlap with what is asked for
+_AROUND: Final = (0.8, 1.1)  # range of the distance of centres at which things stand around each other, in half sides
+_OVER: Final = (0.2, 0.8)
 _SCRIBBLES: Final = (1, 8)
 _SCRIBBLE_WIDTHS: Final = (0.012, 0.025)  # in sides of the picture
 
@@ -58,6 +62,8 @@ class DrawnScenesConfig:
     """Of the scenes: those with one thing."""
     mirrored_share: float
     """Of the things."""
+    places: Places
+    """Where things stand."""
     sources: tuple[Source, ...]
     """A scene is drawn by one of these, and shows only things that the source draws."""
     seed: int
@@ -89,6 +95,7 @@ def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[s
         source,
         alone_share=config.alone_share,
         mirrored_share=config.mirrored_share,
+        places=config.places,
         generator=generator,
     )
     everything = range(len(scene.things))
@@ -118,74 +125,67 @@ def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[s
 
 
 def drawn_pairs(
-    count: int,
-    split: str,
-    nouns: Sequence[str],
-    *,
-    alone_share: float,
-    tidy_share: float = 0.0,
-    side_px: int,
-    seed: int,
+    count: int, split: str, nouns: Sequence[str], *, blank_share: float, side_px: int, seed: int
 ) -> list[Pair]:
-    """`count` pairs of scenes of a split, which OpenMoji draws; pair i depends on (seed, i) only.
+    """`count` pairs of a window of a canvas and the same window with one more thing; pair i depends on (seed, i) only.
 
-    The request ends with the words of the medium. The canvas shows some or none of the things, each of them whole
-    except for one that may be half drawn; it may also show strokes that belong to nothing.
-
-    In `tidy_share` of the pairs, what is to be added stands in its usual place, and what is there is moved at random.
-    These are learned sooner: then words and canvas decide where a thing goes.
+    The asked thing fills the window. The canvas is blank in `blank_share` of the pairs; in the others it shows things
+    or parts of things that stand around the asked one, or overlap with it. Their nouns and the asked one are pairs of
+    `split` (`split_of_scene`). A marker draws over what is there; in colours, the asked thing hides what is there or
+    is hidden by it. A part of the asked thing may be drawn already, and the canvas may show strokes that belong to
+    nothing. OpenMoji draws all things. The request ends with the words of the medium.
     """
     generators = (np.random.default_rng([seed, index]) for index in range(count))
-    return [_pair(split, nouns, alone_share, tidy_share, side_px, generator) for generator in generators]
+    return [_pair(split, nouns, blank_share, side_px, generator) for generator in generators]
 
 
-def _pair(
-    split: str,
-    nouns: Sequence[str],
-    alone_share: float,
-    tidy_share: float,
-    side_px: int,
-    generator: np.random.Generator,
-) -> Pair:
-    alone, begun = generator.random() < alone_share, generator.random() < _BEGUN_SHARE
-    blank = alone or generator.random() < _BLANK_SHARE
-    tidy = generator.random() < tidy_share
-    places: Places = "usual" if tidy else "anywhere"
-    scene = draw_scene(split, nouns, "openmoji", alone_share=float(alone), places=places, generator=generator)
+def _pair(split: str, nouns: Sequence[str], blank_share: float, side_px: int, generator: np.random.Generator) -> Pair:
+    alone = draw_scene(split, nouns, "openmoji", alone_share=1.0, places="usual", generator=generator)
     medium = _MEDIA[int(generator.integers(len(_MEDIA)))]
-    number = len(scene.things)
-    missing = set(range(number))
-    if not blank:
-        missing = set(generator.permutation(number)[: int(generator.integers(1, number))].tolist())
-    kept = set(range(number)) - missing
-    if tidy:
-        scene = moved(scene, kept, generator)
-    full = render_scene(scene, range(number), medium, side_px=side_px).image
+    asked, there = alone.things[0], _others(alone.things[0].noun, split, nouns, generator)
+    if generator.random() < blank_share:
+        there = []
+    behind = generator.random() < 0.5
+    things = (asked, *there) if behind else (*there, asked)
+    scene, place = replace(alone, things=things), 0 if behind else len(there)
+    kept = set(range(len(things))) - {place}
     canvas = render_scene(scene, kept, medium, side_px=side_px).image
-    if begun:
-        canvas = _begun(scene, kept, sorted(missing)[0], canvas, medium, generator)
+    if medium == "marker":  # lines cross: ink stays
+        full = np.minimum(canvas, render_scene(scene, {place}, medium, side_px=side_px).image)
+    else:
+        full = render_scene(scene, range(len(things)), medium, side_px=side_px).image
+    if generator.random() < _BEGUN_SHARE:
+        canvas = _begun(canvas, full, asked, generator)
     if generator.random() < _SCRIBBLE_SHARE:
         canvas, full = _scribbled(canvas, full, generator)
-    whole = number == 1 or not kept or generator.random() >= _MISSING_SHARE
-    request = caption(scene, generator) if whole else caption_of(scene, missing, generator)
-    return Pair(canvas, full, with_medium(request, MEDIUM_WORDS[medium]))
+    return Pair(canvas, full, with_medium(caption(alone, generator), MEDIUM_WORDS[medium]))
+
+
+def _others(asked: str, split: str, nouns: Sequence[str], generator: np.random.Generator) -> list[Placed]:
+    """Things around the centre of a window; parts of them may lie outside."""
+    found = []
+    for _ in range(int(generator.integers(*_OTHERS))):
+        noun = asked
+        while noun == asked or split_of_scene("beside", (asked, noun)) != split:
+            noun = nouns[int(generator.integers(len(nouns)))]
+        size = float(generator.uniform(*_OTHER_SIZES))
+        distance = (size + 1) / 2 * generator.uniform(*(_OVER if generator.random() < _OVER_SHARE else _AROUND))
+        place = np.array([distance * generator.choice((-1, 1)), generator.uniform(-0.5, 0.5)])
+        x, y = 0.5 + (place if generator.random() < 0.5 else place[::-1])
+        line, turn = float(generator.uniform(*_OTHER_LINES)), float(generator.normal(0, _OTHER_TURN_RAD))
+        found.append(Placed(noun, "openmoji", x, y, size, turn, bool(generator.random() < 0.5), line))
+    return found
 
 
 def _begun(
-    scene: DrawnScene,
-    kept: set[int],
-    begun: int,
-    canvas: NDArray[np.uint8],
-    medium: Medium,
-    generator: np.random.Generator,
+    canvas: NDArray[np.uint8], full: NDArray[np.uint8], asked: Placed, generator: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """The canvas with the part of a missing thing that lies on one side of a random line through it."""
+    """The canvas with the part of the finished drawing that lies on one side of a random line through what is asked."""
     side = canvas.shape[0]
-    thing = scene.things[begun]
     angle = generator.uniform(0, 2 * np.pi)
     y, x = (np.mgrid[:side, :side] + 0.5) / side
-    reach = (x - thing.x) * np.cos(angle) + (y - thing.y) * np.sin(angle) < generator.uniform(-0.2, 0.1) * thing.size
-    return np.where(reach[..., None], render_scene(scene, kept | {begun}, medium, side_px=side).image, canvas)
+    reach = (x - asked.x) * np.cos(angle) + (y - asked.y) * np.sin(angle) < generator.uniform(-0.2, 0.1) * asked.size
+    return np.where(reach[..., None], full, canvas)
 
 
 def _scribbled(

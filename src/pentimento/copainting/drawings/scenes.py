@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
@@ -58,8 +58,6 @@ _SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 
 _GROUND_SRGB: Final = (150, 140, 120)
 _LINES: Final = (0.018, 0.022)  # range of `DrawnScene.line`: a marker of 2 mm on about 100 mm
 _LARGE: Final = 0.875  # size of a single thing in its usual place, in sides of the sheet
-_SHIFT: Final = 0.1  # largest shift of `moved` along each axis, in sides of the sheet
-_RESIZE: Final = (0.75, 1.15)  # range of the factor of a size in `moved`
 _LINE_OF_SOURCE: Final[Mapping[Source, float]] = {
     "openmoji": 0.03,
     "tabler": 0.045,
@@ -88,6 +86,8 @@ class Placed:
     turn_rad: float
     """Clockwise on the sheet."""
     mirrored: bool
+    line: float = 0.0
+    """Minimum width of a pen's lines, in sides of the sheet, where the scene's is less."""
 
 
 @dataclass(frozen=True)
@@ -209,19 +209,6 @@ def _arranged(
     return DrawnScene(relation, things, named, ground, sheet, float(u(*_LINES)))
 
 
-def moved(scene: DrawnScene, which: Collection[int], generator: np.random.Generator) -> DrawnScene:
-    """The scene with the things `which` (indices) shifted, resized and turned at random, within the sheet."""
-    things = list(scene.things)
-    for index in sorted(which):
-        thing = things[index]
-        size = thing.size * generator.uniform(*_RESIZE)
-        x, y = np.clip(generator.uniform(-_SHIFT, _SHIFT, 2) + (thing.x, thing.y), size / 2, 1 - size / 2)
-        things[index] = replace(
-            thing, x=float(x), y=float(y), size=float(size), turn_rad=float(generator.normal(0, _TURN_RAD))
-        )
-    return replace(scene, things=tuple(things))
-
-
 def _turn(where: Places, generator: np.random.Generator) -> float:
     return float(generator.normal(0, _TURN_RAD)) if where == "anywhere" else 0.0
 
@@ -311,7 +298,7 @@ def render_scene(
         drawing = named_drawing(thing.noun, thing.source, archives)
         ink = drawing.ink
         if medium == "marker":
-            ink = _widened(ink, _LINE_OF_SOURCE[thing.source], scene.line / thing.size)
+            ink = _widened(ink, _LINE_OF_SOURCE[thing.source], max(scene.line, thing.line) / thing.size)
         layers = _warped(np.dstack([ink, drawing.painting]), thing, side_px)
         lines, alpha = layers[..., :1] / 255, layers[..., 4:] / 255
         if medium == "marker":

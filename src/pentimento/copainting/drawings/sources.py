@@ -77,7 +77,9 @@ _ENDINGS: Final[dict[Source, tuple[str, ...]]] = {
 """Archives whose drawings are named by words: what may follow the noun."""
 _OTHER_THINGS: Final[dict[Source, frozenset[str]]] = {
     "fxemoji": frozenset({"keyboard", "desktop computer", "window"}),
-    "game_icons": frozenset({"bicycle", "butterfly", "clover", "crab", "fire", "light bulb", "spider", "tiger", "tree"}),
+    "game_icons": frozenset({
+        "bicycle", "butterfly", "clover", "crab", "fire", "light bulb", "spider", "tiger", "tree",
+    }),
     "lucide": frozenset({"light bulb", "mouse", "radio"}),
     "phosphor": frozenset({"light bulb", "mouse"}),
     "icon_park": frozenset({

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.scenes import labels_of, phrase, read_scene, without_colors
-from pentimento.copainting.drawings.scenes import DrawnScene, Placed, render_scene, split_of_scene
+from pentimento.copainting.drawings.scenes import (
+    DrawnScene,
+    Placed,
+    caption,
+    draw_scene,
+    render_scene,
+    split_of_scene,
+)
 from pentimento.copainting.drawings.scenes import Medium as DrawingMedium
 from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.scenes.collage import Half, pairs_in_training, put, random_halves, without
@@ -20,6 +27,7 @@ from pentimento.copainting.scenes.collage import Half, pairs_in_training, put, r
 Picture = NDArray[np.uint8]
 
 _BEGUN_SIZES: Final = (0.35, 0.6)  # of what somebody else began, in sides of the sheet
+_FILLING_SIZES: Final = (0.75, 0.95)  # of the same where it leaves no room beside it
 _BEGUN_TURN_RAD: Final = np.radians(8)  # standard deviation of its rotation
 _BEGUN_LINES: Final = (0.015, 0.03)  # range of its lines' width, in sides of the sheet
 _FILL_SRGB: Final = (70, 255)  # range of each channel of the colour that fills it
@@ -80,8 +88,9 @@ def begun_by_others(count: int, medium: DrawingMedium, *, side_px: int, overlapp
     """`count` wishes for a named thing on canvases where somebody else began: a drawing of another thing, by another
     illustrator (Tabler), anywhere on the sheet, slightly turned, in thin or thick lines; in colour, filled with one.
 
-    The two things are a held-out pair of nouns (`split_of_scene`). The requested one goes around the other, or over it
-    if `overlapping`; its picture is OpenMoji's drawing in such a place. Case i depends on (medium, seed, i) only.
+    The two things are a held-out pair of nouns (`split_of_scene`). The other one leaves room beside it, or fills the
+    sheet if `overlapping`. The requested one's picture is OpenMoji's drawing in such a place. Case i depends on
+    (medium, seed, i) only.
     """
     generators = (np.random.default_rng([seed, index]) for index in range(count))
     return [
@@ -98,7 +107,7 @@ def _begun_by_others(
         other = other_nouns[int(generator.integers(len(other_nouns)))]
         if asked != other and split_of_scene("beside", (asked, other)) == "test":
             break
-    size = float(generator.uniform(*_BEGUN_SIZES))
+    size = float(generator.uniform(*(_FILLING_SIZES if overlapping else _BEGUN_SIZES)))
     x, y = (float(value) for value in generator.uniform(size / 2, 1 - size / 2, 2))
     turn, mirrored = float(generator.normal(0, _BEGUN_TURN_RAD)), bool(generator.random() < 0.5)
     there = Placed(other, "tabler", x, y, size, turn, mirrored)
@@ -134,6 +143,24 @@ def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
         Case(row.scene_id, row.caption, row.objects, row.image, np.full_like(row.image, 255), ())
         for row in rows[:count]
     ]  # fmt: skip
+
+
+def composed_cases(count: int, split: str, medium: DrawingMedium, *, side_px: int, seed: int) -> list[Case]:
+    """`count` requests for several named things in a relation, for a blank sheet, with a scene of `split` that OpenMoji
+    draws (`split_of_scene`). Case i depends on (split, medium, seed, i) only.
+    """
+    cases = []
+    for index in range(count):
+        generator = np.random.default_rng([seed, index])
+        scene = draw_scene(
+            split, nouns_of("openmoji"), "openmoji", alone_share=0.0, places="usual", generator=generator
+        )
+        image = render_scene(scene, range(len(scene.things)), medium, side_px=side_px).image
+        nouns = tuple(thing.noun for thing in scene.things)
+        cases.append(
+            Case(f"{split}_{index:04d}", caption(scene, generator), nouns, image, np.full_like(image, 255), ())
+        )
+    return cases
 
 
 @dataclass(frozen=True, eq=False)

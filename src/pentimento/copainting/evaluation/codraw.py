@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.markers import markers_around
-from pentimento.contracts.ranges import at_least
+from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import labels_of, listed, phrase, read_scene
 from pentimento.control.painter import as_linear, observe, paint
+from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.evaluation.cases import plain_caption
 from pentimento.copainting.evaluation.goal_plans import Drawn, PaintContext, as_picture, as_sheet, draw_scene, plan_goal
-from pentimento.copainting.evaluation.scoring import changed_share, surviving_ink
+from pentimento.copainting.evaluation.scoring import changed_share, seen_there, surviving_ink
 from pentimento.copainting.scenes.collage import without
-from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.config import no_log
 from pentimento.robots.driver import Robot
 from pentimento.semantics.encoder import Encoder, as_images
-from pentimento.semantics.scores import clip_score
+from pentimento.semantics.scores import clip_score, object_scores, recognised
 
 Picture = NDArray[np.uint8]
 
@@ -42,9 +43,14 @@ class Codrawing:
     """Standard deviation of the offset of the person's strokes, along each axis."""
     replan_every: int
     """Strokes of the robot between two photographs."""
+    wishes: int
+    """Turns in which a person asks for another named thing."""
+    largest: float
+    """Of what is added in a turn to a sheet of named things, in sides of the sheet: the others need room."""
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "stories", "person_strokes", "robot_strokes", "replan_every")
+        at_least(self, 1, "stories", "person_strokes", "robot_strokes", "replan_every", "wishes")
+        above_zero(self, "largest")
         at_least(self, 0, "tremor_m")
 
 
@@ -54,8 +60,12 @@ class Story:
 
     scene_id: str
     prompts: tuple[str, ...]
-    images: tuple[Picture, ...]
-    """What the person draws in each turn, uint8 [H, W, 3]: the scene with that thing only."""
+    images: tuple[Picture | None, ...]
+    """What the person draws in each turn, uint8 [H, W, 3]: the scene with that thing only; None for nothing."""
+    side_px: int
+    """Of the goals."""
+    first: str | None
+    """The thing that the first prompt asks for, where it is one of the judge's kinds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +84,7 @@ class Turn:
     """Numbers of the person's and of the robot's strokes."""
 
 
-def stories(scenes: pa.Table, count: int, turns: int = 3) -> list[Story]:
+def stories(scenes: pa.Table, count: int, turns: int) -> list[Story]:
     """The first `count` scenes of a checked table that have at least `turns` things, as stories.
 
     The prompt of each turn names one thing more; in a table without objects it is the caption.
@@ -95,12 +105,23 @@ def stories(scenes: pa.Table, count: int, turns: int = 3) -> list[Story]:
         shorter = [caption] * (turns - 1)
         if len(kinds) == turns:
             shorter = [listed([phrase(kind) for kind in kinds[: number + 1]]) for number in range(turns - 1)]
-        found.append(Story(name, (*shorter, caption), images))
+        found.append(Story(name, (*shorter, caption), images, image.shape[0], None))
         if len(found) == count:
             break
     if not found:
         raise ContractError(f"None of {scenes.num_rows} held-out scenes shows {turns} things; draw more scenes.")
     return found
+
+
+def wishes(count: int, *, turns: int, side_px: int, seed: int) -> list[Story]:
+    """Stories of a person who asks for another named thing in each turn, and draws nothing."""
+    nouns = nouns_of("openmoji")
+    orders = (np.random.default_rng([seed, index]).permutation(len(nouns))[:turns] for index in range(count))
+    asked = [[nouns[int(pick)] for pick in order] for order in orders]
+    return [
+        Story(f"wishes_{index:03d}", tuple(map(phrase, names)), (None,) * turns, side_px, names[0])
+        for index, names in enumerate(asked)
+    ]
 
 
 def codraw(
@@ -119,23 +140,18 @@ def codraw(
     """
     generator = np.random.default_rng([seed, 0])
     medium, turns = paint_context.medium, []
-    side = story.images[0].shape[0]
+    side = story.side_px
     photo = _look(robot, medium.planner.pixels_per_m)
     for prompt, image in zip(story.prompts, story.images, strict=True):
-        intended = draw_scene(paint_context, as_linear(photo), image, config.person_strokes)
-        drawn = _trembling(intended.strokes, paint_context, config.tremor_m, generator)
-        started = (
-            _execute(
-                robot,
-                paint_context,
-                replace(intended, strokes=drawn),
-                image,
-                replan_every=config.replan_every,
-                replan=False,
-            )
-            if len(drawn)
-            else photo
-        )
+        drawn, started = no_strokes(), photo
+        if image is not None:
+            intended = draw_scene(paint_context, as_linear(photo), image, config.person_strokes)
+            drawn = _trembling(intended.strokes, paint_context, config.tremor_m, generator)
+            by_person = replace(intended, strokes=drawn)
+            if len(drawn):
+                started = _execute(
+                    robot, paint_context, by_person, image, replan_every=config.replan_every, replan=False
+                )
         goal = goal_for(as_picture(as_linear(started), side), prompt)
         planned = plan_goal(paint_context, as_linear(started), goal, config.robot_strokes)
         predicted = as_picture(planned.sheet, started.shape[0])
@@ -177,9 +193,41 @@ def _trembling(
     return moved
 
 
-def turn_scores(played: Sequence[Sequence[Turn]], judge: Encoder) -> list[dict[str, float | None]]:
-    """For each turn, means over stories: the judge's score before and after the robot, and what it changed and kept."""
-    return [_of_turn([story[number] for story in played], judge) for number in range(len(played[0]))]
+def turn_scores(
+    played: Sequence[Sequence[Turn]], told: Sequence[Story], judge: Encoder, kinds: Sequence[str]
+) -> list[dict[str, float | None]]:
+    """For each turn, means over stories: the judge's score before and after the robot, what it changed and kept, the
+    covered share of the sheet, and whether the judge finds the first turn's thing among `kinds` where it was drawn.
+    """
+    scores = []
+    for number in range(len(played[0])):
+        blank, after = _sheets(played, number)
+        scores.append(
+            _of_turn([story[number] for story in played], judge)
+            | {
+                "covered": _mean(changed_share(blank, after)),
+                "first_found": _first_found(played, number, told, judge, kinds),
+            }
+        )
+    return scores
+
+
+def _sheets(played: Sequence[Sequence[Turn]], number: int) -> tuple[Picture, Picture]:
+    """The blank sheets and those after a turn."""
+    side = played[0][0].goal.shape[0]
+    blank, after = [story[0].before for story in played], [story[number].after for story in played]
+    return _shrunk(blank, side), _shrunk(after, side)
+
+
+def _first_found(
+    played: Sequence[Sequence[Turn]], number: int, told: Sequence[Story], judge: Encoder, kinds: Sequence[str]
+) -> float | None:
+    if any(story.first is None for story in told):
+        return None
+    blank, first = _sheets(played, 0)
+    views = [seen_there(*sheets) for sheets in zip(blank, first, _sheets(played, number)[1], strict=True)]
+    hits = recognised(object_scores(judge, as_images(views), kinds), kinds, [[str(story.first)] for story in told])
+    return float(np.mean([hit for of_one in hits for hit in of_one]))
 
 
 def film_strip(story: Sequence[Turn]) -> dict[str, list[Picture]]:

@@ -7,7 +7,7 @@ the goal and that drawing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -15,9 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.ranges import at_least
-from pentimento.contracts.requests import with_medium
 from pentimento.control.goal import keep_canvas
+from pentimento.control.layout import WHOLE_SIZE, drawn_in_windows, wishes_for
+from pentimento.control.request import MAX_THINGS, understand
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.goal_plans import (
     Drawn,
@@ -111,6 +113,8 @@ class Task:
     planners: Planners
     encoder: Path
     """Folder of the encoder that guides the method without a goal planner."""
+    vocabulary: Vocabulary | None
+    """What the goal planners were taught; None if they know all words."""
     strokes: Strokes
     sampling: SeededSampling
     text_only: TextOnly
@@ -122,13 +126,12 @@ def run_on_canvas(cases: Sequence[Case], task: Task, methods: Sequence[str], sub
     """Run methods of `ON_CANVAS`, by submitted jobs, on canvases that show drawings of other prompts."""
     side, numbers = task.blank.shape[0], range(len(cases))
     captions = [case.caption for case in cases]
-    requests = [with_medium(caption, task.paint_context.medium.words) for caption in captions]
     started = gather([submit(_start, task, case, ORACLE in methods, i) for i, case in enumerate(cases)])
     sheets = [sheet for sheet, _ in started]
     canvases = np.stack([as_picture(sheet, side) for sheet in sheets])
     papers = np.stack([task.blank] * len(cases))
     futures = {
-        name: submit(_complete, folder, inputs, requests, task.sampling)
+        name: submit(_complete, folder, inputs, captions, task)
         for name, folder, inputs in (
             (BASE, task.planners.base, canvases),
             (FINE_TUNED, task.planners.fine_tuned, canvases),
@@ -161,12 +164,12 @@ def run_on_paper(cases: Sequence[Case], task: Task, submit: Submit) -> Outcomes:
 
     The oracle is the robot's drawing of the scene itself: an upper bound of the scores.
     """
-    requests = [with_medium(case.caption, task.paint_context.medium.words) for case in cases]
+    captions = [case.caption for case in cases]
     papers = np.stack([task.blank] * len(cases))
     sheet = _blank_sheet(task)
     futures = {
-        BASE: submit(_complete, task.planners.base, papers, requests, task.sampling),
-        FINE_TUNED: submit(_complete, task.planners.fine_tuned, papers, requests, task.sampling),
+        BASE: submit(_complete, task.planners.base, papers, captions, task),
+        FINE_TUNED: submit(_complete, task.planners.fine_tuned, papers, captions, task),
     }
     true = [submit(_draw, task, sheet, case.image, i) for i, case in enumerate(cases)]
     goals = {name: future.result() for name, future in futures.items()}
@@ -197,6 +200,38 @@ def complete_canvases(
     """
     completions = complete(planner, canvases, captions, sampling)
     return keep_canvas(canvases, completions, round_trip(planner.vae, canvases), planner.vae_scale_factor)
+
+
+def complete_requests(
+    planner: GoalPlanner,
+    canvases: Pictures,
+    captions: Sequence[str],
+    sampling: SeededSampling,
+    *,
+    medium: str,
+    vocabulary: Vocabulary | None,
+    largest: float = WHOLE_SIZE,
+) -> Pictures:
+    """Goals, uint8 [B, H, W, 3], for canvases and requests without their medium, as the runner composes them.
+
+    The first goal is that of the runner for the same canvas, request and seed.
+
+    Args:
+        vocabulary: what the planner was taught; None for one that knows all words.
+        largest: as for `wishes_for`.
+    """
+    by_window = vocabulary is not None and vocabulary.by_window
+
+    def goal(index: int, canvas: Pictures, caption: str) -> Pictures:
+        def completed(small: Pictures, words: str, number: int) -> Pictures:
+            seeded = replace(sampling, seed=sampling.seed + MAX_THINGS * index + number)
+            return np.asarray(complete_canvases(planner, small[None], [words], seeded)[0])
+
+        wishes = wishes_for(understand(caption, vocabulary), canvas, medium, by_window=by_window, largest=largest)
+        return drawn_in_windows(canvas, wishes, side_px=canvas.shape[0], complete=completed)
+
+    both = zip(canvases, captions, strict=True)
+    return np.stack([goal(index, canvas, caption) for index, (canvas, caption) in enumerate(both)])
 
 
 def _outcomes(canvases: Pictures, goals: dict[str, Pictures], drawn: dict[str, list[_Sheet]]) -> Outcomes:
@@ -247,8 +282,11 @@ def _from_text(task: Task, sheet: Light, caption: str, number: int) -> _Sheet:
     )  # fmt: skip
 
 
-def _complete(folder: Path, inputs: Pictures, captions: Sequence[str], sampling: SeededSampling) -> Pictures:
-    return complete_canvases(load_goal_planner(folder), inputs, captions, sampling)
+def _complete(folder: Path, inputs: Pictures, captions: Sequence[str], task: Task) -> Pictures:
+    return complete_requests(
+        load_goal_planner(folder), inputs, captions, task.sampling, medium=task.paint_context.medium.words,
+        vocabulary=task.vocabulary,
+    )  # fmt: skip
 
 
 @cache

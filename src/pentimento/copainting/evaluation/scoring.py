@@ -76,16 +76,28 @@ def added(canvas: Picture, drawing: Picture) -> Picture:
     """What a drawing [H, W, 3] shows more than its canvas, on white: the smallest square around it with a margin,
     resized to the drawing's size. All white if nothing was added.
     """
-    new = np.abs(canvas.astype(np.int16) - drawing).max(-1) >= _CHANGED_LEVELS
+    new = _new(canvas, drawing)
+    seen = cv2.dilate(new.astype(np.uint8), np.ones((2 * _RIM_PX + 1,) * 2, np.uint8))[..., None] > 0
+    return _square_around(new, np.where(seen, drawing, np.uint8(255)))
+
+
+def seen_there(canvas: Picture, drawing: Picture, later: Picture) -> Picture:
+    """What a later picture [H, W, 3] shows where a drawing was added to a canvas: the same square as of `added`."""
+    return _square_around(_new(canvas, drawing), later)
+
+
+def _new(canvas: Picture, drawing: Picture) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(canvas.astype(np.int16) - drawing).max(-1) >= _CHANGED_LEVELS)
+
+
+def _square_around(new: NDArray[np.bool_], drawing: Picture) -> Picture:
     if not new.any():
         return np.full_like(drawing, 255)
-    seen = cv2.dilate(new.astype(np.uint8), np.ones((2 * _RIM_PX + 1,) * 2, np.uint8))[..., None] > 0
-    alone = np.where(seen, drawing, np.uint8(255))
     rows, columns = np.flatnonzero(new.any(1)), np.flatnonzero(new.any(0))
     side = int(max(np.ptp(rows), np.ptp(columns))) + 1
     side += 2 * round(_MARGIN * side)
     top, left = (int(ends[0] + ends[-1] + 1 - side) // 2 for ends in (rows, columns))
-    padded = np.pad(alone, ((side, side), (side, side), (0, 0)), constant_values=255)
+    padded = np.pad(drawing, ((side, side), (side, side), (0, 0)), constant_values=255)
     square = padded[top + side : top + 2 * side, left + side : left + 2 * side]
     method = cv2.INTER_AREA if side > drawing.shape[0] else cv2.INTER_CUBIC
     return np.asarray(cv2.resize(square, drawing.shape[1::-1], interpolation=method), dtype=np.uint8)
