@@ -19,7 +19,7 @@ from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
 from pentimento.copainting.drawings.pairs import drawn_pairs
 from pentimento.copainting.drawings.scenes import Medium as DrawingMedium
-from pentimento.copainting.drawings.sources import LICENCES, nouns_of
+from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, composed_cases, paper_cases
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, film_strip, stories, turn_scores, wishes
 from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
@@ -50,7 +50,7 @@ from pentimento.copainting.evaluation.scoring import (
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
 from pentimento.copainting.jobs import gather, worker_pool
-from pentimento.copainting.scenes.collage import as_drawn
+from pentimento.copainting.scenes.collage import as_drawn, shows_named_things
 from pentimento.copainting.scenes.edits import Pair, scene_edits, scenes_of
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.sheets import side_by_side
@@ -223,7 +223,7 @@ def _asked(folder: Path, medium: Medium, config: EvaluateCopainting) -> tuple[pa
     table = as_drawn(read_table(folder, scenes.CONTRACT).table, with_pen=has_ink and medium.ink is None)
     held_out = scenes_of(table, "test")
     paper = paper_cases(held_out, config.blank_canvas_prompts)
-    if not set(table["source"].to_pylist()) <= LICENCES.keys():
+    if not shows_named_things(table):
         begun = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
         edits = scene_edits(held_out.slice(0, config.ordinary_scenes), 1, config.seed)
         told = stories(held_out, config.codrawing.stories, _TURNS)

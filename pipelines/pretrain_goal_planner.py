@@ -14,6 +14,8 @@ from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.copainting.drawings.pairs import drawn_pairs
+from pentimento.copainting.drawings.sources import nouns_of
 from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_planner
 from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
 from pentimento.copainting.goal.planner import (
@@ -27,13 +29,15 @@ from pentimento.copainting.goal.planner import (
 from pentimento.copainting.goal.training import train_goal_planner
 from pentimento.copainting.goal.vae import VaeConfig, ink_after_round_trip, train_vae, vae_pictures
 from pentimento.copainting.jobs import scratch_folder
-from pentimento.copainting.scenes.edits import scene_edits, scenes_of
+from pentimento.copainting.scenes.collage import shows_named_things
+from pentimento.copainting.scenes.edits import Pair, scene_edits, scenes_of
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section, shipped
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, input_digest, tracked_run
 
 SCRATCH = Path(".pentimento/training")
+_BLANK_SHARE = 0.3  # of the windows with named things: the canvas is blank
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,7 @@ def main(arguments: argparse.Namespace) -> None:
             planner = load_goal_planner(published)
         else:
             planner, losses = _trained(training, Encoder.load(arguments.semantics), config, scratch, run)
-        edits = scene_edits(held_out, 1, config.training.seed)
+        edits = _edits(held_out, "test", 1, config.training.seed)
         grid = guidance_grid(planner, edits[: config.sampling.shown], config.sampling)
         pictures = [edit.target for edit in edits]
         metrics: dict[str, Any] = {
@@ -107,6 +111,15 @@ def main(arguments: argparse.Namespace) -> None:
     shutil.rmtree(scratch, ignore_errors=True)
 
 
+def _edits(scenes: pa.Table, split: str, variants: int, seed: int) -> list[Pair]:
+    """`variants` edits of each scene; for named things, as many windows with one more thing."""
+    if not shows_named_things(scenes):
+        return scene_edits(scenes, variants, seed)
+    side = decode_png(scenes["image"][0].as_py()["bytes"]).shape[0]
+    count = variants * scenes.num_rows
+    return drawn_pairs(count, split, nouns_of("openmoji"), blank_share=_BLANK_SHARE, side_px=side, seed=seed)
+
+
 def _trained(
     scenes: pa.Table, encoder: Encoder, config: PretrainGoalPlanner, scratch: Path, run: Run
 ) -> tuple[GoalPlanner, list[float]]:
@@ -120,7 +133,7 @@ def _trained(
     planner = build_goal_planner(
         config.shape, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed
     )
-    pairs = encode_pairs(planner, scene_edits(scenes, config.edits, seed))
+    pairs = encode_pairs(planner, _edits(scenes, "train", config.edits, seed))
     return planner, train_goal_planner(planner, pairs, config.training, scratch=scratch / "steps", log=run.log)
 
 

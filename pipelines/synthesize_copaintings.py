@@ -22,10 +22,10 @@ from pentimento.contracts.scenes import CONTRACT, SPLITS
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import read_table
 from pentimento.copainting.jobs import scratch_folder
-from pentimento.copainting.scenes.collage import as_drawn, half_scenes, pairs_in_training
+from pentimento.copainting.scenes.collage import as_drawn, half_scenes, pairs_in_training, shows_named_things
 from pentimento.copainting.synthesis.dataset import Threshold, dataset_card, keep_pairs, preview, threshold_of
 from pentimento.copainting.synthesis.painter import Setting, load_painter
-from pentimento.copainting.synthesis.pairs import beside_pairs, usable_captions
+from pentimento.copainting.synthesis.pairs import beside_pairs, usable_captions, window_pairs
 from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.copainting.synthesis.shards import Job, paint_shards
 from pentimento.robots.tools import load_tool
@@ -59,6 +59,8 @@ class SynthesizeCopaintings:
     """Scenes with one object in one half of the sheet, from the table's first scenes with one object."""
     pairs_per_half_scene: int
     """Maximum number of pairs of each half scene: its object is to be added to the other half's."""
+    pairs_per_named_thing: int
+    """Maximum number of pairs of each painting of one named thing: it is to be added where another one is in view."""
     scenes_per_shard: int
     """Scenes that one worker paints at a time; a killed worker loses as many."""
     workers: int
@@ -71,7 +73,7 @@ class SynthesizeCopaintings:
 
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes_per_shard", "workers")
-        at_least(self, 0, "pairs_per_half_scene")
+        at_least(self, 0, "pairs_per_half_scene", "pairs_per_named_thing")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -84,7 +86,8 @@ def main(arguments: argparse.Namespace) -> None:
     inputs = {"scenes": arguments.scenes, "stroke_model": stroke_model, "semantics": arguments.semantics}
     what = {
         "scenes": asdict(config.scenes), "half_scenes": asdict(config.half_scenes),
-        "pairs_per_half_scene": config.pairs_per_half_scene, "scenes_per_shard": config.scenes_per_shard,
+        "pairs_per_half_scene": config.pairs_per_half_scene, "pairs_per_named_thing": config.pairs_per_named_thing,
+        "scenes_per_shard": config.scenes_per_shard,
         "partials": asdict(config.partials), "setting": asdict(setting),
     }  # fmt: skip
     digests = {name: input_digest(path) for name, path in inputs.items()}
@@ -113,6 +116,8 @@ def main(arguments: argparse.Namespace) -> None:
         minimum = threshold_of(config.threshold, encoder, files)
         of_halves = files[len(files) - -(-len(half_rows) // step) :]
         files += write_beside(of_halves, half_rows, table, setting, minimum, config.pairs_per_half_scene, scratch)
+        if shows_named_things(table):
+            files += write_windows(files, rows, table, setting, minimum, config.pairs_per_named_thing, scratch)
         metrics = keep_pairs(files, minimum, out) | {"scenes": len(rows) + len(half_rows)}
         card = dataset_card(
             arguments.setting, setting, config.threshold, metrics=metrics, scenes=scenes, scorer=encoder.digest
@@ -165,15 +170,39 @@ def write_beside(
     scratch: Path,
 ) -> list[Path]:
     """Write a shard of pairs that ask for one object beside another, from halves with a sufficient score."""
-    painted = [row for file in files for row in read_table(file, copaintings.CONTRACT).table.to_pylist()]
-    good = [row for row in painted if row["clip_score"] >= minimum]
+    good = _good(files, minimum)
     together = pairs_in_training(table.filter(pc.equal(table["split"], "train")))
     captions_of = partial(usable_captions, tool=load_tool(setting.tool))
     by_id = {row["scene_id"]: row for row in halves}
     rows = beside_pairs(good, by_id, captions_of, together=together, number=number, seed=setting.planner.seed)
+    return _written(rows, scratch / "part-beside.parquet")
+
+
+def write_windows(
+    files: Sequence[Path],
+    scenes: Sequence[Mapping[str, Any]],
+    table: pa.Table,
+    setting: Setting,
+    minimum: float,
+    number: int,
+    scratch: Path,
+) -> list[Path]:
+    """Write a shard of pairs that ask for one named thing where another is in view, with a sufficient score."""
+    by_id = {row["scene_id"]: row for row in scenes if len(row["objects"]) == 1}
+    whole = [row for row in _good(files, minimum) if row["strategy"] == "all" and row["scene_id"] in by_id]
+    rows = window_pairs(whole, by_id, together=pairs_in_training(table), number=number, seed=setting.planner.seed)
+    return _written(rows, scratch / "part-windows.parquet")
+
+
+def _good(files: Sequence[Path], minimum: float) -> list[dict[str, Any]]:
+    painted = [row for file in files for row in read_table(file, copaintings.CONTRACT).table.to_pylist()]
+    return [row for row in painted if row["clip_score"] >= minimum]
+
+
+def _written(rows: Sequence[dict[str, Any]], file: Path) -> list[Path]:
+    """A shard of rows; no file without rows."""
     if not rows:
         return []
-    file = scratch / "part-beside.parquet"
     pq.write_table(pa.Table.from_pylist(rows, schema=arrow_schema(copaintings.CONTRACT)), file, compression="zstd")
     return [file]
 

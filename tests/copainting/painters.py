@@ -69,6 +69,7 @@ def section(setting: Setting = MARKER, **changes: Any) -> dict[str, Any]:
         "scenes": {"train": 3, "val": 1, "test": 1},
         "half_scenes": {"train": 0, "val": 0, "test": 0},
         "pairs_per_half_scene": 0,
+        "pairs_per_named_thing": 0,
         "scenes_per_shard": 2,
         "workers": 1,
         "scheduler": None,

@@ -23,6 +23,7 @@ from pentimento.copainting.synthesis.pairs import (
     overlay,
     paint_scene,
     usable_captions,
+    window_pairs,
 )
 from pentimento.copainting.synthesis.partials import Partial
 from pentimento.planning.strokes.render_plan import render_plan
@@ -191,6 +192,25 @@ def test_beside_pairs_are_limited_and_repeatable() -> None:
     assert len(pairs(1)) == 6
     assert pairs(2, 1) == pairs(2, 1)
     assert any(pairs(1, seed) != pairs(1, 0) for seed in range(1, 5))
+
+
+def test_window_pairs_add_the_whole_thing_where_another_is_in_view() -> None:
+    rows, scenes = paintings()
+    found = window_pairs(rows, scenes, together=TOGETHER, number=9, seed=0)
+    assert found == window_pairs(rows, scenes, together=TOGETHER, number=9, seed=0)
+    in_view = 0
+    for row in found:
+        there, asked = (int(name.removeprefix("plan_")) for name in row["plan_id"].split(" + "))
+        assert frozenset((KINDS[there], KINDS[asked])) in TOGETHER and there != asked
+        assert row["split"] == rows[there]["split"] and row["caption"] == rows[asked]["caption"]
+        before, after = decode_png(row["partial"]["bytes"]), decode_png(row["full"]["bytes"])
+        alone = decode_png(rows[asked]["full"]["bytes"])
+        assert (after == overlay(before, alone, PAPER)).all() and (after[alone < 100] < 100).all()
+        in_view += bool((before < 150).any())
+    assert in_view > len(found) / 3
+    assert len(window_pairs(rows, scenes, together=TOGETHER, number=1, seed=0)) == len(
+        {row["scene_id"] for row in found}
+    )
 
 
 def test_overlay_shows_both_paintings_in_either_order() -> None:

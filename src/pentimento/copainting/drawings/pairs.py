@@ -27,6 +27,7 @@ from pentimento.copainting.drawings.scenes import (
     split_of_scene,
 )
 from pentimento.copainting.drawings.sources import LICENCES, PEN_SOURCES, Source, nouns_of
+from pentimento.copainting.scenes.collage import place_around
 from pentimento.copainting.scenes.edits import Pair
 from pentimento.copainting.scenes.ink import random_strokes
 
@@ -36,12 +37,8 @@ _MEDIA: Final[tuple[Medium, ...]] = ("marker", "colour")
 _BEGUN_SHARE: Final = 0.12  # of the pairs: part of the asked thing is drawn already
 _SCRIBBLE_SHARE: Final = 0.1  # of the pairs: the canvas shows other strokes, which the finished drawing keeps
 _OTHERS: Final = (1, 4)  # range of the number of other things; the second is excluded
-_OTHER_SIZES: Final = (0.5, 1.6)  # of other things, in sides of the window: a window may be small
 _OTHER_LINES: Final = (0.018, 0.05)  # least width of their lines
 _OTHER_TURN_RAD: Final = np.radians(6)
-_OVER_SHARE: Final = 0.25  # of the other things: they overlap with what is asked for
-_AROUND: Final = (0.8, 1.1)  # range of the distance of centres at which things stand around each other, in half sides
-_OVER: Final = (0.2, 0.8)
 _SCRIBBLES: Final = (1, 8)
 _SCRIBBLE_WIDTHS: Final = (0.012, 0.025)  # in sides of the picture
 
@@ -168,10 +165,7 @@ def _others(asked: str, split: str, nouns: Sequence[str], generator: np.random.G
         noun = asked
         while noun == asked or split_of_scene("beside", (asked, noun)) != split:
             noun = nouns[int(generator.integers(len(nouns)))]
-        size = float(generator.uniform(*_OTHER_SIZES))
-        distance = (size + 1) / 2 * generator.uniform(*(_OVER if generator.random() < _OVER_SHARE else _AROUND))
-        place = np.array([distance * generator.choice((-1, 1)), generator.uniform(-0.5, 0.5)])
-        x, y = 0.5 + (place if generator.random() < 0.5 else place[::-1])
+        x, y, size = place_around(generator)
         line, turn = float(generator.uniform(*_OTHER_LINES)), float(generator.normal(0, _OTHER_TURN_RAD))
         found.append(Placed(noun, "openmoji", x, y, size, turn, bool(generator.random() < 0.5), line))
     return found

@@ -21,6 +21,10 @@ from pentimento.copainting.drawings.sources import LICENCES
 _EXTENT: Final = (0.44, 0.52)  # range of the longer side of a placed cut-out, in sides of the sheet
 _JITTER: Final = 0.03  # largest offset of a cut-out from its half's centre along each axis, in sides of the sheet
 _MARGIN_PX: Final = 2  # around a removed region: its antialiased edge
+_AROUND_SIZES: Final = (0.5, 1.6)
+_OVER_SHARE: Final = 0.25
+_BESIDE: Final = (0.8, 1.1)  # range of the distance of centres, where the squares of both touch at 1
+_OVER: Final = (0.2, 0.8)
 PAPER_SRGB: Final = 250
 """Grey of white paper."""
 
@@ -100,6 +104,26 @@ def put(
     return mixed, share[..., 0] >= 0.5
 
 
+class Place(NamedTuple):
+    """A square on a sheet, in sides of the sheet: its centre, x to the right and y down, and its side."""
+
+    x: float
+    y: float
+    size: float
+
+
+def place_around(generator: np.random.Generator) -> Place:
+    """A random place for a thing that stands around another one, which fills the sheet, or overlaps with it.
+
+    Part of it may lie outside: the sheet may be a small window of a larger one.
+    """
+    size = float(generator.uniform(*_AROUND_SIZES))
+    reach = _OVER if generator.random() < _OVER_SHARE else _BESIDE
+    across, along = (size + 1) / 2 * generator.uniform(*reach) * generator.choice((-1, 1)), generator.uniform(-0.5, 0.5)
+    x, y = (across, along) if generator.random() < 0.5 else (along, across)
+    return Place(0.5 + float(x), 0.5 + float(y), size)
+
+
 def pairs_shown(objects: Iterable[Sequence[str]]) -> set[frozenset[str]]:
     """The pairs of kinds that occur in one scene: sets of two kinds, or of one kind that occurs twice."""
     return {
@@ -119,10 +143,15 @@ def pairs_in_training(scenes: pa.Table) -> set[frozenset[str]]:
     if "objects" not in scenes.column_names:
         return set()
     objects = [kinds or () for kinds in scenes["objects"].to_pylist()]
-    if not set(scenes["source"].to_pylist()) <= LICENCES.keys():
+    if not shows_named_things(scenes):
         return pairs_shown(objects)
     kinds = sorted({kind for each in objects for kind in each})
     return {frozenset(pair) for pair in combinations(kinds, 2) if split_of_scene("beside", pair) == "train"}
+
+
+def shows_named_things(scenes: pa.Table) -> bool:
+    """Whether all scenes of a checked table are drawings of named things, each of which fills its window."""
+    return set(scenes["source"].to_pylist()) <= LICENCES.keys()
 
 
 def as_drawn(scenes: pa.Table, *, with_pen: bool) -> pa.Table:

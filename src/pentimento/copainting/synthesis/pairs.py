@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.colour import linear_to_srgb, to_uint8
 from pentimento.contracts.images import decode_png, image_cell
 from pentimento.contracts.scenes import phrase, read_scene, without_colors
-from pentimento.copainting.scenes.collage import opposite
+from pentimento.copainting.scenes.collage import Place, opposite, place_around
 from pentimento.copainting.synthesis.painter import Image, Painter, plan_painting
 from pentimento.copainting.synthesis.partials import Partial, PartialsConfig, partials
 from pentimento.planning.strokes.target import fit_to_canvas
@@ -156,6 +156,63 @@ def beside_pairs(
                 }
             )
     return rows
+
+
+def window_pairs(
+    paintings: Sequence[Row],
+    scenes: Mapping[str, Mapping[str, Any]],
+    *,
+    together: Collection[frozenset[str]],
+    number: int,
+    seed: int,
+) -> list[Row]:
+    """Rows of the `copaintings` contract that ask for one thing where another one is in view (thesis 6.6.1).
+
+    Each painting shows one thing that fills the sheet. The other one lies around it or overlaps with it, as seen in a
+    window of a larger sheet: its picture is moved and resized, not planned again.
+
+    Args:
+        paintings: rows of that contract for such scenes, from the blank sheet (strategy `all`).
+        scenes: the scenes by `scene_id`.
+        together: pairs of kinds that may be combined.
+        number: for each painting, with paintings of the same split.
+
+    Each row has the id, the score and the split of the scene that is asked for. The pairs of a painting depend on the
+    paintings and (seed, its index) only.
+    """
+    rows = []
+    pictures = [decode_png(row["full"]["bytes"]) for row in paintings]
+    for index, row in enumerate(paintings):
+        generator = np.random.default_rng([seed, index])
+        scene, paper = scenes[row["scene_id"]], decode_png(row["partial"]["bytes"])
+        fitting = [
+            other
+            for other, drawn in enumerate(paintings)
+            if drawn["split"] == row["split"] and _may_combine(scene, scenes[drawn["scene_id"]], together)
+        ]
+        for other in generator.permutation(fitting)[:number]:
+            before = _moved(pictures[other], paper, place_around(generator))
+            rows.append(
+                row
+                | {
+                    "strategy": "beside",
+                    "partial": image_cell(before),
+                    "full": image_cell(overlay(before, pictures[index], paper)),
+                    "plan_id": f"{paintings[other]['plan_id']} + {row['plan_id']}",
+                    "kept": [True] * len(paintings[other]["kept"]) + [False] * len(row["kept"]),
+                }
+            )
+    return rows
+
+
+def _moved(picture: Image, paper: Image, place: Place) -> Image:
+    """A painting, sRGB [S, S, 3], in a place of an empty sheet."""
+    side = picture.shape[0]
+    shift = [side * (middle - place.size / 2) + 0.5 * (place.size - 1) for middle in (place.x, place.y)]
+    matrix = np.array([[place.size, 0, shift[0]], [0, place.size, shift[1]]])
+    colour = [float(value) for value in np.median(paper.reshape(-1, 3), axis=0)]
+    moved = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderValue=colour)
+    return np.asarray(moved, dtype=np.uint8)
 
 
 def overlay(one: Image, other: Image, paper: Image) -> Image:
