@@ -188,7 +188,9 @@ def window_pairs(
         fitting = [
             other
             for other, drawn in enumerate(paintings)
-            if drawn["split"] == row["split"] and _may_combine(scene, scenes[drawn["scene_id"]], together)
+            if other != index
+            and drawn["split"] == row["split"]
+            and _may_combine(scene, scenes[drawn["scene_id"]], together)
         ]
         for other in generator.permutation(fitting)[:number]:
             before = _moved(pictures[other], paper, place_around(generator))
