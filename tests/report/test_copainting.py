@@ -27,6 +27,7 @@ TURN = {
     "judge_score_no_change": 0.1, "judge_score": 0.325, "goal_keeps": None, "drawing_keeps": 0.9, "changed": 0.1,
     "strokes": 12.0, "covered": 0.05, "first_found": None,
 }  # fmt: skip
+PICTURES = ("begun", "on_paper", "other_medium", "turns", "composed_seen")
 METRICS: dict[str, Any] = {
     "begun": {
         "no_change": row(0.11, None), "copy_input": row(0.11, 0.0), "ignore_input": row(0.12, 0.061),
@@ -52,7 +53,7 @@ def test_missing_gap_between_base_and_oracle_is_stated(folder: Path) -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "metrics.json").write_text(json.dumps(METRICS))
-    for name in ("begun", "on_paper", "other_medium", "turns"):
+    for name in PICTURES:
         write_png(tmp_path / f"{name}.png", np.full((4, 4, 3), 200, np.uint8))
     return tmp_path
 
@@ -68,9 +69,7 @@ def test_every_method_is_in_the_table_with_its_interval(folder: Path) -> None:
     assert "4.769 (4.759\u00a0… 4.779)" in section and "100 held-out prompts" in section and "1 prompt." in section
     assert "in training: 7 prompts." in section and "0.410" in section
     assert "turn 3" in section and "0.325" in section and "r = −0.480, p = 2e−31" in section
-    assert {f"copainting_marker_{name}.png" for name in ("begun", "on_paper", "other_medium", "turns")} == set(
-        album.files
-    )
+    assert {f"copainting_marker_{name}.png" for name in PICTURES} == set(album.files)
 
 
 def test_incomplete_evaluation_is_an_error(folder: Path) -> None:

@@ -72,7 +72,8 @@ def read_copainting(setting: str, folder: Path) -> CopaintingInputs:
         metrics = json.loads(path.read_text(encoding="utf-8"))
         for part in ("begun", "comparisons", "on_paper", "other_medium", "turns", "correlation", "cases"):
             metrics[part]
-        pictures = {name: (folder / f"{name}.png").read_bytes() for name in _PICTURES}
+        shown = [*_PICTURES, *(name for name in _FURTHER if name in metrics)]
+        pictures = {name: (folder / f"{name}.png").read_bytes() for name in shown}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ContractError(f"{folder} holds no evaluation ({error}); run the stage evaluate_copainting.") from error
     return CopaintingInputs(setting, metrics, pictures)
@@ -95,7 +96,7 @@ def _values(inputs: CopaintingInputs) -> dict[str, Any]:
         "begun": _scores(metrics["begun"]),
         "paper": _scores(metrics["on_paper"]),
         "further": [
-            _scores(metrics[name]) | {"title": title, "cases": metrics["cases"][name]}
+            _scores(metrics[name]) | {"name": name, "title": title, "cases": metrics["cases"][name]}
             for name, title in _FURTHER.items()
             if name in metrics
         ],

@@ -10,7 +10,6 @@ from pentimento.copainting.drawings.scenes import (
     DrawnScene,
     Placed,
     caption,
-    caption_of,
     draw_scene,
     plural,
     render_scene,
@@ -102,15 +101,13 @@ def test_plural_and_article(word: str, several: str, single: str) -> None:
     assert (plural(word), phrase(word)) == (several, single)
 
 
-def test_captions_name_every_thing_or_those_that_are_asked_for() -> None:
+def test_captions_name_every_thing() -> None:
     things = (placed("owl", 0.3, 0.5, 0.4), placed("star", 0.7, 0.5, 0.4))
     scene = DrawnScene("beside", things, (0, 1), None, (250, 250, 247), 0.015)
     generator = np.random.default_rng(2)
     for _ in range(20):
         text = caption(scene, generator)
         assert "owl" in text and "star" in text
-    assert caption_of(scene, [1], generator) == "a star"
-    assert caption_of(scene_of(placed("popcorn", 0.5, 0.5, 0.4)), [0], generator) == "popcorn"
 
 
 def test_pairs_add_a_thing_that_fills_the_window_and_name_the_medium() -> None:

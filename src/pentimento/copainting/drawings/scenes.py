@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.scenes import WITHOUT_ARTICLE, listed, phrase
+from pentimento.contracts.scenes import WITHOUT_ARTICLE, phrase
 from pentimento.copainting.drawings.sources import SIDE_PX, Source, named_drawing, vocabulary
 
 Medium = Literal["marker", "colour"]
@@ -222,21 +222,6 @@ def caption(scene: DrawnScene, generator: np.random.Generator) -> str:
     fields = {letter: phrase(word) for letter, word in zip("abcd", words, strict=False)}
     opening = "" if sentence.startswith("just") else str(generator.choice(_OPENINGS))
     return opening + sentence.format(**fields, a_plural=plural(words[0]), count=_COUNTS.get(len(order), ""))
-
-
-def caption_of(scene: DrawnScene, shown: Collection[int], generator: np.random.Generator) -> str:
-    """A list of some of its things, in random order: "a cat and two fish"."""
-    counts: dict[str, int] = {}
-    for index in generator.permutation(sorted(shown)).tolist():
-        noun = scene.things[index].noun
-        counts[noun] = counts.get(noun, 0) + 1
-    words = {noun: _word(noun, generator) for noun in counts}
-    return listed(
-        [
-            phrase(words[noun]) if count == 1 else f"{_COUNTS[count]} {plural(words[noun])}"
-            for noun, count in counts.items()
-        ]
-    )
 
 
 def plural(word: str) -> str:
