@@ -69,7 +69,7 @@ def sheet(drawings: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     cells = []
     for number, drawing in enumerate(drawings, 1):
         cell = np.full((_BAND_PX + _CELL_PX, _CELL_PX, 3), 255, np.uint8)
-        cell[_BAND_PX:] = cv2.resize(drawing, (_CELL_PX, _CELL_PX), interpolation=cv2.INTER_AREA)
+        cell[_BAND_PX:] = cv2.resize(drawing, (_CELL_PX, _CELL_PX), interpolation=cv2.INTER_CUBIC)
         cv2.putText(cell, str(number), (4, _BAND_PX - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (0, 0, 0), 1, cv2.LINE_AA)
         cells.append(cv2.copyMakeBorder(cell, 0, 6, 0, 6, cv2.BORDER_CONSTANT, value=(255, 255, 255)))
     cells += [np.full_like(cells[0], 255)] * (-len(cells) % _COLUMNS)

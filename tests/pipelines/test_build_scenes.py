@@ -55,7 +55,8 @@ def test_a_local_data_set_is_taken_in_and_what_is_bad_is_counted(stage_folder: P
 def test_named_things_are_painted_and_drawn_with_a_pen(stage_folder: Path) -> None:
     named = {
         "scenes": 12, "side_px": 32, "val_share": 0.2, "test_share": 0.3, "pen_share": 0.0, "wordings": 2,
-        "alone_share": 0.5, "mirrored_share": 0.0, "places": "usual", "sources": ["openmoji"], "seed": 0,
+        "alone_share": 0.5, "mirrored_share": 0.0, "places": "usual", "tinted_share": 0.0,
+        "sources": ["openmoji"], "seed": 0,
     }  # fmt: skip
     section = {"named": named, "drawn": DRAWN, "imported": None, "segmentation": SEGMENTATION}
     YAML(typ="safe").dump({"build_scenes": section}, Path("params.yaml"))

@@ -196,7 +196,7 @@ def test_the_same_bytes_again_and_with_two_workers(folder: Path, evaluated: Path
 def test_named_things_are_asked_for_on_canvases_that_others_began(folder: Path) -> None:
     config = DrawnScenesConfig(
         scenes=60, side_px=SIDE_PX, val_share=0.1, test_share=0.6, pen_share=0.0, wordings=2, alone_share=0.2,
-        mirrored_share=0.0, places="usual", sources=("openmoji",), seed=0,
+        mirrored_share=0.0, places="usual", tinted_share=0.0, sources=("openmoji",), seed=0,
     )  # fmt: skip
     write_table(Path("scenes"), drawn_scenes(config, None), scenes.CONTRACT, "# Card")
     marker = SECTION["settings"]["marker"] | {"medium": MARKER | {"ink": None}}

@@ -59,6 +59,8 @@ class DrawnScenesConfig:
     """Of the scenes: those with one thing."""
     mirrored_share: float
     """Of the things."""
+    tinted_share: float
+    """Of the scenes: in colour, the sheet has a pale tint, not that of white paper."""
     places: Places
     """Where things stand."""
     sources: tuple[Source, ...]
@@ -68,8 +70,9 @@ class DrawnScenesConfig:
     def __post_init__(self) -> None:
         at_least(self, 1, "scenes", "wordings")
         at_least(self, 32, "side_px")
-        at_least(self, 0, "val_share", "test_share", "pen_share", "alone_share", "mirrored_share", "seed")
-        if max(self.val_share + self.test_share, self.pen_share, self.alone_share, self.mirrored_share) > 1:
+        shares = ("pen_share", "alone_share", "mirrored_share", "tinted_share")
+        at_least(self, 0, "val_share", "test_share", *shares, "seed")
+        if max(self.val_share + self.test_share, *(getattr(self, share) for share in shares)) > 1:
             raise ValueError("A share of the scenes or of the things is above 1; give fractions.")
 
 
@@ -92,6 +95,7 @@ def _row(index: int, config: DrawnScenesConfig, archives: Path | None) -> dict[s
         source,
         alone_share=config.alone_share,
         mirrored_share=config.mirrored_share,
+        tinted_share=config.tinted_share,
         places=config.places,
         generator=generator,
     )

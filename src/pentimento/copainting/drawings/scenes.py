@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -53,8 +53,9 @@ _SYNONYM_SHARE: Final = 0.25  # of the mentions of a noun that has synonyms
 _TURN_RAD: Final = np.radians(3)  # standard deviation of a thing's rotation
 _GROUND_SHARE: Final = 0.2  # of the scenes: a ground line under the things
 _TEST_IN: Final = 12  # one of so many pairs of nouns, and of nouns in a relation, is for testing only
-_SHEETS: Final = ((250, 250, 247), (250, 250, 247), (232, 240, 246), (246, 236, 222), (226, 236, 214), (236, 236, 238))
-"""sRGB of the sheets of colour: white paper, and pale tints."""
+_WHITE: Final = (250, 250, 247)  # sRGB of a sheet
+_TINTS: Final = ((232, 240, 246), (246, 236, 222), (226, 236, 214), (236, 236, 238))
+_TINTED_SHARE: Final = 2 / 3  # of the scenes: the sheet of colour has a pale tint
 _GROUND_SRGB: Final = (150, 140, 120)
 _LINES: Final = (0.018, 0.022)  # range of `DrawnScene.line`: a marker of 2 mm on about 100 mm
 _LARGE: Final = 0.875  # size of a single thing in its usual place, in sides of the sheet
@@ -125,19 +126,22 @@ def draw_scene(
     *,
     alone_share: float = RELATION_SHARES["alone"],
     mirrored_share: float = 0.0,
+    tinted_share: float = _TINTED_SHARE,
     places: Places = "anywhere",
     generator: np.random.Generator,
 ) -> DrawnScene:
     """A random scene of `split` with things of `nouns`, which `source` draws.
 
     `alone_share` of the scenes show one thing, whatever `split` is; the other relations keep their proportions.
-    `mirrored_share` of the things are mirrored.
+    `mirrored_share` of the things are mirrored. In colour, `tinted_share` of the scenes have a sheet with a pale tint.
     """
     scale = (1 - alone_share) / (1 - RELATION_SHARES["alone"])
     shares = {name: alone_share if name == "alone" else scale * share for name, share in RELATION_SHARES.items()}
     while True:
         relation = list(shares)[generator.choice(len(shares), p=list(shares.values()))]
         scene = _arranged(relation, nouns, source, mirrored_share=mirrored_share, where=places, generator=generator)
+        if generator.random() < tinted_share:
+            scene = replace(scene, sheet_srgb=_TINTS[int(generator.integers(len(_TINTS)))])
         if relation == "alone" or split_of_scene(relation, [thing.noun for thing in scene.things]) == split:
             return scene
 
@@ -204,9 +208,8 @@ def _arranged(
     ground = None
     if where == "anywhere" and u() < _GROUND_SHARE and relation in ("alone", "beside", "row", "on"):
         ground = max(thing.y + 0.5 * thing.size for thing in things) - u(0.01, 0.05)
-    sheet = _SHEETS[int(generator.integers(len(_SHEETS)))]
     ground = ground if ground is not None and ground < 0.97 else None
-    return DrawnScene(relation, things, named, ground, sheet, float(u(*_LINES)))
+    return DrawnScene(relation, things, named, ground, _WHITE, float(u(*_LINES)))
 
 
 def _turn(where: Places, generator: np.random.Generator) -> float:

@@ -153,8 +153,9 @@ def composed_cases(count: int, split: str, medium: DrawingMedium, *, side_px: in
     for index in range(count):
         generator = np.random.default_rng([seed, index])
         scene = draw_scene(
-            split, nouns_of("openmoji"), "openmoji", alone_share=0.0, places="usual", generator=generator
-        )
+            split, nouns_of("openmoji"), "openmoji", alone_share=0.0, tinted_share=0.0, places="usual",
+            generator=generator,
+        )  # fmt: skip
         image = render_scene(scene, range(len(scene.things)), medium, side_px=side_px).image
         nouns = tuple(thing.noun for thing in scene.things)
         cases.append(
