@@ -15,6 +15,8 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -31,6 +33,7 @@ from pipelines._io import write_json
 SETTINGS: Final = ("marker", "colour12")
 _NOUNS: Final = 24  # of each setting
 _SEED: Final = 58
+_AT_A_TIME: Final = 2
 _COLUMNS: Final = 6
 _CELL_PX: Final = 200
 _BAND_PX: Final = 24  # above each drawing, for its number
@@ -51,8 +54,9 @@ def draw(bundle: Path, out: Path) -> None:
     """Draw every noun with the runner, in processes without PyTorch, and write the sheets and the key."""
     chosen = nouns_of_settings(_SEED)
     out.mkdir(parents=True, exist_ok=True)
-    for setting, nouns in chosen.items():
-        write_png(out / f"{setting}.png", sheet([_drawing(bundle, setting, noun) for noun in nouns]))
+    with ThreadPoolExecutor(_AT_A_TIME) as pool:
+        for setting, nouns in chosen.items():
+            write_png(out / f"{setting}.png", sheet([*pool.map(partial(_drawing, bundle, setting), nouns)]))
     write_json(out / "key.json", chosen)
 
 
