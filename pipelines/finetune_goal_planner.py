@@ -67,7 +67,7 @@ def main(arguments: argparse.Namespace) -> None:
         before = score_planner(planner, held_out, config.sampling)
         if config.decoder is not None:
             planner.register_modules(vae=_with_decoder(planner, training, config, scratch, run))
-        latents = encode_pairs(planner, training)
+        latents = encode_pairs(planner, training, config.training.precision)
         losses = train_goal_planner(planner, latents, config.training, scratch=scratch / "steps", log=run.log)
         grid = guidance_grid(planner, held_out[: config.sampling.shown], config.sampling)
         metrics: dict[str, Any] = {

@@ -133,7 +133,7 @@ def _trained(
     planner = build_goal_planner(
         config.shape, vae, text_encoder_of(encoder.model), tokenizer=encoder.tokenizer, seed=seed
     )
-    pairs = encode_pairs(planner, _edits(scenes, "train", config.edits, seed))
+    pairs = encode_pairs(planner, _edits(scenes, "train", config.edits, seed), config.training.precision)
     return planner, train_goal_planner(planner, pairs, config.training, scratch=scratch / "steps", log=run.log)
 
 

@@ -176,6 +176,7 @@ def _trained(planner: GoalPlanner, config: TrainGoalBase, number: int, scratch: 
                 side_px=config.side_px,
                 seed=phase.training.seed,
             ),
+            phase.training.precision,
         )
         steps = scratch / f"phase_{number}_steps"
 

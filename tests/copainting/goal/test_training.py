@@ -111,6 +111,9 @@ def test_encoded_pairs_share_pictures_and_reject_mixed_sizes() -> None:
     latents = encode_pairs(planner, pairs)
     assert len(latents.latents) == 1 + len({pair.target.tobytes() for pair in pairs})  # one blank paper for all
     assert latents.tokens.shape == (6, planner.tokenizer.model_max_length)
+    half = encode_pairs(planner, pairs, "bf16-mixed").latents
+    assert half.dtype == torch.float32
+    assert 0 < float((half - latents.latents).norm() / latents.latents.norm()) < 0.02
     odd = replace(pairs[0], input=pairs[0].input[:8], target=pairs[0].target[:8])
     with pytest.raises(ContractError, match="2 sizes"):
         encode_pairs(planner, [*pairs, odd])
