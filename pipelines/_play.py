@@ -37,7 +37,8 @@ def play(
 
     def goal_for(photo: Picture, prompt: str) -> Picture:
         goals = complete_requests(
-            planner, photo[None], [prompt], sampling, medium=paint_context.medium.words, vocabulary=vocabulary,
+            planner, photo[None], [prompt], sampling, medium=paint_context.medium.words,
+            has_ink=paint_context.tool.color_srgb is not None, vocabulary=vocabulary,
             largest=codrawing.largest,
         )  # fmt: skip
         return np.asarray(goals[0])

@@ -126,11 +126,30 @@ def test_only_what_a_window_changes_is_changed() -> None:
         return drawn
 
     wishes = [Wish("a cat", Window(0.25, 0.25, 0.5)), Wish("a dog", Window(0.75, 0.75, 0.5))]
-    goal = drawn_in_windows(canvas, wishes, side_px=32, complete=complete)
+    goal = drawn_in_windows(canvas, wishes, side_px=32, has_ink=False, complete=complete)
     assert seen == [("a cat", 0, (32, 32, 3)), ("a dog", 1, (32, 32, 3))]
     changed = (goal != canvas).any(-1)
     assert changed[12:36, 12:36].all() and changed[60:84, 60:84].all()
     assert changed.sum() == 2 * 24 * 24 and (goal[14:34, 14:34] == 0).all()
+
+
+def test_lines_of_a_small_window_are_as_wide_as_those_of_the_whole_canvas() -> None:
+    canvas = np.full((128, 128, 3), 250, np.uint8)
+    canvas[:, 100] = 20  # a thin line that was there
+
+    def complete(small: np.ndarray, words: str, number: int) -> np.ndarray:
+        drawn = small.copy()
+        drawn[30:33, 20:100] = 10
+        return drawn
+
+    widths = []
+    for size in (1.0, 0.5, 0.35):
+        wish = [Wish("a cat", Window(size / 2, size / 2, size))]
+        goal = drawn_in_windows(canvas, wish, side_px=128, has_ink=True, complete=complete)
+        middle = round(60 * size)
+        widths.append(float((250.0 - goal[: round(60 * size), middle, 0]).sum() / 240))
+        assert (goal[100:, 90:] == canvas[100:, 90:]).all()
+    assert widths == pytest.approx([3, 3, 3], abs=0.8)
 
 
 def test_link_to_nothing_before_is_ignored() -> None:

@@ -65,6 +65,7 @@ def goal_from_words(
     canvas: Picture,
     networks: Networks,
     *,
+    has_ink: bool,
     schedule: NoiseSchedule,
     tokenizer: Tokenizer,
     sampling: GoalSampling,
@@ -77,6 +78,7 @@ def goal_from_words(
 
     Args:
         wishes: what to draw where on a square canvas, see `layout.wishes_for`.
+        has_ink: see `layout.drawn_in_windows`.
     """
     height, width = canvas.shape[:2]
     square = min(height, width)
@@ -96,7 +98,7 @@ def goal_from_words(
 
     goal = canvas.copy()
     goal[top : top + square, left : left + square] = drawn_in_windows(
-        inner, wishes(inner), side_px=sampling.side_px, complete=completed
+        inner, wishes(inner), side_px=sampling.side_px, has_ink=has_ink, complete=completed
     )
     return goal
 

@@ -24,6 +24,8 @@ WHOLE_SIZE: Final = 1.0
 THING: Final = 0.875
 """Side of the square that a thing fills, in sides of its window: as the goal planner was taught it."""
 
+_LINE: Final = 0.02
+"""Width of a pen's lines in sides of the whole canvas: as the goal planner was taught it."""
 _ABOVE: Final = ("above", "over", "on", "on top of")
 _BELOW: Final = ("below", "under")
 _BEHIND: Final = ("behind",)
@@ -192,11 +194,17 @@ def _share(sums: NDArray[np.float64], window: Window) -> float:
 
 
 def drawn_in_windows(
-    canvas: Picture, wishes: Sequence[Wish], *, side_px: int, complete: Callable[[Picture, str, int], Picture]
+    canvas: Picture,
+    wishes: Sequence[Wish],
+    *,
+    side_px: int,
+    has_ink: bool,
+    complete: Callable[[Picture, str, int], Picture],
 ) -> Picture:
     """The goal: a square canvas, uint8 [S, S, 3], with each thing drawn in its window, one after the other.
 
     Args:
+        has_ink: the tool draws with its own ink, in lines of one width: those of small windows are widened to it.
         complete: a window's picture [side_px, side_px, 3], the words and the thing's number, from 0, to the same
             picture with the thing. What it leaves as it is stays as it is on the canvas.
     """
@@ -211,11 +219,23 @@ def drawn_in_windows(
         inner = np.ascontiguousarray(goal[top : top + side, left : left + side])
         small = resized(inner, side_px)
         completion = complete(small, each.words, number)
+        if has_ink:
+            completion = _with_wide_lines(completion, small, each.window.size)
         changed = (completion != small).any(-1).astype(np.uint8)
         changed = cv2.resize(changed, (side, side), interpolation=cv2.INTER_NEAREST)[..., None] > 0
         # Not resized where nothing changes, which would blur it.
         goal[top : top + side, left : left + side] = np.where(changed, resized(completion, side), inner)
     return goal
+
+
+def _with_wide_lines(completion: Picture, before: Picture, size: float) -> Picture:
+    """A completion of a window with what it adds in lines that are as wide on the canvas as those of a whole canvas."""
+    grow = round(_LINE * completion.shape[0] * (1 / size - 1))
+    if grow < 1:
+        return completion
+    added = np.where((completion != before).any(-1, keepdims=True), completion, np.uint8(255))
+    pen = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (grow + 1, grow + 1))
+    return np.minimum(completion, cv2.erode(added, pen))
 
 
 def resized(picture: Picture, side_px: int) -> Picture:

@@ -193,8 +193,8 @@ def _goal_for(
         by_window=bundle.vocabulary is not None and bundle.vocabulary.by_window,
     )  # fmt: skip
     return lambda canvas: goal_from_words(
-        wishes, canvas, goal_networks(graphs), schedule=noise_schedule(bundle),
-        tokenizer=tokenizer(bundle, facts.words), sampling=sampling,
+        wishes, canvas, goal_networks(graphs), has_ink=context.tool.color_srgb is not None,
+        schedule=noise_schedule(bundle), tokenizer=tokenizer(bundle, facts.words), sampling=sampling,
     )  # fmt: skip
 
 

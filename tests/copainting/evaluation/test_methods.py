@@ -36,7 +36,7 @@ def test_requests_are_completed_by_windows_of_one_thing_each(monkeypatch: pytest
     monkeypatch.setattr(methods, "complete_canvases", complete)
     canvases = np.full((2, 64, 64, 3), 250, np.uint8)
     goals = complete_requests(
-        planner, canvases, ["a cat beside a dog", "a fish"], SAMPLING, medium="in colours",
+        planner, canvases, ["a cat beside a dog", "a fish"], SAMPLING, medium="in colours", has_ink=False,
         vocabulary=taught_vocabulary("named"), largest=0.5,
     )  # fmt: skip
     # The seeds of different goals differ.
@@ -51,6 +51,12 @@ def test_request_of_a_planner_that_knows_all_words_is_completed_at_once(monkeypa
     monkeypatch.setattr(methods, "complete_canvases", lambda _p, c, captions, _s: asked.extend(captions) or c)
     canvases = np.full((1, 64, 64, 3), 250, np.uint8)
     goals = complete_requests(
-        small_planner(), canvases, ["florb beside a dog"], SAMPLING, medium="with a marker", vocabulary=None
+        small_planner(),
+        canvases,
+        ["florb beside a dog"],
+        SAMPLING,
+        medium="with a marker",
+        has_ink=True,
+        vocabulary=None,
     )
     assert asked == ["florb beside a dog, with a marker"] and np.array_equal(goals, canvases)

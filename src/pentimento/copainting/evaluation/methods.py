@@ -209,6 +209,7 @@ def complete_requests(
     sampling: SeededSampling,
     *,
     medium: str,
+    has_ink: bool,
     vocabulary: Vocabulary | None,
     largest: float = WHOLE_SIZE,
 ) -> Pictures:
@@ -217,6 +218,7 @@ def complete_requests(
     The first goal is that of the runner for the same canvas, request and seed.
 
     Args:
+        has_ink: as for `drawn_in_windows`.
         vocabulary: what the planner was taught; None for one that knows all words.
         largest: as for `wishes_for`.
     """
@@ -228,7 +230,7 @@ def complete_requests(
             return np.asarray(complete_canvases(planner, small[None], [words], seeded)[0])
 
         wishes = wishes_for(understand(caption, vocabulary), canvas, medium, by_window=by_window, largest=largest)
-        return drawn_in_windows(canvas, wishes, side_px=canvas.shape[0], complete=completed)
+        return drawn_in_windows(canvas, wishes, side_px=canvas.shape[0], has_ink=has_ink, complete=completed)
 
     both = zip(canvases, captions, strict=True)
     return np.stack([goal(index, canvas, caption) for index, (canvas, caption) in enumerate(both)])
@@ -285,7 +287,7 @@ def _from_text(task: Task, sheet: Light, caption: str, number: int) -> _Sheet:
 def _complete(folder: Path, inputs: Pictures, captions: Sequence[str], task: Task) -> Pictures:
     return complete_requests(
         load_goal_planner(folder), inputs, captions, task.sampling, medium=task.paint_context.medium.words,
-        vocabulary=task.vocabulary,
+        has_ink=task.paint_context.tool.color_srgb is not None, vocabulary=task.vocabulary,
     )  # fmt: skip
 
 
