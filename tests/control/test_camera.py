@@ -14,6 +14,7 @@ from pentimento.control.camera import (
     sheet_shift_m,
     stroke_mask,
     unexplained_share,
+    visible_mark,
     visible_share,
 )
 from tests.bundle.line_brush import sheet
@@ -77,15 +78,27 @@ def test_marker_shift_measures_a_moved_camera() -> None:
     assert marker_shift_m(black(photo), calibration, layout) is None
 
 
+def encode(light: np.ndarray) -> np.ndarray:
+    return (255 * (1.055 * light ** (1 / 2.4) - 0.055)).round().astype(np.uint8)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.3])
 def test_visible_share_measures_a_partial_change(share: float) -> None:
     light = np.full((40, 40, 3), 0.8, np.float32)
     meant = light.copy()
     meant[10:20, 5:30] = 0.3
-    encode = lambda image: (255 * (1.055 * image ** (1 / 2.4) - 0.055)).round().astype(np.uint8)  # noqa: E731
     assert visible_share(encode(light), encode(light + share * (meant - light)), meant) == pytest.approx(
         share, abs=0.02
     )
+
+
+def test_light_paint_that_vanishes_in_dark_paint_tells_nothing_of_the_tool() -> None:
+    dark, light = np.full((40, 40, 3), 0.1, np.float32), np.full((40, 40, 3), 0.1, np.float32)
+    light[10:20] = 0.9
+    assert visible_share(encode(dark), encode(dark), light) == pytest.approx(0, abs=0.01)
+    assert visible_mark(encode(dark), encode(dark), light) is None
+    assert visible_mark(encode(light), encode(light), dark) == pytest.approx(0, abs=0.01)  # a dry tool
+    assert visible_mark(encode(light), encode(dark), dark) == pytest.approx(1, abs=0.02)
 
 
 def test_visible_share_of_an_invisible_change_is_none() -> None:

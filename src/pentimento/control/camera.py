@@ -274,3 +274,11 @@ def visible_share(before: Picture, now: Picture, predicted: NDArray[np.float32])
     if not where.all():
         change = change - np.median(change[~where], axis=0)
     return float((change[where] * expected[where]).sum() / np.square(expected[where]).sum())
+
+
+def visible_mark(before: Picture, now: Picture, predicted: NDArray[np.float32]) -> float | None:
+    """`visible_share` of what a stroke was predicted to darken; None where it darkens too little to tell.
+
+    Light paint may vanish in wet dark paint, so only what gets darker tells that the tool gives paint.
+    """
+    return visible_share(before, now, np.minimum(predicted, srgb_to_linear(to_float(before))))

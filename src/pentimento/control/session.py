@@ -20,7 +20,7 @@ from pentimento.contracts.frames import image_shape
 from pentimento.contracts.images import read_image, write_png
 from pentimento.contracts.observations import Photo
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.control.camera import PATIENCE_S, Camera, PaintingFault, visible_share
+from pentimento.control.camera import PATIENCE_S, Camera, PaintingFault, visible_mark, visible_share
 from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
 from pentimento.control.execute import Session, execute_stroke
 from pentimento.control.guard import GuardedRobot, Watchdog
@@ -58,7 +58,7 @@ _MAX_SLOWDOWN = 1.5
 _DRY_AFTER = 3
 """The tool counts as dry after so many strokes in a row that left no mark."""
 _MIN_VISIBLE = 0.2
-"""A stroke that shows less than this share of its predicted change left no mark."""
+"""A stroke that shows less than this share of its predicted darkening left no mark."""
 _EXECUTED = 0.5
 """A pending stroke that shows more than this share of its predicted change was executed."""
 
@@ -163,7 +163,7 @@ class _StrokeByStroke:
         self.unseen: list[Strokes] = []
         """The last strokes, if they left no mark."""
         self.last_visible: tuple[Strokes, float] | None = None
-        """The last stroke and the share of its predicted change that was visible, where it is known."""
+        """The last stroke and the share of its predicted darkening that was visible, where it is known."""
 
     def start(self) -> PaintingState:
         """Prepare robot, camera and recording; the state from which this session continues."""
@@ -230,7 +230,7 @@ class _StrokeByStroke:
                 state.executed, executed, before=self.photo, after=seen.photo, camera=self.camera.calibration
             )
             canvas, self.photo = seen.picture, seen.photo
-            share = visible_share(state.canvas, canvas, expected)
+            share = visible_mark(state.canvas, canvas, expected)
             self.last_visible = None if share is None else (stroke, share)
         return replace(state, remaining=remaining, pending=False, memory=memory, canvas=canvas, executed=number)
 
