@@ -149,7 +149,7 @@ def test_lines_of_a_small_window_are_as_wide_as_those_of_the_whole_canvas() -> N
         middle = round(60 * size)
         widths.append(float((250.0 - goal[: round(60 * size), middle, 0]).sum() / 240))
         assert (goal[100:, 90:] == canvas[100:, 90:]).all()
-    assert widths == pytest.approx([3, 3, 3], abs=0.8)
+    assert 2 <= min(widths) <= max(widths) <= 3  # not 1.5 and 1 in the smaller windows
 
 
 def test_link_to_nothing_before_is_ignored() -> None:

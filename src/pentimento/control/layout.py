@@ -24,8 +24,8 @@ WHOLE_SIZE: Final = 1.0
 THING: Final = 0.875
 """Side of the square that a thing fills, in sides of its window: as the goal planner was taught it."""
 
-_LINE: Final = 0.02
-"""Width of a pen's lines in sides of the whole canvas: as the goal planner was taught it."""
+_LINE: Final = 0.016
+"""Width of a pen's lines in sides of the whole canvas, nearly as the goal planner was taught it."""
 _ABOVE: Final = ("above", "over", "on", "on top of")
 _BELOW: Final = ("below", "under")
 _BEHIND: Final = ("behind",)
