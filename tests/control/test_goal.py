@@ -17,7 +17,9 @@ WORDS = Tokenizer({START: 100, END: 101, **LETTERS}, {}, 4)
 
 
 def _canvas(height: int, width: int) -> np.ndarray:
-    return np.random.default_rng(0).integers(180, 240, (height, width, 3), dtype=np.uint8)
+    canvas = np.random.default_rng(0).integers(180, 240, (height, width, 3), dtype=np.uint8)
+    canvas[::3] = 250  # white paper
+    return canvas
 
 
 def _networks(answers: np.ndarray | None) -> Networks:
@@ -83,9 +85,9 @@ def test_goal_from_words_completes_the_centred_square() -> None:
 
 def test_goal_from_words_does_not_resize_unchanged_parts() -> None:
     """Only the cell that the networks darkened, from pixel 48 on, and its rim change."""
-    canvas = np.full((64, 64, 3), 200, np.uint8)
-    canvas[5::8] = 190  # finer than a latent cell
-    answers = np.full((1, 3, SIDE // STEP, SIDE // STEP), 197.5 / 127.5 - 1, np.float32)
+    canvas = np.full((64, 64, 3), 250, np.uint8)
+    canvas[5::8] = 240  # finer than a latent cell
+    answers = np.full((1, 3, SIDE // STEP, SIDE // STEP), 247.5 / 127.5 - 1, np.float32)
     answers[..., 3, 3] = -1
     goal = _completed(canvas, answers)
     assert np.array_equal(goal[:32, :32], canvas[:32, :32]) and goal[52:, 52:].max() == 0

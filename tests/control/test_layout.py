@@ -116,7 +116,7 @@ def test_request_of_a_planner_of_scenes_is_one_wish_with_the_medium() -> None:
 
 
 def test_only_what_a_window_changes_is_changed() -> None:
-    canvas = np.random.default_rng(0).integers(180, 240, (SIDE, SIDE, 3), dtype=np.uint8)
+    canvas = np.random.default_rng(0).integers(180, 251, (SIDE, SIDE, 3), dtype=np.uint8)
     seen = []
 
     def complete(small: np.ndarray, words: str, number: int) -> np.ndarray:
@@ -131,6 +131,23 @@ def test_only_what_a_window_changes_is_changed() -> None:
     changed = (goal != canvas).any(-1)
     assert changed[12:36, 12:36].all() and changed[60:84, 60:84].all()
     assert changed.sum() == 2 * 24 * 24 and (goal[14:34, 14:34] == 0).all()
+
+
+def test_goal_planner_sees_white_paper_and_its_paper_becomes_that_of_the_canvas() -> None:
+    cream = np.array([240, 235, 220], np.uint8)
+    canvas = np.full((SIDE, SIDE, 3), cream)
+    seen = []
+
+    def complete(small: np.ndarray, words: str, number: int) -> np.ndarray:
+        seen.append(small.copy())
+        drawn = np.full_like(small, 249)  # it changes the paper a little everywhere
+        drawn[8:24, 8:24] = (200, 40, 40)
+        return drawn
+
+    goal = drawn_in_windows(canvas, [Wish("a cat", WHOLE)], side_px=32, has_ink=False, complete=complete)
+    assert (seen[0] == 250).all()
+    assert np.abs(goal[0, 0].astype(int) - cream).max() <= 1
+    assert np.abs(goal[48, 48] - np.array([200, 40, 40]) * cream / 250).max() <= 1
 
 
 def test_lines_of_a_small_window_are_as_wide_as_those_of_the_whole_canvas() -> None:

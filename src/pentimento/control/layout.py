@@ -26,6 +26,8 @@ THING: Final = 0.875
 
 _LINE: Final = 0.016
 """Width of a pen's lines in sides of the whole canvas, nearly as the goal planner was taught it."""
+_WHITE: Final = 250.0  # sRGB of paper in the goal planner's training
+_DARKEST_PAPER: Final = 180  # sRGB of a channel
 _ABOVE: Final = ("above", "over", "on", "on top of")
 _BELOW: Final = ("below", "under")
 _BEHIND: Final = ("behind",)
@@ -203,6 +205,8 @@ def drawn_in_windows(
 ) -> Picture:
     """The goal: a square canvas, uint8 [S, S, 3], with each thing drawn in its window, one after the other.
 
+    The goal planner sees the colours as on white paper, on which it was taught.
+
     Args:
         has_ink: the tool draws with its own ink, in lines of one width: those of small windows are widened to it.
         complete: a window's picture [side_px, side_px, 3], the words and the thing's number, from 0, to the same
@@ -210,6 +214,7 @@ def drawn_in_windows(
     """
     goal = canvas.copy()
     square = canvas.shape[0]
+    whiten = _WHITE / _paper(canvas)
     for number, each in enumerate(wishes):
         side = min(square, max(1, round(each.window.size * square)))
         top, left = (
@@ -217,15 +222,28 @@ def drawn_in_windows(
             for middle in (each.window.y, each.window.x)
         )
         inner = np.ascontiguousarray(goal[top : top + side, left : left + side])
-        small = resized(inner, side_px)
+        small = _scaled(resized(inner, side_px), whiten)
         completion = complete(small, each.words, number)
         if has_ink:
             completion = _with_wide_lines(completion, small, each.window.size)
         changed = (completion != small).any(-1).astype(np.uint8)
         changed = cv2.resize(changed, (side, side), interpolation=cv2.INTER_NEAREST)[..., None] > 0
         # Not resized where nothing changes, which would blur it.
-        goal[top : top + side, left : left + side] = np.where(changed, resized(completion, side), inner)
+        goal[top : top + side, left : left + side] = np.where(
+            changed, resized(_scaled(completion, 1 / whiten), side), inner
+        )
     return goal
+
+
+def _paper(canvas: Picture) -> NDArray[np.float64]:
+    """The colour of the canvas's lightest fifth, sRGB; white if that is no light paper."""
+    light = canvas.mean(axis=2)
+    colour = np.median(canvas[light >= np.percentile(light, 80)], axis=0)
+    return np.asarray(colour if colour.min() > _DARKEST_PAPER else np.full(3, _WHITE))
+
+
+def _scaled(picture: Picture, factor: NDArray[np.float64]) -> Picture:
+    return np.clip(np.round(picture * factor), 0, 255).astype(np.uint8)
 
 
 def _with_wide_lines(completion: Picture, before: Picture, size: float) -> Picture:

@@ -57,7 +57,7 @@ _MAX_SLOWDOWN = 1.5
 """A stroke may take its commanded duration times this."""
 _DRY_AFTER = 3
 """The tool counts as dry after so many strokes in a row that left no mark."""
-_MIN_VISIBLE = 0.2
+_MIN_VISIBLE = 0.1
 """A stroke that shows less than this share of its predicted darkening left no mark."""
 _EXECUTED = 0.5
 """A pending stroke that shows more than this share of its predicted change was executed."""
