@@ -15,8 +15,10 @@ from pentimento.copainting.evaluation.goal_plans import (
     seeded,
 )
 from pentimento.copainting.evaluation.scoring import delta_pix, surviving_ink
+from pentimento.dynamics.strokes.extended import base_model
+from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.tools import load_tool
-from tests.copainting.media import MEDIUM, SIDE_PX, cross, marker_paint_context, paper
+from tests.copainting.media import MEDIUM, PARAMETERS, SIDE_PX, cross, marker_paint_context, paper
 
 
 def test_goal_plan_lowers_the_error_and_keeps_existing_ink() -> None:
@@ -28,6 +30,24 @@ def test_goal_plan_lowers_the_error_and_keeps_existing_ink() -> None:
     twice = draw_scene(paint_context, result.sheet, np.rot90(goal[:, :16].repeat(2, 1)).copy(), 8)
     assert surviving_ink(as_picture(result.sheet, SIDE_PX)[None], as_picture(twice.sheet, SIDE_PX)[None])[0] == 1
     assert (twice.sheet <= result.sheet + 1e-4).all()  # a black pen never lightens
+
+
+def test_paints_leave_what_is_on_the_sheet_where_the_picture_shows_its_ground() -> None:
+    planner = replace(
+        MEDIUM.planner, iterations_palette=2, palette=PaletteChoice("plan", 2, None, None),
+        learning_rates=replace(MEDIUM.planner.learning_rates, color=0.05),
+    )  # fmt: skip
+    brush = PaintContext(
+        replace(MEDIUM, tool="round_brush", ink=None, planner=planner), load_tool("round_brush"),
+        base_model(PARAMETERS),
+    )  # fmt: skip
+    shown = paper()
+    shown[4:10] = (60, 90, 200)  # on the sheet already
+    picture = np.full_like(shown, 235)  # another ground
+    picture[20:28, 6:26] = (200, 40, 40)
+    after = as_picture(draw_scene(brush, as_sheet(shown, MEDIUM.side_px), picture, 16).sheet, SIDE_PX)
+    assert np.abs(after[5:9].astype(int) - shown[5:9]).mean() < 12
+    assert after[23:26, 12:20, 1].mean() < 150 and after[23:26, 12:20, 0].mean() > 150
 
 
 def test_goal_equal_to_the_sheet_needs_no_stroke() -> None:

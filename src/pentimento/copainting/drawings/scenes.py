@@ -53,7 +53,8 @@ _SYNONYM_SHARE: Final = 0.25  # of the mentions of a noun that has synonyms
 _TURN_RAD: Final = np.radians(3)  # standard deviation of a thing's rotation
 _GROUND_SHARE: Final = 0.2  # of the scenes: a ground line under the things
 _TEST_IN: Final = 12  # one of so many pairs of nouns, and of nouns in a relation, is for testing only
-_WHITE: Final = (250, 250, 247)  # sRGB of a sheet
+WHITE: Final = (250, 250, 247)
+"""sRGB of a sheet of white paper, for colours."""
 _TINTS: Final = ((232, 240, 246), (246, 236, 222), (226, 236, 214), (236, 236, 238))
 _TINTED_SHARE: Final = 2 / 3  # of the scenes: the sheet of colour has a pale tint
 _GROUND_SRGB: Final = (150, 140, 120)
@@ -209,7 +210,7 @@ def _arranged(
     if where == "anywhere" and u() < _GROUND_SHARE and relation in ("alone", "beside", "row", "on"):
         ground = max(thing.y + 0.5 * thing.size for thing in things) - u(0.01, 0.05)
     ground = ground if ground is not None and ground < 0.97 else None
-    return DrawnScene(relation, things, named, ground, _WHITE, float(u(*_LINES)))
+    return DrawnScene(relation, things, named, ground, WHITE, float(u(*_LINES)))
 
 
 def _turn(where: Places, generator: np.random.Generator) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.scenes import labels_of, phrase, read_scene, without_colors
 from pentimento.copainting.drawings.scenes import (
+    WHITE,
     DrawnScene,
     Placed,
     caption,
@@ -122,7 +123,7 @@ def _begun_by_others(
     column, row = (float(np.clip(value, extent / 2, 1 - extent / 2)) for value in place)
     wished = Placed(asked, "openmoji", column, row, extent, 0.0, False)
     line = float(generator.uniform(*_BEGUN_LINES))
-    scenes = [DrawnScene("alone", (thing,), (0,), None, (255, 255, 255), line) for thing in (wished, there)]
+    scenes = [DrawnScene("alone", (thing,), (0,), None, WHITE, line) for thing in (wished, there)]
     wanted, begun = (render_scene(scene, [0], medium, side_px=side_px) for scene in scenes)
     canvas = begun.image
     if medium == "colour":

@@ -30,6 +30,8 @@ from pentimento.semantics.style import style_of
 Light = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 
+_GROUND_RANGE = 0.03  # of linear light around a picture's most common colour: its ground
+
 
 @dataclass(frozen=True)
 class Medium:
@@ -107,14 +109,19 @@ def plan_goal(paint_context: PaintContext, sheet: Light, goal: Picture, strokes:
 def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, strokes: int) -> Drawn:
     """Plan a scene's picture, uint8 [H, W, 3], on top of what the sheet shows.
 
-    A tool with its own ink draws ink tones, as in synthesis; a tool with paints draws colours. Ink on the sheet is part
-    of the target; otherwise the planner would try to remove it.
+    A tool with its own ink draws ink tones, as in synthesis; a tool with paints draws colours, but not the picture's
+    ground, which is its most common colour. What is on the sheet is part of the target; otherwise the planner would try
+    to remove it.
     """
     light, medium = as_sheet(image, paint_context.medium.side_px), paint_context.medium
     if medium.ink is not None:
         light = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink).astype(np.float32)
     if paint_context.tool.color_srgb is not None:
         light = np.minimum(light, sheet)
+    else:
+        ground = np.median(light.reshape(-1, 3), axis=0)
+        painted = np.abs(light - ground).max(axis=2, keepdims=True) > _GROUND_RANGE
+        light = np.where(painted, light, sheet)
     return _drawn(paint_context, sheet, light, strokes)
 
 
