@@ -96,9 +96,10 @@ def test_light_paint_that_vanishes_in_dark_paint_tells_nothing_of_the_tool() -> 
     dark, light = np.full((40, 40, 3), 0.1, np.float32), np.full((40, 40, 3), 0.1, np.float32)
     light[10:20] = 0.9
     assert visible_share(encode(dark), encode(dark), light) == pytest.approx(0, abs=0.01)
-    assert visible_mark(encode(dark), encode(dark), light) is None
-    assert visible_mark(encode(light), encode(light), dark) == pytest.approx(0, abs=0.01)  # a dry tool
-    assert visible_mark(encode(light), encode(dark), dark) == pytest.approx(1, abs=0.02)
+    assert visible_mark(encode(dark), encode(dark), light, pixels=1) is None
+    assert visible_mark(encode(light), encode(light), dark, pixels=400) == pytest.approx(0, abs=0.01)  # a dry tool
+    assert visible_mark(encode(light), encode(dark), dark, pixels=400) == pytest.approx(1, abs=0.02)
+    assert visible_mark(encode(light), encode(light), dark, pixels=401) is None
 
 
 def test_visible_share_of_an_invisible_change_is_none() -> None:

@@ -276,9 +276,14 @@ def visible_share(before: Picture, now: Picture, predicted: NDArray[np.float32])
     return float((change[where] * expected[where]).sum() / np.square(expected[where]).sum())
 
 
-def visible_mark(before: Picture, now: Picture, predicted: NDArray[np.float32]) -> float | None:
-    """`visible_share` of what a stroke was predicted to darken; None where it darkens too little to tell.
+def visible_mark(before: Picture, now: Picture, predicted: NDArray[np.float32], *, pixels: float) -> float | None:
+    """`visible_share` of what a stroke was predicted to darken; None where that is less than a number of pixels.
 
-    Light paint may vanish in wet dark paint, so only what gets darker tells that the tool gives paint.
+    Light paint may vanish in wet dark paint, so only what gets darker tells that the tool gives paint. A stroke that
+    mostly lies on dark paint darkens only its rim, and a brush that lags misses it.
     """
-    return visible_share(before, now, np.minimum(predicted, srgb_to_linear(to_float(before))))
+    start = srgb_to_linear(to_float(before))
+    darker = np.minimum(predicted, start)
+    if (np.abs(darker - start).max(axis=2) > _FAINT).sum() < pixels:
+        return None
+    return visible_share(before, now, darker)

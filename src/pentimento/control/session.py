@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -55,10 +56,12 @@ _PAPER = 245
 """sRGB value of the blank sheet that is assumed for a robot without a camera."""
 _MAX_SLOWDOWN = 1.5
 """A stroke may take its commanded duration times this."""
-_DRY_AFTER = 3
+_DRY_AFTER = 5
 """The tool counts as dry after so many strokes in a row that left no mark."""
 _MIN_VISIBLE = 0.1
 """A stroke that shows less than this share of its predicted darkening left no mark."""
+_NEW_SHARE = 0.35
+"""Strokes of which less than this share was to darken the canvas tell nothing of the tool."""
 _EXECUTED = 0.5
 """A pending stroke that shows more than this share of its predicted change was executed."""
 
@@ -230,7 +233,9 @@ class _StrokeByStroke:
                 state.executed, executed, before=self.photo, after=seen.photo, camera=self.camera.calibration
             )
             canvas, self.photo = seen.picture, seen.photo
-            share = visible_mark(state.canvas, canvas, expected)
+            length_m = float(np.linalg.norm(np.diff(action.path[:, 1:3], axis=0), axis=1).sum())
+            area_px = length_m * self.tool.nominal_width_m * self.context.planner.pixels_per_m**2
+            share = visible_mark(state.canvas, canvas, expected, pixels=_NEW_SHARE * area_px)
             self.last_visible = None if share is None else (stroke, share)
         return replace(state, remaining=remaining, pending=False, memory=memory, canvas=canvas, executed=number)
 
@@ -270,8 +275,7 @@ class _StrokeByStroke:
             stroke, share = self.last_visible
             self.unseen = [*self.unseen, stroke] if share < _MIN_VISIBLE else []
         if len(self.unseen) == _DRY_AFTER:
-            again = self.unseen[0].joined(self.unseen[1]).joined(self.unseen[2])
-            remaining = again.joined(state.remaining)
+            remaining = reduce(Strokes.joined, [*self.unseen, state.remaining])
             self.checkpoint(replace(state, remaining=remaining, executed=state.executed - _DRY_AFTER))
             raise PaintingFault(
                 "no mark",
