@@ -136,8 +136,8 @@ def test_fault_dry_tool_restores_unmarked_strokes(robot: FaultyRobot, tmp_path: 
 
     robot.on_move = dry
     error, state = _fails(robot, tmp_path, PaintingFault, "no mark")
-    assert "no mark" in str(error) and state.executed == AT - 1  # the three without a mark are restored
-    assert robot.moves == AT + 2
+    assert "no mark" in str(error) and state.executed == AT - 1  # the five without a mark are restored
+    assert robot.moves == AT + 4
     _mended(robot, tmp_path)
 
 
