@@ -10,6 +10,7 @@ import sys
 import urllib.error
 import urllib.request
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control.checkpoint import load_state
 from pentimento.control.commission import Wanted
+from pentimento.control.layout import Wish
 from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
 from tests.bundle.tiny_bundle import CANVAS_M
@@ -122,8 +124,8 @@ def test_goal_planner_reads_taught_words_and_the_medium(
 ) -> None:
     read: list[str] = []
 
-    def goal(words: str, canvas: np.ndarray, *_: object, **__: object) -> np.ndarray:
-        read.append(words)
+    def goal(wishes: Callable[[np.ndarray], list[Wish]], canvas: np.ndarray, *_: object, **__: object) -> np.ndarray:
+        read.extend(wish.words for wish in wishes(canvas))
         return canvas
 
     monkeypatch.setattr("pentimento.control.run.goal_from_words", goal)

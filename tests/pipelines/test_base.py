@@ -62,7 +62,7 @@ def test_parameters_that_ship_are_read_by_the_stages() -> None:
 
 
 def test_drawn_scenes_keep_the_contract_and_name_their_licence(stage_folder: Path) -> None:
-    config = {"scenes": 6, "side_px": 32, "val_share": 0.0, "test_share": 0.3, "wordings": 2, "alone_share": 0.5}
+    config = {"scenes": 6, "side_px": 64, "val_share": 0.0, "test_share": 0.3, "wordings": 2, "alone_share": 0.5}
     config |= {"mirrored_share": 0.5, "pen_share": 0.5, "places": "anywhere", "tinted_share": 0.5}
     params = write_params(draw_scenes={"guide": config | {"sources": ["openmoji", "tabler"], "seed": 0}})
     arguments = argparse.Namespace(params=params, reader="guide", archives=Path("semantics"), out=Path("scenes"))
