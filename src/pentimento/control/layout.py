@@ -20,7 +20,6 @@ from pentimento.control.request import Asked, Understood
 
 Picture = NDArray[np.uint8]
 
-WHOLE_SIZE: Final = 1.0
 THING: Final = 0.875
 """Side of the square that a thing fills, in sides of its window: as the goal planner was taught it."""
 
@@ -68,11 +67,11 @@ class Wish:
     window: Window
 
 
-WHOLE: Final = Window(0.5, 0.5, WHOLE_SIZE)
+WHOLE: Final = Window(0.5, 0.5, 1.0)
 
 
 def wishes_for(
-    request: Understood, canvas: Picture, medium: str, *, by_window: bool, largest: float = WHOLE_SIZE
+    request: Understood, canvas: Picture, medium: str, *, by_window: bool, largest: float = 1.0
 ) -> list[Wish]:
     """What is to be drawn where on a square canvas, uint8 [S, S, 3], in the order in which it is drawn.
 
@@ -136,7 +135,7 @@ def _rows(things: Sequence[Asked]) -> list[list[str]]:
     return [levels[level] for level in sorted(levels)]
 
 
-def with_room(wishes: Sequence[Wish], canvas: Picture, *, largest: float = WHOLE_SIZE) -> list[Wish]:
+def with_room(wishes: Sequence[Wish], canvas: Picture, *, largest: float = 1.0) -> list[Wish]:
     """An arrangement where the square canvas, uint8 [S, S, 3], leaves most room for it.
 
     The whole arrangement is at most `largest` sides of the canvas wide. It is as large as it can be without lying over
@@ -161,9 +160,8 @@ def with_room(wishes: Sequence[Wish], canvas: Picture, *, largest: float = WHOLE
 
 
 def _painted(canvas: Picture) -> NDArray[np.float64]:
-    """Whether each cell shows paint, [G, G]; the paper has the canvas's most common colour."""
-    paper = np.median(canvas.reshape(-1, 3), axis=0)
-    marked = (np.abs(canvas - paper).max(-1) > _INK_LEVELS).astype(np.float32)
+    """Whether each cell shows paint, [G, G]."""
+    marked = (np.abs(canvas - _paper(canvas)).max(-1) > _INK_LEVELS).astype(np.float32)
     return np.asarray(cv2.resize(marked, (_GRID, _GRID), interpolation=cv2.INTER_AREA) > 0.1, np.float64)
 
 

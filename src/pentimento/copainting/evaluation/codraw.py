@@ -46,7 +46,7 @@ class Codrawing:
     wishes: int
     """Turns in which a person asks for another named thing."""
     largest: float
-    """Of what is added in a turn to a sheet of named things, in sides of the sheet: the others need room."""
+    """Maximum side of what a turn adds to a sheet of named things, in sides of the sheet: the others need room."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "stories", "person_strokes", "robot_strokes", "replan_every", "wishes")

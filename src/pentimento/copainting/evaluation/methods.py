@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.ranges import at_least
 from pentimento.control.goal import keep_canvas
-from pentimento.control.layout import WHOLE_SIZE, drawn_in_windows, wishes_for
+from pentimento.control.layout import drawn_in_windows, wishes_for
 from pentimento.control.request import MAX_THINGS, understand
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.goal_plans import (
@@ -211,7 +211,7 @@ def complete_requests(
     medium: str,
     has_ink: bool,
     vocabulary: Vocabulary | None,
-    largest: float = WHOLE_SIZE,
+    largest: float = 1.0,
 ) -> Pictures:
     """Goals, uint8 [B, H, W, 3], for canvases and requests without their medium, as the runner composes them.
 
