@@ -8,6 +8,7 @@ import pytest
 from pentimento.bundle.graphs import GraphClay, Graphs
 from pentimento.bundle.reader import open_bundle
 from pentimento.control.safety import envelope_for
+from pentimento.deploy.bundle import bundle_card
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
 from pentimento.deploy.words import taught_vocabulary
 from pentimento.dynamics.pushes.push_model import planned_clay
@@ -65,6 +66,11 @@ def test_push_model_of_the_bundle_agrees_with_pytorch() -> None:
     carried = GraphClay(Graphs(bundle), "clay_foam", facts).after(height, action)
     np.testing.assert_allclose(carried, planned_clay(models.pushes["foam"], window).after(height, action), atol=1e-7)
     assert (carried[0] - height).min() < -1e-3
+
+
+def test_bundle_card_states_the_licence_of_weights_that_learned_from_named_drawings() -> None:
+    assert "CC BY-SA 4.0" in bundle_card({}, {}, {}, named=True)
+    assert "CC BY-SA" not in bundle_card({}, {}, {}, named=False)
 
 
 def test_bundle_card_lists_graphs_without_paths_or_times() -> None:

@@ -44,6 +44,9 @@ from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 
 _NOUNS: Final = "words/nouns.json"
+_LICENCE: Final = """- **Licence** of the goal planner and the encoder, which learned from drawings by OpenMoji
+  (https://openmoji.org): CC BY-SA 4.0.
+"""
 _HEAD: Final = """# bundle
 
 What a robot needs to paint together with a person, without PyTorch: stroke models and image objectives with their
@@ -167,7 +170,10 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     goal = goal_facts(models.goal, goal_words, config.sampling, nouns=None if config.vocabulary is None else _NOUNS)
     settings = {name: _setting(setting) for name, setting in config.settings.items()}
     contents["metrics.json"] = _json(_metrics(graphs))
-    contents["card.md"] = bundle_card(settings, entries, {name: len(data) for name, data in contents.items()}).encode()
+    card = bundle_card(
+        settings, entries, {name: len(data) for name, data in contents.items()}, named=config.vocabulary == "named"
+    )
+    contents["card.md"] = card.encode()
     manifest = Manifest(
         schema=SCHEMA,
         opset=OPSET,
@@ -274,9 +280,11 @@ def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def bundle_card(settings: Mapping[str, Setting], graphs: Mapping[str, GraphEntry], sizes: Mapping[str, int]) -> str:
-    """The card of a bundle in Markdown."""
-    lines = [_HEAD, "| setting | tool | canvas | strokes | envelope |", "|---|---|---|---|---|"]
+def bundle_card(
+    settings: Mapping[str, Setting], graphs: Mapping[str, GraphEntry], sizes: Mapping[str, int], *, named: bool
+) -> str:
+    """The card of a bundle in Markdown; `named` if the goal planner was taught drawings of named things."""
+    lines = [_HEAD + _LICENCE * named, "| setting | tool | canvas | strokes | envelope |", "|---|---|---|---|---|"]
     for name, setting in sorted(settings.items()):
         width, height = (1000 * length for length in setting.canvas_m)
         lines.append(
