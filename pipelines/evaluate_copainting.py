@@ -11,22 +11,28 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
+from pentimento.contracts.statistics import item_resamples, mean_estimate
 from pentimento.contracts.tables import read_table
-from pentimento.copainting.drawings.pairs import drawn_pairs
-from pentimento.copainting.drawings.scenes import Medium as DrawingMedium
-from pentimento.copainting.drawings.sources import nouns_of
-from pentimento.copainting.evaluation.cases import Case, begun_by_others, choose_cases, composed_cases, paper_cases
-from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, film_strip, stories, turn_scores, wishes
+from pentimento.copainting.evaluation.cases import Case
+from pentimento.copainting.evaluation.codraw import (
+    Codrawing,
+    Turn,
+    executed_found,
+    film_strip,
+    one_turn_each,
+    turn_scores,
+)
+from pentimento.copainting.evaluation.exam import BEGUN, ExamSize, exam_from
 from pentimento.copainting.evaluation.goal_plans import Medium, load_paint_context
 from pentimento.copainting.evaluation.methods import (
     BASE,
     FINE_TUNED,
     ON_CANVAS,
+    ORACLE,
     TEXT_ONLY,
     Outcomes,
     Planners,
@@ -50,12 +56,9 @@ from pentimento.copainting.evaluation.scoring import (
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.copainting.goal.vae import round_trip
 from pentimento.copainting.jobs import gather, worker_pool
-from pentimento.copainting.scenes.collage import as_drawn, shows_named_things
-from pentimento.copainting.scenes.edits import Pair, scene_edits, scenes_of
+from pentimento.copainting.scenes.collage import as_drawn
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.sheets import side_by_side
-from pentimento.deploy.words import taught_vocabulary
-from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
@@ -64,10 +67,7 @@ from pipelines._tracking import tracked_run
 
 Pictures = NDArray[np.uint8]
 
-BEGUN = "begun"
-"""Requests on canvases that somebody else began: the thesis's Table 6.1."""
 _SHOWN_PX = 128
-_TURNS = 3  # of a story whose things a person begins to draw
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,8 @@ class EvaluateCopainting:
     """Held-out scenes with an object removed; their completion is scored without a robot's drawing."""
     other_medium_prompts: int
     """How many of `prompts` are repeated on canvases that were begun with another medium (thesis 6.6.4)."""
+    executed_prompts: int
+    """How many of each kind the robot draws in the studio, by the fine-tuned planner."""
     strokes: Strokes
     sampling: SeededSampling
     """Of the goal planner."""
@@ -119,7 +121,9 @@ class EvaluateCopainting:
 
     def __post_init__(self) -> None:
         at_least(self, 2, "prompts")
-        at_least(self, 1, "workers", "blank_canvas_prompts", "ordinary_scenes", "other_medium_prompts")
+        at_least(
+            self, 1, "workers", "blank_canvas_prompts", "ordinary_scenes", "other_medium_prompts", "executed_prompts"
+        )
         at_least(self, 0, "seed")
 
 
@@ -142,10 +146,15 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
         worker_pool(config.workers, end_with_parent) as submit,
     ):
-        table, asked = _asked(arguments.scenes, setting.medium, config)
+        paint_context = load_paint_context(setting.medium, strokes_models[setting.medium.tool])
+        has_ink = paint_context.tool.color_srgb is not None
+        table = as_drawn(
+            read_table(arguments.scenes, scenes.CONTRACT).table, with_pen=has_ink and setting.medium.ink is None
+        )
+        size = ExamSize(config.prompts, config.blank_canvas_prompts, config.ordinary_scenes)
+        asked = exam_from(table, size, config.codrawing, has_ink=has_ink, seed=config.seed)
         pairs = read_table(arguments.copaintings, copaintings.CONTRACT).table
         begun = asked.on_canvas[BEGUN]
-        paint_context = load_paint_context(setting.medium, strokes_models[setting.medium.tool])
         planners = Planners(arguments.base, arguments.fine_tuned)
         task = Task(
             paint_context, paint_context, blank_sheet(pairs, begun[0].image.shape), planners, arguments.semantics,
@@ -157,18 +166,28 @@ def main(arguments: argparse.Namespace) -> None:
             partial(edit_scores, judge=arguments.judge, seed=config.seed), planners.base, asked.edits, config.sampling
         )
         story_of = partial(
-            play, world=setting.world, sampling=config.sampling, codrawing=config.codrawing,
-            vocabulary=asked.vocabulary,
+            play, world=setting.world, sampling=config.sampling, vocabulary=asked.vocabulary,
         )  # fmt: skip
         played = {
             name: [
-                submit(partial(story_of, seed=seed), folder, story, paint_context)
+                submit(partial(story_of, codrawing=config.codrawing, seed=seed), folder, story, paint_context)
                 for seed, story in enumerate(asked.stories, config.seed)
             ]
             for name, folder in ((BASE, planners.base), (FINE_TUNED, planners.fine_tuned))
         }
+        once = replace(
+            config.codrawing, person_strokes=config.strokes.begun, robot_strokes=config.strokes.added, largest=1.0
+        )
+        tried = {name: cases[: config.executed_prompts] for name, cases in (asked.on_canvas | asked.on_paper).items()}
+        executed = {
+            name: [
+                submit(partial(story_of, codrawing=once, seed=seed), planners.fine_tuned, story, paint_context)
+                for seed, story in enumerate(one_turn_each(cases), config.seed)
+            ]
+            for name, cases in tried.items()
+        }
         drawn = {
-            name: run_on_canvas(cases, task, ON_CANVAS if name == BEGUN else (BASE, FINE_TUNED), submit)
+            name: run_on_canvas(cases, task, ON_CANVAS if name == BEGUN else (BASE, FINE_TUNED, ORACLE), submit)
             for name, cases in asked.on_canvas.items()
         }
         drawn |= {name: run_on_paper(cases, task, submit) for name, cases in asked.on_paper.items()}
@@ -177,6 +196,7 @@ def main(arguments: argparse.Namespace) -> None:
         drawn["other_medium"] = run_on_canvas(few, other_task, (BASE, FINE_TUNED), submit)
         given = {**asked.on_canvas, **asked.on_paper, "other_medium": few}
         turns = {name: gather(futures) for name, futures in played.items()}
+        photographed = {name: gather(futures) for name, futures in executed.items()}
 
         scores = {name: score(outcomes, given[name], judges) for name, outcomes in drawn.items()}
         metrics = {
@@ -186,13 +206,16 @@ def main(arguments: argparse.Namespace) -> None:
             "turns": {
                 name: turn_scores(of_one, asked.stories, judges.judge, judges.kinds) for name, of_one in turns.items()
             },
+            "executed": _executed(photographed, tried, judges, config.seed) if judges.kinds else {},
             "correlation": painted_gap(pairs, table, judges.main),
             "vae_ink_recall": _ink_recall(drawn[BEGUN].canvases, planners),
             "cases": {name: len(cases) for name, cases in given.items()} | {"ordinary": len(asked.edits)},
         }
         write_json(out / "metrics.json", metrics)
         write_json(out / "cases.json", _by_case(begun, scores[BEGUN]))
-        _write_pictures(out, {name: (drawn[name], given[name]) for name in given}, turns, config.figures.method_rows)
+        _write_pictures(
+            out, {name: (drawn[name], given[name]) for name in given}, turns, photographed, config.figures.method_rows
+        )
         page, key = preference_page(_compared(begun[: config.figures.preference_prompts], drawn[BEGUN]), config.seed)
         (out / "preference.html").write_text(page, encoding="utf-8")
         write_json(out / "preference_key.json", key)
@@ -203,55 +226,16 @@ def main(arguments: argparse.Namespace) -> None:
             run.log_picture(out / picture)
 
 
-@dataclass(frozen=True, eq=False)
-class _Asked:
-    """What the goal planners are asked for."""
-
-    on_canvas: dict[str, list[Case]]
-    on_paper: dict[str, list[Case]]
-    edits: list[Pair]
-    stories: list[Story]
-    kinds: tuple[str, ...]
-    """Which the judge ranks."""
-    vocabulary: Vocabulary | None
-    """What the planners were taught; None if they know all words."""
-
-
-def _asked(folder: Path, medium: Medium, config: EvaluateCopainting) -> tuple[pa.Table, _Asked]:
-    """The scenes as the medium's tool draws them, and held-out requests: for named things, or from the scenes."""
-    has_ink = load_tool(medium.tool).color_srgb is not None
-    table = as_drawn(read_table(folder, scenes.CONTRACT).table, with_pen=has_ink and medium.ink is None)
-    held_out = scenes_of(table, "test")
-    paper = paper_cases(held_out, config.blank_canvas_prompts)
-    if not shows_named_things(table):
-        begun = choose_cases(held_out, scenes_of(table, "train"), config.prompts, config.seed)
-        edits = scene_edits(held_out.slice(0, config.ordinary_scenes), 1, config.seed)
-        told = stories(held_out, config.codrawing.stories, _TURNS)
-        return table, _Asked({BEGUN: begun}, {"on_paper": paper}, edits, told, _kinds(held_out), None)
-    side, nouns = paper[0].image.shape[0], nouns_of("openmoji")
-    drawn_with: DrawingMedium = "marker" if has_ink else "colour"
-    on_canvas = {
-        name: begun_by_others(config.prompts, drawn_with, side_px=side, overlapping=over, seed=config.seed)
-        for name, over in ((BEGUN, False), ("overlapping", True))
-    }
-    on_paper = {
-        f"composed_{name}": composed_cases(
-            config.blank_canvas_prompts, split, drawn_with, side_px=side, seed=config.seed
-        )
-        for name, split in (("seen", "train"), ("held_out", "test"))
-    }
-    edits = drawn_pairs(config.ordinary_scenes, "test", nouns, blank_share=0.3, side_px=side, seed=config.seed)
-    told = wishes(config.codrawing.stories, turns=config.codrawing.wishes, side_px=side, seed=config.seed)
-    return table, _Asked(on_canvas, {"on_paper": paper, **on_paper}, edits, told, nouns, taught_vocabulary("named"))
-
-
 def _write_pictures(
     out: Path,
     asked: Mapping[str, tuple[Outcomes, Sequence[Case]]],
     turns: Mapping[str, Sequence[Sequence[Turn]]],
+    photographed: Mapping[str, Sequence[Sequence[Turn]]],
     rows: int,
 ) -> None:
-    """Write a picture of all methods for each set of prompts, and a film strip of each planner's first story."""
+    """Write a picture of all methods for each set of prompts, a film strip of each planner's first story, and the
+    photographs of what was executed.
+    """
     for name, (outcomes, cases) in asked.items():
         captions = [case.caption for case in cases[:rows]]
         write_png(out / f"{name}.png", side_by_side(outcome_columns(outcomes), captions, (_SHOWN_PX, _SHOWN_PX)))
@@ -259,6 +243,21 @@ def _write_pictures(
         file = "turns.png" if name == FINE_TUNED else f"turns_{name}.png"
         prompts = [turn.prompt for turn in drawn[0]]
         write_png(out / file, side_by_side(film_strip(drawn[0]), prompts, (2 * _SHOWN_PX, 2 * _SHOWN_PX)))
+    shown = [played[0] for of_kind in photographed.values() for played in of_kind[:rows]]
+    prompts = [turn.prompt for turn in shown]
+    write_png(out / "executed.png", side_by_side(film_strip(shown), prompts, (2 * _SHOWN_PX, 2 * _SHOWN_PX)))
+
+
+def _executed(
+    photographed: Mapping[str, Sequence[Sequence[Turn]]],
+    tried: Mapping[str, Sequence[Case]],
+    judges: Judges,
+    seed: int,
+) -> dict[str, Any]:
+    """By kind of request, the fraction of the requested things that the judge finds on the photographs."""
+    found = {name: executed_found(played, tried[name], judges) for name, played in photographed.items()}
+    estimates = {name: mean_estimate(values, item_resamples(len(values), seed)) for name, values in found.items()}
+    return _plain({name: estimate for name, estimate in estimates.items() if estimate is not None})
 
 
 def blank_sheet(pairs: pa.Table, shape: tuple[int, ...]) -> Pictures:
@@ -276,13 +275,6 @@ def blank_sheet(pairs: pa.Table, shape: tuple[int, ...]) -> Pictures:
                 )
             return blank
     raise ContractError("No co-painting begins on a blank sheet (strategy all); synthesise some that do.")
-
-
-def _kinds(table: pa.Table) -> tuple[str, ...]:
-    """All kinds of objects that scenes name; empty where they name none."""
-    if "objects" not in table.column_names:
-        return ()
-    return tuple(sorted({str(kind) for kinds in table["objects"].to_pylist() for kind in kinds or ()}))
 
 
 def _plain(estimates: Mapping[str, Any]) -> dict[str, Any]:

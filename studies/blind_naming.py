@@ -1,11 +1,14 @@
 """Whether strangers recognise what the runner draws: contact sheets without captions, and the scores of their answers.
 
     python -m studies.blind_naming draw --bundle models/bundle --out docs/blind_naming
+    python -m studies.blind_naming draw_begun --models models --out docs/blind_naming/begun
     python -m studies.blind_naming score --out docs/blind_naming
 
 `draw` writes `<setting>.png` and `key.json` for each setting: 24 nouns, drawn by the lean runner in the studio from the
-words alone. Each viewer sees the two sheets only, and writes what every drawing shows into `answers_<viewer>.json`, as
-`{"<setting>": ["...", ...]}`. `score` writes `scores.json`.
+words alone. `draw_begun` does so for canvases that somebody else began: of 24 drawings, 12 stand beside the other
+drawing and 12 on a canvas that it fills; they are planned in the workshop and drawn in the studio. Each viewer sees the
+two sheets only, and writes what every drawing shows into `answers_<viewer>.json`, as `{"<setting>": ["...", ...]}`;
+several things in one drawing are separated by semicolons. `score` writes `scores.json`.
 """
 
 import argparse
@@ -16,6 +19,7 @@ import tempfile
 import tomllib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -27,13 +31,20 @@ from numpy.typing import NDArray
 from pentimento.contracts.images import read_image, write_png
 from pentimento.contracts.scenes import phrase
 from pentimento.copainting.drawings.sources import vocabulary
+from pentimento.copainting.evaluation.cases import begun_by_others
+from pentimento.copainting.evaluation.codraw import one_turn_each
+from pentimento.copainting.evaluation.goal_plans import load_paint_context
 from pentimento.deploy.words import taught_vocabulary
+from pipelines._config import load_section
 from pipelines._io import write_json
+from pipelines._play import play
+from pipelines.evaluate_copainting import EvaluateCopainting
 
 SETTINGS: Final = ("marker", "colour12")
 _NOUNS: Final = 24  # of each setting
 _SEED: Final = 58
 _AT_A_TIME: Final = 2
+_SIDE_PX: Final = 128  # of the goals
 _COLUMNS: Final = 6
 _CELL_PX: Final = 200
 _BAND_PX: Final = 24  # above each drawing, for its number
@@ -58,6 +69,38 @@ def draw(bundle: Path, out: Path) -> None:
         for setting, nouns in chosen.items():
             write_png(out / f"{setting}.png", sheet([*pool.map(partial(_drawing, bundle, setting), nouns)]))
     write_json(out / "key.json", chosen)
+
+
+def draw_begun(models: Path, out: Path) -> None:
+    """Draw nouns on canvases that others began, and write the sheets and the key."""
+    config = load_section(Path("params.yaml"), "evaluate_copainting", EvaluateCopainting)
+    turn = replace(
+        config.codrawing, person_strokes=config.strokes.begun, robot_strokes=config.strokes.added, largest=1.0
+    )
+    key = {}
+    out.mkdir(parents=True, exist_ok=True)
+    for number, setting in enumerate(SETTINGS):
+        asked = config.settings[setting]
+        context = load_paint_context(asked.medium, models / f"stroke_{asked.medium.tool}" / "weights")
+        has_ink = context.tool.color_srgb is not None
+        cases = [
+            case
+            for overlapping in (False, True)
+            for case in begun_by_others(
+                _NOUNS // 2, "marker" if has_ink else "colour", side_px=_SIDE_PX, overlapping=overlapping,
+                seed=_SEED + 2 * number + overlapping,
+            )
+        ]  # fmt: skip
+        drawings = [
+            play(
+                models / "goal_planner" / "weights", story, context, world=asked.world, sampling=config.sampling,
+                codrawing=turn, vocabulary=taught_vocabulary("named"), seed=_SEED,
+            )[0].after
+            for story in one_turn_each(cases)
+        ]  # fmt: skip
+        write_png(out / f"{setting}.png", sheet(drawings))
+        key[setting] = [case.objects[0] for case in cases]
+    write_json(out / "key.json", key)
 
 
 def _drawing(bundle: Path, setting: str, noun: str) -> NDArray[np.uint8]:
@@ -88,11 +131,15 @@ def accepted(noun: str) -> set[str]:
 
 
 def is_right(answer: str, noun: str) -> bool:
-    """Whether an answer, with or without an article, names the noun."""
+    """Whether an answer, with or without an article, names the noun; one of several answers, with semicolons."""
+    return any(_without_article(part) in accepted(noun) for part in answer.split(";"))
+
+
+def _without_article(answer: str) -> str:
     words = " ".join(answer.lower().strip(" .").split())
     for article in _ARTICLES:
         words = words.removeprefix(article)
-    return words in accepted(noun)
+    return words
 
 
 def score(out: Path) -> None:
@@ -115,11 +162,14 @@ def score(out: Path) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="blind_naming", description=__doc__)
-    parser.add_argument("what", choices=("draw", "score"))
-    parser.add_argument("--bundle", type=Path, default=Path("models/bundle"))
+    parser.add_argument("what", choices=("draw", "draw_begun", "score"))
+    parser.add_argument("--bundle", type=Path, default=Path("models/bundle"), help="for draw")
+    parser.add_argument("--models", type=Path, default=Path("models"), help="for draw_begun")
     parser.add_argument("--out", type=Path, default=Path("docs/blind_naming"))
     chosen = parser.parse_args()
     if chosen.what == "draw":
         draw(chosen.bundle, chosen.out)
+    elif chosen.what == "draw_begun":
+        draw_begun(chosen.models, chosen.out)
     else:
         score(chosen.out)

@@ -53,6 +53,7 @@ SECTION: dict[str, Any] = {
     "blank_canvas_prompts": 2,
     "ordinary_scenes": 3,
     "other_medium_prompts": 2,
+    "executed_prompts": 1,
     "strokes": {"begun": 5, "added": 6},
     "sampling": {"steps": 1, "image_guidance": 1.0, "text_guidance": 1.0, "seed": 0},
     "text_only": {"iterations": 2, "views": 0},
@@ -178,7 +179,7 @@ def test_every_number_has_its_baselines_beside_it(evaluated: Path) -> None:
     assert len(cases) == 3
     mean = np.mean([case["fine_tuned"]["judge_score"] for case in cases])
     assert abs(mean - table["fine_tuned"]["judge_score"]["value"]) < 1e-6
-    for name in ("begun", "on_paper", "other_medium", "turns", "turns_base"):
+    for name in ("begun", "on_paper", "other_medium", "turns", "turns_base", "executed"):
         assert read_image(out / f"{name}.png").std() > 0
     key = json.loads((out / "preference_key.json").read_text())
     page = (out / "preference.html").read_text()
@@ -203,7 +204,10 @@ def test_named_things_are_asked_for_on_canvases_that_others_began(folder: Path) 
     write_params({"settings": {"marker": marker}})
     out = evaluate(folder, "named", scenes=Path("scenes"))
     metrics = json.loads((out / "metrics.json").read_text())
-    assert set(metrics["overlapping"]) == {"no_change", "base", "fine_tuned"}
+    assert set(metrics["overlapping"]) == {"no_change", "base", "fine_tuned", "oracle"}
+    kinds = {"begun", "overlapping", "on_paper", "composed_seen", "composed_held_out"}
+    assert set(metrics["executed"]) == kinds
+    assert all(0 <= found["low"] <= found["value"] <= found["high"] <= 1 for found in metrics["executed"].values())
     assert {"composed_seen", "composed_held_out"} <= set(metrics)
     for played in metrics["turns"].values():
         assert len(played) == 2

@@ -57,6 +57,14 @@ class Window:
         left, top = other.x - other.size / 2, other.y - other.size / 2
         return Window(left + self.x * other.size, top + self.y * other.size, self.size * other.size)
 
+    def pixels(self, side_px: int) -> tuple[slice, slice]:
+        """Rows and columns of this window in a canvas of `side_px` pixels a side; always a square within it."""
+        side = min(side_px, max(1, round(self.size * side_px)))
+        top, left = (
+            int(np.clip(round((middle - self.size / 2) * side_px), 0, side_px - side)) for middle in (self.y, self.x)
+        )
+        return slice(top, top + side), slice(left, left + side)
+
 
 @dataclass(frozen=True)
 class Wish:
@@ -211,15 +219,11 @@ def drawn_in_windows(
             picture with the thing. What it leaves as it is stays as it is on the canvas.
     """
     goal = canvas.copy()
-    square = canvas.shape[0]
     whiten = _WHITE / _paper(canvas)
     for number, each in enumerate(wishes):
-        side = min(square, max(1, round(each.window.size * square)))
-        top, left = (
-            int(np.clip(round((middle - each.window.size / 2) * square), 0, square - side))
-            for middle in (each.window.y, each.window.x)
-        )
-        inner = np.ascontiguousarray(goal[top : top + side, left : left + side])
+        there = each.window.pixels(canvas.shape[0])
+        inner = np.ascontiguousarray(goal[there])
+        side = inner.shape[0]
         small = _scaled(resized(inner, side_px), whiten)
         completion = complete(small, each.words, number)
         if has_ink:
@@ -227,9 +231,7 @@ def drawn_in_windows(
         changed = (completion != small).any(-1).astype(np.uint8)
         changed = cv2.resize(changed, (side, side), interpolation=cv2.INTER_NEAREST)[..., None] > 0
         # Not resized where nothing changes, which would blur it.
-        goal[top : top + side, left : left + side] = np.where(
-            changed, resized(_scaled(completion, 1 / whiten), side), inner
-        )
+        goal[there] = np.where(changed, resized(_scaled(completion, 1 / whiten), side), inner)
     return goal
 
 

@@ -38,13 +38,20 @@ _COLUMNS = {
 _SHARES = {"objects", "goal_keeps", "drawing_keeps", "changed", "covered", "first_found"}
 _THOUSANDTHS = {"delta_pix", "delta_sem"}
 _SYMBOLS = {"delta_pix": Markup("Δ<sub>pix</sub>"), "delta_sem": Markup("Δ<sub>sem</sub>")}
-_PICTURES = ("begun", "on_paper", "other_medium", "turns")
+_PICTURES = ("begun", "on_paper", "other_medium", "turns", "executed")
 _FURTHER = {
     "overlapping": "On canvases that a drawing fills: what is asked for lies over it",
     "composed_seen": "Several things in a relation, on blank paper; pairs and relations that occur in training",
     "composed_held_out": "The same with pairs and relations that do not",
 }
 """Tables that only named things have."""
+_KINDS = {
+    "begun": "beside another drawing",
+    "overlapping": "over a drawing that fills the canvas",
+    "on_paper": "on blank paper",
+    "composed_seen": "several things, combinations that occur in training",
+    "composed_held_out": "several things, combinations that do not",
+}
 _OF_A_TURN = (
     "judge_score_no_change", "judge_score", "goal_keeps", "drawing_keeps", "changed", "covered", "first_found",
     "strokes",
@@ -70,7 +77,7 @@ def read_copainting(setting: str, folder: Path) -> CopaintingInputs:
     path = folder / "metrics.json"
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
-        for part in ("begun", "comparisons", "on_paper", "other_medium", "turns", "correlation", "cases"):
+        for part in ("begun", "comparisons", "on_paper", "other_medium", "turns", "executed", "correlation", "cases"):
             metrics[part]
         shown = [*_PICTURES, *(name for name in _FURTHER if name in metrics)]
         pictures = {name: (folder / f"{name}.png").read_bytes() for name in shown}
@@ -101,6 +108,7 @@ def _values(inputs: CopaintingInputs) -> dict[str, Any]:
             if name in metrics
         ],
         "foreign": _scores(metrics["other_medium"]),
+        "executed": _executed_rows(metrics),
         "turns": _turn_rows(metrics["turns"]),
         "correlations": [_correlation(name, found) for name, found in correlation.items()],
         "paintings": max((int(found["paintings"]) for found in correlation.values()), default=0),
@@ -167,6 +175,14 @@ def _gains(metrics: Mapping[str, Any]) -> list[str]:
 def _estimate(value: Mapping[str, float], share: bool) -> str:
     middle, low, high = (_number(value[name], share) for name in ("value", "low", "high"))
     return f"{middle} ({low}\u00a0… {high})"
+
+
+def _executed_rows(metrics: Mapping[str, Any]) -> list[list[str]]:
+    """By kind of request, what the judge finds on photographs, and in the predicted drawing of the oracle."""
+    return [
+        [_KINDS[name], _cell(found, "objects"), _cell(metrics[name]["oracle"].get("objects"), "objects")]
+        for name, found in metrics["executed"].items()
+    ]
 
 
 def _turn_rows(turns: Mapping[str, Sequence[Mapping[str, float | None]]]) -> list[list[str]]:

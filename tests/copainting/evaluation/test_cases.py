@@ -7,10 +7,17 @@ import pytest
 from pentimento.contracts import scenes
 from pentimento.contracts.errors import ContractError
 from pentimento.copainting.drawings.scenes import split_of_scene
-from pentimento.copainting.evaluation.cases import begun_by_others, choose_cases, paper_cases, plain_caption
+from pentimento.copainting.evaluation.cases import (
+    begun_by_others,
+    choose_cases,
+    composed_cases,
+    paper_cases,
+    plain_caption,
+)
 from pentimento.copainting.scenes.collage import pairs_shown
 from pentimento.copainting.scenes.edits import scenes_of
 from pentimento.copainting.scenes.procedural import ScenesConfig, build_scenes
+from pentimento.deploy.words import taught_vocabulary
 
 
 def drawn(number: int) -> tuple[pa.Table, pa.Table]:
@@ -100,3 +107,18 @@ def test_canvases_begun_by_others_in_colour_show_the_same_things_in_the_same_pla
         assert np.ptp(pen.other_image.astype(int), axis=2).max() == 0
         filled = np.ptp(colour.other_image.astype(int), axis=2) > 0
         assert filled.sum() > (pen.other_image[..., 0] < 128).sum()
+
+
+@pytest.mark.parametrize("split", ["train", "test"])
+def test_composed_request_asks_for_each_thing_in_a_window_of_its_own(split: str) -> None:
+    vocabulary = taught_vocabulary("named")
+    cases = composed_cases(60, split, "marker", vocabulary=vocabulary, side_px=32, seed=3)
+    for case in cases:
+        assert 2 <= len(case.windows) == len(case.objects) <= 4
+        for noun, window in zip(case.objects, case.windows, strict=True):
+            assert any(
+                word in case.caption for word in (*vocabulary.nouns[noun].words, *vocabulary.nouns[noun].plurals)
+            )
+            assert case.image[window.pixels(32)].min() < 128
+    alone = composed_cases(3, split, "marker", vocabulary=vocabulary, side_px=32, seed=3)
+    assert [case.caption for case in alone] == [case.caption for case in cases[:3]]

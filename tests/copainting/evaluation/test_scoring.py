@@ -1,5 +1,6 @@
 """Gaps, shares of ink, the scores of methods, and their correlations."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 
 from pentimento.contracts import copaintings, scenes
 from pentimento.contracts.schema import arrow_schema
+from pentimento.control.layout import Window
 from pentimento.copainting.evaluation import scoring
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.methods import Outcomes
@@ -125,6 +127,25 @@ def test_objects_found_among_as_many_best_kinds_as_asked_for(judges: Judges) -> 
     assert both[0] == 1 and np.isnan(both[1])
     alone = [objects_found(judges, PAPER[:1], NOISE[:1], [case(kind, (kind,))])[0] for kind in KINDS]
     assert sorted(alone) == [0, 0, 1]
+
+
+def test_things_in_windows_are_looked_at_one_by_one(judges: Judges) -> None:
+    """Two drawings in two windows score the mean of each drawing alone."""
+    left, right = Window(0.25, 0.25, 0.5), Window(0.75, 0.75, 0.5)
+    generator = np.random.default_rng(2)
+    sheet = np.full((1, 32, 32, 3), 255, np.uint8)
+    one, other = sheet.copy(), sheet.copy()
+    one[0, 4:12, 4:12] = generator.integers(0, 100, (8, 8, 3))
+    other[0, 20:28, 20:28] = generator.integers(0, 100, (8, 8, 3))
+    both = np.minimum(one, other)
+    for first in KINDS:
+        for second in KINDS:
+            asked = replace(case("", (first, second)), windows=(left, right))
+            alone = [
+                objects_found(judges, sheet, drawing, [case("", (kind,))])[0]
+                for drawing, kind in ((one, first), (other, second))
+            ]
+            assert objects_found(judges, sheet, both, [asked])[0] == np.mean(alone)
 
 
 def test_judge_sees_what_was_added_wherever_it_is_and_nothing_else() -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.scenes import labels_of, phrase, read_scene, without_colors
+from pentimento.control.layout import THING, Window, arranged
+from pentimento.control.request import understand
 from pentimento.copainting.drawings.scenes import (
     WHITE,
     DrawnScene,
@@ -49,6 +52,8 @@ class Case:
     other_image: Picture
     """The scene whose drawing starts the canvas."""
     other_objects: tuple[str, ...]
+    windows: tuple[Window, ...] = ()
+    """Where on the canvas each of `objects` is requested, where that is known."""
 
 
 def choose_cases(held_out: pa.Table, training: pa.Table, count: int, seed: int) -> list[Case]:
@@ -146,23 +151,40 @@ def paper_cases(held_out: pa.Table, count: int) -> list[Case]:
     ]  # fmt: skip
 
 
-def composed_cases(count: int, split: str, medium: DrawingMedium, *, side_px: int, seed: int) -> list[Case]:
-    """`count` requests for several named things in a relation, for a blank sheet, with a scene of `split` that OpenMoji
-    draws (`split_of_scene`). Case i depends on (split, medium, seed, i) only.
+def composed_cases(
+    count: int, split: str, medium: DrawingMedium, *, vocabulary: Vocabulary, side_px: int, seed: int
+) -> list[Case]:
+    """`count` requests for several named things in a relation of `split` (`split_of_scene`), for a blank sheet.
+
+    The requested scene is OpenMoji's drawing of each thing in the window that the request gives it. Case i depends on
+    (split, medium, vocabulary, seed, i) only.
     """
-    cases = []
-    for index in range(count):
-        generator = np.random.default_rng([seed, index])
-        scene = draw_scene(
-            split, nouns_of("openmoji"), "openmoji", alone_share=0.0, tinted_share=0.0, places="usual",
-            generator=generator,
-        )  # fmt: skip
-        image = render_scene(scene, range(len(scene.things)), medium, side_px=side_px).image
-        nouns = tuple(thing.noun for thing in scene.things)
-        cases.append(
-            Case(f"{split}_{index:04d}", caption(scene, generator), nouns, image, np.full_like(image, 255), ())
-        )
-    return cases
+    return [
+        _composed(f"{split}_{index:04d}", split, medium, vocabulary, side_px, np.random.default_rng([seed, index]))
+        for index in range(count)
+    ]
+
+
+def _composed(
+    name: str, split: str, medium: DrawingMedium, vocabulary: Vocabulary, side_px: int, generator: np.random.Generator
+) -> Case:
+    scene = draw_scene(
+        split, nouns_of("openmoji"), "openmoji", alone_share=0.0, tinted_share=0.0, places="usual",
+        generator=generator,
+    )  # fmt: skip
+    words = caption(scene, generator)
+    request = understand(words, vocabulary)
+    wishes = arranged(request.things, in_a_row=request.in_a_row)
+    noun_of = {phrase(noun): noun for noun in vocabulary.nouns}
+    nouns = tuple(noun_of[wish.words] for wish in wishes)
+    windows = tuple(wish.window for wish in wishes)
+    things = tuple(
+        Placed(noun, "openmoji", window.x, window.y, THING * window.size, 0.0, False)
+        for noun, window in zip(nouns, windows, strict=True)
+    )
+    drawn = replace(scene, things=things, named=tuple(range(len(things))))
+    image = render_scene(drawn, range(len(things)), medium, side_px=side_px).image
+    return Case(name, words, nouns, image, np.full_like(image, 255), (), windows)
 
 
 @dataclass(frozen=True, eq=False)

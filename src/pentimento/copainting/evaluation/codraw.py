@@ -17,9 +17,16 @@ from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import labels_of, listed, phrase, read_scene
 from pentimento.control.painter import as_linear, observe, paint
 from pentimento.copainting.drawings.sources import nouns_of
-from pentimento.copainting.evaluation.cases import plain_caption
+from pentimento.copainting.evaluation.cases import Case, plain_caption
 from pentimento.copainting.evaluation.goal_plans import Drawn, PaintContext, as_picture, as_sheet, draw_scene, plan_goal
-from pentimento.copainting.evaluation.scoring import changed_share, seen_there, surviving_ink
+from pentimento.copainting.evaluation.scoring import (
+    FloatArray,
+    Judges,
+    changed_share,
+    objects_found,
+    seen_there,
+    surviving_ink,
+)
 from pentimento.copainting.scenes.collage import without
 from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.config import no_log
@@ -122,6 +129,24 @@ def wishes(count: int, *, turns: int, side_px: int, seed: int) -> list[Story]:
         Story(f"wishes_{index:03d}", tuple(map(phrase, names)), (None,) * turns, side_px, names[0])
         for index, names in enumerate(asked)
     ]
+
+
+def one_turn_each(cases: Sequence[Case]) -> list[Story]:
+    """A story of one turn for each case: a person draws the other scene, if there is one, then makes the request."""
+    return [
+        Story(
+            case.scene_id, (case.caption,), (case.other_image if case.other_objects else None,), case.image.shape[0],
+            None,
+        )
+        for case in cases
+    ]  # fmt: skip
+
+
+def executed_found(played: Sequence[Sequence[Turn]], cases: Sequence[Case], judges: Judges) -> FloatArray:
+    """The scores [B] of `objects_found` for photographs before and after the robot's strokes, a turn for each case."""
+    side = cases[0].image.shape[0]
+    before, after = (_shrunk([getattr(turn, name) for (turn,) in played], side) for name in ("started", "after"))
+    return objects_found(judges, before, after, cases)
 
 
 def codraw(

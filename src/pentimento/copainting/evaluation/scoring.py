@@ -16,6 +16,7 @@ from scipy.stats import pearsonr
 
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.statistics import Estimate, difference, gap_closed, item_resamples, mean_estimate, ratio
+from pentimento.control.layout import Window
 from pentimento.copainting.evaluation.cases import Case
 from pentimento.copainting.evaluation.methods import (
     BASE,
@@ -81,6 +82,13 @@ def added(canvas: Picture, drawing: Picture) -> Picture:
     return _square_around(new, np.where(seen, drawing, np.uint8(255)))
 
 
+def seen_in(window: Window, canvas: Picture, drawing: Picture) -> Picture:
+    """What a drawing [H, W, 3] shows more than its canvas within a window, as `added` shows it."""
+    inside, there = canvas.copy(), window.pixels(canvas.shape[0])
+    inside[there] = drawing[there]
+    return added(canvas, inside)
+
+
 def seen_there(canvas: Picture, drawing: Picture, later: Picture) -> Picture:
     """What a later picture [H, W, 3] shows where a drawing was added to a canvas: the same square as of `added`."""
     return _square_around(_new(canvas, drawing), later)
@@ -144,15 +152,29 @@ def score(outcomes: Outcomes, cases: Sequence[Case], judges: Judges) -> dict[str
 
 
 def objects_found(judges: Judges, canvases: Pictures, drawings: Pictures, cases: Sequence[Case]) -> FloatArray:
-    """Fraction [B] of the k kinds asked for that are among the judge's k best; NaN if a prompt asks for no known kind.
+    """Fraction [B] of the requested things that the judge recognises; NaN if a prompt asks for no known kind.
 
     The judge sees what was added to the canvas. On the whole sheet it would often rank the other thing first, however
-    well the requested one is drawn.
+    well the requested one is drawn. Where a case has windows, it sees each thing in its own and must rank that kind
+    first; otherwise it sees all that was added, and the k kinds asked for must be among its k best.
     """
-    views = [added(canvas, drawing) for canvas, drawing in zip(canvases, drawings, strict=True)]
-    scores = object_scores(judges.judge, as_images(views), judges.kinds)
-    hits = recognised(scores, judges.kinds, [case.objects for case in cases])
-    return np.array([np.mean(of_one) if of_one else np.nan for of_one in hits])
+    views: list[Picture] = []
+    asked: list[tuple[str, ...]] = []
+    owners: list[int] = []
+    for number, (canvas, drawing, case) in enumerate(zip(canvases, drawings, cases, strict=True)):
+        if case.windows:
+            seen = [seen_in(window, canvas, drawing) for window in case.windows]
+            asked.extend((kind,) for kind in case.objects)
+        else:
+            seen = [added(canvas, drawing)]
+            asked.append(case.objects)
+        views += seen
+        owners += [number] * len(seen)
+    hits = recognised(object_scores(judges.judge, as_images(views), judges.kinds), judges.kinds, asked)
+    of_case: list[list[bool]] = [[] for _ in cases]
+    for owner, of_view in zip(owners, hits, strict=True):
+        of_case[owner] += of_view
+    return np.array([np.mean(found) if found else np.nan for found in of_case])
 
 
 def summary(table: Mapping[str, Columns], seed: int) -> dict[str, dict[str, Any]]:
