@@ -1,6 +1,7 @@
 """Draw one photograph in every writer's style and with Bézier strokes, and classify who drew it."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from pentimento.planning.strokes.config import ShapedPlanConfig
 from pentimento.planning.strokes.latent import read_decoder
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.planning.strokes.shapes import BezierShapes, Shapes
-from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.planning.strokes.target import Part, fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.semantics.encoder import Encoder
@@ -44,6 +45,7 @@ Image = NDArray[np.uint8]
 
 BEZIER, NOBODY = "bezier", "nobody"
 """Baselines: Bézier strokes, and latents of the generic decoder."""
+_IN_A_ROW = 4
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class DrawInHands:
 
     photograph: str
     """A file, or the name of a photograph that scikit-image ships."""
+    part: Part
+    """Of the photograph."""
     tool: str
     """One with its own ink."""
     world: str
@@ -100,7 +104,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "target.png", target)
         for name, drawing in drawings.items():
             _write(out / name, drawing, scene)
-        write_png(out / "drawings.png", np.hstack([target, *(drawing.photo for drawing in drawings.values())]))
+        write_png(out / "drawings.png", _in_rows([target, *(drawing.photo for drawing in drawings.values())]))
         metrics = {
             "error": _errors(drawings, scene, blank, config),
             "semantic_similarity": _meanings(drawings, target, blank, arguments.judge),
@@ -124,7 +128,7 @@ def _scene(brush: TorchPathBrush, config: DrawInHands) -> tuple[Scene, Image]:
     robot = _robot(config)
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     blank = observe(robot, calibration, config.planner.pixels_per_m)
-    photograph = fit_to_canvas(load_photograph(config.photograph), blank.shape[:2])
+    photograph = fit_to_canvas(config.part.of(load_photograph(config.photograph)), blank.shape[:2])
     target = fit_to_ink(photograph, config.darkest).astype(np.float32)
     return scene_with(brush, brush.tool, robot.canvas_size_m, target), blank
 
@@ -146,6 +150,13 @@ def _write(folder: Path, drawing: Drawing, scene: Scene) -> None:
     write_plan(folder / "plan.jsonl", Plan(header, tuple(drawing.planned)))
     write_png(folder / "drawing.png", drawing.photo)
     write_png(folder / "plan.png", drawing.predicted)
+
+
+def _in_rows(pictures: Sequence[Image]) -> Image:
+    """Pictures of one size side by side, in rows of four."""
+    rows = [[*pictures[start : start + _IN_A_ROW]] for start in range(0, len(pictures), _IN_A_ROW)]
+    rows[-1] += [np.full_like(pictures[0], 255)] * (_IN_A_ROW - len(rows[-1]))
+    return np.vstack([np.hstack(row) for row in rows])
 
 
 def _errors(drawings: dict[str, Drawing], scene: Scene, blank: Image, config: DrawInHands) -> dict[str, float]:

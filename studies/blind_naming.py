@@ -36,7 +36,7 @@ from pentimento.copainting.evaluation.codraw import one_turn_each
 from pentimento.copainting.evaluation.goal_plans import load_paint_context
 from pentimento.deploy.words import taught_vocabulary
 from pipelines._config import load_section
-from pipelines._io import write_json
+from pipelines._io import single_threaded, write_json
 from pipelines._play import play
 from pipelines.evaluate_copainting import EvaluateCopainting
 
@@ -74,6 +74,7 @@ def draw(bundle: Path, out: Path) -> None:
 def draw_begun(models: Path, out: Path) -> None:
     """Draw nouns on canvases that others began, and write the sheets and the key."""
     config = load_section(Path("params.yaml"), "evaluate_copainting", EvaluateCopainting)
+    single_threaded()
     turn = replace(
         config.codrawing, person_strokes=config.strokes.begun, robot_strokes=config.strokes.added, largest=1.0
     )

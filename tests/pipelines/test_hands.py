@@ -40,7 +40,8 @@ SECTIONS = {
         },
     },
     "draw_in_hands": {
-        "photograph": "astronaut", "tool": "marker", "world": "marker", "darkest": 0.35, "ink_length_m": 0.2, "seed": 7,
+        "photograph": "astronaut", "part": {"left": 0.0, "top": 0.0, "right": 1.0, "bottom": 1.0},
+        "tool": "marker", "world": "marker", "darkest": 0.35, "ink_length_m": 0.2, "seed": 7,
         "planner": {
             "candidates": 2, "rounds": 1, "iterations_per_round": 2, "iterations": 4, "relocate_every": 2,
             "relocate_share": 0.2, "max_latent_distance": 1.0, "path_points": 16, "pixels_per_m": 300.0,
@@ -95,7 +96,7 @@ def test_from_made_up_hands_to_drawings(folder: Path) -> None:
     for name, error in metrics["error"].items():
         assert name == "blank" or error < metrics["error"]["blank"]
     height, width = read_image(out / "target.png").shape[:2]
-    assert read_image(out / "drawings.png").shape[:2] == (height, 8 * width)
+    assert read_image(out / "drawings.png").shape[:2] == (2 * height, 4 * width)
     drawn = read_plan(out / "dots/plan.jsonl")
     assert len(drawn.strokes) == metrics["strokes"]["dots"]
     lengths = [np.linalg.norm(np.diff(stroke.path[:, 1:3], axis=0), axis=1).sum() for stroke in drawn.strokes]

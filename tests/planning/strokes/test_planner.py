@@ -18,7 +18,7 @@ from pentimento.planning.strokes.families import round_shares
 from pentimento.planning.strokes.palette import cluster_palette
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.planning.strokes.target import Part, fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
 from tests.planning.strokes.scenes import (
     CONFIG,
@@ -193,6 +193,15 @@ def test_fit_to_canvas_keeps_proportions_and_orientation() -> None:
     assert fitted[35, 30, 0] == 0
     assert fitted[20, 58, 2] == pytest.approx(1)
     assert fitted[20, 5, 2] == 0
+
+
+def test_part_of_a_picture_is_that_share_of_its_pixels() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (20, 40, 3)).astype(np.uint8)
+    assert (Part(0.0, 0.0, 1.0, 1.0).of(picture) == picture).all()
+    assert (Part(0.25, 0.5, 0.75, 0.9).of(picture) == picture[10:18, 10:30]).all()
+    assert Part(0.999, 0.0, 1.0, 0.001).of(picture).shape == (1, 1, 3)
+    with pytest.raises(ValueError, match="left below right"):
+        Part(0.6, 0.0, 0.5, 1.0)
 
 
 def test_fit_to_ink_maps_tones_from_darkest_to_white() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -44,6 +45,34 @@ def _samples() -> Path:
             "pentimento[train], or give the path of an image file."
         )
     return Path(found.origin).parent / "data"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rectangle of a picture, from its upper left corner, in shares of its width and height."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.left < self.right <= 1 and 0 <= self.top < self.bottom <= 1):
+            raise ValueError(
+                f"left, top, right, bottom are {self.left}, {self.top}, {self.right}, {self.bottom}; they are shares "
+                "from 0 to 1, with left below right and top below bottom."
+            )
+
+    def of(self, photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The part [H', W', 3] of a picture [H, W, 3]; at least one pixel."""
+        (top, bottom), (left, right) = (
+            (min(int(start * size), size - 1), max(round(end * size), int(start * size) + 1))
+            for start, end, size in (
+                (self.top, self.bottom, photo.shape[0]),
+                (self.left, self.right, photo.shape[1]),
+            )
+        )
+        return np.ascontiguousarray(photo[top:bottom, left:right])
 
 
 def fit_to_canvas(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArray:
