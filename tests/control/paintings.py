@@ -6,8 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pentimento.contracts.colour import to_float
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.guard import GuardedRobot
@@ -22,6 +24,7 @@ from pentimento.robots.driver import Robot
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
 
 STROKES, BATCH = 14, 4
+Picture = NDArray[np.uint8]
 
 
 def session_of(
@@ -31,18 +34,26 @@ def session_of(
     on_state: Callable[[PaintingState], None] = lambda _: None,
     *,
     reach_s: float = 60.0,
+    goals_for: Callable[[Picture, str], list[Picture]] | None = None,
+    in_turns: bool = False,
 ) -> PaintingSession:
     """A session with a newly guarded robot in a folder."""
     own = paint_context()
     guarded = GuardedRobot(robot, envelope_for(own.tool, (SIDE_M, SIDE_M)))
     traits = RobotTraits(has_camera=True, clock_persists=True, reach_s=reach_s)
     control = Control() if control is None else control
-    return PaintingSession(guarded, traits, own, BATCH, folder, control, on_state)
+    return PaintingSession(
+        guarded, traits, own, STROKES, BATCH, folder, control, on_state, goals_for or _nothing_new, in_turns=in_turns
+    )
+
+
+def _nothing_new(_canvas: Picture, words: str) -> list[Picture]:
+    raise ConfigError(f"{words!r} is not understood.")
 
 
 def begun(robot: Robot, folder: Path) -> PaintingState:
     """A painting that is planned, without an executed stroke."""
-    return begin(session_of(robot, folder), cross, STROKES, log=lambda _name, _value, _step: None)
+    return begin(session_of(robot, folder), cross, log=lambda _name, _value, _step: None)
 
 
 def finished(robot: Robot, folder: Path) -> PaintingState:

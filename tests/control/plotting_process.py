@@ -42,9 +42,11 @@ def paint(folder: Path, robot: RobotHandle, strokes: int) -> PaintingState:
         if state.pending:
             print(state.executed, flush=True)
 
-    session = PaintingSession(guarded, robot.traits, own, 4, folder, Control(), on_state)
+    session = PaintingSession(
+        guarded, robot.traits, own, strokes, 4, folder, Control(), on_state, lambda canvas, _: [cross(canvas)]
+    )
     if not (folder / "state.npz").exists():
-        begin(session, cross, strokes, log=lambda _name, _value, _step: None)
+        begin(session, cross, log=lambda _name, _value, _step: None)
     return resume(session)
 
 

@@ -6,6 +6,7 @@ import http.client
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -13,8 +14,9 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.images import decode_png, write_png
+from pentimento.control.checkpoint import load_state
 from pentimento.control.page import Page
-from pentimento.control.person import Control
+from pentimento.control.person import Control, Order
 from tests.bundle.line_brush import sheet
 from tests.control.paintings import begun
 
@@ -67,12 +69,35 @@ def test_page_serves_state_and_pictures(served: tuple[Page, Control]) -> None:
 def test_page_accepts_known_commands_only(served: tuple[Page, Control]) -> None:
     page, control = served
     assert _ask(page, "command", "POST", "your turn")[0] == 204
-    assert control.poll() == "your turn"
+    assert control.poll() == Order("your turn")
     for path, body in (("command", "explode"), ("command", ""), ("unknown", "stop"), ("command", "stop" * 1000)):
         assert _ask(page, path, "POST", body)[0] == 400
     assert control.poll() is None
     assert _ask(page, "command")[0] == 404
     assert control.poll() is None
+
+
+def test_page_passes_on_wishes_and_choices(served: tuple[Page, Control]) -> None:
+    page, control = served
+    assert _ask(page, "wish", "POST", " ein Bär ".encode().decode("latin-1"))[0] == 204
+    assert control.poll() == Order("wish", "ein Bär")
+    assert _ask(page, "choose", "POST", "2")[0] == 204
+    assert control.poll() == Order("choose", "2")
+    for path, body in (("wish", "  "), ("wish", "a" * 2000), ("choose", "two"), ("choose", "")):
+        assert _ask(page, path, "POST", body)[0] == 400
+    assert control.poll() is None
+
+
+def test_page_shows_goals_only_while_one_is_to_be_chosen(served: tuple[Page, Control], tmp_path: Path) -> None:
+    page, _ = served
+    state = load_state(tmp_path)
+    for number in (1, 2, 3):
+        write_png(tmp_path / "goals" / f"{number}.png", state.canvas)
+    for phase, choices in (("choosing", 3), ("painting", 0)):
+        page.show(replace(state, phase=phase))
+        assert json.loads(_ask(page, "state.json")[1])["choices"] == choices
+    assert decode_png(_ask(page, "goals/3.png")[1]).shape == state.canvas.shape
+    assert _ask(page, "goals/4.png")[0] == _ask(page, "goals/../commission.json")[0] == 404
 
 
 @pytest.mark.parametrize("token", ["", "x", "..", "%2e%2e"])

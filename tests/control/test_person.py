@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pentimento.control.person import Control, Keyboard, Progress, ended_by_signal
+from pentimento.control.person import Control, Keyboard, Order, Progress, ended_by_signal
 
 
 class Terminal(io.StringIO):
@@ -61,23 +61,27 @@ def test_control_keeps_the_last_command_and_never_replaces_stop() -> None:
     assert control.poll() is None
     control.send("pause")
     control.send("your turn")
-    assert control.poll() == "your turn" and control.poll() is None
+    assert control.poll() == Order("your turn") and control.poll() is None
     control.send("stop")
     control.send("go on")
-    assert control.poll() == "stop"
+    assert control.poll() == Order("stop")
 
 
 def test_control_wait_returns_a_command_from_another_thread() -> None:
     control = Control()
     threading.Timer(0.05, control.send, ("go on",)).start()
-    assert control.wait() == "go on"
+    assert control.wait() == Order("go on")
 
 
 def test_keyboard_maps_keys_to_commands_and_enter_to_an_answer() -> None:
     control, shown, lines = Control(), Terminal(), Lines()
     keyboard = Keyboard(control, Progress(shown), lines)
-    lines.type("nonsense\nT\n")
-    assert control.wait() == "your turn"
+    lines.type("T\n")
+    assert control.wait() == Order("your turn")
+    lines.type(" a tree beside it\n")
+    assert control.wait() == Order("wish", "a tree beside it")
+    lines.type("2\n")
+    assert control.wait() == Order("choose", "2")
     confirmed = threading.Thread(target=keyboard.ask, args=("Fill the paints",))
     confirmed.start()
     _waits_for(lambda: "Fill the paints [Enter]" in shown.getvalue())
@@ -85,7 +89,7 @@ def test_keyboard_maps_keys_to_commands_and_enter_to_an_answer() -> None:
     confirmed.join(5)
     assert not confirmed.is_alive() and control.poll() is None  # the Enter was the answer, not a command
     lines.type("\n")
-    assert control.wait() == "go on"
+    assert control.wait() == Order("go on")
     lines.end()
 
 

@@ -1,6 +1,8 @@
 """Painting sessions on the virtual robot: the loop, turns of a person, and recordings."""
 
+import json
 import math
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -155,3 +157,83 @@ def test_session_stops_while_waiting_for_a_turn(tmp_path: Path) -> None:
 
     state = resume(session_of(robot, tmp_path, control, person))
     assert state.phase == "stopped" and state.executed == 0 and load_state(tmp_path).phase == "stopped"
+
+
+def bars(canvas: np.ndarray) -> list[np.ndarray]:
+    """Two goals: the canvas with a bar on the left, and with one on the right."""
+    goals = [canvas.copy(), canvas.copy()]
+    goals[0][10:-10, 8:11] = 40
+    goals[1][10:-10, -11:-8] = 40
+    return goals
+
+
+def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Path) -> None:
+    robot, control, phases = sheet(), Control(), []
+    begun(robot, tmp_path)
+
+    def person(state: PaintingState) -> None:
+        phases.append(state.phase)
+        if state.executed == 3 and "your turn" not in phases:
+            control.send("your turn")
+        if state.phase == "your turn" and "choosing" not in phases:
+            control.send("wish", "a bar")
+        if state.phase == "choosing":
+            assert (read_image(tmp_path / "goals" / "2.png") != read_image(tmp_path / "goals" / "1.png")).any()
+            control.send("choose", "7")  # there is none
+            threading.Timer(0.2, control.send, ("choose", "2")).start()
+
+    beside = session_of(robot, tmp_path, control, person, goals_for=lambda canvas, _: bars(canvas))
+    done = resume(beside)
+    assert done.phase == "done" and done.turns == 1 and "choosing" in phases
+    asked = json.loads((tmp_path / "turns" / "001.json").read_text())
+    assert asked == {"words": "a bar", "executed_before": 3, "planned": done.executed - 3}
+    assert (read_image(tmp_path / "turns" / "001_goal.png") == done.goal).all()
+    before = read_image(tmp_path / "turns" / "001.png").astype(int)
+    new = before.min(-1) - done.canvas.min(-1) > 60
+    right, left = new[:, new.shape[1] // 2 :].sum(), new[:, : new.shape[1] // 2].sum()
+    assert right > 100 and left < 0.1 * right
+
+
+def test_wish_that_is_not_understood_leaves_goal_and_turn_as_they_are(tmp_path: Path) -> None:
+    robot, control, messages = sheet(), Control(), []
+    first = begun(robot, tmp_path)
+
+    def person(state: PaintingState) -> None:
+        messages.append(state.message)
+        if state.executed == 2 and state.phase == "painting" and not state.turns:
+            control.send("wish", "florb")
+        if "not understood" in state.message:
+            assert state.phase == "your turn"
+            control.send("go on")
+
+    done = resume(session_of(robot, tmp_path, control, person))
+    assert done.phase == "done" and (done.goal == first.goal).all()
+    assert any("'florb' is not understood" in message for message in messages)
+    assert not (tmp_path / "turns" / "001.json").exists()
+
+
+def test_painting_in_turns_waits_for_the_person_until_stop(tmp_path: Path) -> None:
+    robot, control, turns = sheet(), Control(), []
+    planned = len(begun(robot, tmp_path).remaining)
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "your turn":
+            turns.append(state.executed)
+            control.send(*(("wish", "a bar") if len(turns) == 1 else ("stop",)))
+
+    beside = session_of(robot, tmp_path, control, person, goals_for=lambda canvas, _: bars(canvas)[:1], in_turns=True)
+    done = resume(beside)
+    assert done.phase == "done" and len(done.remaining) == 0
+    assert len(turns) == 2 and abs(turns[0] - planned) <= 2 and turns[1] > turns[0]
+
+
+def test_finished_painting_is_resumed_with_a_wish(tmp_path: Path) -> None:
+    robot = journaled_sheet(tmp_path)
+    begun(robot, tmp_path)
+    before = finished(robot, tmp_path)
+    robot.close()
+    again = journaled_sheet(tmp_path)
+    done = resume(session_of(again, tmp_path, goals_for=lambda canvas, _: bars(canvas)[:1]), "a bar")
+    assert done.phase == "done" and done.executed > before.executed and done.turns == 1
+    left = np.s_[:, : before.canvas.shape[1] // 6]
+    assert (before.canvas[left].min(-1).astype(int) - done.canvas[left].min(-1) > 60).sum() > 40

@@ -10,12 +10,23 @@ from pentimento.cli import Command, count, given, option, seed, words
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 
 _OF_CLAY = ("material", "letter", "pushes")
-_OF_PAINT = ("robot", "setting", "goal_image", "goal_text", "strokes", "replan_every", "execute", "page")
-_OF_A_NEW_RUN = (
+_OF_PAINT = (
     "robot",
     "setting",
     "goal_image",
     "goal_text",
+    "strokes",
+    "replan_every",
+    "execute",
+    "page",
+    "turns",
+    "choices",
+)
+_NOT_OF_CLAY = "clay is sculpted in the studio, without {}; leave it out."
+_OF_A_NEW_RUN = (
+    "robot",
+    "setting",
+    "goal_image",
     "strokes",
     "replan_every",
     "seed",
@@ -30,18 +41,20 @@ def _run(arguments: argparse.Namespace) -> None:
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.request_items import plain_text
-    from pentimento.control.run import commission_of, run
+    from pentimento.control.run import Turns, commission_of, run
 
     if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
+        if paint := given(arguments, _OF_PAINT):
+            raise ConfigError(_NOT_OF_CLAY.format(", ".join(paint)))
         _sculpt(arguments)
         return
     folder: Path = arguments.out if arguments.resume is None else arguments.resume
+    # Without any goal the canvas is completed; words that were given and are empty are a mistake.
+    text = "" if arguments.goal_text is None else plain_text(arguments.goal_text)
     if arguments.resume is not None:
         commission = read_commission(folder)
     else:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
-        # Without any goal the canvas is completed; words that were given and are empty are a mistake.
-        text = "" if arguments.goal_text is None else plain_text(arguments.goal_text)
         commission = commission_of(
             arguments.bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
@@ -55,6 +68,8 @@ def _run(arguments: argparse.Namespace) -> None:
             state = run(
                 commission, folder, resume=arguments.resume is not None, calibration=arguments.calibration,
                 ask=keyboard.ask, page=page, control=control, progress=progress,
+                turns=Turns(arguments.turns, arguments.choices or 1),
+                wish=text if arguments.resume is not None else "",
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
         if has_state(folder) and not isinstance(error, ContractError):  # a damaged state cannot be resumed
@@ -104,7 +119,7 @@ def _problem_of_run(arguments: argparse.Namespace) -> str | None:
     if clay and (arguments.material is None or arguments.letter is None):
         return f"{', '.join(clay)}: to sculpt, give both --material and --letter."
     if clay and (paint := given(arguments, _OF_PAINT)):
-        return f"clay is sculpted in the studio, without {', '.join(paint)}; leave it out."
+        return _NOT_OF_CLAY.format(", ".join(paint))
     return None
 
 
@@ -155,7 +170,7 @@ COMMANDS = (
                 type=words,
                 metavar="WORDS",
                 exclusive="goal",
-                help="paint this; without any goal, what is on the canvas is completed",
+                help="paint this; with --resume, from now on; without any goal, what is on the canvas is completed",
             ),
             option("--strokes", type=count, metavar="N", help="maximum; by default the setting's"),
             option(
@@ -182,6 +197,18 @@ COMMANDS = (
                 "studio",
             ),
             option("--calibration", help="of the rig (calibration)", **_CALIBRATION),
+            option(
+                "--turns",
+                action="store_true",
+                help="after its strokes the robot waits for you, who may draw and ask for something new; stop ends it",
+            ),
+            option(
+                "--choices",
+                type=count,
+                metavar="N",
+                choices=range(1, 5),
+                help="goals to choose from when you ask for something new, at most 4; by default 1",
+            ),
             option("--page", action="store_true", help="serve a page with the painting on this computer alone"),
         ),
         _run,

@@ -29,12 +29,12 @@ HeightMap = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 Loaded = TypeVar("Loaded")
 
-Phase = Literal["painting", "paused", "your turn", "stopped", "done"]
+Phase = Literal["painting", "paused", "your turn", "choosing", "stopped", "done"]
 
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
 """What reading a file raises that is truncated, overwritten or not a checkpoint."""
 
-_PAINTING_SCHEMA: Final = 3
+_PAINTING_SCHEMA: Final = 4
 _PAINTING: Final = "state.npz"
 _STROKES: Final = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 _NUMBERS: Final = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "mark_width_m", "canvas_size_m")
@@ -61,6 +61,8 @@ class PaintingState:
     """Of tool and canvas, before the first of ``remaining``."""
     canvas: Picture
     """[H, W, 3] sRGB, as observed last."""
+    goal: Picture
+    """[H, W, 3] sRGB"""
     executed: int
     """Number of strokes executed so far."""
     sessions: int
@@ -132,7 +134,7 @@ def save_state(folder: Path, state: PaintingState) -> None:
     }
     arrays: Arrays = {f"strokes_{name}": array for name, array in zip(_STROKES, state.remaining.arrays(), strict=True)}
     arrays |= {f"memory_{name}": getattr(memory, name) for name in _ARRAYS}
-    arrays |= {"palette_srgb": state.palette_srgb, "canvas": state.canvas}
+    arrays |= {"palette_srgb": state.palette_srgb, "canvas": state.canvas, "goal": state.goal}
     write_checkpoint(folder / _PAINTING, _PAINTING_SCHEMA, values, arrays)
 
 
@@ -158,6 +160,7 @@ def _painting(values: dict[str, Any], arrays: Arrays) -> PaintingState:
         palette_srgb=arrays["palette_srgb"],
         memory=Memory(**memory),
         canvas=arrays["canvas"],
+        goal=arrays["goal"],
         **{name: values[name] for name in _PLAIN},
     )
 

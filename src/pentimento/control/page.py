@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hmac
 import json
+import re
 import secrets
 import threading
 from collections.abc import Callable
@@ -24,9 +25,10 @@ from numpy.typing import NDArray
 from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.person import COMMANDS, Control
-from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
+from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
 
 _FILES = (GOAL, NEXT, PREVIEW)
+_GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _MAX_BYTES = 1000  # of a request's body
 _CONTENT_POLICY = (
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'none'"
@@ -82,6 +84,7 @@ class Page:
             "executed": state.executed,
             "total": state.executed + len(state.remaining),
             "turns": state.turns,
+            "choices": len(list((self._folder / GOALS).glob("*.png"))) if state.phase == "choosing" else 0,
         }
 
     def close(self) -> None:
@@ -96,7 +99,7 @@ class Page:
             return Response(HTTPStatus.OK, "application/json", json.dumps(self._state).encode())
         if path == CANVAS and self._canvas is not None:
             return Response(HTTPStatus.OK, "image/png", encode_png(self._canvas))
-        if path in _FILES:
+        if path in _FILES or _GOAL.fullmatch(path):
             file = self._folder / path
             if file.is_file():
                 return Response(HTTPStatus.OK, "image/png", file.read_bytes())
@@ -107,11 +110,18 @@ class Page:
         return _NOT_FOUND
 
     def post(self, path: str, body: bytes) -> Response:
-        """Pass on the command in the body."""
-        command = next((known for known in COMMANDS if known.encode() == body), None)
-        if path != "command" or command is None:
-            return Response(HTTPStatus.BAD_REQUEST, "text/plain", f"Send one of: {', '.join(COMMANDS)}.\n".encode())
-        self._control.send(command)
+        """Pass on what the body says: a command, the words of a wish, or the number of a goal."""
+        text = body.decode("utf-8", errors="replace").strip()
+        command = next((known for known in COMMANDS if known == text), None)
+        if path == "command" and command is not None:
+            self._control.send(command)
+        elif path == "wish" and text:
+            self._control.send("wish", text)
+        elif path == "choose" and text.isdecimal():
+            self._control.send("choose", text)
+        else:
+            content = f"Send one of the commands {', '.join(COMMANDS)}; or a wish of up to {_MAX_BYTES} bytes.\n"
+            return Response(HTTPStatus.BAD_REQUEST, "text/plain", content.encode())
         return Response(HTTPStatus.NO_CONTENT, "text/plain", b"")
 
     def below_token(self, path: str) -> str | None:

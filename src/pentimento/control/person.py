@@ -9,45 +9,56 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import FrameType
 from typing import Final, Literal, TextIO
 
-Command = Literal["pause", "your turn", "go on", "stop"]
+Command = Literal["pause", "your turn", "go on", "stop", "wish", "choose"]
 
 COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "stop")
+"""Those without a value."""
 
 _KEYS: Final[dict[str, Command]] = {"p": "pause", "t": "your turn", "": "go on", "s": "stop"}
 _BAR: Final = 20
 """Characters of the progress bar."""
 
 
+@dataclass(frozen=True)
+class Order:
+    """A command of the person."""
+
+    command: Command
+    value: str = ""
+    """The words of a wish, or the number of a goal to choose, from 1."""
+
+
 class Control:
-    """The last command that was sent and not yet received. Any thread may send; the loop receives between actions."""
+    """The last order that was sent and not yet received. Any thread may send; the loop receives between actions."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._command: Command | None = None
+        self._order: Order | None = None
 
-    def send(self, command: Command) -> None:
-        """Replace the command that waits. Nothing replaces ``stop``."""
+    def send(self, command: Command, value: str = "") -> None:
+        """Replace the order that waits. Nothing replaces ``stop``."""
         with self._changed:
-            if self._command != "stop":
-                self._command = command
+            if self._order is None or self._order.command != "stop":
+                self._order = Order(command, value)
             self._changed.notify_all()
 
-    def poll(self) -> Command | None:
-        """The command since the last call, if any."""
+    def poll(self) -> Order | None:
+        """The order since the last call, if any."""
         with self._changed:
-            command, self._command = self._command, None
-            return command
+            order, self._order = self._order, None
+            return order
 
-    def wait(self) -> Command:
-        """The next command, whenever it comes."""
+    def wait(self) -> Order:
+        """The next order, whenever it comes."""
         with self._changed:
-            self._changed.wait_for(lambda: self._command is not None)
-            command, self._command = self._command, None
-            assert command is not None
-            return command
+            self._changed.wait_for(lambda: self._order is not None)
+            order, self._order = self._order, None
+            assert order is not None
+            return order
 
 
 class Progress:
@@ -92,7 +103,8 @@ class Keyboard:
         self._answered: threading.Event | None = None
         if lines.isatty():
             progress.message(
-                "p and Enter: pause; t: your turn; Enter: go on; s: stop after this stroke; Ctrl-C: at once."
+                "p and Enter: pause; t: your turn; Enter: go on; s: stop after this stroke; Ctrl-C: at once. "
+                "Other words ask for something new; a number chooses a goal."
             )
             threading.Thread(target=self._read, name="keyboard", daemon=True).start()
 
@@ -108,11 +120,13 @@ class Keyboard:
 
     def _read(self) -> None:
         for line in self._lines:
-            waiting, command = self._answered, _KEYS.get(line.strip().lower())
+            waiting, words = self._answered, line.strip()
             if waiting is not None:
                 waiting.set()
-            elif command is not None:
+            elif (command := _KEYS.get(words.lower())) is not None:
                 self._control.send(command)
+            else:
+                self._control.send("choose" if words.isdecimal() else "wish", words)
 
 
 def at_terminal(control: Control, progress: Progress) -> Keyboard:

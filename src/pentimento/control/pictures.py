@@ -21,6 +21,8 @@ from pentimento.planning.strokes.memory import Start
 Picture = NDArray[np.uint8]
 
 GOAL: Final = "goal.png"
+GOALS: Final = "goals"
+"""Folder of the goals to choose from, ``1.png`` and so on."""
 PLAN: Final = "plan.png"
 """The finished painting as predicted by the first plan."""
 CANVAS: Final = "canvas.png"
@@ -52,9 +54,10 @@ def draw_strokes(canvas: Picture, strokes: Sequence[PlannedStroke], canvas_size_
 
 
 def write_pictures(folder: Path, context: PaintContext, state: PaintingState, count: int) -> None:
-    """Write the pictures of the canvas, of the predicted painting and of the next ``count`` strokes."""
+    """Write the pictures of the canvas, the goal, the predicted painting and the next ``count`` strokes."""
     start = Start(state.memory, state.clock_s, state.executed)
     next_strokes = to_planned(state.remaining.pick(slice(0, count)), context.tool, context.brush.path_points)
     write_png(folder / CANVAS, state.canvas)
+    write_png(folder / GOAL, state.goal)
     write_png(folder / PREVIEW, as_picture(predict_canvas(context, state.remaining, state.canvas, start)))
     write_png(folder / NEXT, draw_strokes(state.canvas, next_strokes, context.canvas_size_m))

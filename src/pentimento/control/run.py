@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from pentimento.control.page import Page
 from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
-from pentimento.control.request import Understood, understand
+from pentimento.control.request import MAX_THINGS, Understood, understand
 from pentimento.control.safety import envelope_for
 from pentimento.control.session import PaintingSession, begin
 from pentimento.control.session import resume as resume_session
@@ -42,8 +42,24 @@ Picture = NDArray[np.uint8]
 SUMMARY = "painting.json"
 """In a finished painting's folder: number of strokes, and errors by the planner's objective."""
 
+_ROOM = 0.5
+"""Maximum side of what is drawn in a turn, in sides of the canvas: the next turns need room."""
+
 _THREADS = 2
 """Maximum number of cores that plan; plans do not depend on it."""
+
+
+@dataclass(frozen=True)
+class Turns:
+    """How a person takes part."""
+
+    in_turns: bool
+    """After its last stroke the robot waits for the person, who may draw and ask for something new."""
+    choices: int
+    """Number of goals to choose from when a person asks for something new; the first goal is not chosen."""
+
+
+ALONE = Turns(in_turns=False, choices=1)
 
 
 def commission_of(
@@ -104,10 +120,13 @@ def run(
     page: Callable[[str], None] | None,
     control: Control,
     progress: Progress,
+    turns: Turns = ALONE,
+    wish: str = "",
 ) -> PaintingState:
     """Begin or resume a painting in a folder; its final state.
 
     Args:
+        wish: for a painting that is resumed, what a person asks for now; "" for nothing new.
         calibration: folder of the rig's calibrations, for hardware that is to move.
         ask: shows a request to the person and returns when it is done.
         page: called with the address of the person's page; None for no page.
@@ -119,8 +138,11 @@ def run(
     setting, tool = bundle.setting(commission.setting), bundle.tools[commission.setting]
     rig = rig_named(commission.robot)
     canvas_size_m = _canvas_size_m(setting.canvas_m, rig)
-    if resume and has_state(folder) and (state := load_state(folder)).phase == "done":
+    new = bool(wish) or turns.in_turns
+    if resume and has_state(folder) and (state := load_state(folder)).phase == "done" and not new:
         return state
+    for message in understand(wish, bundle.vocabulary).messages() if wish else ():
+        progress.message(message)
     if not resume:
         write_commission(folder, commission)
     with exclusive(folder):
@@ -135,18 +157,17 @@ def run(
             graphs = Graphs(bundle, _threads())
             context = _paint_context(graphs, commission, canvas_size_m)
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
+            goals_for = _goals_for(graphs, context, setting=commission.setting, seed=commission.seed, turns=turns)
             session = PaintingSession(
                 robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
-                traits=opened.traits, context=context, replan_every=commission.replan_every, folder=folder,
-                control=control,
-                on_state=_on_state(served, progress),
+                traits=opened.traits, context=context, strokes=commission.strokes,
+                replan_every=commission.replan_every, folder=folder, control=control,
+                on_state=_on_state(served, progress), goals_for=goals_for, in_turns=turns.in_turns,
             )  # fmt: skip
             if not has_state(folder):
-                goal_for = _goal_for(
-                    commission.wanted, graphs, context, setting=commission.setting, seed=commission.seed
-                )
-                begin(session, goal_for, commission.strokes, log=_planning_log(progress, context.planner))
-            state = resume_session(session)
+                goal_for = _first_goal(commission.wanted, context, goals_for, in_turns=turns.in_turns)
+                begin(session, goal_for, log=_planning_log(progress, context.planner))
+            state = resume_session(session, wish)
             if state.phase == "done":
                 _write_summary(folder, context, state)
             return state
@@ -174,28 +195,45 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
     return PaintContext(tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, _threads())
 
 
-def _goal_for(
-    wanted: Wanted, graphs: Graphs, context: PaintContext, *, setting: str, seed: int
+def _first_goal(
+    wanted: Wanted, context: PaintContext, goals_for: Callable[[Picture, str], list[Picture]], *, in_turns: bool
 ) -> Callable[[Picture], Picture]:
-    """A function from the canvas to the goal, uint8 sRGB [H, W, 3] both."""
+    """A function from the canvas to the first goal, uint8 sRGB [H, W, 3] both."""
     if wanted.kind == "picture":
         picture = read_image(Path(wanted.value))
         return lambda canvas: goal_from_picture(picture, canvas, context.tool)
+    if in_turns and not wanted.value:
+        return lambda canvas: canvas  # the person begins
+    return lambda canvas: goals_for(canvas, wanted.value)[0]
+
+
+def _goals_for(
+    graphs: Graphs, context: PaintContext, *, setting: str, seed: int, turns: Turns
+) -> Callable[[Picture, str], list[Picture]]:
+    """A function from the canvas and a person's words to goals, uint8 sRGB [H, W, 3], of one seed each."""
     bundle: Bundle = graphs.bundle
     facts = bundle.manifest.goal
-    sampling = GoalSampling(
-        facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
-        facts.text_guidance, seed,
-    )  # fmt: skip
-    request = understand(wanted.value, bundle.vocabulary) if wanted.value else Understood("")
-    wishes = partial(
-        wishes_for, request, medium=bundle.setting(setting).words,
-        by_window=bundle.vocabulary is not None and bundle.vocabulary.by_window,
-    )  # fmt: skip
-    return lambda canvas: goal_from_words(
-        wishes, canvas, goal_networks(graphs), has_ink=context.tool.color_srgb is not None,
-        schedule=noise_schedule(bundle), tokenizer=tokenizer(bundle, facts.words), sampling=sampling,
-    )  # fmt: skip
+
+    def goals(canvas: Picture, words: str) -> list[Picture]:
+        request = understand(words, bundle.vocabulary) if words else Understood("")
+        wishes = partial(
+            wishes_for, request, medium=bundle.setting(setting).words,
+            by_window=bundle.vocabulary is not None and bundle.vocabulary.by_window,
+            largest=_ROOM if turns.in_turns else 1.0,
+        )  # fmt: skip
+        return [
+            goal_from_words(
+                wishes, canvas, goal_networks(graphs), has_ink=context.tool.color_srgb is not None,
+                schedule=noise_schedule(bundle), tokenizer=tokenizer(bundle, facts.words),
+                sampling=GoalSampling(
+                    facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
+                    facts.text_guidance, seed + MAX_THINGS * number,
+                ),
+            )
+            for number in range(turns.choices)
+        ]  # fmt: skip
+
+    return goals
 
 
 def _canvas_size_m(setting_m: tuple[float, float], rig: Rig | None) -> tuple[float, float]:

@@ -136,7 +136,8 @@ def _sculpt(
         return state
 
     def interrupt(state: SculptureProgress) -> tuple[SculptureProgress, Interrupt | None]:
-        return state, "stop" if control.poll() == "stop" else None
+        order = control.poll()
+        return state, "stop" if order is not None and order.command == "stop" else None
 
     def show(state: SculptureProgress) -> None:
         progress.step("push", len(state.actions), sculptor.count, f"error {state.values[-1]:.4f}")

@@ -6,6 +6,8 @@ by a fault, by a person, or by a computer that failed during a stroke.
 
 from __future__ import annotations
 
+import json
+import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,10 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.covariates import StrokeEvent, advance, fresh_memory
-from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.frames import image_shape
-from pentimento.contracts.images import read_image, write_png
+from pentimento.contracts.images import write_png
 from pentimento.contracts.observations import Photo
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import PATIENCE_S, Camera, PaintingFault, visible_mark, visible_share
@@ -37,16 +40,19 @@ from pentimento.control.painter import (
     replanned,
     replanned_and_pruned,
 )
-from pentimento.control.person import Control
-from pentimento.control.pictures import GOAL, PLAN, write_pictures
+from pentimento.control.person import Control, Order
+from pentimento.control.pictures import GOALS, PLAN, write_pictures
 from pentimento.control.recording import StrokeRecording
 from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.config import no_log
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.tools import needs_dip
 
 Picture = NDArray[np.uint8]
 
 RECORD = "record"
+TURNS = "turns"
+"""Folder of the canvas at each of the person's turns, with what the person asked for and the goal of it."""
 
 _OBSERVE_S = 30.0
 """Maximum duration of an observation; the tool is up."""
@@ -73,18 +79,24 @@ class PaintingSession:
     robot: GuardedRobot
     traits: RobotTraits
     context: PaintContext
+    strokes: int
+    """Maximum number of strokes of a plan."""
     replan_every: int
     """Strokes between two replannings."""
     folder: Path
     control: Control
     on_state: Callable[[PaintingState], None]
     """Called with every new state."""
+    goals_for: Callable[[Picture, str], Sequence[Picture]]
+    """Goals to choose from for a canvas, uint8 sRGB [H, W, 3] both, and what a person asks for; ConfigError with a
+    sentence for the person where that is not understood."""
+    in_turns: bool = False
+    """After the last stroke it is the person's turn; the painting is done when the person stops it."""
 
 
 def begin(
     session: PaintingSession,
     goal_for: Callable[[Picture], Picture],
-    strokes: int,
     *,
     log: Callable[[str, float, int], None],
 ) -> PaintingState:
@@ -92,7 +104,6 @@ def begin(
 
     Args:
         goal_for: the goal for a canvas, uint8 sRGB [H, W, 3] both.
-        strokes: maximum number of strokes.
         log: called with the objective at every iteration of the planner.
     """
     robot, context = session.robot, session.context
@@ -104,12 +115,11 @@ def begin(
         canvas = Camera(robot, context.canvas_size_m, scale, calibrated=calibrated).observe().picture
     goal = goal_for(canvas)
     start = Start(fresh_memory(context.canvas_size_m, context.tool.nominal_width_m), 0.0, 0)
-    remaining, palette = first_plan(context, canvas, goal, count=strokes, start=start, log=log)
-    write_png(session.folder / GOAL, goal)
+    remaining, palette = first_plan(context, canvas, goal, count=session.strokes, start=start, log=log)
     state = PaintingState(
-        remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, executed=0,
-        sessions=0, shard=0, turns=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(), phase="painting",
-        message=f"{len(remaining)} strokes are planned.",
+        remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
+        executed=0, sessions=0, shard=0, turns=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
+        phase="painting", message=f"{len(remaining)} strokes are planned.",
     )  # fmt: skip
     write_png(session.folder / PLAN, as_picture(predict_canvas(context, remaining, canvas, start)))
     write_pictures(session.folder, session.context, state, session.replan_every)
@@ -118,8 +128,11 @@ def begin(
     return state
 
 
-def resume(session: PaintingSession) -> PaintingState:
+def resume(session: PaintingSession, wish: str = "") -> PaintingState:
     """Paint the remaining strokes of the painting in the folder; the final state: done, or stopped by a person.
+
+    Args:
+        wish: what a person asks for instead, on the canvas as it is now; "" for nothing new.
 
     Raises:
         PaintingFault: a person is needed.
@@ -132,7 +145,10 @@ def resume(session: PaintingSession) -> PaintingState:
     try:
         task = _StrokeByStroke(session, watchdog)
         hooks = Hooks(interrupt=task.interrupt, checkpoint=task.checkpoint, on_action=task.check_marks)
-        state, outcome = run_loop(task, task.start(), hooks)
+        state = task.start()
+        if wish:
+            state = task.wished(state, wish)
+        state, outcome = run_loop(task, state, hooks)
         if outcome is None:
             return task.checkpoint(replace(state, phase="stopped", message="Stopped by a person; resume to go on."))
         return task.checkpoint(replace(state, phase="done", message=outcome))
@@ -160,7 +176,8 @@ class _StrokeByStroke:
         self.session, self.watchdog = session, watchdog
         self.robot, self.context = session.robot, session.context
         self.tool = session.context.tool
-        self.goal: Picture = read_image(session.folder / GOAL)
+        self.over = False
+        """The person stopped a painting in turns after its last stroke."""
         self.camera: Camera | None = None
         self.photo: Photo | None = None
         self.unseen: list[Strokes] = []
@@ -198,7 +215,7 @@ class _StrokeByStroke:
 
     def outcome(self, state: PaintingState) -> str | None:
         """See ``control.loop.Task``: the final message."""
-        if len(state.remaining):
+        if len(state.remaining) or (self.session.in_turns and not self.over):
             return None
         if state.executed:
             return f"{state.executed} strokes are made."
@@ -242,22 +259,82 @@ class _StrokeByStroke:
     def replan(self, state: PaintingState, changed: bool) -> PaintingState:
         """See ``control.loop.Task``. On a canvas that a person changed, strokes may be removed."""
         self.recording.next_batch()
+        if self.session.in_turns and not len(state.remaining):
+            state, interrupt = self._turn(state, Order("your turn"))
+            self.over, state = interrupt == "stop", replace(state, phase="painting")
         return self._with_new_plan(state, changed)
 
     def interrupt(self, state: PaintingState) -> tuple[PaintingState, Interrupt | None]:
         """``control.loop.Hooks``: obey the person's command before the next stroke."""
-        command = self.session.control.poll()
-        while command == "pause":
+        order = self.session.control.poll()
+        while order is not None and order.command == "pause":
             state = self._wait_at_rest(state, "paused", "Paused; the tool is up.")
-            command = self.session.control.wait()
-        if command == "your turn":
-            message = "It is your turn: paint, then say go on. The robot does not move."
+            order = self.session.control.wait()
+        if order is None or order.command in ("go on", "choose"):
+            return state, None
+        return self._turn(state, order)
+
+    def _turn(self, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
+        """A person's turn, until the person goes on, stops, or asks for something that is understood."""
+        if order.command == "your turn":
+            message = "It is your turn: paint, then say go on or what to add. The robot does not move."
             state = self._wait_at_rest(state, "your turn", message)
-            while (command := self.session.control.wait()) not in ("go on", "stop"):
-                pass
-            if command == "go on":
+        while True:
+            if order.command == "stop":
+                return state, "stop"
+            if order.command == "go on":
                 return self._after_turn(state), "changed"
-        return state, "stop" if command == "stop" else None
+            if order.command == "wish":
+                try:
+                    return self.wished(state, order.value), "changed"
+                except ConfigError as error:
+                    state = self._wait_at_rest(state, "your turn", f"{error} Ask again, or say go on.")
+            order = self.session.control.wait()
+
+    def wished(self, state: PaintingState, words: str) -> PaintingState:
+        """A new goal for what a person asks for, on the canvas as it is now, and a plan in place of the old one.
+
+        Raises:
+            ConfigError: the words are not understood, or the person does not choose any of the goals.
+        """
+        self.robot.lift()
+        state = self._after_turn(state)
+        self.watchdog.beat(_PLAN_S, "a new goal")
+        goals = self.session.goals_for(state.canvas, words)
+        state, goal = self._chosen(state, goals)
+        self.watchdog.beat(_PLAN_S, "a new plan")
+        remaining, palette = first_plan(
+            self.context, state.canvas, goal, count=self.session.strokes, start=self._now(state), log=no_log
+        )
+        if self.tool.dips:
+            self.watchdog.rest()  # a person may have to fill the paints
+            self.robot.load_palette(palette)
+        write_png(self.session.folder / TURNS / f"{state.turns:03d}_goal.png", goal)
+        record = {"words": words, "executed_before": state.executed, "planned": len(remaining)}
+        atomic_write(
+            self.session.folder / TURNS / f"{state.turns:03d}.json", (json.dumps(record, indent=1) + "\n").encode()
+        )
+        message = f"{len(remaining)} strokes are planned for: {words}."
+        state = replace(state, remaining=remaining, palette_srgb=palette, goal=goal, phase="painting", message=message)
+        write_pictures(self.session.folder, self.context, state, self.session.replan_every)
+        return self.checkpoint(state)
+
+    def _chosen(self, state: PaintingState, goals: Sequence[Picture]) -> tuple[PaintingState, Picture]:
+        """The goal that the person chooses; the only one without asking."""
+        if len(goals) == 1:
+            return state, goals[0]
+        shutil.rmtree(self.session.folder / GOALS, ignore_errors=True)  # of an earlier turn
+        for number, goal in enumerate(goals, 1):
+            write_png(self.session.folder / GOALS / f"{number}.png", goal)
+        message = f"Choose one of the goals, 1 to {len(goals)}, in the folder {GOALS}."
+        state = self._wait_at_rest(state, "choosing", message)
+        order = self.session.control.wait()
+        while order.command != "choose" or not (order.value.isdecimal() and 1 <= int(order.value) <= len(goals)):
+            if order.command != "choose":
+                self.session.control.send(order.command, order.value)
+                raise ConfigError("None of the goals was chosen.")
+            order = self.session.control.wait()
+        return state, goals[int(order.value) - 1]
 
     def checkpoint(self, state: PaintingState) -> PaintingState:
         """``control.loop.Hooks``: save the state with the clocks of this moment."""
@@ -286,7 +363,7 @@ class _StrokeByStroke:
     def _with_new_plan(self, state: PaintingState, changed: bool) -> PaintingState:
         self.watchdog.beat(_PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
-        remaining = adapt(self.context, state.remaining, state.canvas, goal=self.goal, start=self._now(state))
+        remaining = adapt(self.context, state.remaining, state.canvas, goal=state.goal, start=self._now(state))
         state = replace(state, remaining=remaining, clock_s=self._clock_s())
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         return state
@@ -302,7 +379,7 @@ class _StrokeByStroke:
         memory = add_persons_paint(state.memory, state.canvas, seen.picture, self._clock_s())
         self.photo = seen.photo
         state = self.checkpoint(replace(state, memory=due_for_dip(memory, self.tool), canvas=seen.picture))
-        write_png(self.session.folder / "turns" / f"{state.turns:03d}.png", seen.picture)
+        write_png(self.session.folder / TURNS / f"{state.turns:03d}.png", seen.picture)
         return state
 
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:
