@@ -93,7 +93,7 @@ def _state() -> PaintingState:
         memory=memory,
         canvas=rng.integers(0, 256, (8, 10, 3), dtype=np.uint8),
         goal=rng.integers(0, 256, (8, 10, 3), dtype=np.uint8),
-        executed=7, sessions=2, shard=3, turns=1, clock_s=12.5, robot_clock_s=99.25, unix_s=1.7e9,
+        executed=7, sessions=2, shard=3, turns=1, lines=2, clock_s=12.5, robot_clock_s=99.25, unix_s=1.7e9,
         phase="stopped", message="The cable is out – see to it.",
     )  # fmt: skip
 

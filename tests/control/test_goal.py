@@ -41,7 +41,7 @@ def _sampling(text_guidance: float, seed: int) -> GoalSampling:
 
 def _completed(canvas: np.ndarray, answers: np.ndarray | None) -> np.ndarray:
     return goal_from_words(
-        lambda _: [Wish("a b", WHOLE)],
+        [Wish("a b", WHOLE)],
         canvas,
         _networks(answers),
         has_ink=False,
@@ -108,7 +108,7 @@ def test_goal_from_words_depends_on_the_seed_only(guidance: float) -> None:
     canvas = _canvas(SIDE, SIDE)
     goals = [
         goal_from_words(
-            lambda _: [Wish("a", WHOLE)],
+            [Wish("a", WHOLE)],
             canvas,
             networks(),
             has_ink=False,

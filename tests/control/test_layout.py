@@ -99,6 +99,16 @@ def test_begun_canvas_leaves_the_room_that_is_free(side: str, across: int) -> No
     assert 0.4 < THING * window.size < 0.6
 
 
+def test_things_that_leave_room_for_more_fill_a_sheet_from_its_corners() -> None:
+    canvas, windows = blank(), []
+    for _ in range(4):
+        window = with_room([Wish("a cat", WHOLE)], canvas, largest=0.45)[0].window
+        windows.append(window)
+        canvas[window.pixels(SIDE)] = 20
+    assert all(window.size == pytest.approx(0.45) for window in windows)
+    assert {(window.x < 0.5, window.y < 0.5) for window in windows} == {(a, b) for a in (0, 1) for b in (0, 1)}
+
+
 def test_full_canvas_gets_the_thing_where_there_is_least_paint() -> None:
     canvas = np.full((SIDE, SIDE, 3), 250, np.uint8)
     canvas[::6], canvas[:, ::6] = 20, 20

@@ -7,10 +7,11 @@ import json
 import shutil
 import subprocess
 import sys
+import threading
+import time
 import urllib.error
 import urllib.request
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -124,8 +125,8 @@ def test_goal_planner_reads_taught_words_and_the_medium(
 ) -> None:
     read: list[str] = []
 
-    def goal(wishes: Callable[[np.ndarray], list[Wish]], canvas: np.ndarray, *_: object, **__: object) -> np.ndarray:
-        read.extend(wish.words for wish in wishes(canvas))
+    def goal(wishes: list[Wish], canvas: np.ndarray, *_: object, **__: object) -> np.ndarray:
+        read.extend(wish.words for wish in wishes)
         return canvas
 
     monkeypatch.setattr("pentimento.control.run.goal_from_words", goal)
@@ -133,6 +134,49 @@ def test_goal_planner_reads_taught_words_and_the_medium(
         out = tmp_path / f"out{len(read)}"
         assert main(["run", str(taught), "--robot", "svg", "--out", str(out), *text]) == 0
     assert read == ["a dog, with a marker", ""]  # without words the canvas is completed
+
+
+def test_finished_painting_goes_on_with_new_words_and_refuses_others(
+    taught: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    given = ["run", str(taught), "--goal-text", "a cat", "--out", str(out), "--strokes", "3", "--seed", "5"]
+    assert main(given) == 0
+    before = load_state(out)
+    assert main(["run", "--resume", str(out), "--goal-text", "florb"]) == 1
+    assert "florb" in capsys.readouterr().err and load_state(out).executed == before.executed
+    assert main(["run", "--resume", str(out), "--goal-text", "a dog"]) == 0
+    after = load_state(out)
+    assert after.phase == "done" and after.turns == 1
+    assert json.loads((out / "turns" / "001.json").read_text())["words"] == "a dog"
+
+
+def test_studio_lets_the_person_begin_and_ends_when_the_person_stops(
+    taught: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, seen = tmp_path / "out", []
+
+    def person(address: str) -> None:
+        def answer() -> None:
+            while (state := json.loads(urllib.request.urlopen(f"{address}state.json", timeout=5).read())).get(
+                "lines", 0
+            ) < 1:
+                if state.get("phase") == "your turn" and not seen:
+                    seen.append(state["pen"])
+                    line = json.dumps({"points": [[0.3, 0.5, 0.5], [0.7, 0.5, 0.5]]}).encode()
+                    urllib.request.urlopen(f"{address}draw", data=line, timeout=5)
+                time.sleep(0.1)
+            urllib.request.urlopen(f"{address}command", data=b"stop", timeout=5)
+
+        threading.Thread(target=answer, daemon=True).start()
+
+    monkeypatch.setattr("pentimento.cli.robot._print_address", person)
+    assert main(["studio", str(taught), "--out", str(out), "--seed", "5"]) == 0
+    state = load_state(out)
+    assert state.phase == "done" and state.executed == 0 and state.lines == 1
+    dark = state.canvas.min(-1) < 120
+    assert dark.sum() > 5 and np.abs(np.flatnonzero(dark.any(1)).mean() / len(dark) - 0.5) < 0.1
+    assert seen[0]["color"] is not None
 
 
 @pytest.mark.parametrize("text", ["florb", "", "  ", "five cats", "a cat\x07", "a" * 2000])

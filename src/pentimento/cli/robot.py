@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ _OF_PAINT = (
     "turns",
     "choices",
 )
+_STUDIO_CHOICES = 3  # goals to choose from
 _NOT_OF_CLAY = "clay is sculpted in the studio, without {}; leave it out."
 _OF_A_NEW_RUN = (
     "robot",
@@ -77,6 +79,26 @@ def _run(arguments: argparse.Namespace) -> None:
         raise
     progress.message("")
     print(f"{state.message} The painting is in {folder}.")
+
+
+def _studio(arguments: argparse.Namespace) -> None:
+    from pentimento.control.commission import Wanted
+    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
+    from pentimento.control.run import Turns, commission_of, run
+
+    folder: Path = arguments.out or Path("paintings") / time.strftime("%Y-%m-%d_%H-%M-%S")
+    commission = commission_of(
+        arguments.bundle, Wanted("words", ""), tell=_tell, setting=arguments.setting, strokes=arguments.strokes,
+        seed=arguments.seed,
+    )  # fmt: skip
+    control, progress = Control(), Progress()
+    keyboard = at_terminal(control, progress)
+    with ended_by_signal():
+        state = run(
+            commission, folder, resume=False, calibration=Path("calibration"), ask=keyboard.ask, page=_print_address,
+            control=control, progress=progress, turns=Turns(in_turns=True, choices=_STUDIO_CHOICES),
+        )  # fmt: skip
+    print(f"{state.message} The painting is in {folder}; go on with: pentimento run --resume {folder} --turns --page")
 
 
 def _sculpt(arguments: argparse.Namespace) -> None:
@@ -213,6 +235,20 @@ COMMANDS = (
         ),
         _run,
         _problem_of_run,
+    ),
+    Command(
+        "studio",
+        "paint on a page in turns with the studio's robot, without any hardware",
+        (
+            option("bundle", type=Path, help="folder of a bundle, as `deploy` writes it"),
+            option("--setting", help="of the bundle; by default the one whose tool brings its ink"),
+            option(
+                "--strokes", type=count, metavar="N", help="maximum in a turn of the robot's; by default the setting's"
+            ),
+            option("--seed", type=seed, metavar="N", help="of plans, goals and studio; by default the setting's"),
+            option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting; by default its time"),
+        ),
+        _studio,
     ),
     Command(
         "calibrate",

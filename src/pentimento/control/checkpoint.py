@@ -39,7 +39,8 @@ _PAINTING: Final = "state.npz"
 _STROKES: Final = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 _NUMBERS: Final = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "mark_width_m", "canvas_size_m")
 _PLAIN: Final = (
-    "pending", "executed", "sessions", "shard", "turns", "clock_s", "robot_clock_s", "unix_s", "phase", "message",
+    "pending", "executed", "sessions", "shard", "turns", "lines", "clock_s", "robot_clock_s", "unix_s", "phase",
+    "message",
 )  # fmt: skip
 _ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink", "color", "carried")
 
@@ -71,6 +72,8 @@ class PaintingState:
     """Number of the recording's next file."""
     turns: int
     """Number of turns that a person has had."""
+    lines: int
+    """Number of lines that a person has drawn on the page."""
     clock_s: float
     """Time since the painting's start."""
     robot_clock_s: float

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -61,7 +61,7 @@ def goal_from_picture(picture: Picture, canvas: Picture, tool: Tool) -> Picture:
 
 
 def goal_from_words(
-    wishes: Callable[[Picture], Sequence[Wish]],
+    wishes: Sequence[Wish],
     canvas: Picture,
     networks: Networks,
     *,
@@ -77,13 +77,11 @@ def goal_from_words(
     workshop.
 
     Args:
-        wishes: what to draw where on a square canvas, see `layout.wishes_for`.
+        wishes: what to draw where on that square, see `layout.wishes_for`.
         has_ink: see `layout.drawn_in_windows`.
     """
-    height, width = canvas.shape[:2]
-    square = min(height, width)
-    top, left = (height - square) // 2, (width - square) // 2
-    inner = np.ascontiguousarray(canvas[top : top + square, left : left + square])
+    there = centred_square(canvas)
+    inner = np.ascontiguousarray(canvas[there])
     cells = sampling.side_px // sampling.latent_step_px
 
     def completed(small: Picture, words: str, number: int) -> Picture:
@@ -97,10 +95,16 @@ def goal_from_words(
         return np.asarray(keep_canvas(small[None], completion, known, sampling.latent_step_px)[0])
 
     goal = canvas.copy()
-    goal[top : top + square, left : left + square] = drawn_in_windows(
-        inner, wishes(inner), side_px=sampling.side_px, has_ink=has_ink, complete=completed
-    )
+    goal[there] = drawn_in_windows(inner, wishes, side_px=sampling.side_px, has_ink=has_ink, complete=completed)
     return goal
+
+
+def centred_square(canvas: Picture) -> tuple[slice, slice]:
+    """Rows and columns of the largest centred square of a canvas [H, W, 3]."""
+    height, width = canvas.shape[:2]
+    square = min(height, width)
+    top, left = (height - square) // 2, (width - square) // 2
+    return slice(top, top + square), slice(left, left + square)
 
 
 def keep_canvas(canvas: Picture, completion: Picture, reconstruction: Picture, cell_px: float) -> Picture:

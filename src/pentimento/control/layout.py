@@ -147,23 +147,24 @@ def with_room(wishes: Sequence[Wish], canvas: Picture, *, largest: float = 1.0) 
     """An arrangement where the square canvas, uint8 [S, S, 3], leaves most room for it.
 
     The whole arrangement is at most `largest` sides of the canvas wide. It is as large as it can be without lying over
-    paint; where there is no room, it lies where the paint is least.
+    paint; where there is no room, it lies where the paint is least. It is near the middle, or, where `largest` is less
+    than the canvas, near a corner: that leaves room for more.
     """
     painted = _painted(canvas)
     if painted.mean() <= _BLANK_SHARE:
-        frame = Window(0.5, 0.5, largest)
+        frame = Window(largest / 2, largest / 2, largest)
         return [Wish(each.words, each.window.within(frame)) for each in wishes]
     windows = [each.window for each in wishes]
     smallest = min(largest, _SMALLEST / min(window.size for window in windows))
     sums = np.pad(painted.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
     best: tuple[float, Window] | None = None
     for size in np.arange(largest, smallest - 1e-9, -_SIZE_STEP):
-        share, frame = _freest(sums, windows, float(size))
+        share, frame = _freest(sums, windows, float(size), in_middle=largest == 1)
         if share <= _FREE_SHARE:
             best = share, frame
             break
     if best is None:
-        best = _freest(sums, windows, min(largest, max(smallest, _CROWDED)))
+        best = _freest(sums, windows, min(largest, max(smallest, _CROWDED)), in_middle=largest == 1)
     return [Wish(each.words, each.window.within(best[1])) for each in wishes]
 
 
@@ -173,9 +174,11 @@ def _painted(canvas: Picture) -> NDArray[np.float64]:
     return np.asarray(cv2.resize(marked, (_GRID, _GRID), interpolation=cv2.INTER_AREA) > 0.1, np.float64)
 
 
-def _freest(sums: NDArray[np.float64], windows: Sequence[Window], size: float) -> tuple[float, Window]:
+def _freest(
+    sums: NDArray[np.float64], windows: Sequence[Window], size: float, *, in_middle: bool
+) -> tuple[float, Window]:
     """The share of painted cells in the things' squares, and the frame of a size where it is least; the one nearest to
-    the centre among equals.
+    the centre, or farthest from it, among equals.
     """
     places = np.arange(size / 2, 1 - size / 2 + 1e-9, 1 / 32)
     best: tuple[float, float, Window] | None = None
@@ -183,7 +186,8 @@ def _freest(sums: NDArray[np.float64], windows: Sequence[Window], size: float) -
         for x in places:
             frame = Window(float(x), float(y), size)
             share = float(np.mean([_share(sums, window.within(frame)) for window in windows]))
-            key = (max(share, _FREE_SHARE), abs(x - 0.5) + abs(y - 0.5))
+            off_centre = abs(x - 0.5) + abs(y - 0.5)
+            key = (max(share, _FREE_SHARE), off_centre if in_middle else -off_centre)
             if best is None or key < best[:2]:
                 best = (*key, frame)
     assert best is not None

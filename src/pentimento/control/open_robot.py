@@ -44,6 +44,8 @@ class RobotTraits:
     """The robot's clock continues when its process ends."""
     reach_s: float
     """Maximum time to a stroke's start, and for each wipe and dip."""
+    person_draws: bool = False
+    """A person draws on the page, and the robot draws it: in the studio."""
     calibrated: CameraCalibration | None = None
     """The camera's view of the canvas when the rig was calibrated, where it was."""
 
@@ -112,7 +114,7 @@ def open_robot(
     world = place if kind == "virtual" and place else tool.name
     robot = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
     journaled = JournaledRobot(robot, folder / _JOURNAL, lambda _: tool)
-    return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S), journaled.close)
+    return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S, person_draws=True), journaled.close)
 
 
 def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
@@ -125,7 +127,7 @@ def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], No
     rig = calibrated(rig, found["touch"])
     robot = RobotProcess(connected, (rig, found), ask)
     canvas = camera_of(found["canvas"]) if "canvas" in found else None
-    return RobotHandle(robot, RobotTraits(rig.camera is not None, False, _REACH_S, canvas), robot.close)
+    return RobotHandle(robot, RobotTraits(rig.camera is not None, False, _REACH_S, calibrated=canvas), robot.close)
 
 
 def connected(rig: Rig, found: Mapping[Kind, Calibration], ask: Callable[[str], None]) -> Robot:

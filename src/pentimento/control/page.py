@@ -12,7 +12,7 @@ import re
 import secrets
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import PaintingState
+from pentimento.control.drawn import MAX_BYTES
 from pentimento.control.person import COMMANDS, Control
 from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
 
@@ -42,6 +43,16 @@ _CONTENT_TYPES = {
 
 
 @dataclass(frozen=True)
+class Pen:
+    """What a person draws with on the page."""
+
+    width: float
+    """Of its lines, in widths of the canvas."""
+    color: str | None
+    """As CSS has it; None where the person chooses."""
+
+
+@dataclass(frozen=True)
 class Response:
     """An HTTP response."""
 
@@ -56,14 +67,19 @@ _NOT_FOUND = Response(HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing her
 class Page:
     """A server in its own thread, until ``close``."""
 
-    def __init__(self, folder: Path, control: Control, port: int = 0) -> None:
+    def __init__(self, folder: Path, control: Control, pen: Pen | None = None, port: int = 0) -> None:
         """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
+
+        Args:
+            pen: with which a person draws on the page; None where that is impossible.
 
         Raises OSError if the port is taken.
         """
         self._folder, self._control = folder, control
         self._token = secrets.token_urlsafe(16)
         self._state: dict[str, Any] = {}
+        self._pen = None if pen is None else asdict(pen)
+        self._version = 0
         self._canvas: NDArray[np.uint8] | None = None
         self._server = ThreadingHTTPServer(("127.0.0.1", port), _handler(self))
         self._server.daemon_threads = True
@@ -78,12 +94,16 @@ class Page:
     def show(self, state: PaintingState) -> None:
         """Show a new state."""
         self._canvas = state.canvas
+        self._version += 1
         self._state = {
+            "version": self._version,
+            "pen": self._pen,
             "phase": state.phase,
             "message": state.message,
             "executed": state.executed,
             "total": state.executed + len(state.remaining),
             "turns": state.turns,
+            "lines": state.lines,
             "choices": len(list((self._folder / GOALS).glob("*.png"))) if state.phase == "choosing" else 0,
         }
 
@@ -117,6 +137,8 @@ class Page:
             self._control.send(command)
         elif path == "wish" and text:
             self._control.send("wish", text)
+        elif path == "draw" and self._pen is not None:
+            self._control.send("draw", text)
         elif path == "choose" and text.isdecimal():
             self._control.send("choose", text)
         else:
@@ -143,7 +165,7 @@ def _handler(page: Page) -> type[BaseHTTPRequestHandler]:
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "0")
-            small = length.isdigit() and int(length) <= _MAX_BYTES
+            small = length.isdigit() and int(length) <= (MAX_BYTES if self.path.endswith("/draw") else _MAX_BYTES)
             body = self.rfile.read(int(length)) if small else b""
             self._respond(lambda path: page.post(path, body))
 

@@ -16,7 +16,7 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.execute import Session, execute
 from pentimento.control.loop import Hooks, run_loop
-from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes, no_strokes, to_planned
 from pentimento.planning.strokes.brush import Brush
 from pentimento.planning.strokes.config import Log, PlannerConfig
 from pentimento.planning.strokes.descent import optimise
@@ -197,8 +197,10 @@ def first_plan(
 ) -> tuple[Strokes, FloatArray]:
     """Up to ``count`` strokes from a canvas to a goal, uint8 sRGB [H, W, 3] both, and their palette, sRGB [K, 3].
 
-    Strokes that increase the objective are removed.
+    Strokes that increase the objective are removed. A goal that equals the canvas needs none.
     """
+    if np.array_equal(goal, canvas):
+        return no_strokes(), np.zeros((0, 3))
     scene = context.scene(as_linear(goal), start)
     strokes, palette = plan(as_linear(canvas), scene, count, context.planner, log)
     return without_useless(strokes, as_linear(canvas), scene, context.planner), palette

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Final, Literal, TextIO
 
-Command = Literal["pause", "your turn", "go on", "stop", "wish", "choose"]
+Command = Literal["pause", "your turn", "go on", "stop", "wish", "choose", "draw"]
 
 COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "stop")
 """Those without a value."""
@@ -29,36 +29,38 @@ class Order:
 
     command: Command
     value: str = ""
-    """The words of a wish, or the number of a goal to choose, from 1."""
+    """The words of a wish, the number of a goal to choose (from 1), or a line that was drawn, see `drawn`."""
 
 
 class Control:
-    """The last order that was sent and not yet received. Any thread may send; the loop receives between actions."""
+    """Orders that were sent and not yet received: the last one, and before it all lines that were drawn.
+
+    Any thread may send; the loop receives between actions.
+    """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._order: Order | None = None
+        self._orders: list[Order] = []
 
     def send(self, command: Command, value: str = "") -> None:
-        """Replace the order that waits. Nothing replaces ``stop``."""
+        """Add a line that was drawn, or replace the order that waits. Nothing replaces ``stop``."""
         with self._changed:
-            if self._order is None or self._order.command != "stop":
-                self._order = Order(command, value)
+            if not any(order.command == "stop" for order in self._orders):
+                if command != "draw":
+                    self._orders = [order for order in self._orders if order.command == "draw"]
+                self._orders.append(Order(command, value))
             self._changed.notify_all()
 
     def poll(self) -> Order | None:
-        """The order since the last call, if any."""
+        """The next order, if any."""
         with self._changed:
-            order, self._order = self._order, None
-            return order
+            return self._orders.pop(0) if self._orders else None
 
     def wait(self) -> Order:
         """The next order, whenever it comes."""
         with self._changed:
-            self._changed.wait_for(lambda: self._order is not None)
-            order, self._order = self._order, None
-            assert order is not None
-            return order
+            self._changed.wait_for(lambda: self._orders)
+            return self._orders.pop(0)
 
 
 class Progress:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,11 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
 from pentimento.control.commission import Commission, Wanted, exclusive, write_commission
-from pentimento.control.goal import GoalSampling, goal_from_picture, goal_from_words
+from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.layout import wishes_for
 from pentimento.control.open_robot import open_robot, rig_named
-from pentimento.control.page import Page
+from pentimento.control.page import Page, Pen
 from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
@@ -36,14 +36,16 @@ from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.target import load_photograph
 from pentimento.robots.rig import Rig
+from pentimento.robots.tools import Tool
 
 Picture = NDArray[np.uint8]
 
 SUMMARY = "painting.json"
 """In a finished painting's folder: number of strokes, and errors by the planner's objective."""
 
-_ROOM = 0.5
-"""Maximum side of what is drawn in a turn, in sides of the canvas: the next turns need room."""
+_ROOM = 0.45
+"""Maximum side of a thing that is drawn in a turn, in sides of the canvas: the next turns need room. Several things get
+that area each."""
 
 _THREADS = 2
 """Maximum number of cores that plan; plans do not depend on it."""
@@ -150,7 +152,8 @@ def run(
             commission.robot, tool, canvas_size_m, folder=folder, seed=commission.seed, execute=commission.execute,
             calibration=calibration, ask=ask,
         )  # fmt: skip
-        served = None if page is None else Page(folder, control)
+        pen = _pen(tool, canvas_size_m) if opened.traits.person_draws else None
+        served = None if page is None else Page(folder, control, pen)
         try:
             if page is not None and served is not None:
                 page(served.address)
@@ -210,30 +213,43 @@ def _first_goal(
 def _goals_for(
     graphs: Graphs, context: PaintContext, *, setting: str, seed: int, turns: Turns
 ) -> Callable[[Picture, str], list[Picture]]:
-    """A function from the canvas and a person's words to goals, uint8 sRGB [H, W, 3], of one seed each."""
+    """A function from the canvas and a person's words to goals, uint8 sRGB [H, W, 3], each with another seed and in
+    another place, as far as there is room.
+    """
     bundle: Bundle = graphs.bundle
     facts = bundle.manifest.goal
+    sampling = GoalSampling(
+        facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
+        facts.text_guidance, seed,
+    )  # fmt: skip
+    by_window = bundle.vocabulary is not None and bundle.vocabulary.by_window
 
     def goals(canvas: Picture, words: str) -> list[Picture]:
         request = understand(words, bundle.vocabulary) if words else Understood("")
-        wishes = partial(
-            wishes_for, request, medium=bundle.setting(setting).words,
-            by_window=bundle.vocabulary is not None and bundle.vocabulary.by_window,
-            largest=_ROOM if turns.in_turns else 1.0,
-        )  # fmt: skip
-        return [
-            goal_from_words(
+        number_of_things = sum(thing.number for thing in request.things) or 1
+        largest = min(1.0, _ROOM * math.sqrt(number_of_things)) if turns.in_turns else 1.0
+        found, taken = list[Picture](), canvas.copy()
+        for number in range(turns.choices):
+            wishes = wishes_for(
+                request, taken[centred_square(taken)], bundle.setting(setting).words, by_window=by_window,
+                largest=largest,
+            )  # fmt: skip
+            goal = goal_from_words(
                 wishes, canvas, goal_networks(graphs), has_ink=context.tool.color_srgb is not None,
                 schedule=noise_schedule(bundle), tokenizer=tokenizer(bundle, facts.words),
-                sampling=GoalSampling(
-                    facts.side_px, facts.latent_channels, facts.latent_step_px, facts.steps, facts.image_guidance,
-                    facts.text_guidance, seed + MAX_THINGS * number,
-                ),
-            )
-            for number in range(turns.choices)
-        ]  # fmt: skip
+                sampling=replace(sampling, seed=seed + MAX_THINGS * number),
+            )  # fmt: skip
+            found.append(goal)
+            taken = np.where(goal == canvas, taken, goal)
+        return found
 
     return goals
+
+
+def _pen(tool: Tool, canvas_size_m: tuple[float, float]) -> Pen:
+    """What a person draws with on the page: the robot's tool."""
+    color = None if tool.color_srgb is None else "#" + "".join(f"{round(255 * c):02x}" for c in tool.color_srgb)
+    return Pen(tool.nominal_width_m / canvas_size_m[0], color)
 
 
 def _canvas_size_m(setting_m: tuple[float, float], rig: Rig | None) -> tuple[float, float]:

@@ -26,6 +26,7 @@ from pentimento.contracts.observations import Photo
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import PATIENCE_S, Camera, PaintingFault, visible_mark, visible_share
 from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
+from pentimento.control.drawn import drawn_strokes
 from pentimento.control.execute import Session, execute_stroke
 from pentimento.control.guard import GuardedRobot, Watchdog
 from pentimento.control.loop import Hooks, Interrupt, run_loop
@@ -54,6 +55,7 @@ RECORD = "record"
 TURNS = "turns"
 """Folder of the canvas at each of the person's turns, with what the person asked for and the goal of it."""
 
+_YOUR_TURN = "It is your turn: draw, then say go on or what to add. The robot does not move."
 _OBSERVE_S = 30.0
 """Maximum duration of an observation; the tool is up."""
 _PLAN_S = 300.0
@@ -118,7 +120,7 @@ def begin(
     remaining, palette = first_plan(context, canvas, goal, count=session.strokes, start=start, log=log)
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
-        executed=0, sessions=0, shard=0, turns=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
+        executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
         phase="painting", message=f"{len(remaining)} strokes are planned.",
     )  # fmt: skip
     write_png(session.folder / PLAN, as_picture(predict_canvas(context, remaining, canvas, start)))
@@ -270,25 +272,26 @@ class _StrokeByStroke:
         while order is not None and order.command == "pause":
             state = self._wait_at_rest(state, "paused", "Paused; the tool is up.")
             order = self.session.control.wait()
-        if order is None or order.command in ("go on", "choose"):
+        if order is None or order.command in ("go on", "choose", "draw"):
             return state, None
         return self._turn(state, order)
 
     def _turn(self, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
         """A person's turn, until the person goes on, stops, or asks for something that is understood."""
         if order.command == "your turn":
-            message = "It is your turn: paint, then say go on or what to add. The robot does not move."
-            state = self._wait_at_rest(state, "your turn", message)
+            state = self._wait_at_rest(state, "your turn", _YOUR_TURN)
         while True:
             if order.command == "stop":
                 return state, "stop"
             if order.command == "go on":
                 return self._after_turn(state), "changed"
-            if order.command == "wish":
-                try:
+            try:
+                if order.command == "wish":
                     return self.wished(state, order.value), "changed"
-                except ConfigError as error:
-                    state = self._wait_at_rest(state, "your turn", f"{error} Ask again, or say go on.")
+                if order.command == "draw":
+                    state = self._wait_at_rest(self._drawn(state, order.value), "your turn", _YOUR_TURN)
+            except ConfigError as error:
+                state = self._wait_at_rest(state, "your turn", f"{error} {_YOUR_TURN}")
             order = self.session.control.wait()
 
     def wished(self, state: PaintingState, words: str) -> PaintingState:
@@ -319,8 +322,29 @@ class _StrokeByStroke:
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         return self.checkpoint(state)
 
+    def _drawn(self, state: PaintingState, line: str) -> PaintingState:
+        """Draw a line of the person's in the studio, with the robot's tool.
+
+        Raises:
+            ConfigError: the line cannot be read, or the robot is not the studio's.
+        """
+        if not self.session.traits.person_draws:
+            raise ConfigError("Lines can be drawn on the page in the studio only; draw on the sheet.")
+        for stroke in drawn_strokes(line, self.tool, self.context.canvas_size_m):
+            self.watchdog.beat(3 * self.session.traits.reach_s + 2 * float(stroke.path[-1, 0]), "your stroke")
+            if self.tool.dips:
+                self.robot.wipe()
+                self.robot.load_palette(stroke.color_srgb[None])
+                self.robot.dip(0)
+            self.robot.move(stroke.path)
+        if self.tool.dips:
+            self.robot.wipe()
+            self.robot.load_palette(state.palette_srgb)
+        self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your stroke")
+        return self._looked(replace(state, lines=state.lines + 1))
+
     def _chosen(self, state: PaintingState, goals: Sequence[Picture]) -> tuple[PaintingState, Picture]:
-        """The goal that the person chooses; the only one without asking."""
+        """The goal that the person chooses; the only one at once."""
         if len(goals) == 1:
             return state, goals[0]
         shutil.rmtree(self.session.folder / GOALS, ignore_errors=True)  # of an earlier turn
@@ -330,7 +354,7 @@ class _StrokeByStroke:
         state = self._wait_at_rest(state, "choosing", message)
         order = self.session.control.wait()
         while order.command != "choose" or not (order.value.isdecimal() and 1 <= int(order.value) <= len(goals)):
-            if order.command != "choose":
+            if order.command not in ("choose", "draw"):
                 self.session.control.send(order.command, order.value)
                 raise ConfigError("None of the goals was chosen.")
             order = self.session.control.wait()
@@ -373,14 +397,19 @@ class _StrokeByStroke:
         self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your turn")
         message = "The robot looks at what you painted."
         state = self.checkpoint(replace(state, turns=state.turns + 1, phase="painting", message=message))
+        state = self.checkpoint(self._looked(state))
+        if self.camera is not None:
+            write_png(self.session.folder / TURNS / f"{state.turns:03d}.png", state.canvas)
+        return state
+
+    def _looked(self, state: PaintingState) -> PaintingState:
+        """The state with the canvas as the camera sees it now, and what a person painted there."""
         if self.camera is None:
             return state
         seen = self.camera.observe()
         memory = add_persons_paint(state.memory, state.canvas, seen.picture, self._clock_s())
         self.photo = seen.photo
-        state = self.checkpoint(replace(state, memory=due_for_dip(memory, self.tool), canvas=seen.picture))
-        write_png(self.session.folder / TURNS / f"{state.turns:03d}.png", seen.picture)
-        return state
+        return replace(state, memory=due_for_dip(memory, self.tool), canvas=seen.picture)
 
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:
         """The state of an earlier session, continued on the canvas as it is now."""

@@ -15,7 +15,14 @@ const accepted = {
   "your turn": ["go on", "stop"],
   choosing: ["go on", "stop"],
 };
+const sheet = document.getElementById("canvas");
+const lines = document.getElementById("lines");
+const color = document.getElementById("color");
 let shown = null;
+let pen = null; // what a person draws with on this page
+let line = null; // that is being drawn; its points are [x, y, pressure] in shares of the sheet
+let sent = []; // lines that were sent and are not in the camera's picture yet
+let received = 0; // number of lines that the robot has drawn
 
 async function refresh() {
   try {
@@ -37,11 +44,15 @@ function show(state) {
   bar.setAttribute("aria-valuenow", state.executed);
   for (const button of buttons) button.disabled = !(accepted[state.phase] ?? []).includes(button.dataset.command);
   wish.querySelector("button").disabled = !(state.phase in accepted);
-  const now = `${state.executed} ${state.turns} ${state.phase}`;
+  received = state.lines;
+  pen = state.phase === "your turn" ? state.pen : null;
+  lines.classList.toggle("active", pen !== null);
+  document.getElementById("paint").hidden = pen === null || pen.color !== null;
+  const now = state.version;
   if (now !== shown) {
     shown = now;
     offer(state.choices, now);
-    for (const image of document.querySelectorAll("main img")) image.src = `${image.dataset.file}?${encodeURIComponent(now)}`;
+    for (const image of document.querySelectorAll("main img")) image.src = `${image.dataset.file}?${now}&lines=${state.lines}`;
   }
 }
 
@@ -51,7 +62,7 @@ function offer(choices, now) {
   goals.replaceChildren(...Array.from({ length: choices }, (_, index) => {
     const number = index + 1;
     const image = document.createElement("img");
-    image.src = `goals/${number}.png?${encodeURIComponent(now)}`;
+    image.src = `goals/${number}.png?${now}`;
     image.alt = `Goal ${number}`;
     const button = document.createElement("button");
     button.append(image, `Goal ${number}`);
@@ -72,5 +83,52 @@ wish.addEventListener("submit", (event) => {
   words.value = "";
 });
 
+// A line is shown at once and sent when the pen leaves the sheet. It is shown until the camera's picture holds it.
+function place(event) {
+  const box = lines.getBoundingClientRect();
+  return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height, event.pressure || 0.5];
+}
+
+function ink(points, width, style) {
+  const context = lines.getContext("2d");
+  context.lineWidth = width * lines.width;
+  context.lineCap = context.lineJoin = "round";
+  context.strokeStyle = style;
+  context.beginPath();
+  for (const [x, y] of points) context.lineTo(x * lines.width, y * lines.height);
+  context.stroke();
+}
+
+// The lines that the camera's picture of `drawn` lines does not hold yet.
+function redraw(drawn) {
+  sent = sent.filter((each) => each.number > drawn);
+  [lines.width, lines.height] = [sheet.clientWidth, sheet.clientHeight]; // also clears it
+  for (const each of sent) ink(each.points, each.width, each.style);
+  if (line !== null) ink(line.points, line.width, line.style);
+}
+
+lines.addEventListener("pointerdown", (event) => {
+  if (pen === null || !event.isPrimary) return;
+  lines.setPointerCapture(event.pointerId);
+  line = { points: [place(event)], width: pen.width, style: pen.color ?? color.value, number: 0 };
+});
+lines.addEventListener("pointermove", (event) => {
+  if (line === null || !event.isPrimary) return;
+  const from = line.points.length - 1;
+  for (const each of event.getCoalescedEvents?.() ?? [event]) line.points.push(place(each));
+  ink(line.points.slice(from), line.width, line.style);
+});
+for (const end of ["pointerup", "pointercancel"]) {
+  lines.addEventListener(end, () => {
+    if (line === null) return;
+    const srgb = [1, 3, 5].map((at) => parseInt(color.value.slice(at, at + 2), 16) / 255);
+    line.number = Math.max(received, sent.at(-1)?.number ?? 0) + 1;
+    sent.push(line);
+    send("draw", JSON.stringify({ points: line.points, color: srgb }));
+    line = null;
+  });
+}
+sheet.addEventListener("load", () => redraw(Number(new URL(sheet.src).searchParams.get("lines"))));
+
 refresh();
-setInterval(refresh, 1000);
+setInterval(refresh, 500);

@@ -1,0 +1,83 @@
+"""What a person draws on the page with a pointer or a pen, as strokes of the studio's tool."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.robots.motion import timed_path
+from pentimento.robots.tools import Tool
+
+FloatArray = NDArray[np.float64]
+
+MAX_BYTES: Final = 200_000
+"""Of the JSON of one stroke."""
+
+_STEP_M: Final = 1e-3  # between the points of a path
+_LONGEST_M: Final = 0.3  # of a path of a tool with its own ink
+_EDGE: Final = 1e-3  # distance from the sheet's edge, in its sides
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnStroke:
+    """One stroke of the person's."""
+
+    path: FloatArray
+    """[N, 5]: t_s, x_m, y_m, z_m, yaw_rad, canvas frame."""
+    color_srgb: FloatArray
+    """[3]"""
+
+
+def drawn_strokes(text: str, tool: Tool, canvas_size_m: tuple[float, float]) -> list[DrawnStroke]:
+    """The strokes of a line that a person drew, as long as the tool's paint lasts each.
+
+    Args:
+        text: JSON, `{"points": [[x, y, pressure], ...], "color": [r, g, b]}`; x to the right and y down in shares of
+            the canvas, pressure and sRGB from 0 to 1. A tool with its own ink ignores the colour.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    points, color = _read(text)
+    width, height = canvas_size_m
+    places = np.clip(points[:, :2], _EDGE, 1 - _EDGE) * [width, -height] + [0.0, height]
+    low, high = tool.press_range_m
+    press = low + np.clip(points[:, 2], 0.0, 1.0) * (high - low)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
+    if along[-1] < _STEP_M:  # a dot
+        inwards = -1.0 if places[0, 0] > width / 2 else 1.0
+        places, press = places[[0, 0]] + [[0.0, 0.0], [inwards * _STEP_M, 0.0]], press[[0, 0]]
+        along = np.array([0.0, _STEP_M])
+    longest = tool.stroke_length_m[1] if tool.dips else _LONGEST_M
+    ends = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / longest)) + 1)
+    own = np.array(tool.color_srgb) if tool.color_srgb is not None else color
+    strokes = []
+    for start, end in pairwise(ends):
+        at = np.linspace(start, end, max(2, round((end - start) / _STEP_M) + 1))
+        x, y, depth = (np.interp(at, along, values) for values in (*places.T, press))
+        xyz_yaw = np.stack([x, y, -depth, np.zeros(len(at))], axis=1)
+        strokes.append(DrawnStroke(timed_path(xyz_yaw, tool.speed_m_s), own))
+    return strokes
+
+
+def _read(text: str) -> tuple[FloatArray, FloatArray]:
+    """Points [N, 3] and a colour [3]."""
+    try:
+        plain: Any = json.loads(text)
+        points = np.array(plain["points"], dtype=np.float64)
+        color = np.array(plain.get("color") or (0.0, 0.0, 0.0), dtype=np.float64)
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise ConfigError(f"The line that was drawn cannot be read ({error!r}); draw it again.") from error
+    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) == 0 or color.shape != (3,):
+        raise ConfigError("The line that was drawn needs points of x, y and pressure, and a colour of three numbers.")
+    if not (np.isfinite(points).all() and np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1):
+        raise ConfigError("The line that was drawn has numbers that are not finite, or a colour outside 0 to 1.")
+    # Equal neighbours have no direction.
+    keep = np.append(True, np.abs(np.diff(points[:, :2], axis=0)).max(axis=1) > 0)
+    return points[keep], color

@@ -1,0 +1,62 @@
+"""Lines that a person draws on the page, as strokes of the tool."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.control.drawn import drawn_strokes
+from pentimento.control.safety import envelope_for
+from pentimento.robots.tools import load_tool
+
+SIZE_M = (0.2, 0.1)
+PEN, BRUSH = load_tool("marker"), load_tool("round_brush")
+
+
+def line(*points: tuple[float, float, float], color: object = None) -> str:
+    return json.dumps({"points": points, "color": color})
+
+
+def test_line_runs_where_it_was_drawn_in_the_canvas_frame() -> None:
+    (stroke,) = drawn_strokes(line((0.1, 0.2, 0.0), (0.6, 0.2, 1.0)), PEN, SIZE_M)
+    path = stroke.path
+    assert path[0, 1:3] == pytest.approx([0.02, 0.08]) and path[-1, 1:3] == pytest.approx([0.12, 0.08])
+    assert -path[0, 3] == pytest.approx(PEN.press_range_m[0]) and -path[-1, 3] == pytest.approx(PEN.press_range_m[1])
+    assert np.diff(path[:, 1]) == pytest.approx(np.diff(path[:, 1]).mean())
+
+
+@pytest.mark.parametrize("tool", [PEN, BRUSH])
+def test_any_line_stays_within_the_tools_envelope(tool) -> None:
+    generator = np.random.default_rng(0)
+    for count in (1, 2, 40, 400):
+        points = generator.uniform(-0.5, 1.5, (count, 3))
+        strokes = drawn_strokes(line(*map(tuple, points.tolist())), tool, SIZE_M)
+        for stroke in strokes:
+            envelope_for(tool, SIZE_M).check_path(stroke.path)
+        ends = [(a.path[-1, 1:3], b.path[0, 1:3]) for a, b in pairwise(strokes)]
+        assert all(np.allclose(end, start) for end, start in ends)
+
+
+def test_brush_takes_the_persons_colour_and_a_pen_its_own() -> None:
+    text = line((0.1, 0.1, 0.5), (0.9, 0.9, 0.5), color=[0.2, 0.4, 1.0])
+    brushed = drawn_strokes(text, BRUSH, SIZE_M)
+    assert len(brushed) > 1 and all((stroke.color_srgb == [0.2, 0.4, 1.0]).all() for stroke in brushed)
+    lengths = [np.linalg.norm(np.diff(stroke.path[:, 1:3], axis=0), axis=1).sum() for stroke in brushed]
+    assert max(lengths) <= BRUSH.stroke_length_m[1] * 1.001
+    assert (drawn_strokes(text, PEN, SIZE_M)[0].color_srgb == PEN.color_srgb).all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "{", "[]", "null", "{}", '{"points": []}', '{"points": [[1, 2]]}', '{"points": "x"}', '{"points": 3}',
+        '{"points": [[0, NaN, 0]]}', '{"points": [[0, 0, 0]], "color": [2, 0, 0]}',
+        '{"points": [[0, 0, 0]], "color": 1}',
+        "[" * 100000,
+    ],
+)  # fmt: skip
+def test_other_texts_are_one_sentence(text: str) -> None:
+    with pytest.raises(ConfigError, match="The line that was drawn"):
+        drawn_strokes(text, PEN, SIZE_M)
