@@ -3,6 +3,7 @@
 import json
 import math
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,19 @@ from pentimento.contracts.images import read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control.checkpoint import PaintingState, load_state
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.open_robot import RobotTraits
 from pentimento.control.person import Control
 from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
-from pentimento.control.session import RECORD, resume
+from pentimento.control.safety import envelope_for
+from pentimento.control.session import RECORD, PaintingSession, begin, resume
 from pentimento.planning.strokes.bezier import to_planned
-from tests.bundle.line_brush import POINTS, journaled_sheet, sheet
+from pentimento.planning.strokes.config import no_log
+from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
+from tests.bundle.line_brush import POINTS, SIDE_M, journaled_sheet, paint_context, sheet
 from tests.control.paintings import BATCH, STROKES, begun, error_of, finished, session_of
 
 Painted = tuple[Path, PaintingState, PaintingState]
@@ -237,3 +246,34 @@ def test_finished_painting_is_resumed_with_a_wish(tmp_path: Path) -> None:
     assert done.phase == "done" and done.executed > before.executed and done.turns == 1
     left = np.s_[:, : before.canvas.shape[1] // 6]
     assert (before.canvas[left].min(-1).astype(int) - done.canvas[left].min(-1) > 60).sum() > 40
+
+
+def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) -> None:
+    control, phases = Control(), []
+    world = load_world("round_brush")
+    robot = VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), 1))
+    context = replace(paint_context(), tool=load_tool("round_brush"))
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "your turn":
+            phases.append(state.lines)
+            if not state.lines and len(phases) == 1:
+                line = {"points": [[0.2, 0.3, 0.6], [0.8, 0.3, 0.6]], "color": [0.1, 0.2, 0.8]}
+                control.send("draw", json.dumps(line))
+            elif len(phases) == 2:
+                control.send("draw", "no line")
+            else:
+                control.send("stop")
+
+    session = PaintingSession(
+        GuardedRobot(robot, envelope_for(context.tool, (SIDE_M, SIDE_M))),
+        RobotTraits(has_camera=True, clock_persists=True, reach_s=60.0, person_draws=True),
+        context, STROKES, BATCH, tmp_path, control, person, lambda canvas, _: [canvas], in_turns=True,
+    )  # fmt: skip
+    begin(session, lambda canvas: canvas, log=no_log)
+    done = resume(session)
+    assert done.phase == "done" and done.executed == 0 and done.lines == 1
+    height, width = done.canvas.shape[:2]
+    red, _, blue = done.canvas[round(0.3 * height), width // 2].astype(int)
+    assert blue > red + 60
+    assert (done.canvas[round(0.7 * height)] > 150).all()

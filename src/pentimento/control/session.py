@@ -49,6 +49,7 @@ from pentimento.planning.strokes.config import no_log
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.tools import needs_dip
 
+FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 RECORD = "record"
@@ -195,8 +196,7 @@ class _StrokeByStroke:
         self.robot.lift()
         self.watchdog.rest()  # a person may have to mount the tool and fill the paints
         self.robot.change_tool(self.tool)
-        if self.tool.dips:
-            self.robot.load_palette(state.palette_srgb)
+        self._load(state.palette_srgb)
         self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the first look")
         canvas = state.canvas
         if traits.has_camera:
@@ -309,9 +309,8 @@ class _StrokeByStroke:
         remaining, palette = first_plan(
             self.context, state.canvas, goal, count=self.session.strokes, start=self._now(state), log=no_log
         )
-        if self.tool.dips:
-            self.watchdog.rest()  # a person may have to fill the paints
-            self.robot.load_palette(palette)
+        self.watchdog.rest()  # a person may have to fill the paints
+        self._load(palette)
         write_png(self.session.folder / TURNS / f"{state.turns:03d}_goal.png", goal)
         record = {"words": words, "executed_before": state.executed, "planned": len(remaining)}
         atomic_write(
@@ -339,9 +338,14 @@ class _StrokeByStroke:
             self.robot.move(stroke.path)
         if self.tool.dips:
             self.robot.wipe()
-            self.robot.load_palette(state.palette_srgb)
+        self._load(state.palette_srgb)
         self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your stroke")
         return self._looked(replace(state, lines=state.lines + 1))
+
+    def _load(self, palette_srgb: FloatArray) -> None:
+        """Load the paints of a plan, if the tool takes any and the plan has any."""
+        if self.tool.dips and len(palette_srgb):
+            self.robot.load_palette(palette_srgb)
 
     def _chosen(self, state: PaintingState, goals: Sequence[Picture]) -> tuple[PaintingState, Picture]:
         """The goal that the person chooses; the only one at once."""
