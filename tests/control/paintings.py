@@ -18,7 +18,7 @@ from pentimento.control.painter import as_linear, objective_value
 from pentimento.control.person import Control
 from pentimento.control.pictures import GOAL
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, begin, resume
+from pentimento.control.session import PaintingSession, Proposal, begin, resume
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.driver import Robot
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
@@ -34,7 +34,7 @@ def session_of(
     on_state: Callable[[PaintingState], None] = lambda _: None,
     *,
     reach_s: float = 60.0,
-    goals_for: Callable[[Picture, str], list[Picture]] | None = None,
+    goals_for: Callable[[Picture, str], Proposal] | None = None,
     in_turns: bool = False,
     person_draws: bool = False,
 ) -> PaintingSession:
@@ -48,7 +48,7 @@ def session_of(
     )
 
 
-def _nothing_new(_canvas: Picture, words: str) -> list[Picture]:
+def _nothing_new(_canvas: Picture, words: str) -> Proposal:
     raise ConfigError(f"{words!r} is not understood.")
 
 

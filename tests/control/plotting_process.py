@@ -11,7 +11,7 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotHandle, open_robot
 from pentimento.control.person import Control
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, begin, resume
+from pentimento.control.session import PaintingSession, Proposal, begin, resume
 from pentimento.robots.calibration import Calibration, write_calibration
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
@@ -43,7 +43,7 @@ def paint(folder: Path, robot: RobotHandle, strokes: int) -> PaintingState:
             print(state.executed, flush=True)
 
     session = PaintingSession(
-        guarded, robot.traits, own, strokes, 4, folder, Control(), on_state, lambda canvas, _: [cross(canvas)]
+        guarded, robot.traits, own, strokes, 4, folder, Control(), on_state, lambda canvas, _: Proposal([cross(canvas)])
     )
     if not (folder / "state.npz").exists():
         begin(session, cross, log=lambda _name, _value, _step: None)

@@ -13,13 +13,13 @@ from pentimento.contracts.colour import to_float
 from pentimento.contracts.images import read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.control.checkpoint import PaintingState, load_state
+from pentimento.control.checkpoint import PaintingState, load_state, save_state
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.person import Control
 from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import RECORD, PaintingSession, begin, resume
+from pentimento.control.session import RECORD, PaintingSession, Proposal, begin, resume
 from pentimento.planning.strokes.bezier import to_planned
 from pentimento.planning.strokes.config import no_log
 from pentimento.robots.tools import load_tool
@@ -168,8 +168,18 @@ def test_session_stops_while_waiting_for_a_turn(tmp_path: Path) -> None:
     assert state.phase == "stopped" and state.executed == 0 and load_state(tmp_path).phase == "stopped"
 
 
+def one_bar(canvas: np.ndarray, _words: str) -> Proposal:
+    """The canvas with a bar on the left."""
+    return Proposal(bars(canvas)[:1])
+
+
+def two_bars(canvas: np.ndarray, _words: str) -> Proposal:
+    """The canvas with a bar on the left, or with one on the right."""
+    return Proposal(bars(canvas), ["a bar: drawn as a line"])
+
+
 def bars(canvas: np.ndarray) -> list[np.ndarray]:
-    """Two goals: the canvas with a bar on the left, and with one on the right."""
+    """The canvas with a bar on the left, and with one on the right."""
     goals = [canvas.copy(), canvas.copy()]
     goals[0][10:-10, 8:11] = 40
     goals[1][10:-10, -11:-8] = 40
@@ -191,7 +201,7 @@ def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Pa
             control.send("choose", "7")  # there is none
             threading.Timer(0.2, control.send, ("choose", "2")).start()
 
-    beside = session_of(robot, tmp_path, control, person, goals_for=lambda canvas, _: bars(canvas))
+    beside = session_of(robot, tmp_path, control, person, goals_for=two_bars)
     done = resume(beside)
     assert done.phase == "done" and done.turns == 1 and "choosing" in phases
     asked = json.loads((tmp_path / "turns" / "001.json").read_text())
@@ -201,6 +211,72 @@ def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Pa
     new = before.min(-1) - done.canvas.min(-1) > 60
     right, left = new[:, new.shape[1] // 2 :].sum(), new[:, : new.shape[1] // 2].sum()
     assert right > 100 and left < 0.1 * right
+
+
+def test_pause_is_not_ended_by_a_number_or_a_line(tmp_path: Path) -> None:
+    robot, control, executed = sheet(), Control(), []
+    begun(robot, tmp_path)
+
+    def person(state: PaintingState) -> None:
+        if state.executed == 2 and state.phase == "painting" and not executed:
+            control.send("pause")
+        if state.phase == "paused":
+            executed.append(state.executed)
+            control.send("choose", "1")
+            threading.Timer(0.2, control.send, ("draw", "[]")).start()
+            threading.Timer(0.4, lambda: executed.append(load_state(tmp_path).executed)).start()
+            threading.Timer(0.6, control.send, ("stop",)).start()
+
+    state = resume(session_of(robot, tmp_path, control, person))
+    assert state.phase == "stopped" and executed == [2, 2] and state.executed == 2
+
+
+def test_choice_among_earlier_goals_is_not_a_choice_among_later_ones(tmp_path: Path) -> None:
+    robot, control, chosen = sheet(), Control(), []
+    begun(robot, tmp_path)
+    control.send("wish", "a bar")
+
+    def goals(canvas: np.ndarray, words: str) -> Proposal:
+        control.send("choose", "1")  # before the goals are shown
+        return two_bars(canvas, words)
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "choosing" and not chosen:
+            chosen.append(state.message)
+            threading.Timer(0.2, control.send, ("choose", "2")).start()
+
+    done = resume(session_of(robot, tmp_path, control, person, goals_for=goals))
+    assert (done.goal == bars(done.goal)[1]).all() and done.phase == "done"
+    assert chosen[0].endswith("A bar: drawn as a line.")
+
+
+def test_wish_on_resume_may_be_stopped_at_the_choice(tmp_path: Path) -> None:
+    robot, control = journaled_sheet(tmp_path), Control()
+    begun(robot, tmp_path)
+    before = finished(robot, tmp_path)
+    robot.close()
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "choosing":
+            control.send("stop")
+
+    again = journaled_sheet(tmp_path)
+    state = resume(session_of(again, tmp_path, control, person, goals_for=two_bars), "a bar")
+    assert state.phase == "stopped" and state.executed == before.executed
+
+
+def test_painting_in_turns_resumes_at_the_persons_turn(tmp_path: Path) -> None:
+    robot, control, phases = sheet(), Control(), []
+    begun(robot, tmp_path)
+    save_state(tmp_path, replace(load_state(tmp_path), phase="choosing", sessions=1))
+
+    def person(state: PaintingState) -> None:
+        phases.append((state.phase, state.executed))
+        if state.phase == "your turn":
+            control.send("stop")
+
+    resume(session_of(robot, tmp_path, control, person, in_turns=True))
+    assert ("your turn", 0) in phases and all(executed == 0 for _, executed in phases)
 
 
 def test_wish_that_is_not_understood_leaves_goal_and_turn_as_they_are(tmp_path: Path) -> None:
@@ -230,7 +306,7 @@ def test_painting_in_turns_waits_for_the_person_until_stop(tmp_path: Path) -> No
             turns.append(state.executed)
             control.send(*(("wish", "a bar") if len(turns) == 1 else ("stop",)))
 
-    beside = session_of(robot, tmp_path, control, person, goals_for=lambda canvas, _: bars(canvas)[:1], in_turns=True)
+    beside = session_of(robot, tmp_path, control, person, goals_for=one_bar, in_turns=True)
     done = resume(beside)
     assert done.phase == "done" and len(done.remaining) == 0
     assert len(turns) == 2 and abs(turns[0] - planned) <= 2 and turns[1] > turns[0]
@@ -242,7 +318,7 @@ def test_finished_painting_is_resumed_with_a_wish(tmp_path: Path) -> None:
     before = finished(robot, tmp_path)
     robot.close()
     again = journaled_sheet(tmp_path)
-    done = resume(session_of(again, tmp_path, goals_for=lambda canvas, _: bars(canvas)[:1]), "a bar")
+    done = resume(session_of(again, tmp_path, goals_for=one_bar), "a bar")
     assert done.phase == "done" and done.executed > before.executed and done.turns == 1
     left = np.s_[:, : before.canvas.shape[1] // 6]
     assert (before.canvas[left].min(-1).astype(int) - done.canvas[left].min(-1) > 60).sum() > 40
@@ -268,11 +344,11 @@ def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) 
     session = PaintingSession(
         GuardedRobot(robot, envelope_for(context.tool, (SIDE_M, SIDE_M))),
         RobotTraits(has_camera=True, clock_persists=True, reach_s=60.0, person_draws=True),
-        context, STROKES, BATCH, tmp_path, control, person, lambda canvas, _: [canvas], in_turns=True,
+        context, STROKES, BATCH, tmp_path, control, person, lambda canvas, _: Proposal([canvas]), in_turns=True,
     )  # fmt: skip
     begin(session, lambda canvas: canvas, log=no_log)
     done = resume(session)
-    assert done.phase == "done" and done.executed == 0 and done.lines == 1
+    assert done.phase == "done" and done.executed == 0 and done.lines == 2
     height, width = done.canvas.shape[:2]
     red, _, blue = done.canvas[round(0.3 * height), width // 2].astype(int)
     assert blue > red + 60

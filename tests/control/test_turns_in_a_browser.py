@@ -13,7 +13,7 @@ from pentimento.control.session import resume
 from tests.browser import CHROMIUM, Browser, browser
 from tests.bundle.line_brush import sheet
 from tests.control.paintings import begun, session_of
-from tests.control.test_session import bars
+from tests.control.test_session import bars, two_bars
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
@@ -26,7 +26,13 @@ def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> 
     begun(robot, folder)
     page = Page(folder, control, Pen(0.02, "#202020"))
     session = session_of(
-        robot, folder, control, page.show, goals_for=lambda canvas, _: bars(canvas), in_turns=True, person_draws=True
+        robot,
+        folder,
+        control,
+        page.show,
+        goals_for=two_bars,
+        in_turns=True,
+        person_draws=True,
     )
     control.send("your turn")
     ended: list[PaintingState] = []

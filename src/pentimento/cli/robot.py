@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pentimento.cli import Command, count, given, option, seed, words
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
+
+if TYPE_CHECKING:
+    from pentimento.control.commission import Commission
+    from pentimento.control.run import Turns
 
 _OF_CLAY = ("material", "letter", "pushes")
 _OF_PAINT = (
@@ -39,11 +43,9 @@ _OF_A_NEW_RUN = (
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from pentimento.control.checkpoint import has_state
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
-    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.request_items import plain_text
-    from pentimento.control.run import Turns, commission_of, run
+    from pentimento.control.run import Turns, commission_of
 
     if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
         if paint := given(arguments, _OF_PAINT):
@@ -62,43 +64,63 @@ def _run(arguments: argparse.Namespace) -> None:
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
             replan_every=arguments.replan_every, seed=arguments.seed,
         )  # fmt: skip
+    turns = Turns(arguments.turns, arguments.choices or 1)
+    wish = text if arguments.resume is not None else ""
+    _paint(
+        commission, folder, calibration=arguments.calibration, has_page=arguments.page, turns=turns, wish=wish,
+        resume=arguments.resume is not None,
+    )  # fmt: skip
+
+
+def _paint(
+    commission: Commission,
+    folder: Path,
+    *,
+    calibration: Path,
+    has_page: bool,
+    turns: Turns,
+    wish: str = "",
+    resume: bool = False,
+) -> None:
+    """Paint, and print how it ended and how to go on."""
+    from pentimento.control.checkpoint import has_state
+    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
+    from pentimento.control.run import run
+
     control, progress = Control(), Progress()
     keyboard = at_terminal(control, progress)
-    page = _print_address if arguments.page else None
+    go_on = f"pentimento run --resume {folder}"
+    if turns.in_turns:
+        go_on += f" --turns --choices {turns.choices}" + (" --page" if has_page else "")
     try:
         with ended_by_signal():
             state = run(
-                commission, folder, resume=arguments.resume is not None, calibration=arguments.calibration,
-                ask=keyboard.ask, page=page, control=control, progress=progress,
-                turns=Turns(arguments.turns, arguments.choices or 1),
-                wish=text if arguments.resume is not None else "",
+                commission, folder, resume=resume, calibration=calibration, ask=keyboard.ask,
+                page=_print_address if has_page else None, control=control, progress=progress, turns=turns, wish=wish,
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
         if has_state(folder) and not isinstance(error, ContractError):  # a damaged state cannot be resumed
-            error.add_note(f"Go on with: pentimento run --resume {folder}")
+            error.add_note(f"Go on with: {go_on}")
         raise
     progress.message("")
     print(f"{state.message} The painting is in {folder}.")
+    if turns.in_turns:
+        print(f"Go on with: {go_on}")
 
 
 def _studio(arguments: argparse.Namespace) -> None:
     from pentimento.control.commission import Wanted
-    from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
-    from pentimento.control.run import Turns, commission_of, run
+    from pentimento.control.run import Turns, commission_of
 
     folder: Path = arguments.out or Path("paintings") / time.strftime("%Y-%m-%d_%H-%M-%S")
     commission = commission_of(
         arguments.bundle, Wanted("words", ""), tell=_tell, setting=arguments.setting, strokes=arguments.strokes,
         seed=arguments.seed,
     )  # fmt: skip
-    control, progress = Control(), Progress()
-    keyboard = at_terminal(control, progress)
-    with ended_by_signal():
-        state = run(
-            commission, folder, resume=False, calibration=Path("calibration"), ask=keyboard.ask, page=_print_address,
-            control=control, progress=progress, turns=Turns(in_turns=True, choices=_STUDIO_CHOICES),
-        )  # fmt: skip
-    print(f"{state.message} The painting is in {folder}; go on with: pentimento run --resume {folder} --turns --page")
+    _paint(
+        commission, folder, calibration=Path("calibration"), has_page=True,
+        turns=Turns(in_turns=True, choices=_STUDIO_CHOICES),
+    )  # fmt: skip
 
 
 def _sculpt(arguments: argparse.Namespace) -> None:

@@ -21,6 +21,8 @@ MAX_BYTES: Final = 200_000
 
 _STEP_M: Final = 1e-3  # between the points of a path
 _LONGEST_M: Final = 0.3  # of a path of a tool with its own ink
+_APART_M: Final = 0.2e-3  # minimum distance of neighbouring points
+_LONGEST_S: Final = 20.0  # of a path; an envelope allows 30 s
 _EDGE: Final = 1e-3  # distance from the sheet's edge, in its sides
 
 
@@ -50,20 +52,40 @@ def drawn_strokes(text: str, tool: Tool, canvas_size_m: tuple[float, float]) -> 
     low, high = tool.press_range_m
     press = low + np.clip(points[:, 2], 0.0, 1.0) * (high - low)
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
-    if along[-1] < _STEP_M:  # a dot
-        inwards = -1.0 if places[0, 0] > width / 2 else 1.0
-        places, press = places[[0, 0]] + [[0.0, 0.0], [inwards * _STEP_M, 0.0]], press[[0, 0]]
-        along = np.array([0.0, _STEP_M])
     longest = tool.stroke_length_m[1] if tool.dips else _LONGEST_M
-    ends = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / longest)) + 1)
+    ends = np.linspace(0.0, along[-1], max(1, int(np.ceil(along[-1] / longest))) + 1)
     own = np.array(tool.color_srgb) if tool.color_srgb is not None else color
     strokes = []
     for start, end in pairwise(ends):
         at = np.linspace(start, end, max(2, round((end - start) / _STEP_M) + 1))
         x, y, depth = (np.interp(at, along, values) for values in (*places.T, press))
-        xyz_yaw = np.stack([x, y, -depth, np.zeros(len(at))], axis=1)
-        strokes.append(DrawnStroke(timed_path(xyz_yaw, tool.speed_m_s), own))
+        xyz_yaw = _apart(np.stack([x, y, -depth, np.zeros(len(at))], axis=1), inwards_m=width / 2)
+        strokes += [DrawnStroke(path, own) for path in _timed(xyz_yaw, tool)]
     return strokes
+
+
+def _apart(xyz_yaw: FloatArray, inwards_m: float) -> FloatArray:
+    """The points [N, 4] that are at least `_APART_M` from the last one that is kept; a dot as a short line towards x =
+    `inwards_m`.
+    """
+    kept = [xyz_yaw[0]]
+    for point in xyz_yaw[1:]:
+        if np.hypot(*(point[:2] - kept[-1][:2])) >= _APART_M:
+            kept.append(point)
+    if len(kept) == 1:
+        step = _STEP_M if kept[0][0] < inwards_m else -_STEP_M
+        kept.append(kept[0] + [step, 0.0, 0.0, 0.0])
+    return np.array(kept)
+
+
+def _timed(xyz_yaw: FloatArray, tool: Tool) -> list[FloatArray]:
+    """Paths [N, 5] along the points [N, 4], one after the other; sharp bends slow the tool down, so a scribble is
+    several."""
+    path = timed_path(xyz_yaw, tool.speed_m_s)
+    if path[-1, 0] <= _LONGEST_S or len(path) < 4:
+        return [path]
+    middle = len(path) // 2
+    return _timed(xyz_yaw[: middle + 1], tool) + _timed(xyz_yaw[middle:], tool)
 
 
 def _read(text: str) -> tuple[FloatArray, FloatArray]:
@@ -72,12 +94,10 @@ def _read(text: str) -> tuple[FloatArray, FloatArray]:
         plain: Any = json.loads(text)
         points = np.array(plain["points"], dtype=np.float64)
         color = np.array(plain.get("color") or (0.0, 0.0, 0.0), dtype=np.float64)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ConfigError(f"The line that was drawn cannot be read ({error!r}); draw it again.") from error
     if points.ndim != 2 or points.shape[1:] != (3,) or len(points) == 0 or color.shape != (3,):
         raise ConfigError("The line that was drawn needs points of x, y and pressure, and a colour of three numbers.")
     if not (np.isfinite(points).all() and np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1):
         raise ConfigError("The line that was drawn has numbers that are not finite, or a colour outside 0 to 1.")
-    # Equal neighbours have no direction.
-    keep = np.append(True, np.abs(np.diff(points[:, :2], axis=0)).max(axis=1) > 0)
-    return points[keep], color
+    return points, color

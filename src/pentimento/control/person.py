@@ -18,7 +18,10 @@ Command = Literal["pause", "your turn", "go on", "stop", "wish", "choose", "draw
 COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "stop")
 """Those without a value."""
 
-_KEYS: Final[dict[str, Command]] = {"p": "pause", "t": "your turn", "": "go on", "s": "stop"}
+_KEYS: Final[dict[str, Command]] = {
+    "p": "pause", "t": "your turn", "": "go on", "s": "stop",
+    "pause": "pause", "your turn": "your turn", "go on": "go on", "stop": "stop",
+}  # fmt: skip
 _BAR: Final = 20
 """Characters of the progress bar."""
 
@@ -55,6 +58,11 @@ class Control:
         """The next order, if any."""
         with self._changed:
             return self._orders.pop(0) if self._orders else None
+
+    def forget(self, command: Command) -> None:
+        """Drop such orders that wait: they were given before what they would answer now."""
+        with self._changed:
+            self._orders = [order for order in self._orders if order.command != command]
 
     def wait(self) -> Order:
         """The next order, whenever it comes."""

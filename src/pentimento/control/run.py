@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
 from pentimento.control.request import MAX_THINGS, Understood, understand
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, begin
+from pentimento.control.session import PaintingSession, Proposal, begin
 from pentimento.control.session import resume as resume_session
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start
@@ -160,15 +161,18 @@ def run(
             graphs = Graphs(bundle, _threads())
             context = _paint_context(graphs, commission, canvas_size_m)
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
-            goals_for = _goals_for(graphs, context, setting=commission.setting, seed=commission.seed, turns=turns)
+            goals_for = _goals_for(
+                graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns
+            )
             session = PaintingSession(
                 robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
                 traits=opened.traits, context=context, strokes=commission.strokes,
                 replan_every=commission.replan_every, folder=folder, control=control,
-                on_state=_on_state(served, progress), goals_for=goals_for, in_turns=turns.in_turns,
+                on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
+                in_turns=turns.in_turns,
             )  # fmt: skip
             if not has_state(folder):
-                goal_for = _first_goal(commission.wanted, context, goals_for, in_turns=turns.in_turns)
+                goal_for = _first_goal(commission.wanted, context, partial(goals_for, count=1), in_turns=turns.in_turns)
                 begin(session, goal_for, log=_planning_log(progress, context.planner))
             state = resume_session(session, wish)
             if state.phase == "done":
@@ -185,6 +189,8 @@ def _on_state(page: Page | None, progress: Progress) -> Callable[[PaintingState]
         if page is not None:
             page.show(state)
         progress.step("stroke", state.executed, state.executed + len(state.remaining), state.phase)
+        if state.phase in ("paused", "your turn", "choosing"):
+            progress.message(state.message)
 
     return on_state
 
@@ -199,7 +205,7 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
 
 
 def _first_goal(
-    wanted: Wanted, context: PaintContext, goals_for: Callable[[Picture, str], list[Picture]], *, in_turns: bool
+    wanted: Wanted, context: PaintContext, goals_for: Callable[[Picture, str], Proposal], *, in_turns: bool
 ) -> Callable[[Picture], Picture]:
     """A function from the canvas to the first goal, uint8 sRGB [H, W, 3] both."""
     if wanted.kind == "picture":
@@ -207,14 +213,14 @@ def _first_goal(
         return lambda canvas: goal_from_picture(picture, canvas, context.tool)
     if in_turns and not wanted.value:
         return lambda canvas: canvas  # the person begins
-    return lambda canvas: goals_for(canvas, wanted.value)[0]
+    return lambda canvas: goals_for(canvas, wanted.value).goals[0]
 
 
 def _goals_for(
-    graphs: Graphs, context: PaintContext, *, setting: str, seed: int, turns: Turns
-) -> Callable[[Picture, str], list[Picture]]:
-    """A function from the canvas and a person's words to goals, uint8 sRGB [H, W, 3], each with another seed and in
-    another place, as far as there is room.
+    graphs: Graphs, context: PaintContext, *, setting: str, seed: int, in_turns: bool
+) -> Callable[..., Proposal]:
+    """A function from the canvas, a person's words and a `count` to so many goals, uint8 sRGB [H, W, 3], each with
+    another seed and in another place, as far as there is room.
     """
     bundle: Bundle = graphs.bundle
     facts = bundle.manifest.goal
@@ -224,12 +230,12 @@ def _goals_for(
     )  # fmt: skip
     by_window = bundle.vocabulary is not None and bundle.vocabulary.by_window
 
-    def goals(canvas: Picture, words: str) -> list[Picture]:
+    def goals(canvas: Picture, words: str, count: int) -> Proposal:
         request = understand(words, bundle.vocabulary) if words else Understood("")
         number_of_things = sum(thing.number for thing in request.things) or 1
-        largest = min(1.0, _ROOM * math.sqrt(number_of_things)) if turns.in_turns else 1.0
+        largest = min(1.0, _ROOM * math.sqrt(number_of_things)) if in_turns else 1.0
         found, taken = list[Picture](), canvas.copy()
-        for number in range(turns.choices):
+        for number in range(count):
             wishes = wishes_for(
                 request, taken[centred_square(taken)], bundle.setting(setting).words, by_window=by_window,
                 largest=largest,
@@ -241,7 +247,7 @@ def _goals_for(
             )  # fmt: skip
             found.append(goal)
             taken = np.where(goal == canvas, taken, goal)
-        return found
+        return Proposal(found, request.messages())
 
     return goals
 

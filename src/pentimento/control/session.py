@@ -56,7 +56,8 @@ RECORD = "record"
 TURNS = "turns"
 """Folder of the canvas at each of the person's turns, with what the person asked for and the goal of it."""
 
-_YOUR_TURN = "It is your turn: draw, then say go on or what to add. The robot does not move."
+_FOR_A_TURN = ("choose", "draw")
+"""Orders that mean something at a person's turn only."""
 _OBSERVE_S = 30.0
 """Maximum duration of an observation; the tool is up."""
 _PLAN_S = 300.0
@@ -76,6 +77,16 @@ _EXECUTED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
+class Proposal:
+    """Goals to choose from."""
+
+    goals: Sequence[Picture]
+    """uint8 sRGB [H, W, 3] each."""
+    messages: Sequence[str] = ()
+    """What the person must know, such as "a kitten: drawn as a cat"."""
+
+
+@dataclass(frozen=True, eq=False)
 class PaintingSession:
     """A painting session's robot, plan context, folder, and connections to the person."""
 
@@ -90,9 +101,9 @@ class PaintingSession:
     control: Control
     on_state: Callable[[PaintingState], None]
     """Called with every new state."""
-    goals_for: Callable[[Picture, str], Sequence[Picture]]
-    """Goals to choose from for a canvas, uint8 sRGB [H, W, 3] both, and what a person asks for; ConfigError with a
-    sentence for the person where that is not understood."""
+    goals_for: Callable[[Picture, str], Proposal]
+    """Goals for a canvas, uint8 sRGB [H, W, 3], and what a person asks for; ConfigError with a sentence for the person
+    where that is not understood."""
     in_turns: bool = False
     """After the last stroke it is the person's turn; the painting is done when the person stops it."""
 
@@ -148,10 +159,12 @@ def resume(session: PaintingSession, wish: str = "") -> PaintingState:
     try:
         task = _StrokeByStroke(session, watchdog)
         hooks = Hooks(interrupt=task.interrupt, checkpoint=task.checkpoint, on_action=task.check_marks)
-        state = task.start()
-        if wish:
-            state = task.wished(state, wish)
-        state, outcome = run_loop(task, state, hooks)
+        waited = session.in_turns and load_state(session.folder).phase in ("your turn", "choosing")
+        state, interrupt, outcome = task.start(), None, None
+        if wish or waited:
+            state, interrupt = task.turn(state, Order("wish", wish) if wish else Order("your turn"))
+        if interrupt != "stop":
+            state, outcome = run_loop(task, state, hooks)
         if outcome is None:
             return task.checkpoint(replace(state, phase="stopped", message="Stopped by a person; resume to go on."))
         return task.checkpoint(replace(state, phase="done", message=outcome))
@@ -219,7 +232,7 @@ class _StrokeByStroke:
         """See ``control.loop.Task``: the final message."""
         if len(state.remaining) or (self.session.in_turns and not self.over):
             return None
-        if state.executed:
+        if state.executed or self.session.in_turns:
             return f"{state.executed} strokes are made."
         return "No stroke was made: none that the plan may use brings the canvas nearer to its goal."
 
@@ -262,37 +275,48 @@ class _StrokeByStroke:
         """See ``control.loop.Task``. On a canvas that a person changed, strokes may be removed."""
         self.recording.next_batch()
         if self.session.in_turns and not len(state.remaining):
-            state, interrupt = self._turn(state, Order("your turn"))
+            state, interrupt = self.turn(state, Order("your turn"))
             self.over, state = interrupt == "stop", replace(state, phase="painting")
         return self._with_new_plan(state, changed)
 
     def interrupt(self, state: PaintingState) -> tuple[PaintingState, Interrupt | None]:
         """``control.loop.Hooks``: obey the person's command before the next stroke."""
         order = self.session.control.poll()
-        while order is not None and order.command == "pause":
+        while order is not None and order.command in _FOR_A_TURN:
+            order = self.session.control.poll()
+        if order is not None and order.command == "pause":
             state = self._wait_at_rest(state, "paused", "Paused; the tool is up.")
-            order = self.session.control.wait()
-        if order is None or order.command in ("go on", "choose", "draw"):
+            while (order := self.session.control.wait()).command in ("pause", *_FOR_A_TURN):
+                pass
+        if order is None or order.command == "go on":
             return state, None
-        return self._turn(state, order)
+        return self.turn(state, order)
 
-    def _turn(self, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
+    def turn(self, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
         """A person's turn, until the person goes on, stops, or asks for something that is understood."""
         if order.command == "your turn":
-            state = self._wait_at_rest(state, "your turn", _YOUR_TURN)
+            state = self._wait_at_rest(state, "your turn", self._your_turn(state))
         while True:
-            if order.command == "stop":
-                return state, "stop"
-            if order.command == "go on":
-                return self._after_turn(state), "changed"
             try:
-                if order.command == "wish":
-                    return self.wished(state, order.value), "changed"
-                if order.command == "draw":
-                    state = self._wait_at_rest(self._drawn(state, order.value), "your turn", _YOUR_TURN)
+                match order.command:
+                    case "stop":
+                        return state, "stop"
+                    case "go on":
+                        return self._after_turn(state), "changed"
+                    case "wish":
+                        return self.wished(state, order.value), "changed"
+                    case "draw":
+                        # Counted even if it is refused: the page then no longer shows it.
+                        state = replace(state, lines=state.lines + 1)
+                        state = self._wait_at_rest(self._drawn(state, order.value), "your turn", self._your_turn(state))
             except ConfigError as error:
-                state = self._wait_at_rest(state, "your turn", f"{error} {_YOUR_TURN}")
+                state = self._wait_at_rest(state, "your turn", f"{error} {self._your_turn(state)}")
             order = self.session.control.wait()
+
+    def _your_turn(self, state: PaintingState) -> str:
+        if len(state.remaining):
+            return "It is your turn: draw, then say go on or what to add. The robot does not move."
+        return "It is your turn: draw, or say what to add. Stop ends the painting."
 
     def wished(self, state: PaintingState, words: str) -> PaintingState:
         """A new goal for what a person asks for, on the canvas as it is now, and a plan in place of the old one.
@@ -303,8 +327,8 @@ class _StrokeByStroke:
         self.robot.lift()
         state = self._after_turn(state)
         self.watchdog.beat(_PLAN_S, "a new goal")
-        goals = self.session.goals_for(state.canvas, words)
-        state, goal = self._chosen(state, goals)
+        proposal = self.session.goals_for(state.canvas, words)
+        state, goal = self._chosen(state, proposal)
         self.watchdog.beat(_PLAN_S, "a new plan")
         remaining, palette = first_plan(
             self.context, state.canvas, goal, count=self.session.strokes, start=self._now(state), log=no_log
@@ -316,7 +340,11 @@ class _StrokeByStroke:
         atomic_write(
             self.session.folder / TURNS / f"{state.turns:03d}.json", (json.dumps(record, indent=1) + "\n").encode()
         )
-        message = f"{len(remaining)} strokes are planned for: {words}."
+        message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *_sentences(proposal)])
+        write_png(
+            self.session.folder / PLAN,
+            as_picture(predict_canvas(self.context, remaining, state.canvas, self._now(state))),
+        )
         state = replace(state, remaining=remaining, palette_srgb=palette, goal=goal, phase="painting", message=message)
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         return self.checkpoint(state)
@@ -340,29 +368,36 @@ class _StrokeByStroke:
             self.robot.wipe()
         self._load(state.palette_srgb)
         self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your stroke")
-        return self._looked(replace(state, lines=state.lines + 1))
+        return self._looked(state)
 
     def _load(self, palette_srgb: FloatArray) -> None:
         """Load the paints of a plan, if the tool takes any and the plan has any."""
         if self.tool.dips and len(palette_srgb):
             self.robot.load_palette(palette_srgb)
 
-    def _chosen(self, state: PaintingState, goals: Sequence[Picture]) -> tuple[PaintingState, Picture]:
-        """The goal that the person chooses; the only one at once."""
+    def _chosen(self, state: PaintingState, proposal: Proposal) -> tuple[PaintingState, Picture]:
+        """The goal that the person chooses, on the canvas as it is then; the only one at once.
+
+        Raises:
+            ConfigError: the person says something else, which is sent again.
+        """
+        goals = proposal.goals
         if len(goals) == 1:
             return state, goals[0]
         shutil.rmtree(self.session.folder / GOALS, ignore_errors=True)  # of an earlier turn
         for number, goal in enumerate(goals, 1):
             write_png(self.session.folder / GOALS / f"{number}.png", goal)
         message = f"Choose one of the goals, 1 to {len(goals)}, in the folder {GOALS}."
-        state = self._wait_at_rest(state, "choosing", message)
+        self.session.control.forget("choose")  # among other goals
+        state = self._wait_at_rest(state, "choosing", " ".join([message, *_sentences(proposal)]))
         order = self.session.control.wait()
         while order.command != "choose" or not (order.value.isdecimal() and 1 <= int(order.value) <= len(goals)):
-            if order.command not in ("choose", "draw"):
+            if order.command not in _FOR_A_TURN:
                 self.session.control.send(order.command, order.value)
                 raise ConfigError("None of the goals was chosen.")
             order = self.session.control.wait()
-        return state, goals[int(order.value) - 1]
+        self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your choice")
+        return self._looked(state), goals[int(order.value) - 1]
 
     def checkpoint(self, state: PaintingState) -> PaintingState:
         """``control.loop.Hooks``: save the state with the clocks of this moment."""
@@ -399,7 +434,8 @@ class _StrokeByStroke:
     def _after_turn(self, state: PaintingState) -> PaintingState:
         """Observe what the person painted."""
         self.watchdog.beat(_OBSERVE_S + PATIENCE_S, "the look after your turn")
-        message = "The robot looks at what you painted."
+        message = "The robot goes on." if self.camera is None else "The robot looks at what you painted."
+        self.unseen, self.last_visible = [], None
         state = self.checkpoint(replace(state, turns=state.turns + 1, phase="painting", message=message))
         state = self.checkpoint(self._looked(state))
         if self.camera is not None:
@@ -439,7 +475,8 @@ class _StrokeByStroke:
     def _wait_at_rest(self, state: PaintingState, phase: Phase, message: str) -> PaintingState:
         self.robot.lift()
         self.watchdog.rest()
-        return self.checkpoint(replace(state, phase=phase, message=message))
+        memory = due_for_dip(state.memory, self.tool)
+        return self.checkpoint(replace(state, memory=memory, phase=phase, message=message))
 
     def _commands(self, strokes: Strokes) -> list[PlannedStroke]:
         return to_planned(strokes, self.tool, self.context.brush.path_points)
@@ -460,3 +497,7 @@ def _save_reason(session: PaintingSession, reason: str, error: BaseException) ->
         error.add_note(f"That it stopped could not be written down ({failure}); the last state is still there.")
     else:
         session.on_state(state)
+
+
+def _sentences(proposal: Proposal) -> list[str]:
+    return [f"{message[0].upper()}{message[1:]}." for message in proposal.messages]

@@ -5,6 +5,7 @@ const bar = document.querySelector(".bar");
 const done = document.getElementById("done");
 const count = document.getElementById("count");
 const buttons = [...document.querySelectorAll("nav button")];
+const goOn = buttons.find((button) => button.dataset.command === "go on");
 const wish = document.getElementById("wish");
 const words = document.getElementById("words");
 const goals = document.getElementById("goals");
@@ -43,9 +44,11 @@ function show(state) {
   bar.setAttribute("aria-valuemax", state.total);
   bar.setAttribute("aria-valuenow", state.executed);
   for (const button of buttons) button.disabled = !(accepted[state.phase] ?? []).includes(button.dataset.command);
+  if (state.phase === "your turn" && state.executed === state.total) goOn.disabled = true;
   wish.querySelector("button").disabled = !(state.phase in accepted);
   received = state.lines;
   pen = state.phase === "your turn" ? state.pen : null;
+  if (pen === null && sent.length) sent = []; // the robot no longer draws them
   lines.classList.toggle("active", pen !== null);
   document.getElementById("paint").hidden = pen === null || pen.color !== null;
   const now = state.version;
@@ -86,7 +89,8 @@ wish.addEventListener("submit", (event) => {
 // A line is shown at once and sent when the pen leaves the sheet. It is shown until the camera's picture holds it.
 function place(event) {
   const box = lines.getBoundingClientRect();
-  return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height, event.pressure || 0.5];
+  const at = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height, event.pressure || 0.5];
+  return at.map((value) => Math.round(10000 * value) / 10000);
 }
 
 function ink(points, width, style) {
@@ -110,17 +114,18 @@ function redraw(drawn) {
 lines.addEventListener("pointerdown", (event) => {
   if (pen === null || !event.isPrimary) return;
   lines.setPointerCapture(event.pointerId);
-  line = { points: [place(event)], width: pen.width, style: pen.color ?? color.value, number: 0 };
+  line = { points: [place(event)], width: pen.width, style: pen.color ?? color.value, number: 0,
+    pointer: event.pointerId };
 });
 lines.addEventListener("pointermove", (event) => {
-  if (line === null || !event.isPrimary) return;
+  if (line === null || event.pointerId !== line.pointer) return;
   const from = line.points.length - 1;
   for (const each of event.getCoalescedEvents?.() ?? [event]) line.points.push(place(each));
   ink(line.points.slice(from), line.width, line.style);
 });
 for (const end of ["pointerup", "pointercancel"]) {
-  lines.addEventListener(end, () => {
-    if (line === null) return;
+  lines.addEventListener(end, (event) => {
+    if (line === null || event.pointerId !== line.pointer) return;
     const srgb = [1, 3, 5].map((at) => parseInt(color.value.slice(at, at + 2), 16) / 255);
     line.number = Math.max(received, sent.at(-1)?.number ?? 0) + 1;
     sent.push(line);
