@@ -143,6 +143,22 @@ def test_only_what_a_window_changes_is_changed() -> None:
     assert changed.sum() == 2 * 24 * 24 and (goal[14:34, 14:34] == 0).all()
 
 
+def test_what_stands_on_the_canvas_is_not_erased() -> None:
+    canvas = np.full((SIDE, SIDE, 3), 250, np.uint8)
+    canvas[10:20, 10:40] = (40, 90, 200)
+
+    def complete(small: np.ndarray, _words: str, _number: int) -> np.ndarray:
+        completion = np.full_like(small, 250)  # it forgets what is there
+        completion[30:34, 5:50] = 20
+        completion[15:34, 30:34] = 20
+        return completion
+
+    goal = drawn_in_windows(canvas, [Wish("a line", WHOLE)], side_px=SIDE, has_ink=False, complete=complete)
+    kept = (goal == canvas).all(-1)
+    assert kept[10:15, 10:40].all() and kept[10:20, 10:30].all()
+    assert (goal[30:34, 5:50] == 20).all() and (goal[15:34, 30:34] == 20).all()  # what is drawn may lie over it
+
+
 def test_goal_planner_sees_white_paper_and_its_paper_becomes_that_of_the_canvas() -> None:
     cream = np.array([240, 235, 220], np.uint8)
     canvas = np.full((SIDE, SIDE, 3), cream)

@@ -65,7 +65,7 @@ def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> 
             tab.click("[...document.querySelectorAll('nav button')].find(b => b.innerText === 'Stop')")
             painting.join(60)
             page.close()
-            tab.wait("document.body.innerText.includes('The runner has ended')")
+            tab.wait("document.body.innerText.includes('The painting has ended')")
     finally:
         control.send("stop")
     (done,) = ended

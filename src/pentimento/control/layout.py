@@ -26,6 +26,7 @@ THING: Final = 0.875
 _LINE: Final = 0.016
 """Width of a pen's lines in sides of the whole canvas, nearly as the goal planner was taught it."""
 _WHITE: Final = 250.0  # sRGB of paper in the goal planner's training
+_PAPER_FROM: Final = 225  # sRGB: a completion is paper where all channels are lighter
 _DARKEST_PAPER: Final = 180  # sRGB of a channel
 _ABOVE: Final = ("above", "over", "on", "on top of")
 _BELOW: Final = ("below", "under")
@@ -230,6 +231,7 @@ def drawn_in_windows(
         side = inner.shape[0]
         small = _scaled(resized(inner, side_px), whiten)
         completion = complete(small, each.words, number)
+        completion = _without_erasing(completion, small)
         if has_ink:
             completion = _with_wide_lines(completion, small, each.window.size)
         changed = (completion != small).any(-1).astype(np.uint8)
@@ -248,6 +250,13 @@ def _paper(canvas: Picture) -> NDArray[np.float64]:
 
 def _scaled(picture: Picture, factor: NDArray[np.float64]) -> Picture:
     return np.clip(np.round(picture * factor), 0, 255).astype(np.uint8)
+
+
+def _without_erasing(completion: Picture, before: Picture) -> Picture:
+    """A completion that leaves paint where it would put paper: nobody asks for less than there is."""
+    painted = np.abs(before - _WHITE).max(-1) > _INK_LEVELS
+    erased = painted & (completion.min(-1) >= _PAPER_FROM)
+    return np.where(erased[..., None], before, completion)
 
 
 def _with_wide_lines(completion: Picture, before: Picture, size: float) -> Picture:

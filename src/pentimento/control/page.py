@@ -11,6 +11,7 @@ import json
 import re
 import secrets
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
@@ -30,6 +31,7 @@ from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
 
 _FILES = (GOAL, NEXT, PREVIEW)
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
+_LAST_LOOK_S = 1.2  # twice as often, a page asks for the state
 _MAX_BYTES = 1000  # of a request's body
 _CONTENT_POLICY = (
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'none'"
@@ -80,6 +82,7 @@ class Page:
         self._state: dict[str, Any] = {}
         self._pen = None if pen is None else asdict(pen)
         self._version = 0
+        self._seen = False
         self._canvas: NDArray[np.uint8] | None = None
         self._server = ThreadingHTTPServer(("127.0.0.1", port), _handler(self))
         self._server.daemon_threads = True
@@ -108,13 +111,16 @@ class Page:
         }
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stop serving, when an open page has had the time to show the last state."""
+        if self._seen:
+            time.sleep(_LAST_LOOK_S)
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
 
     def get(self, path: str) -> Response:
         """The response to a GET of a path below the token."""
+        self._seen = True
         if path == "state.json":
             return Response(HTTPStatus.OK, "application/json", json.dumps(self._state).encode())
         if path == CANVAS and self._canvas is not None:

@@ -275,6 +275,7 @@ class _StrokeByStroke:
         """See ``control.loop.Task``. On a canvas that a person changed, strokes may be removed."""
         self.recording.next_batch()
         if self.session.in_turns and not len(state.remaining):
+            write_pictures(self.session.folder, self.context, state, self.session.replan_every)
             state, interrupt = self.turn(state, Order("your turn"))
             self.over, state = interrupt == "stop", replace(state, phase="painting")
         return self._with_new_plan(state, changed)
@@ -387,7 +388,7 @@ class _StrokeByStroke:
         shutil.rmtree(self.session.folder / GOALS, ignore_errors=True)  # of an earlier turn
         for number, goal in enumerate(goals, 1):
             write_png(self.session.folder / GOALS / f"{number}.png", goal)
-        message = f"Choose one of the goals, 1 to {len(goals)}, in the folder {GOALS}."
+        message = f"Choose one of the goals: click it, or type its number, 1 to {len(goals)} (folder {GOALS})."
         self.session.control.forget("choose")  # among other goals
         state = self._wait_at_rest(state, "choosing", " ".join([message, *_sentences(proposal)]))
         order = self.session.control.wait()

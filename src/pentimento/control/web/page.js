@@ -14,7 +14,7 @@ const accepted = {
   painting: ["your turn", "pause", "stop"],
   paused: ["your turn", "go on", "stop"],
   "your turn": ["go on", "stop"],
-  choosing: ["go on", "stop"],
+  choosing: ["your turn", "stop"],
 };
 const sheet = document.getElementById("canvas");
 const lines = document.getElementById("lines");
@@ -31,7 +31,8 @@ async function refresh() {
     const state = await answer.json();
     if ("phase" in state) show(state);
   } catch {
-    message.textContent = "The runner has ended; see its terminal.";
+    message.textContent = "The painting has ended. Its folder, and how to go on, are at the terminal.";
+    document.getElementById("save").hidden = true;
     for (const button of document.querySelectorAll("button")) button.disabled = true;
   }
 }
@@ -69,20 +70,25 @@ function offer(choices, now) {
     image.alt = `Goal ${number}`;
     const button = document.createElement("button");
     button.append(image, `Goal ${number}`);
-    button.addEventListener("click", () => send("choose", String(number)));
+    button.addEventListener("click", () => {
+      goals.hidden = true;
+      message.textContent = "The robot plans its strokes.";
+      send("choose", String(number));
+    });
     return button;
   }));
 }
 
 async function send(path, body) {
   await fetch(path, { method: "POST", body });
-  refresh();
 }
 
 for (const button of buttons) button.addEventListener("click", () => send("command", button.dataset.command));
 wish.addEventListener("submit", (event) => {
   event.preventDefault();
-  if (words.value.trim()) send("wish", words.value.trim());
+  if (!words.value.trim()) return;
+  message.textContent = "The robot thinks of what to draw.";
+  send("wish", words.value.trim());
   words.value = "";
 });
 
