@@ -31,7 +31,7 @@ from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
 
 _FILES = (GOAL, NEXT, PREVIEW)
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
-_LAST_LOOK_S = 1.2  # twice as often, a page asks for the state
+_LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s
 _MAX_BYTES = 1000  # of a request's body
 _CONTENT_POLICY = (
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'none'"

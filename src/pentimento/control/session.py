@@ -83,7 +83,7 @@ class Proposal:
     goals: Sequence[Picture]
     """uint8 sRGB [H, W, 3] each."""
     messages: Sequence[str] = ()
-    """What the person must know, such as "a kitten: drawn as a cat"."""
+    """What the person must know, such as "a poodle: drawn as a dog"."""
 
 
 @dataclass(frozen=True, eq=False)
