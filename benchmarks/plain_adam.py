@@ -13,7 +13,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.adam import half_cosine
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import ExecutionNoise, LearningRates, Log, ObjectivesConfig, PlannerConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, ExecutionNoise, LearningRates, Log, PlannerConfig
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.planning.strokes.render_plan import faults, render_and_back
@@ -51,7 +51,7 @@ OURS = PlannerConfig(
     pixels_per_m=PIXELS_PER_M,
     edge_m=6e-3,
     distances_px=(1, 4),
-    objectives=ObjectivesConfig(1.0, None),
+    objectives=PRINT_ALONE,
     execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(2.4e-3, 0.12, 2.4e-3, 1.2e-3, 8e-4, 0.06),
     seed=1,

@@ -1,7 +1,7 @@
 """What replanning costs the runner: an iteration of the descent by the bundle's graphs, and the way to a first stroke.
 
 `python -m benchmarks.replanning` measures in a process without PyTorch, in turns with the workshop's PyTorch in
-another one: the same strokes, the same compiled renderer; only brush and semantic objective differ. An iteration is one
+another one: the same strokes, the same compiled renderer; only brush and encoder differ. An iteration is one
 of `planning.descent.descend`: strokes rendered, compared, differentiated and moved. Bars are measured by the fastest
 one.
 """
@@ -24,18 +24,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.bundle.graphs import GraphBrush, Graphs, SemanticObjective
+from pentimento.bundle.graphs import GraphBrush, GraphMeaning, Graphs
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.images import write_png
 from pentimento.control.checkpoint import has_state, load_state
-from pentimento.planning.objectives import Objective, PrintObjective, Term, WeightedObjective
+from pentimento.planning.objectives import Objective
 from pentimento.planning.strokes.bezier import with_color
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, PlannerConfig, TextConfig
 from pentimento.planning.strokes.descent import descend
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.render_plan import faults
-from pentimento.planning.strokes.scene import Scene, scene_with
+from pentimento.planning.strokes.scene import Meaning, Scene, objective_for, scene_with
 from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import Tool
 
@@ -43,9 +43,10 @@ Array = NDArray[np.float32]
 
 STROKES, SIDE_PX = 100, 128
 THREADS = (1, 2)
-SEMANTIC_WEIGHT = 0.1
+WEIGHTS = {"semantic": 0.1, "text": 0.02}
+WORDS = "a cat"
 BAR_MS = {False: 10.0, True: 60.0}
-"""For an iteration, without and with the semantic objective."""
+"""For an iteration, without and with the objectives of meaning, semantic and text."""
 SETTING, FIRST_STROKE_BAR_S = "marker", 10.0
 PICTURE = "chelsea"
 _ROUNDS, _STEPS, _WARM, _SEED = 4, 15, 3, 1
@@ -53,25 +54,25 @@ _ROUNDS, _STEPS, _WARM, _SEED = 4, 15, 3, 1
 
 
 class Case(NamedTuple):
-    """A brush of the bundle, with or without the semantic objective, on so many threads."""
+    """A brush of the bundle, with or without the objectives of meaning, on so many threads."""
 
     brush: str
-    semantic: bool
+    meaning: bool
     threads: int
 
 
 Steps = tuple[list[list[float]], float]
 """Of each iteration, ms by the clock and ms of the processor in all threads; and the objective before the first."""
-Parts = Callable[[Case, Array], tuple[Brush, Objective]]
-"""The brush of a case, and the semantic objective for a target [H, W, 3]."""
+Parts = Callable[[Case], tuple[Brush, Meaning]]
+"""The brush of a case, and the encoder."""
 
 
 def by_graphs(bundle: Bundle) -> Parts:
     """The runner's way."""
     graphs = {threads: Graphs(bundle, threads) for threads in THREADS}
 
-    def parts(case: Case, target: Array) -> tuple[Brush, Objective]:
-        return GraphBrush(graphs[case.threads], case.brush), SemanticObjective(graphs[case.threads], target, _SEED)
+    def parts(case: Case) -> tuple[Brush, Meaning]:
+        return GraphBrush(graphs[case.threads], case.brush), GraphMeaning(graphs[case.threads], _SEED)
 
     return parts
 
@@ -82,19 +83,17 @@ def by_torch(bundle: Bundle, models: Path) -> Parts:
 
     from pentimento.dynamics.strokes.extended import read_stroke_model
     from pentimento.dynamics.strokes.planned import TorchBrush
-    from pentimento.semantics import objective as workshop
     from pentimento.semantics.encoder import Encoder
-    from pentimento.semantics.objective import TorchObjective
+    from pentimento.semantics.objective import EncoderMeaning
 
     torch.use_deterministic_algorithms(True)  # as the pipeline has it, and the graphs, too
     encoder, views = Encoder.load(models / "semantics/weights"), bundle.manifest.encoder.views
 
-    def parts(case: Case, target: Array) -> tuple[Brush, Objective]:
+    def parts(case: Case) -> tuple[Brush, Meaning]:
         torch.set_num_threads(case.threads)
         [name] = bundle.manifest.graphs[f"{case.brush}_marks"].models
         model, (tool, planner) = read_stroke_model(models / name / "weights"), _painted_with(bundle, case.brush)
-        meaning = workshop.SemanticObjective(encoder, torch.from_numpy(target), views, _SEED)
-        return TorchBrush(model, tool, planner.path_points), TorchObjective(meaning)
+        return TorchBrush(model, tool, planner.path_points), EncoderMeaning(encoder, views, _SEED)
 
     return parts
 
@@ -103,11 +102,14 @@ def measure(bundle: Bundle, parts: Parts, case: Case) -> Steps:
     """Time a case on a square of ``SIDE_PX``, at the scale of the brush's setting."""
     tool, planner = _painted_with(bundle, case.brush)
     target = fit_to_canvas(load_photograph(PICTURE), (SIDE_PX, SIDE_PX)).astype(np.float32)
-    brush, meaning = parts(case, target)
-    scene = replace(scene_with(brush, tool, (SIDE_PX / planner.pixels_per_m,) * 2, target), threads=case.threads)
-    similarity = Term("print", 1.0, PrintObjective(target, planner.distances_px))
-    terms = (similarity, Term("semantic", SEMANTIC_WEIGHT if case.semantic else 0.0, meaning))
-    return time_steps(scene, planner, WeightedObjective(terms), STROKES, _STEPS)
+    brush, meaning = parts(case)
+    scene = scene_with(brush, tool, (SIDE_PX / planner.pixels_per_m,) * 2, target, meaning=meaning)
+    wanted = PRINT_ALONE
+    if case.meaning:
+        wanted = replace(wanted, semantic_weight=WEIGHTS["semantic"], text=TextConfig(WEIGHTS["text"], WORDS))
+    planner = replace(planner, objectives=wanted)
+    scene = replace(scene, threads=case.threads)
+    return time_steps(scene, planner, objective_for(scene, planner), STROKES, _STEPS)
 
 
 def time_steps(scene: Scene, planner: PlannerConfig, objective: Objective, count: int, steps: int) -> Steps:
@@ -163,14 +165,13 @@ def _in_turns(bundle: Bundle, workshop: subprocess.Popen[str], cases: list[Case]
             ours = measure(bundle, parts, case)
             print(json.dumps(case), file=workshop.stdin, flush=True)
             turns.append((ours, json.loads(workshop.stdout.readline())))
-        if not case.semantic:  # whose views are drawn by different generators
-            np.testing.assert_allclose(turns[0][0][1], turns[0][1][1], rtol=1e-4)
+        np.testing.assert_allclose(turns[0][0][1], turns[0][1][1], rtol=1e-4)
         here, there = (np.concatenate([ms for ms, _ in of]) for of in zip(*turns, strict=True))
         (median, best), (their_median, their_best) = ((np.median(ms, axis=0), ms.min(axis=0)) for ms in (here, there))
-        bar = BAR_MS[case.semantic]
+        bar = BAR_MS[case.meaning]
         figures = [*zip(median, best, strict=True), *zip(their_median, their_best, strict=True)]
         figures.append((median[0] / their_median[0], best[0] / their_best[0]))
-        kind, met = "semantic" if case.semantic else "print", "yes" if best[0] <= min(bar, their_best[0]) else "NO"
+        kind, met = "meaning" if case.meaning else "print", "yes" if best[0] <= min(bar, their_best[0]) else "NO"
         cells = [f"{middle:7.2f} ({minimum:6.2f})" for middle, minimum in figures]
         print(f"{case.brush:15} {kind:9} × {case.threads}  ", *cells, f"{bar:3.0f} {met}", flush=True)
 

@@ -37,7 +37,7 @@ from pentimento.planning.strokes.scene import scene_with
 from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder, new_model
-from pentimento.semantics.objective import SemanticObjective, TorchObjective
+from pentimento.semantics.objective import EncoderMeaning
 from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines._config import load_section
 from pipelines.synthesize_copaintings import SynthesizeCopaintings
@@ -88,10 +88,10 @@ def measure_iterations() -> dict[str, float]:
     target = fit_to_canvas(load_photograph(_PICTURE), setting.planned_px).astype(np.float32)
     tool = load_tool(setting.tool)
     scene = scene_with(TorchBrush(_model(), tool, config.path_points), tool, setting.canvas_m, target)
+    scene = replace(scene, meaning=EncoderMeaning(_encoder(), VIEWS, _SEED))
     paper = np.full_like(target, srgb_to_linear(np.array(setting.paper)))
     start = random_strokes(STROKES, scene.tool, setting.canvas_m, np.random.default_rng(_SEED))
     start.keep_within(scene.tool, setting.canvas_m, config.edge_m)
-    meaning = TorchObjective(SemanticObjective(_encoder(), torch.from_numpy(target), VIEWS, _SEED))
 
     def unguided() -> None:
         strokes = start.pick(slice(None))
@@ -100,7 +100,7 @@ def measure_iterations() -> dict[str, float]:
         )  # fmt: skip
 
     def guided() -> None:
-        descend_guided(start.pick(slice(None)), paper, scene, config=config, meaning=meaning, guidance=guidance)
+        descend_guided(start.pick(slice(None)), paper, scene, config=config, guidance=guidance)
 
     in_turns([unguided, guided], 1)  # compiles
     times = in_turns([unguided, guided], _ROUNDS)

@@ -12,7 +12,7 @@ from pentimento.control.journal import JournaledRobot
 from pentimento.control.painter import PaintContext
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Array, Marks, Pull, Span, StrokeTiming
-from pentimento.planning.strokes.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, ExecutionNoise, LearningRates, PlannerConfig
 from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.robots.driver import Robot
 from pentimento.robots.strokes import shape_basis
@@ -79,7 +79,7 @@ def paint_context(iterations: int = 30) -> PaintContext:
         pixels_per_m=PIXELS_PER_M,
         edge_m=0.005,
         distances_px=(1, 4),
-        objectives=ObjectivesConfig(1.0, None),
+        objectives=PRINT_ALONE,
         execution_noise=ExecutionNoise(0.0, 0.0),
         learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 0.0, 0.0),
         seed=1,

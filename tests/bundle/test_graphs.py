@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pentimento.bundle.graphs import (
     GraphBrush,
+    GraphMeaning,
     Graphs,
     PictureStyle,
     SemanticObjective,
@@ -31,7 +32,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
-from pentimento.semantics.objective import TorchObjective
+from pentimento.semantics.objective import EncoderMeaning, TorchObjective
 from pentimento.semantics.style import StyleObjective as TorchStyle
 from pentimento.semantics.style_features import LocalFeatures
 from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
@@ -115,6 +116,20 @@ def test_graph_objectives_decrease_along_their_gradient(graphs: Graphs) -> None:
         size = 0.02 * value / np.square(gradient).sum()  # lowers it by about 2 %
         after = make()(image - np.float32(size) * gradient)[0]  # the same seed: the same views
         assert after == pytest.approx(0.98 * value, rel=0.008)
+
+
+def test_meaning_equals_pytorch_in_the_same_views(graphs: Graphs) -> None:
+    views, seed = graphs.bundle.manifest.encoder.views, 3
+    here, there = GraphMeaning(graphs, seed), EncoderMeaning(small_bundle()[1].encoder, views, seed)
+    target, image = picture(2, 40, 32), picture(3, 40, 32)
+    for mine, theirs in (
+        (here.semantic(target), there.semantic(target)),
+        (here.text(CAPTIONS[0], (40, 32)), there.text(CAPTIONS[0], (40, 32))),
+    ):
+        for _ in range(2):  # each call draws other views
+            (value, gradient), (expected, of_image) = mine(image), theirs(image)
+            assert value == pytest.approx(expected, rel=1e-4)
+            assert np.linalg.norm(gradient - of_image) <= 1e-4 * np.linalg.norm(of_image)
 
 
 def test_semantic_objective_of_the_target_is_zero(graphs: Graphs) -> None:

@@ -31,9 +31,9 @@ from pentimento.contracts.codec import to_plain
 from pentimento.control.safety import envelope_for
 from pentimento.planning.strokes.brush import StrokeTiming
 from pentimento.planning.strokes.config import (
+    PRINT_ALONE,
     ExecutionNoise,
     LearningRates,
-    ObjectivesConfig,
     PlannerConfig,
 )
 from pentimento.planning.strokes.palette import PaletteChoice
@@ -50,7 +50,7 @@ PLANNER = PlannerConfig(
     iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=0, relocate_share=0.2,
     min_gain_per_stroke=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=4, pixels_per_m=800.0, edge_m=0.002,
-    distances_px=(1, 4), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
+    distances_px=(1, 4), objectives=PRINT_ALONE, execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 2e-5, 0.0), seed=1,
 )  # fmt: skip
 

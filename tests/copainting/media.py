@@ -8,9 +8,9 @@ from pentimento.copainting.scenes.ink import InkTones
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.config import (
+    PRINT_ALONE,
     ExecutionNoise,
     LearningRates,
-    ObjectivesConfig,
     PlannerConfig,
 )
 from pentimento.planning.strokes.palette import PaletteChoice
@@ -22,7 +22,7 @@ PLANNER = PlannerConfig(
     iterations_palette=0, iterations_replan=2, replan_rate=0.3, relocate_every=6, relocate_share=0.2,
     min_gain_per_stroke=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=10, pixels_per_m=480.0, edge_m=0.003,
-    distances_px=(1, 2), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
+    distances_px=(1, 2), objectives=PRINT_ALONE, execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(0.0008, 0.04, 0.0008, 0.0005, 0.00002, 0.0), seed=0,
 )  # fmt: skip
 MEDIUM = Medium("marker", 0.1, "with a marker", InkTones(0.001, 0.15, 0.3), PLANNER)

@@ -12,9 +12,9 @@ from pentimento.copainting.synthesis.partials import PartialsConfig
 from pentimento.dynamics.strokes.extended import base_model, model_files
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.config import (
+    PRINT_ALONE,
     ExecutionNoise,
     LearningRates,
-    ObjectivesConfig,
     PlannerConfig,
 )
 from pentimento.planning.strokes.palette import PaletteChoice
@@ -27,7 +27,7 @@ PLANNER = PlannerConfig(
     iterations_palette=0, iterations_replan=1, replan_rate=0.3, relocate_every=2, relocate_share=0.2,
     min_gain_per_stroke=0.0,
     palette=PaletteChoice("ink", None, None, None), sweeps=1, path_points=6, pixels_per_m=600, edge_m=0.002,
-    distances_px=(1, 3), objectives=ObjectivesConfig(1.0, None), execution_noise=ExecutionNoise(0.0, 0.0),
+    distances_px=(1, 3), objectives=PRINT_ALONE, execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=LearningRates(8e-4, 0.04, 8e-4, 5e-4, 2e-5, 0.0), seed=1,
 )  # fmt: skip
 MARKER = Setting(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.bundle.views import views_of
+from pentimento.bundle.views import random_views
 from pentimento.semantics.objective import SemanticObjective, TextObjective, semantic_loss, text_loss
 from tests.copainting.goal_planners import small_encoder
 
@@ -13,8 +13,7 @@ SEED = 4
 
 def drawn(views: int) -> torch.Tensor:
     """The views that the workshop's objectives draw first with the seed."""
-    numbers = torch.rand(4, views, generator=torch.Generator().manual_seed(SEED)) * 2 - 1
-    return torch.from_numpy(views_of(numbers.numpy()))
+    return torch.from_numpy(random_views(views, np.random.default_rng(SEED)))
 
 
 @pytest.mark.parametrize("views", [0, 1, 3])
@@ -29,4 +28,4 @@ def test_exported_objectives_equal_those_of_the_workshop(views: int) -> None:
 
 
 def test_no_views_give_no_matrices() -> None:
-    assert views_of(np.zeros((4, 0), np.float32)).shape == (0, 2, 3)
+    assert random_views(0, np.random.default_rng(SEED)).shape == (0, 2, 3)

@@ -12,7 +12,7 @@ for heavy in ("torch", "sklearn", "skimage", "pandas", "matplotlib", "PIL", "onn
 from dataclasses import replace
 import numpy as np
 from pentimento.contracts.errors import ConfigError, ImageError
-from pentimento.planning.strokes.config import ObjectivesConfig, StyleConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, StyleConfig
 from pentimento.planning.strokes.palette import PaletteChoice
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import render_plan
@@ -35,7 +35,7 @@ for name, config in (("round_brush", paints), ("marker", paint_context(6).planne
     objective = objective_for(scene, config)
     assert objective(render_plan(strokes, blank, scene))[0] < 0.95 * objective(blank)[0], name
     assert len(strokes) == 12 and 1 <= len(palette) <= 2
-styled = replace(config, objectives=ObjectivesConfig(1.0, StyleConfig(0.1, "retina", "local", None)))
+styled = replace(config, objectives=replace(PRINT_ALONE, style=StyleConfig(0.1, "retina", "local", None)))
 try:
     plan(blank, scene, 4, styled, lambda *_: None)
 except ConfigError as error:

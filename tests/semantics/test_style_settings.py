@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, ImageError
-from pentimento.planning.strokes.config import ObjectivesConfig, StyleConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, ObjectivesConfig, StyleConfig
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import first_pass, objective_for
@@ -21,6 +21,8 @@ SHAPE = (64, 96)
 YAML = """
 objectives:
   print_weight: 1
+  semantic_weight: 0
+  text: null
   style: {weight: 0.05, picture: retina, features: local, vgg16_weights: null}
 """
 
@@ -32,7 +34,7 @@ def read(tmp_path: Path, text: str) -> ObjectivesConfig:
 
 def test_objectives_section_gives_the_print_and_style_terms(tmp_path: Path) -> None:
     objectives = read(tmp_path, YAML)
-    assert objectives == ObjectivesConfig(1.0, STYLE)
+    assert objectives == replace(PRINT_ALONE, style=STYLE)
     config = replace(CONFIG, objectives=objectives)
     style = style_of(config)
     assert style is not None
@@ -41,7 +43,7 @@ def test_objectives_section_gives_the_print_and_style_terms(tmp_path: Path) -> N
     values = objective_for(task, config).values(target)
     assert values["print"] < 1e-12
     assert values["style"] > 0.1
-    alone = replace(config, objectives=ObjectivesConfig(1.0, None))
+    alone = replace(config, objectives=PRINT_ALONE)
     assert style_of(alone) is None
     own = style.picture(SHAPE)
     assert list(objective_for(task, alone).values(own)) == ["print"]
@@ -53,29 +55,29 @@ def test_first_pass_targets_the_style_picture_without_print_objective() -> None:
     style = PictureStyle(STYLE, 0)
     task = replace(scene(), target=np.zeros((*SHAPE, 3), np.float32), style=style)
     for objectives, copied in (
-        (ObjectivesConfig(0.0, STYLE), style.picture(SHAPE)),
-        (ObjectivesConfig(1.0, STYLE), task.target),
-        (ObjectivesConfig(1.0, None), task.target),
+        (replace(PRINT_ALONE, print_weight=0.0, style=STYLE), style.picture(SHAPE)),
+        (replace(PRINT_ALONE, style=STYLE), task.target),
+        (PRINT_ALONE, task.target),
     ):
         first, config = first_pass(task, replace(CONFIG, objectives=objectives))
         np.testing.assert_array_equal(first.target, copied)
-        assert config.objectives == ObjectivesConfig(1.0, None)
+        assert config.objectives == PRINT_ALONE
 
 
 def test_rejects_style_objective_for_a_scene_without_style() -> None:
     with pytest.raises(ConfigError, match="objectives include a style, but the scene has none"):
-        objective_for(scene(), replace(CONFIG, objectives=ObjectivesConfig(1.0, STYLE)))
+        objective_for(scene(), replace(CONFIG, objectives=replace(PRINT_ALONE, style=STYLE)))
 
 
 def test_style_objective_changes_the_plan() -> None:
     strong = replace(STYLE, weight=0.3)
-    both = replace(CONFIG, objectives=ObjectivesConfig(1.0, strong), iterations_palette=30, relocate_every=0)
+    both = replace(CONFIG, objectives=replace(PRINT_ALONE, style=strong), iterations_palette=30, relocate_every=0)
     target = fit_to_canvas(load_photograph("coffee"), (80, 120)).astype(np.float32)
     large = replace(scene(), target=target, style=style_of(both))
     white = np.ones((80, 120, 3), np.float32)
     objective = objective_for(large, both)
     values = {}
-    for name, config in {"print": replace(both, objectives=ObjectivesConfig(1.0, None)), "both": both}.items():
+    for name, config in {"print": replace(both, objectives=PRINT_ALONE), "both": both}.items():
         strokes, _ = plan(white, large, 30, config, unheard)
         values[name] = objective.values(render_plan(strokes, white, large))
     assert values["both"]["style"] < 0.9 * values["print"]["style"]
@@ -98,10 +100,8 @@ def test_rejects_invalid_objectives(tmp_path: Path, old: str, new: str, sentence
 
 
 def test_rejects_objectives_without_any_term(tmp_path: Path) -> None:
-    with pytest.raises(
-        ConfigError, match=r"print_weight is 0\.0 and style is null|print_weight is 0 and style is null"
-    ):
-        read(tmp_path, "objectives: {print_weight: 0, style: null}")
+    with pytest.raises(ConfigError, match=r"print_weight and semantic_weight are 0, text and style are null"):
+        read(tmp_path, "objectives: {print_weight: 0, semantic_weight: 0, text: null, style: null}")
 
 
 def test_rejects_missing_style_files_by_name(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -199,6 +200,22 @@ class TextObjective:
         """The value for an image [H, W, 3] in linear light, and its gradient."""
         value, gradient = self._graphs("text", image, self._caption, *self._inputs())
         return float(value), gradient
+
+
+@dataclass(frozen=True, eq=False)
+class GraphMeaning:
+    """What the bundle's encoder sees, a ``planning.strokes.scene.Meaning``."""
+
+    graphs: Graphs
+    seed: int
+
+    def text(self, words: str, shape: tuple[int, int]) -> TextObjective:
+        """The text objective for these words, for images of this height and width."""
+        return TextObjective(self.graphs, words, shape, self.seed)
+
+    def semantic(self, target: Array) -> SemanticObjective:
+        """The semantic objective for a target [H, W, 3] in linear light."""
+        return SemanticObjective(self.graphs, target, self.seed)
 
 
 class _Views:

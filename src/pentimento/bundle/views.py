@@ -10,23 +10,22 @@ Array = NDArray[np.float32]
 _SHARPNESS = -0.5
 """Parameter of the cubic kernel (Keys 1981), as in the antialiased resizing of PyTorch and Pillow."""
 _TURN_RAD = 0.12
-"""Maximum rotation of a view, as in ``semantics.objective``; so are the next two."""
-_SCALE = 0.1
-"""Maximum change of scale."""
-_SHIFT = 0.1
-"""Maximum shift, as a fraction of half the picture."""
+"""Maximum rotation of a view."""
+_SIDES = (0.45, 1.1)
+"""Range of a view's side, in sides of the picture. Plans that were seen in parts of a picture, too, resembled the
+picture more for an encoder that had not guided them than plans seen in views of nearly its size."""
 
 
 def random_views(count: int, rng: np.random.Generator) -> Array:
-    """Affine maps [count, 2, 3]: small rotations, scales and shifts, in coordinates from -1 to 1 over a picture."""
-    return views_of(rng.uniform(-1, 1, (4, count)).astype(np.float32))
+    """Affine maps [count, 2, 3] in coordinates from -1 to 1 over a picture: slightly rotated squares of random size.
 
-
-def views_of(drawn: Array) -> Array:
-    """Affine maps [V, 2, 3] for numbers [4, V] from -1 to 1: rotation, scale, shift in x, shift in y."""
-    turn, scale = _TURN_RAD * drawn[0], 1 + _SCALE * drawn[1]
-    cos, sin = scale * np.cos(turn), scale * np.sin(turn)
-    rows = [np.stack([cos, -sin, _SHIFT * drawn[2]], 1), np.stack([sin, cos, _SHIFT * drawn[3]], 1)]
+    A view that is smaller than the picture stays inside it, but for its corners.
+    """
+    drawn = rng.uniform(-1, 1, (4, count)).astype(np.float32)
+    middle, half = (_SIDES[0] + _SIDES[1]) / 2, (_SIDES[1] - _SIDES[0]) / 2
+    turn, side = _TURN_RAD * drawn[0], middle + half * drawn[1]
+    cos, sin, shift = side * np.cos(turn), side * np.sin(turn), np.abs(1 - side)
+    rows = [np.stack([cos, -sin, shift * drawn[2]], 1), np.stack([sin, cos, shift * drawn[3]], 1)]
     return np.stack(rows, 1).astype(np.float32)
 
 

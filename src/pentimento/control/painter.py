@@ -24,7 +24,7 @@ from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.relocate import without_useless
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.scene import Scene, Style, objective_for
+from pentimento.planning.strokes.scene import Meaning, Scene, Style, objective_for
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 
@@ -179,11 +179,13 @@ class PaintContext:
     planner: PlannerConfig
     style: Style | None = None
     """For planners whose objectives include a style."""
+    meaning: Meaning | None = None
+    """For planners whose objectives include words or what is seen in the target."""
     threads: int = 1
 
     def scene(self, target: Array, start: Start) -> Scene:
         """A target [H, W, 3] (linear light) on a canvas in the state ``start``."""
-        return Scene(self.tool, self.brush, self.canvas_size_m, target, start, self.style, self.threads)
+        return Scene(self.tool, self.brush, self.canvas_size_m, target, start, self.style, self.meaning, self.threads)
 
 
 def first_plan(

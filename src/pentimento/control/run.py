@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.bundle.graphs import GraphBrush, Graphs, PictureStyle, goal_networks, noise_schedule, tokenizer
+from pentimento.bundle.graphs import (
+    GraphBrush,
+    GraphMeaning,
+    Graphs,
+    PictureStyle,
+    goal_networks,
+    noise_schedule,
+    tokenizer,
+)
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
@@ -201,7 +209,10 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
     wanted = planner.objectives.style
     style = None if wanted is None else PictureStyle(graphs, load_photograph(wanted.picture), planner.seed)
     tool = graphs.bundle.tools[commission.setting]
-    return PaintContext(tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, _threads())
+    meaning = GraphMeaning(graphs, planner.seed)
+    return PaintContext(
+        tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, meaning, _threads()
+    )  # fmt: skip
 
 
 def _first_goal(

@@ -1,14 +1,14 @@
 """Semantic objectives of a plan's picture: the text objective (thesis 4.1) and the semantic objective (thesis 4.4).
 
 Both map an image [H, W, 3] in linear light to a scalar that planners minimise through `TorchObjective`. The picture is
-seen in several random views, slightly moved and rotated, as in CLIPDraw (Frans et al. 2021) and CLIPasso (Vinker et al.
+seen in several random views (`bundle.views`), as in CLIPDraw (Frans et al. 2021) and CLIPasso (Vinker et al.
 2022). Otherwise a planner finds pictures that only the encoder recognises, in one exact position.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,15 +16,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
+from pentimento.bundle.views import random_views
 from pentimento.dynamics.strokes.photometry import linear_to_srgb
 from pentimento.semantics.encoder import Encoder
 
 Array = NDArray[np.float32]
-
-# Ranges of the random views: small enough that the content stays in the picture.
-_MAX_TURN_RAD: Final = 0.12
-_MAX_SCALE: Final = 0.1
-_MAX_SHIFT: Final = 0.1  # of half the picture's side
 
 
 class TorchObjective:
@@ -68,6 +64,24 @@ class SemanticObjective:
         return semantic_loss(self._encoder, image, self._target, self._views())
 
 
+@dataclass(frozen=True, eq=False)
+class EncoderMeaning:
+    """What an encoder sees, a `planning.strokes.scene.Meaning`."""
+
+    encoder: Encoder
+    views: int
+    """Random views of a picture, beside the plain one."""
+    seed: int
+
+    def text(self, words: str, _shape: tuple[int, int]) -> TorchObjective:
+        """The text objective for these words, for images of any size."""
+        return TorchObjective(TextObjective(self.encoder, words, self.views, self.seed))
+
+    def semantic(self, target: Array) -> TorchObjective:
+        """The semantic objective for a target [H, W, 3] in linear light."""
+        return TorchObjective(SemanticObjective(self.encoder, torch.from_numpy(target), self.views, self.seed))
+
+
 def text_loss(encoder: Encoder, image: Tensor, text: Tensor, views: Tensor) -> Tensor:
     """1 - cos of an image [H, W, 3] in linear light and a text vector [D], averaged over the plain view and `views`.
 
@@ -99,18 +113,13 @@ def with_views(images: Tensor, views: Tensor) -> Tensor:
 
 
 class _RandomViews:
-    """Random affine matrices [V, 2, 3], new at each call: a small rotation, scale and shift."""
+    """Random affine matrices [V, 2, 3], new at each call; those of a bundle's objectives with the same seed."""
 
     def __init__(self, count: int, seed: int) -> None:
-        self._count = count
-        self._generator = torch.Generator().manual_seed(seed)
+        self._count, self._rng = count, np.random.default_rng(seed)
 
     def __call__(self) -> Tensor:
-        turn, scale, x, y = torch.rand(4, self._count, generator=self._generator) * 2 - 1
-        turn, scale = _MAX_TURN_RAD * turn, 1 + _MAX_SCALE * scale
-        cos, sin = scale * turn.cos(), scale * turn.sin()
-        rows = [torch.stack([cos, -sin, _MAX_SHIFT * x], 1), torch.stack([sin, cos, _MAX_SHIFT * y], 1)]
-        return torch.stack(rows, 1)
+        return torch.from_numpy(random_views(self._count, self._rng))
 
 
 def _as_srgb_batch(image: Tensor) -> Tensor:

@@ -11,9 +11,9 @@ from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.objectives import PrintObjective
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import (
+    PRINT_ALONE,
     ExecutionNoise,
     LearningRates,
-    ObjectivesConfig,
     PlannerConfig,
 )
 from pentimento.planning.strokes.palette import PaletteChoice
@@ -45,7 +45,7 @@ CONFIG = PlannerConfig(
     pixels_per_m=500.0,
     edge_m=5e-3,
     distances_px=(1, 4),
-    objectives=ObjectivesConfig(1.0, None),
+    objectives=PRINT_ALONE,
     execution_noise=ExecutionNoise(0.0, 0.0),
     learning_rates=RATES,
     seed=1,

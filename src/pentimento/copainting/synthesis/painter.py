@@ -8,7 +8,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_uint8
@@ -16,7 +15,6 @@ from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.scenes.ink import InkTones, check_ink, ink_tones
 from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
 from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.planning.objectives import Objective, Term, WeightedObjective
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlannerConfig, no_log
 from pentimento.planning.strokes.descent import descend
@@ -26,7 +24,7 @@ from pentimento.planning.strokes.scene import Scene, inherit, objective_for, sce
 from pentimento.planning.strokes.target import fit_to_canvas
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.semantics.encoder import Encoder
-from pentimento.semantics.objective import SemanticObjective, TorchObjective
+from pentimento.semantics.objective import EncoderMeaning
 from pentimento.semantics.style import style_of
 
 FloatArray = NDArray[np.float64]
@@ -154,14 +152,14 @@ def plan_painting(painter: Painter, picture: Image, seed: int, canvas: Image | N
     config = replace(setting.planner, seed=seed)
     target = plan_target(picture, setting).astype(np.float32)
     brush = TorchBrush(painter.model, painter.tool, config.path_points)
-    scene = scene_with(brush, painter.tool, setting.canvas_m, target, style_of(config))
+    views = 0 if setting.guidance is None else setting.guidance.views
+    meaning = EncoderMeaning(painter.encoder, views, seed)
+    scene = scene_with(brush, painter.tool, setting.canvas_m, target, style_of(config), meaning)
     sheet = _sheet(setting) if canvas is None else fit_to_canvas(canvas, setting.planned_px)
     before = sheet.astype(np.float32)
     strokes, _ = plan(before, scene, setting.strokes, config, no_log)
     if setting.guidance is not None and len(strokes) > 0:
-        semantic = SemanticObjective(painter.encoder, torch.from_numpy(target), setting.guidance.views, seed)
-        meaning = TorchObjective(semantic)
-        descend_guided(strokes, before, scene, config=config, meaning=meaning, guidance=setting.guidance)
+        descend_guided(strokes, before, scene, config=config, guidance=setting.guidance)
     strokes.inherited = inherit(strokes, scene)
     return PlannedPainting(scene, before, strokes)
 
@@ -185,16 +183,14 @@ def _sheet(setting: Setting) -> FloatArray:
     return np.full((*setting.planned_px, 3), srgb_to_linear(np.array(setting.paper, dtype=np.float64)))
 
 
-def descend_guided(
-    strokes: Strokes, canvas: Light, scene: Scene, *, config: PlannerConfig, meaning: Objective, guidance: Guidance
-) -> None:
+def descend_guided(strokes: Strokes, canvas: Light, scene: Scene, *, config: PlannerConfig, guidance: Guidance) -> None:
     """Descend, in place, on the planner's objective plus the weighted semantic objective; colours stay as they are.
 
     The semantic objective draws other views at each iteration, so its values do not compare. Strokes therefore end
     after the last iteration, not at the lowest value (thesis 4.5).
     """
-    planned = Term("planned", 1.0, objective_for(scene, config))
-    objective = WeightedObjective((planned, Term("meaning", guidance.weight, meaning)))
+    guided = replace(config, objectives=replace(config.objectives, semantic_weight=guidance.weight))
+    objective = objective_for(scene, guided)
     values = descend(
         strokes, canvas, scene, config, objective=objective, iterations=guidance.iterations, free_color=False,
         rate=guidance.rate,

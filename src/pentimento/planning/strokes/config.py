@@ -96,16 +96,50 @@ class StyleConfig:
 
 
 @dataclass(frozen=True)
+class TextConfig:
+    """The text objective."""
+
+    weight: float
+    """With a print objective of weight 1; see docs/objectives.md."""
+    words: str
+    """What the painting should show."""
+
+    def __post_init__(self) -> None:
+        above_zero(self, "weight")
+        if not self.words.strip():
+            raise ValueError("words is empty; say what the painting should show.")
+
+
+@dataclass(frozen=True)
 class ObjectivesConfig:
     """The weighted sum that a plan minimises (thesis eq. 4.5)."""
 
     print_weight: float
+    """Of the difference from the target, pixel by pixel (eq. 4.3)."""
+    semantic_weight: float
+    """Of the difference from what the encoder sees in the target (eq. 4.4)."""
+    text: TextConfig | None
     style: StyleConfig | None
 
     def __post_init__(self) -> None:
-        at_least(self, 0, "print_weight")
-        if self.print_weight == 0 and self.style is None:
-            raise ValueError("print_weight is 0 and style is null; give at least one objective a weight.")
+        at_least(self, 0, "print_weight", "semantic_weight")
+        if not (self.print_weight or self.semantic_weight or self.text or self.style):
+            raise ValueError(
+                "print_weight and semantic_weight are 0, text and style are null; give at least one objective a weight."
+            )
+
+    @property
+    def has_meaning(self) -> bool:
+        """Whether an encoder is needed. Its objectives draw new views at each call, so their values do not compare."""
+        return self.semantic_weight > 0 or self.text is not None
+
+    @property
+    def has_target(self) -> bool:
+        """Whether the plan is for a target, rather than for words or a style alone."""
+        return self.print_weight > 0 or self.semantic_weight > 0
+
+
+PRINT_ALONE = ObjectivesConfig(print_weight=1.0, semantic_weight=0.0, text=None, style=None)
 
 
 @dataclass(frozen=True)
@@ -201,7 +235,7 @@ class ShapedPlanConfig:
     learning_rates: ShapeRates
     seed: int
 
-    objectives: ClassVar[ObjectivesConfig] = ObjectivesConfig(1.0, None)
+    objectives: ClassVar[ObjectivesConfig] = PRINT_ALONE
     execution_noise: ClassVar[ExecutionNoise] = ExecutionNoise(0.0, 0.0)
     min_gain_per_stroke: ClassVar[None] = None
     coarse_first: ClassVar[bool] = False

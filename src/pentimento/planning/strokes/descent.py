@@ -26,6 +26,7 @@ def optimise(
 
     With ``config.keep_best`` they end at the lowest objective on the way, so never worse than they started. With
     execution noise each iteration draws other faults, and only start and end are compared, under the expected fault.
+    With objectives of meaning, whose values do not compare, they end after the last iteration.
     ``log("objective", value, iteration)`` is called at every iteration.
     """
     objective, execution_noise = objective_for(scene, config), config.execution_noise
@@ -44,7 +45,9 @@ def optimise(
         if value < minimum and (iteration == 0 or not execution_noise.any()):
             minimum, best = value, _copied(strokes, paints)
         log("objective", value, first_iteration + iteration)
-    if not config.keep_best or objective(render_plan(strokes, canvas, scene, expected))[0] < minimum:
+    if not config.keep_best or config.objectives.has_meaning:
+        return
+    if objective(render_plan(strokes, canvas, scene, expected))[0] < minimum:
         return
     for array, kept in zip(_moved(strokes, paints), best, strict=True):
         array[:] = kept

@@ -9,7 +9,7 @@ show least are ignored.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,9 +105,11 @@ def repaint(
 
     The effect of a change is predicted to second order from the objective's gradient and from the visible area of the
     stroke. The most promising changes are tried together, then the better half of them, and so on. The first set that
-    lowers the objective is kept.
+    lowers the objective is kept. The objectives must include print or style; those of meaning do not count.
     """
-    objective = objective_for(scene, config)
+    # Values of objectives of meaning do not compare.
+    comparable = replace(config.objectives, semantic_weight=0.0, text=None)
+    objective = objective_for(scene, replace(config, objectives=comparable))
     palette, srgb = linear_to_srgb(paints.linear), linear_to_srgb(strokes.color)
     image, back = render_and_back(strokes, canvas, scene)
     before, of_image = objective(image)

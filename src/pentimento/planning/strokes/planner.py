@@ -180,7 +180,7 @@ def _in_stretches(planner: Planner[S], draft: Draft[S], iterations: int, *, rate
     config, tool, coarse = planner.config, planner.scene.tool, planner.coarse()
     own_paints = isinstance(config, PlannerConfig) and config.palette.source == "plan"
     free = tool.color_srgb is None and (draft.paints is None or own_paints)
-    places = config.objectives.print_weight > 0  # a style objective does not determine where strokes belong
+    places = config.objectives.print_weight > 0  # the other objectives do not say where a single stroke belongs
     every = config.relocate_every or max(iterations // 4, 1)
     starts = list(range(0, max(iterations - every // 2, 1), every))
     for start, end in zip(starts, [*starts[1:], iterations], strict=True):

@@ -58,8 +58,11 @@ def without_useless(strokes: Strokes, canvas: Array, scene: Scene, config: Plann
     """The strokes without those that lower the objective by less than ``config.min_gain_per_stroke``; if that is 0,
     without those that raise it.
 
-    Each round removes the worse half of them, because removing one stroke can make another useful.
+    Each round removes the worse half of them, because removing one stroke can make another useful. Without a print
+    objective, which tells the use of a single stroke, all strokes stay.
     """
+    if config.objectives.print_weight == 0:
+        return strokes
     least = config.min_gain_per_stroke * scene.target.shape[0] * scene.target.shape[1]
     left = strokes.pick(slice(None))
     while len(left):

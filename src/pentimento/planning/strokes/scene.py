@@ -14,7 +14,7 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.objectives import Objective, PrintObjective, Term, WeightedObjective
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import ObjectivesConfig, PlanConfig, PlannerConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, PlanConfig, PlannerConfig
 from pentimento.planning.strokes.memory import Start, inherited
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.robots.tools import Tool
@@ -32,6 +32,16 @@ class Style(Protocol):
         """How far an image of this height and width is from the style."""
 
 
+class Meaning(Protocol):
+    """What a text-image encoder sees, wherever it runs (thesis 4.3.4). The workshop and a bundle implement it."""
+
+    def text(self, words: str, shape: tuple[int, int]) -> Objective:
+        """How far an image of this height and width is from the words (eq. 4.1)."""
+
+    def semantic(self, target: Array) -> Objective:
+        """How far what is seen in an image is from what is seen in a target [H, W, 3], linear light (eq. 4.4)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What a plan is made for."""
@@ -46,6 +56,8 @@ class Scene:
     """State of tool and canvas when the plan begins."""
     style: Style | None = None
     """For plans whose ``objectives`` include a style."""
+    meaning: Meaning | None = None
+    """For plans whose ``objectives`` include words or what is seen in the target."""
     threads: int = 1
     """Threads of the renderer; the result does not depend on their number."""
 
@@ -66,11 +78,16 @@ class Scene:
 
 
 def scene_with(
-    brush: Brush, tool: Tool, canvas_size_m: tuple[float, float], target: Array, style: Style | None = None
+    brush: Brush,
+    tool: Tool,
+    canvas_size_m: tuple[float, float],
+    target: Array,
+    style: Style | None = None,
+    meaning: Meaning | None = None,
 ) -> Scene:
     """A scene with a blank canvas at the start of a session."""
     start = Start(fresh_memory(canvas_size_m, tool.nominal_width_m), clock_s=0.0, made=0)
-    return Scene(tool, brush, canvas_size_m, target, start, style)
+    return Scene(tool, brush, canvas_size_m, target, start, style, meaning)
 
 
 def halved(image: Array) -> Array:
@@ -88,12 +105,16 @@ def objective_for(scene: Scene, config: PlanConfig) -> WeightedObjective:
     """The weighted sum that the planner minimises.
 
     Raises:
-        ConfigError: the picture is smaller than a viewing distance, or the objectives include a style and the scene
-            has none.
+        ConfigError: the picture is smaller than a viewing distance, or the objectives include a style, words or what is
+            seen in the target, and the scene has no networks that see it.
     """
     wanted, terms = config.objectives, []
     if wanted.print_weight > 0:
         terms.append(Term("print", wanted.print_weight, PrintObjective(scene.target, config.distances_px)))
+    if wanted.semantic_weight > 0:
+        terms.append(Term("semantic", wanted.semantic_weight, _meaning_of(scene).semantic(scene.target)))
+    if wanted.text is not None:
+        terms.append(Term("text", wanted.text.weight, _meaning_of(scene).text(wanted.text.words, _shape(scene))))
     if wanted.style is not None:
         terms.append(Term("style", wanted.style.weight, _style_of(scene).objective(_shape(scene))))
     return WeightedObjective(tuple(terms))
@@ -102,13 +123,13 @@ def objective_for(scene: Scene, config: PlanConfig) -> WeightedObjective:
 def first_pass(scene: Scene, config: PlannerConfig) -> tuple[Scene, PlannerConfig]:
     """The task of the first pass, which minimises the print objective alone (thesis 4.5.3).
 
-    A style does not say where things are. Where the print objective has no weight, the first pass reproduces the style
-    picture; otherwise it reproduces the target.
+    Words and a style do not say where things are. With a style and without a target, the first pass reproduces the
+    style picture; otherwise it reproduces the target, which for words alone is where they start from.
     """
-    target = scene.target
-    if config.objectives.print_weight == 0:
+    wanted, target = config.objectives, scene.target
+    if wanted.style is not None and not wanted.has_target:
         target = _style_of(scene).picture(_shape(scene))
-    return replace(scene, target=target), replace(config, objectives=ObjectivesConfig(1.0, None))
+    return replace(scene, target=target), replace(config, objectives=PRINT_ALONE)
 
 
 def _style_of(scene: Scene) -> Style:
@@ -118,6 +139,15 @@ def _style_of(scene: Scene) -> Style:
             "of the workshop only. Set objectives.style to null, or plan in the workshop."
         )
     return scene.style
+
+
+def _meaning_of(scene: Scene) -> Meaning:
+    if scene.meaning is None:
+        raise ConfigError(
+            "The planner's objectives include text or semantic_weight, but the scene has no encoder. Set "
+            "objectives.text to null and objectives.semantic_weight to 0, or plan with an encoder."
+        )
+    return scene.meaning
 
 
 def _shape(scene: Scene) -> tuple[int, int]:
