@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pentimento.report.benchmarks import read_benchmarks
+from pentimento.report.by_meaning import read_meanings
 from pentimento.report.copainting import read_copainting
 from pentimento.report.diagnoses import read_diagnosis
 from pentimento.report.handwriting import read_handwriting
@@ -29,6 +30,7 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"model.{tool}": path for tool, path in weights.items()}
     inputs |= {f"gap.{tool}": arguments.gap / tool for tool in arguments.tools}
     inputs |= {f"painting.{setting}": path for setting, path in paintings.items()}
+    inputs |= {"paintings_by_meaning": arguments.meanings}
     inputs |= {f"evaluation.{setting}": arguments.evaluations / setting for setting in arguments.evaluated}
     sculpted = {name: arguments.models / f"push_{name}_base/weights" for name in arguments.sculpted}
     inputs |= {f"sculpture.{material}": arguments.sculptures / material for material in sculpted}
@@ -42,6 +44,7 @@ def main(arguments: argparse.Namespace) -> None:
             paintings=[read_painting(setting, folder) for setting, folder in paintings.items()],
             tools=[read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
             benchmarks=read_benchmarks(arguments.benchmarks),
+            meanings=read_meanings(arguments.meanings),
             diagnoses=[read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
             handwriting=read_handwriting(
                 arguments.hands, arguments.models / "trajvae/weights", arguments.demonstrations
@@ -65,6 +68,7 @@ if __name__ == "__main__":
     parser.add_argument("--models", required=True, type=Path)
     parser.add_argument("--gap", required=True, type=Path, help="folder of a diagnosis for each tool")
     parser.add_argument("--paintings", required=True, type=Path)
+    parser.add_argument("--meanings", required=True, type=Path, help="paintings by meaning")
     parser.add_argument("--evaluations", required=True, type=Path, help="folder of an evaluation for each setting")
     parser.add_argument("--performances", required=True, type=Path, help="what the bundle painted")
     parser.add_argument("--sculptures", required=True, type=Path, help="folder of a sculpture for each material")

@@ -8,7 +8,7 @@ from typing import Any
 
 FAMILIES = {
     "strokes": ("collect_strokes", "train_stroke_dynamics", "diagnose_gap"),
-    "painting": ("paint",),
+    "painting": ("paint", "paint_by_meaning"),
     "co-painting": (
         "build_scenes",
         "train_semantics",

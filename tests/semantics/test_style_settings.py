@@ -10,7 +10,7 @@ from pentimento.contracts.errors import ConfigError, ImageError
 from pentimento.planning.strokes.config import PRINT_ALONE, ObjectivesConfig, StyleConfig
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.scene import first_pass, objective_for
+from pentimento.planning.strokes.scene import objective_for
 from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.semantics.style import PictureStyle, style_of
 from pipelines._config import load_section
@@ -51,17 +51,15 @@ def test_objectives_section_gives_the_print_and_style_terms(tmp_path: Path) -> N
     assert objective_for(task, config)(own)[0] == pytest.approx(objective_for(task, alone)(own)[0])
 
 
-def test_first_pass_targets_the_style_picture_without_print_objective() -> None:
-    style = PictureStyle(STYLE, 0)
-    task = replace(scene(), target=np.zeros((*SHAPE, 3), np.float32), style=style)
-    for objectives, copied in (
-        (replace(PRINT_ALONE, print_weight=0.0, style=STYLE), style.picture(SHAPE)),
-        (replace(PRINT_ALONE, style=STYLE), task.target),
-        (PRINT_ALONE, task.target),
-    ):
-        first, config = first_pass(task, replace(CONFIG, objectives=objectives))
-        np.testing.assert_array_equal(first.target, copied)
-        assert config.objectives == PRINT_ALONE
+def test_style_alone_starts_from_the_target() -> None:
+    style = replace(PRINT_ALONE, print_weight=0.0, style=STYLE)
+    start = replace(CONFIG, iterations_free=0, iterations_palette=0)
+    white = np.ones((*SHAPE, 3), np.float32)
+    task = replace(scene(), target=fit_to_canvas(load_photograph("coffee"), SHAPE).astype(np.float32))
+    printed, _ = plan(white, task, 8, start, unheard)
+    styled, _ = plan(white, replace(task, style=PictureStyle(STYLE, 0)), 8, replace(start, objectives=style), unheard)
+    for one, other in zip(printed.arrays(), styled.arrays(), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_rejects_style_objective_for_a_scene_without_style() -> None:

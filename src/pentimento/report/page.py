@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pentimento.report.benchmarks import BenchmarkInputs, benchmark_section
+from pentimento.report.by_meaning import MeaningInputs, meanings_section
 from pentimento.report.copainting import CopaintingInputs, copainting_section
 from pentimento.report.diagnoses import DiagnosisInputs, diagnoses_section
 from pentimento.report.handwriting import HandwritingInputs, handwriting_section
@@ -39,6 +40,7 @@ class ReportInputs:
     """The first opens the page."""
     tools: Sequence[ToolInputs]
     benchmarks: BenchmarkInputs
+    meanings: Sequence[MeaningInputs] = ()
     diagnoses: Sequence[DiagnosisInputs] = ()
     handwriting: HandwritingInputs | None = None
     evaluations: Sequence[CopaintingInputs] = ()
@@ -59,6 +61,7 @@ def build_report(inputs: ReportInputs, config: ReportConfig) -> dict[str, bytes]
         links=_links(inputs),
         painting_sections=[painting_section(painting, config.frame_ms, album) for painting in inputs.paintings],
         other_sections=[
+            *([meanings_section([*inputs.meanings], album)] if inputs.meanings else []),
             *(tool_section(tool, config.strokes.shown, album) for tool in inputs.tools),
             *([diagnoses_section(inputs.diagnoses, album)] if inputs.diagnoses else []),
             *([handwriting_section(inputs.handwriting, album)] if inputs.handwriting else []),
@@ -74,6 +77,7 @@ def build_report(inputs: ReportInputs, config: ReportConfig) -> dict[str, bytes]
 def _links(inputs: ReportInputs) -> list[tuple[str, str]]:
     """Targets and texts of the page's navigation."""
     links = [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in inputs.paintings]
+    links += [("meaning", "Painting by meaning")] if inputs.meanings else []
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in inputs.tools]
     links += [("gap", "Diagnosis")] if inputs.diagnoses else []
     links += [("hands", "Handwriting styles")] if inputs.handwriting else []

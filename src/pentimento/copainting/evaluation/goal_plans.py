@@ -116,13 +116,15 @@ def draw_scene(paint_context: PaintContext, sheet: Light, image: Picture, stroke
     light, medium = as_sheet(image, paint_context.medium.side_px), paint_context.medium
     if medium.ink is not None:
         light = ink_tones(light.astype(np.float64), medium.planner.pixels_per_m, medium.ink).astype(np.float32)
-    if paint_context.tool.color_srgb is not None:
-        light = np.minimum(light, sheet)
-    else:
-        ground = np.median(light.reshape(-1, 3), axis=0)
-        painted = np.abs(light - ground).max(axis=2, keepdims=True) > _GROUND_RANGE
-        light = np.where(painted, light, sheet)
+    light = on_sheet(light, sheet) if paint_context.tool.color_srgb is None else np.minimum(light, sheet)
     return _drawn(paint_context, sheet, light, strokes)
+
+
+def on_sheet(light: Light, sheet: Light) -> Light:
+    """What a picture shows on its ground, its most common colour, on a sheet instead; linear light [S, S, 3] all."""
+    ground = np.median(light.reshape(-1, 3), axis=0)
+    painted = np.abs(light - ground).max(axis=2, keepdims=True) > _GROUND_RANGE
+    return np.where(painted, light, sheet)
 
 
 def _drawn(paint_context: PaintContext, sheet: Light, target: Light, strokes: int) -> Drawn:

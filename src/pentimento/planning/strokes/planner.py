@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.adam import half_cosine
 from pentimento.planning.strokes.bezier import Strokes, no_strokes
-from pentimento.planning.strokes.config import Log, PlanConfig, PlannerConfig, ShapedPlanConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, Log, PlanConfig, PlannerConfig, ShapedPlanConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.families import BezierFamily, PathFamily, shaped_family
 from pentimento.planning.strokes.lines import line_strokes
@@ -24,7 +24,7 @@ from pentimento.planning.strokes.paints import Paints, check_palette, choose_pai
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.relocate import relocate, without_useless
 from pentimento.planning.strokes.render_plan import render_plan
-from pentimento.planning.strokes.scene import Scene, first_pass, halved, objective_for
+from pentimento.planning.strokes.scene import Scene, halved, objective_for
 from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 
 Array = NDArray[np.float32]
@@ -99,14 +99,18 @@ def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Lo
 def free_plan(
     canvas: Array, scene: Scene, count: int, config: PlannerConfig, *, rng: np.random.Generator, log: Log
 ) -> Strokes:
-    """Up to ``count`` Bézier strokes, each in a colour of its own, in the order in which they were added."""
-    first_scene, first_config = first_pass(scene, config)
+    """Up to ``count`` Bézier strokes, each in a colour of its own, in the order in which they were added.
+
+    The first pass reproduces the target by the print objective alone, since style, words and meaning do not say where
+    strokes belong (thesis 4.5.3). The second one minimises all objectives.
+    """
+    first_config = replace(config, objectives=PRINT_ALONE)
     begun = no_strokes()
     if config.initialisation == "lines":
-        begun = line_strokes(count, canvas, first_scene)
+        begun = line_strokes(count, canvas, scene)
         begun.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
     family = BezierFamily(config, count - len(begun))
-    strokes = _in_rounds(Planner(canvas, first_scene, first_config, family, rng, log), begun)
+    strokes = _in_rounds(Planner(canvas, scene, first_config, family, rng, log), begun)
     planner, done = Planner(canvas, scene, config, family, rng, log), config.rounds * config.iterations_per_round
     strokes = _in_stretches(planner, Draft(strokes, None), config.iterations_free, rate=1.0, done=done).strokes
     # Lines that are drawn need no strokes beside them, however many are allowed.

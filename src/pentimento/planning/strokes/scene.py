@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -14,7 +14,7 @@ from pentimento.contracts.covariates import fresh_memory
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.objectives import Objective, PrintObjective, Term, WeightedObjective
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import PRINT_ALONE, PlanConfig, PlannerConfig
+from pentimento.planning.strokes.config import PlanConfig
 from pentimento.planning.strokes.memory import Start, inherited
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.robots.tools import Tool
@@ -24,9 +24,6 @@ Array = NDArray[np.float32]
 
 class Style(Protocol):
     """The style of a picture, wherever its parts are (thesis 4.3.4). The workshop and a bundle implement it."""
-
-    def picture(self, shape: tuple[int, int]) -> Array:
-        """The style picture, linear light [H, W, 3] at this height and width."""
 
     def objective(self, shape: tuple[int, int]) -> Objective:
         """How far an image of this height and width is from the style."""
@@ -51,7 +48,7 @@ class Scene:
     """The stroke model."""
     canvas_size_m: tuple[float, float]
     target: Array
-    """[H, W, 3], linear light, of the whole canvas."""
+    """[H, W, 3], linear light, of the whole canvas. Plans for words or a style alone start from it."""
     start: Start
     """State of tool and canvas when the plan begins."""
     style: Style | None = None
@@ -118,18 +115,6 @@ def objective_for(scene: Scene, config: PlanConfig) -> WeightedObjective:
     if wanted.style is not None:
         terms.append(Term("style", wanted.style.weight, _style_of(scene).objective(_shape(scene))))
     return WeightedObjective(tuple(terms))
-
-
-def first_pass(scene: Scene, config: PlannerConfig) -> tuple[Scene, PlannerConfig]:
-    """The task of the first pass, which minimises the print objective alone (thesis 4.5.3).
-
-    Words and a style do not say where things are. With a style and without a target, the first pass reproduces the
-    style picture; otherwise it reproduces the target, which for words alone is where they start from.
-    """
-    wanted, target = config.objectives, scene.target
-    if wanted.style is not None and not wanted.has_target:
-        target = _style_of(scene).picture(_shape(scene))
-    return replace(scene, target=target), replace(config, objectives=PRINT_ALONE)
 
 
 def _style_of(scene: Scene) -> Style:
