@@ -1,4 +1,4 @@
-"""Paint by what pictures and words mean: each sum of objectives beside its terms alone, judged by another encoder."""
+"""Paint by what pictures and words mean: each sum of objectives beside its terms scored by another encoder."""
 
 import argparse
 from dataclasses import asdict, dataclass
