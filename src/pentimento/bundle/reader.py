@@ -25,7 +25,7 @@ from pentimento.contracts.errors import ConfigError, ContractError, PentimentoEr
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.robots.tools import Tool, load_tool
 
-SCHEMA: Final = 5
+SCHEMA: Final = 6
 MANIFEST: Final = "manifest.json"
 OPSETS: Final = (18, 20)
 """First and last operator set that is supported."""
