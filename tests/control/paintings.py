@@ -18,7 +18,8 @@ from pentimento.control.painter import as_linear, objective_value
 from pentimento.control.person import Control
 from pentimento.control.pictures import GOAL
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, Proposal, begin, resume
+from pentimento.control.session import begin, resume
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.driver import Robot
 from tests.bundle.line_brush import SIDE_M, cross, paint_context

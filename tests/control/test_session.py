@@ -19,7 +19,8 @@ from pentimento.control.open_robot import RobotTraits
 from pentimento.control.person import Control
 from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import RECORD, PaintingSession, Proposal, begin, resume
+from pentimento.control.session import begin, resume
+from pentimento.control.workplace import RECORD, PaintingSession, Proposal
 from pentimento.planning.strokes.bezier import to_planned
 from pentimento.planning.strokes.config import no_log
 from pentimento.robots.tools import load_tool

@@ -39,8 +39,9 @@ from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
 from pentimento.control.request import MAX_THINGS, Understood, understand
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, Proposal, begin
+from pentimento.control.session import begin
 from pentimento.control.session import resume as resume_session
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.target import load_photograph
