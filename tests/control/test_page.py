@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.control.checkpoint import load_state
 from pentimento.control.page import Page
@@ -64,6 +65,19 @@ def test_page_serves_state_and_pictures(served: tuple[Page, Control]) -> None:
         status, content, _ = _ask(page, name)
         assert status == 200 and decode_png(content).ndim == 3
     assert _ask(page, "page.js")[0] == _ask(page, "page.css")[0] == 200
+
+
+def test_page_gives_files_to_save_or_one_sentence(tmp_path: Path) -> None:
+    def nothing() -> bytes:
+        raise ConfigError("Nothing is drawn yet.")
+
+    page = Page(tmp_path, Control(), saved={"painting.svg": lambda: b"<svg/>", "painting.gcode": nothing})
+    status, content, headers = _ask(page, "save/painting.svg")
+    assert (status, content, headers["Content-Type"]) == (200, b"<svg/>", "image/svg+xml")
+    assert _ask(page, "save/painting.gcode")[:2] == (409, b"Nothing is drawn yet.\n")
+    for path in ("save/other", "save/", "save/../state.npz"):
+        assert _ask(page, path)[0] == 404
+    page.close()
 
 
 def test_page_accepts_known_commands_only(served: tuple[Page, Control]) -> None:

@@ -12,7 +12,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import MAX_BYTES
@@ -30,6 +31,7 @@ from pentimento.control.person import COMMANDS, Control
 from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
 
 _FILES = (GOAL, NEXT, PREVIEW)
+_SAVE = "save/"
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s
 _MAX_BYTES = 1000  # of a request's body
@@ -41,6 +43,9 @@ _CONTENT_TYPES = {
     ".js": "text/javascript",
     ".css": "text/css",
     ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".gcode": "text/plain",
+    ".zip": "application/zip",
 }
 
 
@@ -69,15 +74,23 @@ _NOT_FOUND = Response(HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing her
 class Page:
     """A server in its own thread, until ``close``."""
 
-    def __init__(self, folder: Path, control: Control, pen: Pen | None = None, port: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        control: Control,
+        pen: Pen | None = None,
+        saved: Mapping[str, Callable[[], bytes]] | None = None,
+        port: int = 0,
+    ) -> None:
         """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
 
         Args:
             pen: with which a person draws on the page; None where that is impossible.
+            saved: functions that give the files to be saved, by their names.
 
         Raises OSError if the port is taken.
         """
-        self._folder, self._control = folder, control
+        self._folder, self._control, self._saved = folder, control, saved or {}
         self._token = secrets.token_urlsafe(16)
         self._state: dict[str, Any] = {}
         self._pen = None if pen is None else asdict(pen)
@@ -129,6 +142,8 @@ class Page:
             file = self._folder / path
             if file.is_file():
                 return Response(HTTPStatus.OK, "image/png", file.read_bytes())
+        if path.startswith(_SAVE) and (give := self._saved.get(path.removeprefix(_SAVE))) is not None:
+            return _given(give, _CONTENT_TYPES[Path(path).suffix])
         asset = {"": "page.html", "page.js": "page.js", "page.css": "page.css"}.get(path)
         if asset is not None:
             content = (resources.files("pentimento.control") / "web" / asset).read_bytes()
@@ -160,6 +175,14 @@ class Page:
     def is_own_host(self, host: str) -> bool:
         """Whether a request names this address, and not a host name that was rebound to it."""
         return host == f"127.0.0.1:{self._server.server_port}"
+
+
+def _given(give: Callable[[], bytes], content_type: str) -> Response:
+    """A file to be saved, or the sentence that says why there is none."""
+    try:
+        return Response(HTTPStatus.OK, content_type, give())
+    except (PentimentoError, OSError) as error:
+        return Response(HTTPStatus.CONFLICT, "text/plain; charset=utf-8", f"{error}\n".encode())
 
 
 def _handler(page: Page) -> type[BaseHTTPRequestHandler]:

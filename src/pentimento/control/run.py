@@ -39,6 +39,7 @@ from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
 from pentimento.control.request import MAX_THINGS, Understood, understand
 from pentimento.control.safety import envelope_for
+from pentimento.control.saved import saved_files, write_drawings
 from pentimento.control.session import begin
 from pentimento.control.session import resume as resume_session
 from pentimento.control.workplace import PaintingSession, Proposal
@@ -163,7 +164,8 @@ def run(
             calibration=calibration, ask=ask,
         )  # fmt: skip
         pen = _pen(tool, canvas_size_m) if opened.traits.person_draws else None
-        served = None if page is None else Page(folder, control, pen)
+        saved = saved_files(folder, tool, canvas_size_m)
+        served = None if page is None else Page(folder, control, pen, saved)
         try:
             if page is not None and served is not None:
                 page(served.address)
@@ -184,6 +186,7 @@ def run(
                 goal_for = _first_goal(commission.wanted, context, partial(goals_for, count=1), in_turns=turns.in_turns)
                 begin(session, goal_for, log=_planning_log(progress, context.planner))
             state = resume_session(session, wish)
+            write_drawings(folder, tool, canvas_size_m)
             if state.phase == "done":
                 _write_summary(folder, context, state)
             return state

@@ -35,7 +35,7 @@ from pentimento.control.painter import (
 )
 from pentimento.control.person import Order
 from pentimento.control.pictures import PLAN, write_pictures
-from pentimento.control.turn import FOR_A_TURN, take_turn
+from pentimento.control.turn import FOR_A_TURN, note_turn, take_turn
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.memory import Start
@@ -116,6 +116,7 @@ def resume(session: PaintingSession, wish: str = "") -> PaintingState:
             state, interrupt = task.turn(state, Order("wish", wish) if wish else Order("your turn"))
         if interrupt != "stop":
             state, outcome = run_loop(task, state, hooks)
+        at.keep_photograph(state)
         if outcome is None:
             return at.checkpoint(replace(state, phase="stopped", message="Stopped by a person; resume to go on."))
         return at.checkpoint(replace(state, phase="done", message=outcome))
@@ -148,6 +149,8 @@ class _StrokeByStroke:
         """The state from which this session continues, on the canvas as it is now."""
         canvas = self.at.canvas
         resumed = self._resumed(state, canvas) if state.sessions else replace(state, canvas=canvas)
+        if not state.sessions:
+            note_turn(self.at, resumed)
         return self.at.checkpoint(replace(resumed, sessions=state.sessions + 1))
 
     def outcome(self, state: PaintingState) -> str | None:
@@ -241,6 +244,7 @@ class _StrokeByStroke:
         remaining = adapt(self.context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state))
         state = replace(state, remaining=remaining, clock_s=self.at.clock_s)
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
+        self.at.keep_photograph(state)
         return state
 
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.codec import from_plain, to_plain
+from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import write_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import drawn_strokes
@@ -19,6 +21,7 @@ from pentimento.control.loop import Interrupt
 from pentimento.control.painter import as_picture, first_plan, predict_canvas
 from pentimento.control.person import Order
 from pentimento.control.pictures import GOALS, PLAN, write_pictures
+from pentimento.control.recording import PIXELS_PER_M
 from pentimento.control.workplace import PLAN_S, Proposal, Workplace
 from pentimento.planning.strokes.config import no_log
 
@@ -28,6 +31,19 @@ TURNS: Final = "turns"
 """Folder of the canvas at each of the person's turns, with what the person asked for and the goal of it."""
 FOR_A_TURN: Final = ("choose", "draw")
 """Orders that mean something at a person's turn only."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """What is known of a turn; number 0 is the painting's start."""
+
+    number: int
+    words: str
+    """What the person asked for; "" for nothing new."""
+    executed_before: int
+    """Number of strokes that the robot had executed."""
+    planned: int
+    """Number of strokes that were planned for the words."""
 
 
 def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
@@ -56,6 +72,41 @@ def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[Painti
         order = at.session.control.wait()
 
 
+def note_turn(at: Workplace, state: PaintingState) -> None:
+    """Write the canvas as it is at the end of a turn, by the number of the state's turns. A camera is needed."""
+    if at.camera is not None:
+        write_png(at.session.folder / TURNS / f"{state.turns:03d}.png", at.photograph(state, PIXELS_PER_M))
+        if not (at.session.folder / TURNS / f"{state.turns:03d}.json").exists():
+            write_turn(at.session.folder, Turn(state.turns, "", state.executed, 0))
+
+
+def write_turn(folder: Path, turn: Turn) -> None:
+    """Write what is known of a turn."""
+    text = json.dumps(to_plain(turn), indent=1) + "\n"
+    atomic_write(folder / TURNS / f"{turn.number:03d}.json", text.encode())
+
+
+def turns_in(folder: Path) -> list[Turn]:
+    """The turns of a painting that have a photograph, in their order; without those that led to nothing.
+
+    Raises:
+        ContractError: a file is damaged.
+    """
+    found = []
+    for path in sorted((folder / TURNS).glob("[0-9][0-9][0-9].json")):
+        try:
+            plain = json.loads(path.read_bytes())
+        except ValueError as error:
+            raise ContractError(f"{path} is damaged ({error}); take it out of the folder.") from error
+        found.append(from_plain(Turn, plain, str(path)))
+    shown = [turn for turn in found if (folder / TURNS / f"{turn.number:03d}.png").is_file()]
+    following = [*shown[1:], None][: len(shown)]
+    return [
+        turn for turn, after in zip(shown, following, strict=True)
+        if turn.words or turn.number == 0 or after is None or after.executed_before > turn.executed_before
+    ]  # fmt: skip
+
+
 def _invitation(state: PaintingState) -> str:
     if len(state.remaining):
         return "It is your turn: draw, then say go on or what to add. The robot does not move."
@@ -67,8 +118,7 @@ def _end_of_turn(at: Workplace, state: PaintingState) -> PaintingState:
     message = "The robot goes on." if at.camera is None else "The robot looks at what you painted."
     state = at.checkpoint(replace(state, turns=state.turns + 1, phase="painting", message=message))
     state = at.checkpoint(at.look(state, "the look after your turn"))
-    if at.camera is not None:
-        write_png(at.session.folder / TURNS / f"{state.turns:03d}.png", state.canvas)
+    note_turn(at, state)
     return state
 
 
@@ -92,8 +142,7 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     at.load(palette)
     turns = session.folder / TURNS
     write_png(turns / f"{state.turns:03d}_goal.png", goal)
-    record = {"words": words, "executed_before": state.executed, "planned": len(remaining)}
-    atomic_write(turns / f"{state.turns:03d}.json", (json.dumps(record, indent=1) + "\n").encode())
+    write_turn(session.folder, Turn(state.turns, words, state.executed, len(remaining)))
     message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *_sentences(proposal)])
     predicted = predict_canvas(context, remaining, state.canvas, at.start_of(state))
     write_png(session.folder / PLAN, as_picture(predicted))

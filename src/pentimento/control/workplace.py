@@ -14,6 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.calibration.observe import rectify
+from pentimento.contracts.images import write_png
 from pentimento.contracts.observations import Photo
 from pentimento.control.camera import PATIENCE_S, Camera
 from pentimento.control.checkpoint import PaintingState, Phase, save_state
@@ -22,6 +24,7 @@ from pentimento.control.guard import GuardedRobot, Watchdog
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.painter import PaintContext, add_persons_paint, due_for_dip
 from pentimento.control.person import Control
+from pentimento.control.pictures import PHOTOGRAPH, enlarged
 from pentimento.control.recording import StrokeRecording
 from pentimento.planning.strokes.memory import Start
 
@@ -121,10 +124,26 @@ class Workplace:
         self.session.on_state(state)
         return state
 
+    def photograph(self, state: PaintingState, pixels_per_m: float) -> Picture:
+        """The canvas as photographed last, at a resolution; without a camera, the canvas as predicted."""
+        if self.camera is None or self.photo is None:
+            return state.canvas
+        return rectify(self.photo, self.camera.calibration, (0.0, 0.0, *self.context.canvas_size_m), pixels_per_m)
+
+    def keep_photograph(self, state: PaintingState) -> None:
+        """Write the canvas as photographed last, at the camera's own resolution and enlarged."""
+        width_m = self.context.canvas_size_m[0]
+        scale = state.canvas.shape[1] / width_m
+        if self.camera is not None:
+            corners_px = self.camera.calibration.to_camera(np.array([[0.0, 0.0], [width_m, 0.0]]))
+            scale = float(np.linalg.norm(corners_px[1] - corners_px[0])) / width_m
+        write_png(self.session.folder / PHOTOGRAPH, enlarged(self.photograph(state, scale)))
+
     def rest(self, state: PaintingState, phase: Phase, message: str) -> PaintingState:
         """Lift the tool and wait for a person without a time limit."""
         self.robot.lift()
         self.watchdog.rest()
+        self.keep_photograph(state)
         memory = due_for_dip(state.memory, self.tool)
         return self.checkpoint(replace(state, memory=memory, phase=phase, message=message))
 

@@ -1,6 +1,7 @@
 "use strict";
 
 const message = document.getElementById("message");
+const notice = document.getElementById("notice");
 const bar = document.querySelector(".bar");
 const done = document.getElementById("done");
 const count = document.getElementById("count");
@@ -32,7 +33,6 @@ async function refresh() {
     if ("phase" in state) show(state);
   } catch {
     message.textContent = "The painting has ended. Its folder, and how to go on, are at the terminal.";
-    document.getElementById("save").hidden = true;
     for (const button of document.querySelectorAll("button")) button.disabled = true;
   }
 }
@@ -79,8 +79,37 @@ function offer(choices, now) {
   }));
 }
 
+// Post to the robot; what it refuses stands under the message. Whether it was accepted.
 async function send(path, body) {
-  await fetch(path, { method: "POST", body });
+  try {
+    const answer = await fetch(path, { method: "POST", body });
+    notice.textContent = answer.ok ? "" : await answer.text();
+    return answer.ok;
+  } catch {
+    notice.textContent = "The robot did not answer; nothing was sent.";
+    return false;
+  }
+}
+
+for (const link of document.querySelectorAll("#save a")) {
+  link.addEventListener("click", async (event) => {
+    event.preventDefault();
+    try {
+      const answer = await fetch(link.href);
+      notice.textContent = answer.ok ? "" : await answer.text();
+      if (answer.ok) keep(await answer.blob(), link.href.split("/").pop());
+    } catch {
+      notice.textContent = "Nothing was saved, because the robot does not answer; the painting’s folder has these files.";
+    }
+  });
+}
+
+function keep(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 for (const button of buttons) button.addEventListener("click", () => send("command", button.dataset.command));
