@@ -16,8 +16,9 @@ import pytest
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.control.checkpoint import load_state
-from pentimento.control.page import Page
+from pentimento.control.page import Page, Pen
 from pentimento.control.person import Control, Order
+from pentimento.control.undo import remember
 from tests.bundle.line_brush import sheet
 from tests.control.paintings import begun
 
@@ -100,6 +101,17 @@ def test_page_passes_on_wishes_and_choices(served: tuple[Page, Control]) -> None
     for path, body in (("wish", "  "), ("wish", "a" * 2000), ("choose", "two"), ("choose", "")):
         assert _ask(page, path, "POST", body)[0] == 400
     assert control.poll() is None
+
+
+def test_page_offers_undo_where_the_studio_has_a_batch_to_undo(tmp_path: Path) -> None:
+    control, state = Control(), begun(sheet(), tmp_path)
+    (tmp_path / "journal.jsonl").write_text("")
+    remember(tmp_path, 0, 0)
+    for pen, executed, expected in ((Pen(0.02, None), 3, True), (Pen(0.02, None), 0, False), (None, 3, False)):
+        page = Page(tmp_path, control, pen)
+        page.show(replace(state, executed=executed))
+        assert json.loads(_ask(page, "state.json")[1])["undo"] is expected
+        page.close()
 
 
 def test_page_shows_goals_only_while_one_is_to_be_chosen(served: tuple[Page, Control], tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def duet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PaintingState]
         if state.phase == "your turn":
             control.send(*next(orders))
 
-    session = session_of(robot, folder, control, person, goals_for=one_bar, in_turns=True, person_draws=True)
+    session = session_of(robot, folder, control, person, goals_for=one_bar, in_turns=True, in_studio=True)
     state = resume(session)
     robot.close()
     assert state.phase == "done" and next(said)

@@ -19,9 +19,10 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.person import Control
 from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
+from pentimento.control.recording import RECORD
 from pentimento.control.safety import envelope_for
 from pentimento.control.session import begin, resume
-from pentimento.control.workplace import RECORD, PaintingSession, Proposal
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.bezier import to_planned
 from pentimento.planning.strokes.config import no_log
 from pentimento.robots.tools import load_tool
@@ -327,7 +328,7 @@ def test_finished_painting_is_resumed_with_a_wish(tmp_path: Path) -> None:
     assert (before.canvas[left].min(-1).astype(int) - done.canvas[left].min(-1) > 60).sum() > 40
 
 
-def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) -> None:
+def test_in_studio_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) -> None:
     control, phases = Control(), []
     world = load_world("round_brush")
     robot = VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), 1))
@@ -346,7 +347,7 @@ def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) 
 
     session = PaintingSession(
         GuardedRobot(robot, envelope_for(context.tool, (SIDE_M, SIDE_M))),
-        RobotTraits(has_camera=True, clock_persists=True, reach_s=60.0, person_draws=True),
+        RobotTraits(has_camera=True, clock_persists=True, reach_s=60.0, in_studio=True),
         context, STROKES, BATCH, tmp_path, control, person, lambda canvas, _: Proposal([canvas]), in_turns=True,
     )  # fmt: skip
     begin(session, lambda canvas: canvas, log=no_log)

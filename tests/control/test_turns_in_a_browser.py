@@ -32,7 +32,7 @@ def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> 
         page.show,
         goals_for=two_bars,
         in_turns=True,
-        person_draws=True,
+        in_studio=True,
     )
     control.send("your turn")
     ended: list[PaintingState] = []

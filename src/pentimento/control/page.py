@@ -29,6 +29,7 @@ from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import MAX_BYTES
 from pentimento.control.person import COMMANDS, Control
 from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
+from pentimento.control.undo import can_undo
 
 _FILES = (GOAL, NEXT, PREVIEW)
 _SAVE = "save/"
@@ -120,6 +121,7 @@ class Page:
             "total": state.executed + len(state.remaining),
             "turns": state.turns,
             "lines": state.lines,
+            "undo": self._pen is not None and can_undo(self._folder, state),
             "choices": len(list((self._folder / GOALS).glob("*.png"))) if state.phase == "choosing" else 0,
         }
 

@@ -18,8 +18,8 @@ from pentimento.contracts.frames import canvas_to_pixel, pixels_per_m
 from pentimento.contracts.images import decode_png, read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.control.recording import RECORD
 from pentimento.control.turn import TURNS, Turn, turns_in
-from pentimento.control.workplace import RECORD
 
 Picture = NDArray[np.uint8]
 

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +33,7 @@ from pentimento.control.commission import Commission, Wanted, exclusive, write_c
 from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.layout import wishes_for
-from pentimento.control.open_robot import open_robot, rig_named
+from pentimento.control.open_robot import is_in_studio, open_robot, rig_named
 from pentimento.control.page import Page, Pen
 from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
@@ -42,6 +43,7 @@ from pentimento.control.safety import envelope_for
 from pentimento.control.saved import saved_files, write_drawings
 from pentimento.control.session import begin
 from pentimento.control.session import resume as resume_session
+from pentimento.control.undo import take_back
 from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start
@@ -159,11 +161,7 @@ def run(
     if not resume:
         write_commission(folder, commission)
     with exclusive(folder):
-        opened = open_robot(
-            commission.robot, tool, canvas_size_m, folder=folder, seed=commission.seed, execute=commission.execute,
-            calibration=calibration, ask=ask,
-        )  # fmt: skip
-        pen = _pen(tool, canvas_size_m) if opened.traits.person_draws else None
+        pen = _pen(tool, canvas_size_m) if is_in_studio(commission.robot, commission.execute) else None
         saved = saved_files(folder, tool, canvas_size_m)
         served = None if page is None else Page(folder, control, pen, saved)
         try:
@@ -175,17 +173,30 @@ def run(
             goals_for = _goals_for(
                 graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns
             )
-            session = PaintingSession(
-                robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
-                traits=opened.traits, context=context, strokes=commission.strokes,
-                replan_every=commission.replan_every, folder=folder, control=control,
-                on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
-                in_turns=turns.in_turns,
-            )  # fmt: skip
-            if not has_state(folder):
-                goal_for = _first_goal(commission.wanted, context, partial(goals_for, count=1), in_turns=turns.in_turns)
-                begin(session, goal_for, log=_planning_log(progress, context.planner))
-            state = resume_session(session, wish)
+            while True:
+                if has_state(folder) and load_state(folder).phase == "undoing":
+                    take_back(folder)
+                opened = open_robot(
+                    commission.robot, tool, canvas_size_m, folder=folder, seed=commission.seed,
+                    execute=commission.execute, calibration=calibration, ask=ask,
+                )  # fmt: skip
+                session = PaintingSession(
+                    robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
+                    traits=opened.traits, context=context, strokes=commission.strokes,
+                    replan_every=commission.replan_every, folder=folder, control=control,
+                    on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
+                    in_turns=turns.in_turns,
+                )  # fmt: skip
+                with closing(opened):
+                    if not has_state(folder):
+                        goal_for = _first_goal(
+                            commission.wanted, context, partial(goals_for, count=1), in_turns=turns.in_turns
+                        )
+                        begin(session, goal_for, log=_planning_log(progress, context.planner))
+                    state = resume_session(session, wish)
+                if state.phase != "undoing":
+                    break
+                wish = ""
             write_drawings(folder, tool, canvas_size_m)
             if state.phase == "done":
                 _write_summary(folder, context, state)
@@ -193,7 +204,6 @@ def run(
         finally:
             if served is not None:
                 served.close()
-            opened.close()
 
 
 def _on_state(page: Page | None, progress: Progress) -> Callable[[PaintingState], None]:

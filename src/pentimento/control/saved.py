@@ -18,9 +18,10 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.control.open_robot import JOURNAL
 from pentimento.control.pictures import PHOTOGRAPH
+from pentimento.control.recording import RECORD
 from pentimento.control.replay import REPLAY, replay_page
-from pentimento.control.workplace import RECORD
 from pentimento.robots.gcode import GcodeFile
 from pentimento.robots.gcode import connect as gcode_file
 from pentimento.robots.hardware import HardwareRobot
@@ -30,7 +31,6 @@ from pentimento.robots.tools import Tool, same_colour
 
 FloatArray = NDArray[np.float64]
 
-JOURNAL: Final = "journal.jsonl"
 DRAWING: Final = "painting.svg"
 GCODE: Final = "painting.gcode"
 RECORDING: Final = "recording.zip"

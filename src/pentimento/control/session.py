@@ -20,7 +20,7 @@ from pentimento.contracts.frames import image_shape
 from pentimento.contracts.images import write_png
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import Camera, PaintingFault, visible_mark, visible_share
-from pentimento.control.checkpoint import PaintingState, load_state, save_state
+from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
 from pentimento.control.execute import execute_stroke
 from pentimento.control.guard import Watchdog
 from pentimento.control.loop import Hooks, Interrupt, run_loop
@@ -36,6 +36,7 @@ from pentimento.control.painter import (
 from pentimento.control.person import Order
 from pentimento.control.pictures import PLAN, write_pictures
 from pentimento.control.turn import FOR_A_TURN, note_turn, take_turn
+from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
 from pentimento.planning.strokes.bezier import Strokes, to_planned
 from pentimento.planning.strokes.memory import Start
@@ -92,7 +93,8 @@ def begin(
 
 
 def resume(session: PaintingSession, wish: str = "") -> PaintingState:
-    """Paint the remaining strokes of the painting in the folder; the final state: done, or stopped by a person.
+    """Paint the remaining strokes of the painting in the folder; the final state: done, or stopped by a person. In the
+    phase "undoing", the robot is to be closed, and the painting resumed after `undo.take_back`.
 
     Args:
         wish: what a person asks for instead, on the canvas as it is now; "" for nothing new.
@@ -107,16 +109,19 @@ def resume(session: PaintingSession, wish: str = "") -> PaintingState:
     watchdog = Watchdog(session.robot.stop)
     try:
         state, interrupt, outcome = load_state(session.folder), None, None
-        waited = session.in_turns and state.phase in ("your turn", "choosing")
+        waits = state.phase == "undone" or (session.in_turns and state.phase in ("your turn", "choosing"))
+        first = Order("wish", wish) if wish else Order("your turn", state.message if state.phase == "undone" else "")
         at = Workplace(session, watchdog, state)
         task = _StrokeByStroke(at)
         hooks = Hooks(interrupt=task.interrupt, checkpoint=at.checkpoint, on_action=task.check_marks)
-        state = task.start(state)
-        if wish or waited:
-            state, interrupt = task.turn(state, Order("wish", wish) if wish else Order("your turn"))
+        state = task.start(state, state.phase if waits else "painting")
+        if wish or waits:
+            state, interrupt = task.turn(state, first)
         if interrupt != "stop":
             state, outcome = run_loop(task, state, hooks)
         at.keep_photograph(state)
+        if state.phase == "undoing":
+            return state
         if outcome is None:
             return at.checkpoint(replace(state, phase="stopped", message="Stopped by a person; resume to go on."))
         return at.checkpoint(replace(state, phase="done", message=outcome))
@@ -145,13 +150,13 @@ class _StrokeByStroke:
         self.last_visible: tuple[Strokes, float] | None = None
         """The last stroke and the share of its predicted darkening that was visible, where it is known."""
 
-    def start(self, state: PaintingState) -> PaintingState:
+    def start(self, state: PaintingState, phase: Phase) -> PaintingState:
         """The state from which this session continues, on the canvas as it is now."""
         canvas = self.at.canvas
         resumed = self._resumed(state, canvas) if state.sessions else replace(state, canvas=canvas)
         if not state.sessions:
             note_turn(self.at, resumed)
-        return self.at.checkpoint(replace(resumed, sessions=state.sessions + 1))
+        return self.at.checkpoint(replace(resumed, phase=phase, sessions=state.sessions + 1))
 
     def outcome(self, state: PaintingState) -> str | None:
         """See ``control.loop.Task``: the final message."""
@@ -163,6 +168,8 @@ class _StrokeByStroke:
 
     def batch(self, state: PaintingState) -> Sequence[PlannedStroke]:
         """See ``control.loop.Task``."""
+        if self.session.traits.in_studio:
+            remember(self.session.folder, state.executed, self.at.recording.shard)
         return self._commands(state.remaining.pick(slice(0, self.session.replan_every)))
 
     def mark_pending(self, state: PaintingState) -> PaintingState:
@@ -203,6 +210,9 @@ class _StrokeByStroke:
         if self.session.in_turns and not len(state.remaining):
             write_pictures(self.session.folder, self.context, state, self.session.replan_every)
             state, interrupt = self.turn(state, Order("your turn"))
+            if state.phase == "undoing":
+                self.over = True
+                return state
             self.over, state = interrupt == "stop", replace(state, phase="painting")
         return self._with_new_plan(state, changed)
 
@@ -257,7 +267,7 @@ class _StrokeByStroke:
             remaining = state.remaining.pick(slice(1, None))
             state = replace(state, remaining=remaining, executed=state.executed + 1, memory=memory)
         memory = due_for_dip(add_persons_paint(state.memory, state.canvas, canvas, self.at.clock_s), self.tool)
-        state = replace(state, pending=False, canvas=canvas, memory=memory, phase="painting")
+        state = replace(state, pending=False, canvas=canvas, memory=memory)
         return self._with_new_plan(state, changed=True)
 
     def _was_executed(self, state: PaintingState, canvas: Picture) -> bool:

@@ -22,6 +22,7 @@ from pentimento.control.painter import as_picture, first_plan, predict_canvas
 from pentimento.control.person import Order
 from pentimento.control.pictures import GOALS, PLAN, write_pictures
 from pentimento.control.recording import PIXELS_PER_M
+from pentimento.control.undo import check_undo, forget
 from pentimento.control.workplace import PLAN_S, Proposal, Workplace
 from pentimento.planning.strokes.config import no_log
 
@@ -50,16 +51,21 @@ def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[Painti
     """A person's turn from its first order until the person goes on, stops, or asks for something that is understood.
 
     Returns:
-        The state to go on from, and whether to stop.
+        The state to go on from, and whether to stop; in the phase "undoing", to undo.
     """
     if order.command == "your turn":
-        state = at.rest(state, "your turn", _invitation(state))
+        state = at.rest(state, "your turn", f"{order.value} {_invitation(state)}".strip())
     while True:
         try:
             match order.command:
                 case "stop":
                     return state, "stop"
+                case "undo":
+                    check_undo(at.session.folder, state, in_studio=at.session.traits.in_studio)
+                    message = "The robot's last strokes are being undone."
+                    return at.checkpoint(replace(state, phase="undoing", message=message)), "stop"
                 case "go on":
+                    forget(at.session.folder)
                     return _end_of_turn(at, state), "changed"
                 case "wish":
                     return _wished(at, state, order.value), "changed"
@@ -76,7 +82,8 @@ def note_turn(at: Workplace, state: PaintingState) -> None:
     """Write the canvas as it is at the end of a turn, by the number of the state's turns. A camera is needed."""
     if at.camera is not None:
         write_png(at.session.folder / TURNS / f"{state.turns:03d}.png", at.photograph(state, PIXELS_PER_M))
-        if not (at.session.folder / TURNS / f"{state.turns:03d}.json").exists():
+        is_told = state.turns == 0 and (at.session.folder / TURNS / "000.json").exists()  # what was asked for first
+        if not is_told:
             write_turn(at.session.folder, Turn(state.turns, "", state.executed, 0))
 
 
@@ -134,6 +141,7 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     at.watchdog.beat(PLAN_S, "a new goal")
     proposal = session.goals_for(state.canvas, words)
     state, goal = _chosen(at, state, proposal)
+    forget(session.folder)
     at.watchdog.beat(PLAN_S, "a new plan")
     remaining, palette = first_plan(
         context, state.canvas, goal, count=session.strokes, start=at.start_of(state), log=no_log
@@ -181,8 +189,9 @@ def _drawn(at: Workplace, state: PaintingState, line: str) -> PaintingState:
     Raises:
         ConfigError: the line cannot be read, or the robot is not the studio's.
     """
-    if not at.session.traits.person_draws:
+    if not at.session.traits.in_studio:
         raise ConfigError("Lines can be drawn on the page in the studio only; draw on the sheet.")
+    forget(at.session.folder)
     for stroke in drawn_strokes(line, at.tool, at.context.canvas_size_m):
         at.watchdog.beat(3 * at.session.traits.reach_s + 2 * float(stroke.path[-1, 0]), "your stroke")
         if at.tool.dips:

@@ -25,13 +25,12 @@ from pentimento.control.open_robot import RobotTraits
 from pentimento.control.painter import PaintContext, add_persons_paint, due_for_dip
 from pentimento.control.person import Control
 from pentimento.control.pictures import PHOTOGRAPH, enlarged
-from pentimento.control.recording import StrokeRecording
+from pentimento.control.recording import RECORD, StrokeRecording
 from pentimento.planning.strokes.memory import Start
 
 FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-RECORD: Final = "record"
 OBSERVE_S: Final = 30.0 + PATIENCE_S
 """Maximum duration of an observation, with a hand in the picture; the tool is up."""
 PLAN_S: Final = 300.0

@@ -7,14 +7,15 @@ const done = document.getElementById("done");
 const count = document.getElementById("count");
 const buttons = [...document.querySelectorAll("nav button")];
 const goOn = buttons.find((button) => button.dataset.command === "go on");
+const undo = buttons.find((button) => button.dataset.command === "undo");
 const wish = document.getElementById("wish");
 const words = document.getElementById("words");
 const goals = document.getElementById("goals");
 // The commands that each phase accepts; the other phases accept none.
 const accepted = {
-  painting: ["your turn", "pause", "stop"],
-  paused: ["your turn", "go on", "stop"],
-  "your turn": ["go on", "stop"],
+  painting: ["your turn", "pause", "undo", "stop"],
+  paused: ["your turn", "go on", "undo", "stop"],
+  "your turn": ["go on", "undo", "stop"],
   choosing: ["your turn", "stop"],
 };
 const sheet = document.getElementById("canvas");
@@ -45,6 +46,8 @@ function show(state) {
   bar.setAttribute("aria-valuemax", state.total);
   bar.setAttribute("aria-valuenow", state.executed);
   for (const button of buttons) button.disabled = !(accepted[state.phase] ?? []).includes(button.dataset.command);
+  undo.hidden = state.pen === null; // a real sheet keeps its paint
+  if (!state.undo) undo.disabled = true;
   if (state.phase === "your turn" && state.executed === state.total) goOn.disabled = true;
   wish.querySelector("button").disabled = !(state.phase in accepted);
   received = state.lines;
