@@ -328,10 +328,11 @@ def test_finished_painting_is_resumed_with_a_wish(tmp_path: Path) -> None:
     assert (before.canvas[left].min(-1).astype(int) - done.canvas[left].min(-1) > 60).sum() > 40
 
 
-def test_in_studio_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) -> None:
+def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) -> None:
     control, phases = Control(), []
     world = load_world("round_brush")
-    robot = VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), 1))
+    studio = VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), 1))
+    robot = journaled_sheet(tmp_path, studio)
     context = replace(paint_context(), tool=load_tool("round_brush"))
 
     def person(state: PaintingState) -> None:

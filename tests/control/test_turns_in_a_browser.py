@@ -11,7 +11,7 @@ from pentimento.control.page import Page, Pen
 from pentimento.control.person import Control
 from pentimento.control.session import resume
 from tests.browser import CHROMIUM, Browser, browser
-from tests.bundle.line_brush import sheet
+from tests.bundle.line_brush import journaled_sheet
 from tests.control.paintings import begun, session_of
 from tests.control.test_session import bars, two_bars
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> None:
     folder, control = tmp_path / "painting", Control()
     folder.mkdir()
-    robot = sheet()
+    robot = journaled_sheet(folder)
     begun(robot, folder)
     page = Page(folder, control, Pen(0.02, "#202020"))
     session = session_of(
