@@ -208,7 +208,7 @@ def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Pa
     done = resume(beside)
     assert done.phase == "done" and done.turns == 1 and "choosing" in phases
     asked = json.loads((tmp_path / "turns" / "001.json").read_text())
-    assert asked == {"number": 1, "words": "a bar", "executed_before": 3, "planned": done.executed - 3}
+    assert asked == {"number": 1, "words": "a bar", "executed_before": 3, "planned": done.executed - 3, "things": []}
     assert (read_image(tmp_path / "turns" / "001_goal.png") == done.goal).all()
     before = read_image(tmp_path / "turns" / "001.png")
     before = cv2.resize(before, done.canvas.shape[1::-1], interpolation=cv2.INTER_AREA).astype(int)

@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import write_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import drawn_strokes
+from pentimento.control.layout import Wish
 from pentimento.control.loop import Interrupt
 from pentimento.control.painter import as_picture, first_plan, predict_canvas
 from pentimento.control.person import Order
@@ -25,8 +23,6 @@ from pentimento.control.recording import PIXELS_PER_M
 from pentimento.control.undo import check_undo, forget
 from pentimento.control.workplace import PLAN_S, Proposal, Workplace
 from pentimento.planning.strokes.config import no_log
-
-Picture = NDArray[np.uint8]
 
 TURNS: Final = "turns"
 """Folder of the canvas at each of the person's turns, with what the person asked for and the goal of it."""
@@ -45,6 +41,8 @@ class Turn:
     """Number of strokes that the robot had executed."""
     planned: int
     """Number of strokes that were planned for the words."""
+    things: tuple[Wish, ...] = ()
+    """What was asked for, and where on the largest centred square of the canvas; empty where that is not known."""
 
 
 def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
@@ -93,12 +91,8 @@ def write_turn(folder: Path, turn: Turn) -> None:
     atomic_write(folder / TURNS / f"{turn.number:03d}.json", text.encode())
 
 
-def turns_in(folder: Path) -> list[Turn]:
-    """The turns of a painting that have a photograph, in their order; without those that led to nothing.
-
-    Raises:
-        ContractError: a file is damaged.
-    """
+def read_turns(folder: Path) -> list[Turn]:
+    """All turns of a painting, in their order. Raises ContractError where a file is damaged."""
     found = []
     for path in sorted((folder / TURNS).glob("[0-9][0-9][0-9].json")):
         try:
@@ -106,6 +100,16 @@ def turns_in(folder: Path) -> list[Turn]:
         except ValueError as error:
             raise ContractError(f"{path} is damaged ({error}); take it out of the folder.") from error
         found.append(from_plain(Turn, plain, str(path)))
+    return found
+
+
+def turns_in(folder: Path) -> list[Turn]:
+    """The turns of a painting that have a photograph, in their order; without those that led to nothing.
+
+    Raises:
+        ContractError: a file is damaged.
+    """
+    found = read_turns(folder)
     shown = [turn for turn in found if (folder / TURNS / f"{turn.number:03d}.png").is_file()]
     following = [*shown[1:], None][: len(shown)]
     return [
@@ -140,7 +144,8 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     state = _end_of_turn(at, state)
     at.watchdog.beat(PLAN_S, "a new goal")
     proposal = session.goals_for(state.canvas, words)
-    state, goal = _chosen(at, state, proposal)
+    state, number = _chosen(at, state, proposal)
+    goal, things = proposal.goals[number], proposal.things[number] if proposal.things else ()
     forget(session.folder)
     at.watchdog.beat(PLAN_S, "a new plan")
     remaining, palette = first_plan(
@@ -150,7 +155,7 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     at.load(palette)
     turns = session.folder / TURNS
     write_png(turns / f"{state.turns:03d}_goal.png", goal)
-    write_turn(session.folder, Turn(state.turns, words, state.executed, len(remaining)))
+    write_turn(session.folder, Turn(state.turns, words, state.executed, len(remaining), tuple(things)))
     message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *_sentences(proposal)])
     predicted = predict_canvas(context, remaining, state.canvas, at.start_of(state))
     write_png(session.folder / PLAN, as_picture(predicted))
@@ -159,15 +164,15 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     return at.checkpoint(state)
 
 
-def _chosen(at: Workplace, state: PaintingState, proposal: Proposal) -> tuple[PaintingState, Picture]:
-    """The goal that the person chooses, on the canvas as it is then; the only one at once.
+def _chosen(at: Workplace, state: PaintingState, proposal: Proposal) -> tuple[PaintingState, int]:
+    """The index of the goal that the person chooses, on the canvas as it is then; the only one at once.
 
     Raises:
         ConfigError: the person says something else, which is sent again.
     """
     goals, folder, control = proposal.goals, at.session.folder / GOALS, at.session.control
     if len(goals) == 1:
-        return state, goals[0]
+        return state, 0
     shutil.rmtree(folder, ignore_errors=True)  # of an earlier turn
     for number, goal in enumerate(goals, 1):
         write_png(folder / f"{number}.png", goal)
@@ -180,7 +185,7 @@ def _chosen(at: Workplace, state: PaintingState, proposal: Proposal) -> tuple[Pa
             control.send(order.command, order.value)
             raise ConfigError("None of the goals was chosen.")
         order = control.wait()
-    return at.look(state, "the look after your choice"), goals[int(order.value) - 1]
+    return at.look(state, "the look after your choice"), int(order.value) - 1
 
 
 def _drawn(at: Workplace, state: PaintingState, line: str) -> PaintingState:

@@ -21,6 +21,7 @@ from pentimento.control.camera import PATIENCE_S, Camera
 from pentimento.control.checkpoint import PaintingState, Phase, save_state
 from pentimento.control.execute import Session
 from pentimento.control.guard import GuardedRobot, Watchdog
+from pentimento.control.layout import Wish
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.painter import PaintContext, add_persons_paint, due_for_dip
 from pentimento.control.person import Control
@@ -45,6 +46,8 @@ class Proposal:
     """uint8 sRGB [H, W, 3] each."""
     messages: Sequence[str] = ()
     """What the person must know, such as "a poodle: drawn as a dog"."""
+    things: Sequence[Sequence[Wish]] = ()
+    """What is drawn in each goal, and where on the largest centred square of the canvas; none where not known."""
 
 
 @dataclass(frozen=True, eq=False)
