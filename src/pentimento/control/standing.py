@@ -73,9 +73,8 @@ def beside_standing(request: Understood, canvas: Picture, standing: Standing, *,
         )
     inside = arranged(new, in_a_row=request.in_a_row)
     pair = _pair(request.things, new, anchor)
-    # Each of several things is as large as one would be.
-    times = 1 if pair[1].link in INSIDE else 1 / max(wish.window.size for wish in inside)
-    frame = _best_place(pair, standing[anchor.words], canvas, times=times, largest=largest)
+    parts = [wish.window for wish in inside]
+    frame = _best_place(pair, standing[anchor.words], parts, canvas, largest=largest)
     return [Wish(wish.words, wish.window.within(frame)) for wish in inside]
 
 
@@ -91,44 +90,49 @@ def _pair(things: Sequence[Asked], new: Sequence[Asked], anchor: Asked) -> tuple
     return Asked(anchor.words, 1, None), Asked("", 1, new[0].link)
 
 
-def _best_place(pair: tuple[Asked, Asked], anchor: Window, canvas: Picture, *, times: float, largest: float) -> Window:
-    """The window of the new things where the paint is least, as large and as near to their relation's place as can be.
+def _best_place(
+    pair: tuple[Asked, Asked], anchor: Window, parts: Sequence[Window], canvas: Picture, *, largest: float
+) -> Window:
+    """The frame of the new things, whose windows in it are ``parts``: where the paint is least, as large and as near to
+    their relation's place as can be.
 
     A relation that says no side, such as "beside", leaves the choice between left and right.
     """
     windows = {wish.words: wish.window for wish in arranged(pair, in_a_row=False)}
     new, other = windows[""], windows[next(thing.words for thing in pair if thing.words)]
     sides = (1.0,) if pair[1].link in _ONE_SIDED else (1.0, -1.0)
+    # Each of several things is as large as one would be, but for those inside the known one.
+    times = 1 if pair[1].link in INSIDE else 1 / max(part.size for part in parts)
     share = painted_share(canvas)
     best: tuple[float, Window] | None = None
     for scale in _SCALES:
         size = scale * min(largest, times * anchor.size * new.size / other.size)
         reach = (size + anchor.size) / (new.size + other.size)
         for side in sides:
-            x = anchor.x + side * reach * (new.x - other.x)
-            y = anchor.y + reach * (new.y - other.y)
-            if new.y == other.y:  # on the same ground
-                y += (anchor.size - size) / 2
-            inside_x, inside_y = (float(np.clip(place, size / 2, 1 - size / 2)) for place in (x, y))
-            window = Window(inside_x, inside_y, size)
-            shifted = abs(inside_x - x) + abs(inside_y - y)
-            cost = _OVER_PAINT * share(window) + _SHIFTED * shifted + (1 - scale)
+            wanted = Window(anchor.x + side * reach * (new.x - other.x), anchor.y + reach * (new.y - other.y), size)
+            (left, top), (right, bottom) = _box([part.within(wanted) for part in parts])
+            down = anchor.y + anchor.size / 2 - bottom if new.y == other.y else 0.0  # on the same ground
+            aside = max(0.0, -left) - max(0.0, right - 1)
+            down += max(0.0, -top - down) - max(0.0, bottom + down - 1)
+            frame = Window(wanted.x + aside, wanted.y + down, size)
+            covered = float(np.mean([share(part.within(frame)) for part in parts]))
+            cost = _OVER_PAINT * covered + _SHIFTED * abs(aside) + (1 - scale)
             if best is None or cost < best[0]:
-                best = cost, window
+                best = cost, frame
     assert best is not None
     return best[1]
 
 
 def _around(windows: Sequence[Window]) -> Window:
     """The smallest square around windows, about their middle."""
-    low = [min(place - w.size / 2 for place, w in zip(places, windows, strict=True)) for places in _places(windows)]
-    high = [max(place + w.size / 2 for place, w in zip(places, windows, strict=True)) for places in _places(windows)]
-    size = max(high[0] - low[0], high[1] - low[1])
-    return Window((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, size)
+    low, high = _box(windows)
+    return Window((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, max(high[0] - low[0], high[1] - low[1]))
 
 
-def _places(windows: Sequence[Window]) -> tuple[list[float], list[float]]:
-    return [window.x for window in windows], [window.y for window in windows]
+def _box(windows: Sequence[Window]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The left upper and the right lower corner of windows."""
+    x, y, half = np.array([[window.x, window.y, window.size / 2] for window in windows]).T
+    return (float((x - half).min()), float((y - half).min())), (float((x + half).max()), float((y + half).max()))
 
 
 def _name(words: str) -> str:
