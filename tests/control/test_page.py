@@ -98,7 +98,7 @@ def test_page_passes_on_wishes_and_choices(served: tuple[Page, Control]) -> None
     assert control.poll() == Order("wish", "ein Bär")
     assert _ask(page, "choose", "POST", "2")[0] == 204
     assert control.poll() == Order("choose", "2")
-    for path, body in (("wish", "  "), ("wish", "a" * 2000), ("choose", "two"), ("choose", "")):
+    for path, body in (("choose", "two"), ("choose", "")):
         assert _ask(page, path, "POST", body)[0] == 400
     assert control.poll() is None
 
@@ -112,6 +112,62 @@ def test_page_offers_undo_where_the_studio_has_a_batch_to_undo(tmp_path: Path) -
         page.show(replace(state, executed=executed))
         assert json.loads(_ask(page, "state.json")[1])["undo"] is expected
         page.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("", "The request is empty"),
+        ("  ", "The request is empty"),
+        ("a" * 10_000, "The request has 10000 characters; say in at most 200"),
+        ("a c\x00at", "control or invisible character"),
+    ],
+)
+def test_wish_that_cannot_be_read_is_one_sentence_and_is_not_passed_on(
+    served: tuple[Page, Control], words: str, sentence: str
+) -> None:
+    page, control = served
+    status, content, _ = _ask(page, "wish", "POST", words)
+    assert status == 400 and sentence in content.decode() and content.count(b"\n") == 1
+    assert control.poll() is None
+
+
+def test_emoji_is_passed_on_as_it_is(served: tuple[Page, Control]) -> None:
+    page, control = served
+    assert _ask(page, "wish", "POST", "🐈 🐈".encode().decode("latin-1"))[0] == 204
+    assert control.poll() == Order("wish", "🐈 🐈")
+
+
+def test_upload_of_100_mb_is_one_sentence(served: tuple[Page, Control]) -> None:
+    page, control = served
+    for path in ("wish", "draw", "command", "nothing"):
+        status, content, _ = _ask(page, path, "POST", "a" * 100_000_000)
+        assert status == 413 and content == (
+            b"What was sent has 100.0 MB, which is too much for this page; nothing of it was used.\n"
+        )
+    assert control.poll() is None
+    assert _ask(page, "state.json")[0] == 200
+
+
+def test_lines_of_two_pages_are_numbered_together_until_the_turn_is_handed_over(tmp_path: Path) -> None:
+    control, state = Control(), begun(sheet(), tmp_path)
+    page = Page(tmp_path, control, Pen(0.02, None))
+    page.show(replace(state, phase="painting"))
+    assert _ask(page, "draw", "POST", "1")[:2] == (
+        409, b"Your last line was not drawn, because it is the robot's turn.\n",
+    )  # fmt: skip
+    page.show(replace(state, phase="your turn", lines=4))
+    assert [_ask(page, "draw", "POST", "1")[:2] for _ in range(2)] == [(200, b"5"), (200, b"6")]
+    page.show(replace(state, phase="your turn", lines=5))
+    assert _ask(page, "draw", "POST", "1")[:2] == (200, b"7")
+    _ask(page, "wish", "POST", "florb")
+    page.show(replace(state, phase="your turn", lines=6))  # of a line before the wish
+    assert _ask(page, "draw", "POST", "1")[0] == 409
+    while control.poll():
+        pass
+    page.show(replace(state, phase="your turn", lines=7))  # the wish was not understood
+    assert _ask(page, "draw", "POST", "1")[:2] == (200, b"8")
+    page.close()
 
 
 def test_page_shows_goals_only_while_one_is_to_be_chosen(served: tuple[Page, Control], tmp_path: Path) -> None:

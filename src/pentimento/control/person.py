@@ -60,6 +60,11 @@ class Control:
         with self._changed:
             return self._orders.pop(0) if self._orders else None
 
+    def is_waiting(self) -> bool:
+        """Whether an order waits that is no line."""
+        with self._changed:
+            return any(order.command != "draw" for order in self._orders)
+
     def forget(self, command: Command) -> None:
         """Drop such orders that wait: they were given before what they would answer now."""
         with self._changed:
