@@ -17,7 +17,7 @@ from pentimento.contracts.images import decode_png, read_image
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.person import Control
 from pentimento.control.replay import frames_of, replay_page
-from pentimento.control.saved import made_strokes, saved_files
+from pentimento.control.saved import gcode_of, made_strokes, saved_files, write_drawings
 from pentimento.control.session import resume
 from pentimento.robots.tools import load_tool
 from tests.bundle.line_brush import SIDE_M, journaled_sheet
@@ -81,6 +81,28 @@ def test_svg_and_gcode_hold_every_stroke(duet: tuple[Path, PaintingState]) -> No
     heights = [float(found[1]) for line in lines if (found := re.search(r"Z(-?[\d.]+)", line))]
     landings = sum(before > -10 >= now for before, now in pairwise(heights))
     assert landings == 1 + state.executed and heights[-1] > -10 and "M0" not in lines
+
+
+def test_drawing_that_is_too_large_for_the_plotter_is_saved_as_svg_alone(tmp_path: Path) -> None:
+    path = [[0.0, 0.45, 0.1, -0.001, 0.0], [1.0, 0.5, 0.1, -0.001, 0.0]]
+    (tmp_path / "journal.jsonl").write_text(json.dumps(["move", [path]]) + "\n")
+    (sentence,) = write_drawings(tmp_path, PEN, (0.6, 0.4))
+    assert sentence.startswith("There is no painting.gcode: ") and not (tmp_path / "painting.gcode").exists()
+    assert (tmp_path / "painting.svg").read_text().count("<path") == 1
+
+
+def test_another_colour_pauses_the_plotter(tmp_path: Path) -> None:
+    path = [[0.0, 0.05, 0.1, -0.001, 0.0], [1.0, 0.1, 0.1, -0.001, 0.0]]
+    commands = [["load_palette", [[[1, 0, 0], [0, 0, 1]]]]]
+    for paint in (0, 0, 1):
+        commands += [["wipe", []], ["dip", [paint]], ["move", [path]]]
+    (tmp_path / "journal.jsonl").write_text("".join(json.dumps(command) + "\n" for command in commands))
+    strokes = made_strokes(tmp_path, load_tool("round_brush"))
+    assert [stroke.color_srgb.tolist() for stroke in strokes] == [[1, 0, 0], [1, 0, 0], [0, 0, 1]]
+    lines = gcode_of(strokes).decode().splitlines()
+    assert lines.count("M0") == 1 and lines[lines.index("M0") - 1] == "(colour 0000ff)"
+    raised = [line for line in lines[: lines.index("M0")] if "Z" in line][-1]
+    assert raised.split("Z")[1].startswith("-5")  # 5 mm above the sheet at -10 mm
 
 
 def test_recording_is_the_folders(duet: tuple[Path, PaintingState]) -> None:

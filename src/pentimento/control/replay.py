@@ -50,7 +50,8 @@ def frames_of(folder: Path) -> list[Frame]:
             f"{folder} holds no photographs of a painting's turns, so there is nothing to replay: it was not begun, or "
             "its robot has no camera."
         )
-    strokes = read_table(folder / RECORD, CONTRACT).table.to_pylist() if (folder / RECORD).is_dir() else []
+    recorded = any((folder / RECORD).glob("*.parquet"))
+    strokes = read_table(folder / RECORD, CONTRACT).table.to_pylist() if recorded else []
     frames: list[Frame] = []
     for number, turn in enumerate(turns):
         frames.append(Frame(read_image(folder / TURNS / f"{turn.number:03d}.png"), _caption(turn)))

@@ -176,34 +176,33 @@ def run(
                 graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns,
                 standing=partial(_standing, folder),
             )  # fmt: skip
-            while True:
+            first_goal = _first_goal(
+                commission.wanted, context, partial(goals_for, count=1), folder, in_turns=turns.in_turns
+            )
+            ended: PaintingState | None = None
+            while ended is None or ended.phase == "undoing":
                 if has_state(folder) and load_state(folder).phase == "undoing":
                     take_back(folder)
                 opened = open_robot(
                     commission.robot, tool, canvas_size_m, folder=folder, seed=commission.seed,
                     execute=commission.execute, calibration=calibration, ask=ask,
                 )  # fmt: skip
-                session = PaintingSession(
-                    robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
-                    traits=opened.traits, context=context, strokes=commission.strokes,
-                    replan_every=commission.replan_every, folder=folder, control=control,
-                    on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
-                    in_turns=turns.in_turns,
-                )  # fmt: skip
                 with closing(opened):
+                    session = PaintingSession(
+                        robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
+                        traits=opened.traits, context=context, strokes=commission.strokes,
+                        replan_every=commission.replan_every, folder=folder, control=control,
+                        on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
+                        in_turns=turns.in_turns,
+                    )  # fmt: skip
                     if not has_state(folder):
-                        goal_for = _first_goal(
-                            commission.wanted, context, partial(goals_for, count=1), folder, in_turns=turns.in_turns
-                        )
-                        begin(session, goal_for, log=_planning_log(progress, context.planner))
-                    state = resume_session(session, wish)
-                if state.phase != "undoing":
-                    break
-                wish = ""
-            write_drawings(folder, tool, canvas_size_m)
-            if state.phase == "done":
-                _write_summary(folder, context, state)
-            return state
+                        begin(session, first_goal, log=_planning_log(progress, context.planner))
+                    ended = resume_session(session, wish if ended is None else "")
+            for message in write_drawings(folder, tool, canvas_size_m):
+                progress.message(message)
+            if ended.phase == "done":
+                _write_summary(folder, context, ended)
+            return ended
         finally:
             if served is not None:
                 served.close()

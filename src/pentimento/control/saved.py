@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control.open_robot import JOURNAL
@@ -63,12 +63,21 @@ def saved_files(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) ->
     }
 
 
-def write_drawings(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) -> None:
-    """Write the drawing into the painting's folder, as SVG and as G-code; nothing where no stroke was made."""
+def write_drawings(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) -> list[str]:
+    """Write the drawing into the painting's folder, as SVG and as G-code; nothing where no stroke was made.
+
+    Returns:
+        Sentences for the person, such as that the sheet is too large for the plotter.
+    """
     strokes = made_strokes(folder, tool)
-    if strokes:
-        atomic_write(folder / DRAWING, drawing_of(strokes, tool, canvas_size_m))
+    if not strokes:
+        return []
+    atomic_write(folder / DRAWING, drawing_of(strokes, tool, canvas_size_m))
+    try:
         atomic_write(folder / GCODE, gcode_of(strokes))
+    except PentimentoError as error:
+        return [f"There is no {GCODE}: {error}"]
+    return []
 
 
 def made_strokes(folder: Path, tool: Tool) -> list[MadeStroke]:
@@ -76,7 +85,7 @@ def made_strokes(folder: Path, tool: Tool) -> list[MadeStroke]:
     journal = folder / JOURNAL
     if journal.is_file():
         return _journaled(journal, tool)
-    if not (folder / RECORD).is_dir():
+    if not any((folder / RECORD).glob("*.parquet")):
         return []
     table = read_table(folder / RECORD, CONTRACT).table
     paths, colors = (table[name].to_pylist() for name in ("path", "color_srgb"))
