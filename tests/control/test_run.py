@@ -183,7 +183,7 @@ def test_studio_lets_the_person_begin_and_ends_when_the_person_stops(
     assert main(["replay", str(tmp_path)]) == 1
 
 
-@pytest.mark.parametrize("text", ["florb", "", "  ", "five cats", "a cat\x07", "a" * 2000])
+@pytest.mark.parametrize("text", ["florb", "", "  ", "five cats", "a cat\x07", "a" * 2000, "🐈", "🐈\u200d⬛"])
 def test_run_refuses_words_that_it_does_not_understand_and_creates_no_folder(
     taught: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
 ) -> None:

@@ -28,11 +28,11 @@ from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import MAX_BYTES
 from pentimento.control.person import COMMANDS, Command, Control
-from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
+from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PHOTOGRAPH, PREVIEW
 from pentimento.control.request_items import plain_text
 from pentimento.control.undo import can_undo
 
-_FILES = (GOAL, NEXT, PREVIEW)
+_FILES = (GOAL, NEXT, PREVIEW, PHOTOGRAPH)
 _SAVE = "save/"
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s

@@ -80,6 +80,8 @@ function show(state) {
   const now = state.version;
   if (now !== shown) {
     shown = now;
+    // The photograph at the camera's resolution is taken when the robot rests.
+    sheet.dataset.file = ["your turn", "paused", "choosing"].includes(state.phase) ? "painting.png" : "canvas.png";
     offer(state.choices, now);
     for (const image of document.querySelectorAll("main img")) image.src = `${image.dataset.file}?${now}&lines=${state.lines}`;
   }
