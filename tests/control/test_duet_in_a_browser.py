@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -131,10 +133,11 @@ def test_duet_of_three_turns_in_two_tabs_survives_undo_and_a_kill(tmp_path: Path
             ask(tab, "a cat")
             third = at_turn(tab, folder)
             assert third.turns == 4 and third.executed > resumed.executed
-            kinds = tab.evaluate(
-                "Promise.all([...document.querySelectorAll('#save a')].map(a => fetch(a.href).then(r => r.status)))"
-            )
-            assert kinds == [200] * 5
+            tab.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path / "saved"))
+            names = ["painting.gcode", "painting.png", "painting.svg", "recording.zip", "replay.html"]
+            for name in names:
+                tab.click(f"document.querySelector('#save a[href$=\"{name}\"]')")
+            _until(lambda: sorted(path.name for path in (tmp_path / "saved").glob("*.*")) == names)
             tab.resize(1200, 900)
             tab.screenshot(pictures / "duet_end.png", whole=True)
             tab.click(button("stop"))
@@ -148,8 +151,16 @@ def test_duet_of_three_turns_in_two_tabs_survives_undo_and_a_kill(tmp_path: Path
     assert table["order"].to_pylist() == list(range(third.executed))
     assert (folder / "painting.svg").read_text().count("<path") >= third.executed + 6
     assert min(decode_png((folder / "painting.png").read_bytes()).shape[:2]) >= 800
+    assert (tmp_path / "saved" / "painting.svg").read_bytes() == (folder / "painting.svg").read_bytes()
     asked = [json.loads(path.read_text())["words"] for path in sorted((folder / "turns").glob("*.json"))]
     assert [words for words in asked if words] == ["a cat", "a dog", "a cat"]
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.2)
 
 
 def _draw_by_keys(tab: Browser) -> None:
