@@ -27,8 +27,17 @@ _FLAGS = (
 class Browser:
     """One tab."""
 
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse, loop: asyncio.AbstractEventLoop) -> None:
-        self._socket, self._loop, self._last = socket, loop, 0
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse, loop: asyncio.AbstractEventLoop, port: int) -> None:
+        self._socket, self._loop, self._port, self._last = socket, loop, port, 0
+
+    @contextmanager
+    def another(self) -> Iterator["Browser"]:
+        """Another tab of the same browser."""
+        session, socket = self._loop.run_until_complete(_connect(self._port, new=True))
+        try:
+            yield Browser(socket, self._loop, self._port)
+        finally:
+            self._loop.run_until_complete(_disconnect(session, socket))
 
     def goto(self, url: str) -> None:
         """Load an address, until its page says that it is complete."""
@@ -61,6 +70,25 @@ class Browser:
         )
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)
+
+    def press(self, key: str, code: int, text: str = "") -> None:
+        """Press and release a key, such as Enter, by its name and its Windows code."""
+        for kind in ("keyDown", "keyUp"):
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code,
+                **({"text": text} if kind == "keyDown" and text else {}),
+            )  # fmt: skip
+
+    def drag(self, element: str, places: list[tuple[float, float]]) -> None:
+        """Draw a line by the mouse over the element that an expression gives; places in its widths and heights."""
+        x, y, width, height = self.evaluate(
+            f"(e => {{ e.scrollIntoView({{block: 'center', behavior: 'instant'}}); const r = e.getBoundingClientRect();"
+            f" return [r.x, r.y, r.width, r.height]; }})({element})"
+        )
+        at = [(x + a * width, y + b * height) for a, b in places]
+        kinds = ["mousePressed", *["mouseMoved"] * (len(at) - 1), "mouseReleased"]
+        for kind, (left, top) in zip(kinds, [*at, at[-1]], strict=True):
+            self.call("Input.dispatchMouseEvent", type=kind, x=left, y=top, button="left", buttons=1, clickCount=1)
 
     def screenshot(self, path: Path, whole: bool = False) -> None:
         """Write what is seen as PNG; `whole` for all of a page that is longer than the window."""
@@ -106,7 +134,7 @@ def browser(folder: Path) -> Iterator[Browser]:
         port = _port(folder / "DevToolsActivePort")
         session, socket = loop.run_until_complete(_connect(port))
         try:
-            tab = Browser(socket, loop)
+            tab = Browser(socket, loop, port)
             tab.resize(1500, 1000)
             yield tab
         finally:
@@ -125,10 +153,12 @@ def _port(file: Path) -> int:
     return int(file.read_text().splitlines()[0])
 
 
-async def _connect(port: int) -> tuple[aiohttp.ClientSession, aiohttp.ClientWebSocketResponse]:
+async def _connect(port: int, new: bool = False) -> tuple[aiohttp.ClientSession, aiohttp.ClientWebSocketResponse]:
     session = aiohttp.ClientSession()
-    async with session.get(f"http://127.0.0.1:{port}/json/list") as answer:
-        (page,) = [target for target in await answer.json() if target["type"] == "page"]
+    method, what = ("PUT", "new?about:blank") if new else ("GET", "list")
+    async with session.request(method, f"http://127.0.0.1:{port}/json/{what}") as answer:
+        targets = await answer.json()
+    (page,) = [target for target in ([targets] if new else targets) if target["type"] == "page"]
     return session, await session.ws_connect(page["webSocketDebuggerUrl"], max_msg_size=0)
 
 

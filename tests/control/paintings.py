@@ -18,7 +18,8 @@ from pentimento.control.painter import as_linear, objective_value
 from pentimento.control.person import Control
 from pentimento.control.pictures import GOAL
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, Proposal, begin, resume
+from pentimento.control.session import begin, resume
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.driver import Robot
 from tests.bundle.line_brush import SIDE_M, cross, paint_context
@@ -36,12 +37,12 @@ def session_of(
     reach_s: float = 60.0,
     goals_for: Callable[[Picture, str], Proposal] | None = None,
     in_turns: bool = False,
-    person_draws: bool = False,
+    in_studio: bool = False,
 ) -> PaintingSession:
     """A session with a newly guarded robot in a folder."""
     own = paint_context()
     guarded = GuardedRobot(robot, envelope_for(own.tool, (SIDE_M, SIDE_M)))
-    traits = RobotTraits(has_camera=True, clock_persists=True, reach_s=reach_s, person_draws=person_draws)
+    traits = RobotTraits(has_camera=True, clock_persists=True, reach_s=reach_s, in_studio=in_studio)
     control = Control() if control is None else control
     return PaintingSession(
         guarded, traits, own, STROKES, BATCH, folder, control, on_state, goals_for or _nothing_new, in_turns=in_turns

@@ -11,7 +11,8 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotHandle, open_robot
 from pentimento.control.person import Control
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, Proposal, begin, resume
+from pentimento.control.session import begin, resume
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.robots.calibration import Calibration, write_calibration
 from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool

@@ -31,12 +31,36 @@ def test_line_runs_where_it_was_drawn_in_the_canvas_frame() -> None:
 def test_any_line_stays_within_the_tools_envelope(tool) -> None:
     generator = np.random.default_rng(0)
     for count in (1, 2, 40, 400):
-        points = generator.uniform(-0.5, 1.5, (count, 3))
+        points = generator.uniform(0, 1, (count, 3))
         strokes = drawn_strokes(line(*map(tuple, points.tolist())), tool, SIZE_M)
         for stroke in strokes:
             envelope_for(tool, SIZE_M).check_path(stroke.path)
         ends = [(a.path[-1, 1:3], b.path[0, 1:3]) for a, b in pairwise(strokes)]
         assert all(np.allclose(end, start, atol=2e-4) for end, start in ends)
+
+
+def test_what_lies_outside_the_sheet_is_not_drawn() -> None:
+    out_and_in = line((0.5, 0.5, 0.5), (1.5, 0.5, 0.5), (1.5, 0.2, 0.5), (0.5, 0.2, 0.5))
+    there, back = drawn_strokes(out_and_in, PEN, SIZE_M)
+    assert there.path[[0, -1], 1] == pytest.approx([0.1, 0.2], abs=3e-4) and np.ptp(there.path[:, 2]) < 1e-9
+    assert back.path[[0, -1], 1] == pytest.approx([0.2, 0.1], abs=3e-4) and np.ptp(back.path[:, 2]) < 1e-9
+    (through,) = drawn_strokes(line((-1.0, 0.5, 0.5), (2.0, 0.5, 0.5)), PEN, SIZE_M)
+    assert through.path[[0, -1], 1] == pytest.approx([0, 0.2], abs=3e-4)
+    for outside in (
+        line((1.2, 0.5, 0.5)),
+        line((-0.1, 0, 0.5), (-0.2, 1, 0.5)),
+        line((0.9, -0.3, 0.5), (1.3, 0.1, 0.5)),
+    ):
+        with pytest.raises(ConfigError, match="outside the sheet"):
+            drawn_strokes(outside, PEN, SIZE_M)
+
+
+def test_any_line_stays_within_the_envelope_also_where_it_leaves_the_sheet() -> None:
+    generator = np.random.default_rng(2)
+    for _ in range(50):
+        points = generator.uniform(-0.5, 1.5, (20, 3))
+        for stroke in drawn_strokes(line(*map(tuple, points.tolist())), PEN, SIZE_M):
+            envelope_for(PEN, SIZE_M).check_path(stroke.path)
 
 
 @pytest.mark.parametrize("tool", [PEN, BRUSH])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.observations import Photo
-from pentimento.control import session
+from pentimento.control import session, workplace
 from pentimento.control.camera import PaintingFault
 from pentimento.control.checkpoint import PaintingState, load_state
 from pentimento.control.guard import StoppedError
@@ -171,7 +171,7 @@ def test_fault_late_heartbeat_lifts_and_stops(robot: FaultyRobot, tmp_path: Path
 def test_fault_full_disk_keeps_the_last_state(
     robot: FaultyRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, full = session.save_state, False
+    real, full = workplace.save_state, False
 
     def save(folder: Path, state: PaintingState) -> None:
         nonlocal full
@@ -180,12 +180,13 @@ def test_fault_full_disk_keeps_the_last_state(
             raise OSError(28, "No space left on device")
         real(folder, state)
 
-    monkeypatch.setattr(session, "save_state", save)
+    for module in (session, workplace):
+        monkeypatch.setattr(module, "save_state", save)
     with pytest.raises(OSError, match="No space") as raised:
         resume(session_of(robot, tmp_path))
     assert "could not be written down" in raised.value.__notes__[0]
     assert robot.moves == AT - 1 and robot.lifts
-    monkeypatch.setattr(session, "save_state", real)
+    monkeypatch.undo()
     state = load_state(tmp_path)
     assert state.executed == AT - 2 and state.pending  # the last saved state: the stroke was pending
     assert _mended(robot, tmp_path).executed == robot.moves

@@ -13,7 +13,7 @@ import pytest
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control.checkpoint import load_state
-from pentimento.control.session import RECORD
+from pentimento.control.recording import RECORD
 from pentimento.robots.simulated_grbl import SimulatedGrbl
 from pipelines._imports import ROOT
 from tests.bundle.line_brush import journaled_sheet

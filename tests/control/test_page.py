@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.control.checkpoint import load_state
-from pentimento.control.page import Page
+from pentimento.control.page import Page, Pen
 from pentimento.control.person import Control, Order
+from pentimento.control.undo import remember
 from tests.bundle.line_brush import sheet
 from tests.control.paintings import begun
 
@@ -66,6 +68,19 @@ def test_page_serves_state_and_pictures(served: tuple[Page, Control]) -> None:
     assert _ask(page, "page.js")[0] == _ask(page, "page.css")[0] == 200
 
 
+def test_page_gives_files_to_save_or_one_sentence(tmp_path: Path) -> None:
+    def nothing() -> bytes:
+        raise ConfigError("Nothing is drawn yet.")
+
+    page = Page(tmp_path, Control(), saved={"painting.svg": lambda: b"<svg/>", "painting.gcode": nothing})
+    status, content, headers = _ask(page, "save/painting.svg")
+    assert (status, content, headers["Content-Type"]) == (200, b"<svg/>", "image/svg+xml")
+    assert _ask(page, "save/painting.gcode")[:2] == (409, b"Nothing is drawn yet.\n")
+    for path in ("save/other", "save/", "save/../state.npz"):
+        assert _ask(page, path)[0] == 404
+    page.close()
+
+
 def test_page_accepts_known_commands_only(served: tuple[Page, Control]) -> None:
     page, control = served
     assert _ask(page, "command", "POST", "your turn")[0] == 204
@@ -83,9 +98,76 @@ def test_page_passes_on_wishes_and_choices(served: tuple[Page, Control]) -> None
     assert control.poll() == Order("wish", "ein Bär")
     assert _ask(page, "choose", "POST", "2")[0] == 204
     assert control.poll() == Order("choose", "2")
-    for path, body in (("wish", "  "), ("wish", "a" * 2000), ("choose", "two"), ("choose", "")):
+    for path, body in (("choose", "two"), ("choose", "")):
         assert _ask(page, path, "POST", body)[0] == 400
     assert control.poll() is None
+
+
+def test_page_offers_undo_where_the_studio_has_a_batch_to_undo(tmp_path: Path) -> None:
+    control, state = Control(), begun(sheet(), tmp_path)
+    (tmp_path / "journal.jsonl").write_text("")
+    remember(tmp_path, 0, 0)
+    for pen, executed, expected in ((Pen(0.02, None), 3, True), (Pen(0.02, None), 0, False), (None, 3, False)):
+        page = Page(tmp_path, control, pen)
+        page.show(replace(state, executed=executed))
+        assert json.loads(_ask(page, "state.json")[1])["undo"] is expected
+        page.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("", "The request is empty"),
+        ("  ", "The request is empty"),
+        ("a" * 10_000, "The request has 10000 characters; say in at most 200"),
+        ("a c\x00at", "control or invisible character"),
+    ],
+)
+def test_wish_that_cannot_be_read_is_one_sentence_and_is_not_passed_on(
+    served: tuple[Page, Control], words: str, sentence: str
+) -> None:
+    page, control = served
+    status, content, _ = _ask(page, "wish", "POST", words)
+    assert status == 400 and sentence in content.decode() and content.count(b"\n") == 1
+    assert control.poll() is None
+
+
+def test_emoji_is_passed_on_as_it_is(served: tuple[Page, Control]) -> None:
+    page, control = served
+    assert _ask(page, "wish", "POST", "🐈 🐈".encode().decode("latin-1"))[0] == 204
+    assert control.poll() == Order("wish", "🐈 🐈")
+
+
+def test_upload_of_100_mb_is_one_sentence(served: tuple[Page, Control]) -> None:
+    page, control = served
+    for path in ("wish", "draw", "command", "nothing"):
+        status, content, _ = _ask(page, path, "POST", "a" * 100_000_000)
+        assert status == 413 and content == (
+            b"What was sent has 100.0 MB, which is too much for this page; nothing of it was used.\n"
+        )
+    assert control.poll() is None
+    assert _ask(page, "state.json")[0] == 200
+
+
+def test_lines_of_two_pages_are_numbered_together_until_the_turn_is_handed_over(tmp_path: Path) -> None:
+    control, state = Control(), begun(sheet(), tmp_path)
+    page = Page(tmp_path, control, Pen(0.02, None))
+    page.show(replace(state, phase="painting"))
+    assert _ask(page, "draw", "POST", "1")[:2] == (
+        409, b"Your last line was not drawn, because it is the robot's turn.\n",
+    )  # fmt: skip
+    page.show(replace(state, phase="your turn", lines=4))
+    assert [_ask(page, "draw", "POST", "1")[:2] for _ in range(2)] == [(200, b"5"), (200, b"6")]
+    page.show(replace(state, phase="your turn", lines=5))
+    assert _ask(page, "draw", "POST", "1")[:2] == (200, b"7")
+    _ask(page, "wish", "POST", "florb")
+    page.show(replace(state, phase="your turn", lines=6))  # of a line before the wish
+    assert _ask(page, "draw", "POST", "1")[0] == 409
+    while control.poll():
+        pass
+    page.show(replace(state, phase="your turn", lines=7))  # the wish was not understood
+    assert _ask(page, "draw", "POST", "1")[:2] == (200, b"8")
+    page.close()
 
 
 def test_page_shows_goals_only_while_one_is_to_be_chosen(served: tuple[Page, Control], tmp_path: Path) -> None:

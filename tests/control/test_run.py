@@ -177,9 +177,13 @@ def test_studio_lets_the_person_begin_and_ends_when_the_person_stops(
     dark = state.canvas.min(-1) < 120
     assert dark.sum() > 5 and np.abs(np.flatnonzero(dark.any(1)).mean() / len(dark) - 0.5) < 0.1
     assert seen[0]["color"] is not None
+    assert (out / "painting.svg").read_text().count("<path") == 1 and (out / "painting.gcode").is_file()
+    assert main(["replay", str(out)]) == 0
+    assert "data:image/jpeg" in (out / "replay.html").read_text()
+    assert main(["replay", str(tmp_path)]) == 1
 
 
-@pytest.mark.parametrize("text", ["florb", "", "  ", "five cats", "a cat\x07", "a" * 2000])
+@pytest.mark.parametrize("text", ["florb", "", "  ", "five cats", "a cat\x07", "a" * 2000, "🐈", "🐈\u200d⬛"])
 def test_run_refuses_words_that_it_does_not_understand_and_creates_no_folder(
     taught: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
 ) -> None:

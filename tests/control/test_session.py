@@ -6,6 +6,7 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,8 +19,10 @@ from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.person import Control
 from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
+from pentimento.control.recording import RECORD
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import RECORD, PaintingSession, Proposal, begin, resume
+from pentimento.control.session import begin, resume
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.bezier import to_planned
 from pentimento.planning.strokes.config import no_log
 from pentimento.robots.tools import load_tool
@@ -205,9 +208,10 @@ def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Pa
     done = resume(beside)
     assert done.phase == "done" and done.turns == 1 and "choosing" in phases
     asked = json.loads((tmp_path / "turns" / "001.json").read_text())
-    assert asked == {"words": "a bar", "executed_before": 3, "planned": done.executed - 3}
+    assert asked == {"number": 1, "words": "a bar", "executed_before": 3, "planned": done.executed - 3, "things": []}
     assert (read_image(tmp_path / "turns" / "001_goal.png") == done.goal).all()
-    before = read_image(tmp_path / "turns" / "001.png").astype(int)
+    before = read_image(tmp_path / "turns" / "001.png")
+    before = cv2.resize(before, done.canvas.shape[1::-1], interpolation=cv2.INTER_AREA).astype(int)
     new = before.min(-1) - done.canvas.min(-1) > 60
     right, left = new[:, new.shape[1] // 2 :].sum(), new[:, : new.shape[1] // 2].sum()
     assert right > 100 and left < 0.1 * right
@@ -294,7 +298,7 @@ def test_wish_that_is_not_understood_leaves_goal_and_turn_as_they_are(tmp_path: 
     done = resume(session_of(robot, tmp_path, control, person))
     assert done.phase == "done" and (done.goal == first.goal).all()
     assert any("'florb' is not understood" in message for message in messages)
-    assert not (tmp_path / "turns" / "001.json").exists()
+    assert json.loads((tmp_path / "turns" / "001.json").read_text())["words"] == ""
 
 
 def test_painting_in_turns_waits_for_the_person_until_stop(tmp_path: Path) -> None:
@@ -327,7 +331,8 @@ def test_finished_painting_is_resumed_with_a_wish(tmp_path: Path) -> None:
 def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) -> None:
     control, phases = Control(), []
     world = load_world("round_brush")
-    robot = VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), 1))
+    studio = VirtualRobot(Studio(replace(world, paper=replace(world.paper, size_m=(SIDE_M, SIDE_M))), 1))
+    robot = journaled_sheet(tmp_path, studio)
     context = replace(paint_context(), tool=load_tool("round_brush"))
 
     def person(state: PaintingState) -> None:
@@ -343,7 +348,7 @@ def test_person_draws_with_a_brush_and_a_colour_before_any_plan(tmp_path: Path) 
 
     session = PaintingSession(
         GuardedRobot(robot, envelope_for(context.tool, (SIDE_M, SIDE_M))),
-        RobotTraits(has_camera=True, clock_persists=True, reach_s=60.0, person_draws=True),
+        RobotTraits(has_camera=True, clock_persists=True, reach_s=60.0, in_studio=True),
         context, STROKES, BATCH, tmp_path, control, person, lambda canvas, _: Proposal([canvas]), in_turns=True,
     )  # fmt: skip
     begin(session, lambda canvas: canvas, log=no_log)

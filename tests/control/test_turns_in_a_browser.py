@@ -10,8 +10,8 @@ from pentimento.control.checkpoint import PaintingState, load_state
 from pentimento.control.page import Page, Pen
 from pentimento.control.person import Control
 from pentimento.control.session import resume
-from tests.browser import CHROMIUM, Browser, browser
-from tests.bundle.line_brush import sheet
+from tests.browser import CHROMIUM, browser
+from tests.bundle.line_brush import journaled_sheet
 from tests.control.paintings import begun, session_of
 from tests.control.test_session import bars, two_bars
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> None:
     folder, control = tmp_path / "painting", Control()
     folder.mkdir()
-    robot = sheet()
+    robot = journaled_sheet(folder)
     begun(robot, folder)
     page = Page(folder, control, Pen(0.02, "#202020"))
     session = session_of(
@@ -32,7 +32,7 @@ def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> 
         page.show,
         goals_for=two_bars,
         in_turns=True,
-        person_draws=True,
+        in_studio=True,
     )
     control.send("your turn")
     ended: list[PaintingState] = []
@@ -45,7 +45,7 @@ def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> 
             tab.wait("document.body.innerText.includes('It is your turn')")
             tab.wait("document.querySelector('#lines.active') && document.getElementById('canvas').clientHeight > 100")
             blank = load_state(folder).canvas
-            _draw(tab, [(0.2, 0.2), (0.5, 0.3), (0.8, 0.2)])
+            tab.drag("document.getElementById('lines')", [(0.2, 0.2), (0.5, 0.3), (0.8, 0.2)])
             tab.wait("received === 1 && sent.length === 0")
             drawn = blank.min(-1).astype(int) - load_state(folder).canvas.min(-1) > 60
             assert drawn.sum() > 25 and np.flatnonzero(drawn.any(1)).max() < 0.4 * len(drawn)
@@ -71,14 +71,3 @@ def test_person_asks_chooses_and_stops_by_mouse_and_keyboard(tmp_path: Path) -> 
     (done,) = ended
     assert done.phase == "done"
     assert (done.goal == bars(done.goal)[1]).all()  # the second one of them
-
-
-def _draw(tab: Browser, places: list[tuple[float, float]]) -> None:
-    """Draw a line by the mouse; places in shares of the sheet."""
-    x, y, width, height = tab.evaluate(
-        "(r => [r.x, r.y, r.width, r.height])(document.getElementById('lines').getBoundingClientRect())"
-    )
-    at = [(x + a * width, y + b * height) for a, b in places]
-    kinds = ["mousePressed", *["mouseMoved"] * (len(at) - 1), "mouseReleased"]
-    for kind, (left, top) in zip(kinds, [*at, at[-1]], strict=True):
-        tab.call("Input.dispatchMouseEvent", type=kind, x=left, y=top, button="left", buttons=1, clickCount=1)

@@ -1,4 +1,4 @@
-"""`pentimento run` and `calibrate`; see docs/running.md and docs/on_a_robot.md."""
+"""`pentimento run`, `studio`, `replay` and `calibrate`; see docs/running.md and docs/on_a_robot.md."""
 
 from __future__ import annotations
 
@@ -121,6 +121,15 @@ def _studio(arguments: argparse.Namespace) -> None:
         commission, folder, calibration=Path("calibration"), has_page=True,
         turns=Turns(in_turns=True, choices=_STUDIO_CHOICES),
     )  # fmt: skip
+
+
+def _replay(arguments: argparse.Namespace) -> None:
+    from pentimento.contracts.atomic import atomic_write
+    from pentimento.control.replay import REPLAY, replay_page
+
+    place = arguments.out or arguments.folder / REPLAY
+    atomic_write(place, replay_page(arguments.folder).encode())
+    print(f"The replay is {place}; open it in a browser.")
 
 
 def _sculpt(arguments: argparse.Namespace) -> None:
@@ -271,6 +280,15 @@ COMMANDS = (
             option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting; by default its time"),
         ),
         _studio,
+    ),
+    Command(
+        "replay",
+        "the turns of a painting as one HTML file that shows its photographs one after the other",
+        (
+            option("folder", type=Path, metavar="FOLDER", help="of the painting"),
+            option("--out", type=Path, metavar="FILE", help="by default replay.html in that folder"),
+        ),
+        _replay,
     ),
     Command(
         "calibrate",

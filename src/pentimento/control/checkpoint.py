@@ -29,7 +29,7 @@ HeightMap = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 Loaded = TypeVar("Loaded")
 
-Phase = Literal["painting", "paused", "your turn", "choosing", "stopped", "done"]
+Phase = Literal["painting", "paused", "your turn", "choosing", "undoing", "undone", "stopped", "done"]
 
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
 """What reading a file raises that is truncated, overwritten or not a checkpoint."""
@@ -139,6 +139,11 @@ def save_state(folder: Path, state: PaintingState) -> None:
     arrays |= {f"memory_{name}": getattr(memory, name) for name in _ARRAYS}
     arrays |= {"palette_srgb": state.palette_srgb, "canvas": state.canvas, "goal": state.goal}
     write_checkpoint(folder / _PAINTING, _PAINTING_SCHEMA, values, arrays)
+
+
+def copy_state(folder: Path, to: Path) -> None:
+    """Copy the painting's checkpoint into another folder. Raises OSError."""
+    atomic_write(to / _PAINTING, (folder / _PAINTING).read_bytes())
 
 
 def has_state(folder: Path) -> bool:

@@ -37,16 +37,51 @@ class DrawnStroke:
 
 
 def drawn_strokes(text: str, tool: Tool, canvas_size_m: tuple[float, float]) -> list[DrawnStroke]:
-    """The strokes of a line that a person drew, as long as the tool's paint lasts each.
+    """The strokes of a line that a person drew, as long as the tool's paint lasts each. What lies outside the sheet is
+    left out, as the person saw it.
 
     Args:
         text: JSON, `{"points": [[x, y, pressure], ...], "color": [r, g, b]}`; x to the right and y down in shares of
             the canvas, pressure and sRGB from 0 to 1. A tool with its own ink ignores the colour.
 
     Raises:
-        ConfigError: it is something else.
+        ConfigError: it is something else, or all of it lies outside the sheet.
     """
     points, color = _read(text)
+    own = np.array(tool.color_srgb) if tool.color_srgb is not None else color
+    pieces = _on_sheet(points)
+    if not pieces:
+        raise ConfigError("The line that was drawn lies outside the sheet; nothing of it was painted.")
+    return [DrawnStroke(path, own) for piece in pieces for path in _paths(piece, tool, canvas_size_m)]
+
+
+def _on_sheet(points: FloatArray) -> list[FloatArray]:
+    """The pieces [N, 3] of a line [M, 3] that lie in the unit square, cut at its edges (Liang and Barsky 1984)."""
+    if len(points) == 1:
+        return [points] if (np.abs(points[0, :2] - 0.5) <= 0.5).all() else []
+    pieces: list[list[FloatArray]] = []
+    is_inside = False
+    for start, end in pairwise(points):
+        step = end - start
+        enters, leaves = 0.0, 1.0
+        for at, along in zip(start[:2], step[:2], strict=True):
+            if along == 0:
+                leaves = leaves if 0 <= at <= 1 else -1.0
+            else:
+                edges = sorted((-at / along, (1 - at) / along))
+                enters, leaves = max(enters, edges[0]), min(leaves, edges[1])
+        if enters > leaves:
+            is_inside = False
+            continue
+        if not is_inside or enters > 0:
+            pieces.append([start + enters * step])
+        pieces[-1].append(start + leaves * step)
+        is_inside = leaves == 1
+    return [np.array(piece) for piece in pieces]
+
+
+def _paths(points: FloatArray, tool: Tool, canvas_size_m: tuple[float, float]) -> list[FloatArray]:
+    """The paths [N, 5] of strokes along a line [M, 3] that lies on the sheet."""
     width, height = canvas_size_m
     places = np.clip(points[:, :2], _EDGE, 1 - _EDGE) * [width, -height] + [0.0, height]
     low, high = tool.press_range_m
@@ -54,14 +89,13 @@ def drawn_strokes(text: str, tool: Tool, canvas_size_m: tuple[float, float]) -> 
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
     longest = tool.stroke_length_m[1] if tool.dips else _LONGEST_M
     ends = np.linspace(0.0, along[-1], max(1, int(np.ceil(along[-1] / longest))) + 1)
-    own = np.array(tool.color_srgb) if tool.color_srgb is not None else color
-    strokes = []
+    paths = []
     for start, end in pairwise(ends):
         at = np.linspace(start, end, max(2, round((end - start) / _STEP_M) + 1))
         x, y, depth = (np.interp(at, along, values) for values in (*places.T, press))
         xyz_yaw = _apart(np.stack([x, y, -depth, np.zeros(len(at))], axis=1), inwards_m=width / 2)
-        strokes += [DrawnStroke(path, own) for path in _timed(xyz_yaw, tool)]
-    return strokes
+        paths += _timed(xyz_yaw, tool)
+    return paths
 
 
 def _apart(xyz_yaw: FloatArray, inwards_m: float) -> FloatArray:

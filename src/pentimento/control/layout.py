@@ -32,7 +32,7 @@ _ABOVE: Final = ("above", "over", "on", "on top of")
 _BELOW: Final = ("below", "under")
 _BEHIND: Final = ("behind",)
 _BEFORE: Final = ("in front of", "before")
-_INSIDE: Final = ("inside", "in")
+INSIDE: Final = ("inside", "in")
 _SMALLEST: Final = 0.45  # side of a window that is looked for, in sides of the canvas: a brush draws nothing smaller
 _CROWDED: Final = 0.6  # side of the whole arrangement where there is no room for it
 _SIZE_STEP: Final = 0.05
@@ -91,8 +91,18 @@ def wishes_for(
     """
     found = [Wish(request.text, WHOLE)]
     if by_window and request.things:
-        found = with_room(arranged(request.things, in_a_row=request.in_a_row), canvas, largest=largest)
-    return [Wish(with_medium(wish.words, medium), wish.window) for wish in found]
+        found = placed(request, canvas, largest=largest)
+    return in_medium(found, medium)
+
+
+def placed(request: Understood, canvas: Picture, *, largest: float = 1.0) -> list[Wish]:
+    """The things of a request where a square canvas, uint8 [S, S, 3], has room for them; see `with_room`."""
+    return with_room(arranged(request.things, in_a_row=request.in_a_row), canvas, largest=largest)
+
+
+def in_medium(wishes: Sequence[Wish], medium: str) -> list[Wish]:
+    """Wishes whose words end with those of the medium, as for the goal planner."""
+    return [Wish(with_medium(wish.words, medium), wish.window) for wish in wishes]
 
 
 def arranged(things: Sequence[Asked], *, in_a_row: bool) -> list[Wish]:
@@ -113,7 +123,7 @@ def arranged(things: Sequence[Asked], *, in_a_row: bool) -> list[Wish]:
 def _special(first: Asked, second: Asked) -> list[Wish] | None:
     """Two things of which one stands on, before or inside the other."""
     link = second.link
-    if link in _INSIDE and second.number == 1:
+    if link in INSIDE and second.number == 1:
         size = min(0.45, 0.8 / first.number)
         columns = [0.5 + (number - (first.number - 1) / 2) * size for number in range(first.number)]
         return [Wish(second.words, WHOLE), *(Wish(first.words, Window(x, 0.52, size)) for x in columns)]
@@ -157,7 +167,7 @@ def with_room(wishes: Sequence[Wish], canvas: Picture, *, largest: float = 1.0) 
         return [Wish(each.words, each.window.within(frame)) for each in wishes]
     windows = [each.window for each in wishes]
     smallest = min(largest, _SMALLEST / min(window.size for window in windows))
-    sums = np.pad(painted.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+    sums = _sums(painted)
     best: tuple[float, Window] | None = None
     for size in np.arange(largest, smallest - 1e-9, -_SIZE_STEP):
         share, frame = _freest(sums, windows, float(size), in_middle=largest == 1)
@@ -167,6 +177,17 @@ def with_room(wishes: Sequence[Wish], canvas: Picture, *, largest: float = 1.0) 
     if best is None:
         best = _freest(sums, windows, min(largest, max(smallest, _CROWDED)), in_middle=largest == 1)
     return [Wish(each.words, each.window.within(best[1])) for each in wishes]
+
+
+def painted_share(canvas: Picture) -> Callable[[Window], float]:
+    """A function from a window to the share of painted cells in the square that a thing fills of it."""
+    sums = _sums(_painted(canvas))
+    return lambda window: _share(sums, window)
+
+
+def _sums(painted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums of cells above and to the left of each corner, [G + 1, G + 1]."""
+    return np.pad(painted.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
 
 
 def _painted(canvas: Picture) -> NDArray[np.float64]:

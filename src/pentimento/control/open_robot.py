@@ -28,7 +28,10 @@ DRIVERS = "pentimento.robots"
 MAX_AGE_S = 24 * 3600.0
 """Maximum age of a calibration with which hardware may move."""
 
-_JOURNAL, _DRAWING, _GCODE = "journal.jsonl", "drawing.svg", "drawing.gcode"
+JOURNAL = "journal.jsonl"
+"""In a painting's folder: the commands of a robot that is not hardware, see `journal.Journal`."""
+
+_DRAWING, _GCODE = "drawing.svg", "drawing.gcode"
 _ON_FILE = "gcode"  # the driver that writes a plotter's commands to a file; nothing moves
 _REACH_S = 15.0  # of hardware, to a stroke's start or for one dip
 _COMPILES_S = 120.0  # a studio's code may be compiled during its first stroke
@@ -44,8 +47,8 @@ class RobotTraits:
     """The robot's clock continues when its process ends."""
     reach_s: float
     """Maximum time to a stroke's start, and for each wipe and dip."""
-    person_draws: bool = False
-    """A person draws on the page, and the robot draws it: in the studio."""
+    in_studio: bool = False
+    """The studio's robot: a person draws on the page, and paint can be taken off the sheet."""
     calibrated: CameraCalibration | None = None
     """The camera's view of the canvas when the rig was calibrated, where it was."""
 
@@ -78,6 +81,12 @@ def rig_named(name: str) -> Rig | None:
     return load_rig(name)
 
 
+def is_in_studio(name: str, execute: bool) -> bool:
+    """Whether the robot of ``--robot`` is the studio's. Raises ConfigError: no such robot."""
+    rig = rig_named(name)
+    return name != "svg" if rig is None else not (execute or rig.driver == _ON_FILE)
+
+
 def open_robot(
     name: str,
     tool: Tool,
@@ -105,23 +114,23 @@ def open_robot(
     """
     kind, _, place = name.partition(":")
     rig = rig_named(name)
-    if rig is not None and (execute or rig.driver == _ON_FILE):
+    if rig is not None and not is_in_studio(name, execute):
         return _hardware(rig, folder, calibration, ask)
     if name == "svg":
         drawing = SvgPlotter(folder / _DRAWING, canvas_size_m)
-        journaled = JournaledRobot(drawing, folder / _JOURNAL, load_tool)
+        journaled = JournaledRobot(drawing, folder / JOURNAL, load_tool)
         return RobotHandle(journaled, RobotTraits(False, True, _REACH_S), journaled.close)
     world = place if kind == "virtual" and place else tool.name
     robot = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
-    journaled = JournaledRobot(robot, folder / _JOURNAL, lambda _: tool)
-    return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S, person_draws=True), journaled.close)
+    journaled = JournaledRobot(robot, folder / JOURNAL, lambda _: tool)
+    return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S, in_studio=True), journaled.close)
 
 
 def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
     if rig.driver == _ON_FILE:
         rig = replace(rig, machine={**rig.machine, "file": str(folder / _GCODE)})
         on_file = HardwareRobot(machine_of(rig), rig, lambda _: None)
-        journaled = JournaledRobot(on_file, folder / _JOURNAL, load_tool)
+        journaled = JournaledRobot(on_file, folder / JOURNAL, load_tool)
         return RobotHandle(journaled, RobotTraits(False, True, _REACH_S), journaled.close)
     found = fresh_calibrations(calibration, rig, time.time(), MAX_AGE_S)
     rig = calibrated(rig, found["touch"])

@@ -12,7 +12,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -23,16 +23,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import MAX_BYTES
-from pentimento.control.person import COMMANDS, Control
-from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PREVIEW
+from pentimento.control.person import COMMANDS, Command, Control
+from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PHOTOGRAPH, PREVIEW
+from pentimento.control.request_items import plain_text
+from pentimento.control.undo import can_undo
 
-_FILES = (GOAL, NEXT, PREVIEW)
+_FILES = (GOAL, NEXT, PREVIEW, PHOTOGRAPH)
+_SAVE = "save/"
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s
-_MAX_BYTES = 1000  # of a request's body
+_MAX_BYTES = 100_000  # of a request's body
+_LIMITS = {"draw": MAX_BYTES}
+_MAX_DRAINED = 200_000_000  # bytes of a larger body that are read and thrown away
+_TIMEOUT_S = 30.0  # for a browser that announces more than it sends
 _CONTENT_POLICY = (
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'none'"
 )
@@ -41,6 +48,9 @@ _CONTENT_TYPES = {
     ".js": "text/javascript",
     ".css": "text/css",
     ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".gcode": "text/plain",
+    ".zip": "application/zip",
 }
 
 
@@ -69,20 +79,31 @@ _NOT_FOUND = Response(HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing her
 class Page:
     """A server in its own thread, until ``close``."""
 
-    def __init__(self, folder: Path, control: Control, pen: Pen | None = None, port: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        control: Control,
+        pen: Pen | None = None,
+        saved: Mapping[str, Callable[[], bytes]] | None = None,
+        port: int = 0,
+    ) -> None:
         """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
 
         Args:
             pen: with which a person draws on the page; None where that is impossible.
+            saved: functions that give the files to be saved, by their names.
 
         Raises OSError if the port is taken.
         """
-        self._folder, self._control = folder, control
+        self._folder, self._control, self._saved = folder, control, saved or {}
+        self._lock = threading.Lock()
         self._token = secrets.token_urlsafe(16)
         self._state: dict[str, Any] = {}
         self._pen = None if pen is None else asdict(pen)
         self._version = 0
         self._seen = False
+        self._lines = 0  # of the last line that was sent on
+        self._handed_over = False  # an order waits that ends the person's turn
         self._canvas: NDArray[np.uint8] | None = None
         self._server = ThreadingHTTPServer(("127.0.0.1", port), _handler(self))
         self._server.daemon_threads = True
@@ -96,6 +117,11 @@ class Page:
 
     def show(self, state: PaintingState) -> None:
         """Show a new state."""
+        with self._lock:
+            if state.phase != "your turn" or not self._control.is_waiting():
+                self._handed_over = False
+            if state.phase != "your turn":
+                self._lines = state.lines
         self._canvas = state.canvas
         self._version += 1
         self._state = {
@@ -107,6 +133,7 @@ class Page:
             "total": state.executed + len(state.remaining),
             "turns": state.turns,
             "lines": state.lines,
+            "undo": self._pen is not None and can_undo(self._folder, state),
             "choices": len(list((self._folder / GOALS).glob("*.png"))) if state.phase == "choosing" else 0,
         }
 
@@ -129,6 +156,8 @@ class Page:
             file = self._folder / path
             if file.is_file():
                 return Response(HTTPStatus.OK, "image/png", file.read_bytes())
+        if path.startswith(_SAVE) and (give := self._saved.get(path.removeprefix(_SAVE))) is not None:
+            return _given(give, _CONTENT_TYPES[Path(path).suffix])
         asset = {"": "page.html", "page.js": "page.js", "page.css": "page.css"}.get(path)
         if asset is not None:
             content = (resources.files("pentimento.control") / "web" / asset).read_bytes()
@@ -139,18 +168,36 @@ class Page:
         """Pass on what the body says: a command, the words of a wish, or the number of a goal."""
         text = body.decode("utf-8", errors="replace").strip()
         command = next((known for known in COMMANDS if known == text), None)
+        if path == "draw" and self._pen is not None:
+            return self._draw(text)
         if path == "command" and command is not None:
-            self._control.send(command)
-        elif path == "wish" and text:
-            self._control.send("wish", text)
-        elif path == "draw" and self._pen is not None:
-            self._control.send("draw", text)
+            self._hand_over(command, "")
+        elif path == "wish":
+            try:
+                self._hand_over("wish", plain_text(text))
+            except ConfigError as error:
+                return _sentence(HTTPStatus.BAD_REQUEST, str(error))
         elif path == "choose" and text.isdecimal():
             self._control.send("choose", text)
         else:
-            content = f"Send one of the commands {', '.join(COMMANDS)}; or a wish of up to {_MAX_BYTES} bytes.\n"
-            return Response(HTTPStatus.BAD_REQUEST, "text/plain", content.encode())
+            return _sentence(
+                HTTPStatus.BAD_REQUEST, f"Send one of the commands {', '.join(COMMANDS)}, a wish, or a goal's number."
+            )
         return Response(HTTPStatus.NO_CONTENT, "text/plain", b"")
+
+    def _hand_over(self, command: Command, value: str) -> None:
+        with self._lock:
+            self._handed_over = True
+            self._control.send(command, value)
+
+    def _draw(self, line: str) -> Response:
+        """Send a line on, and answer with its number among those of all pages; refuse it after the person's turn."""
+        with self._lock:
+            if self._handed_over or self._state.get("phase") != "your turn":
+                return _sentence(HTTPStatus.CONFLICT, "Your last line was not drawn, because it is the robot's turn.")
+            self._lines = max(self._lines, self._state["lines"]) + 1
+            self._control.send("draw", line)
+            return Response(HTTPStatus.OK, "application/json", json.dumps(self._lines).encode())
 
     def below_token(self, path: str) -> str | None:
         """The part of a path below the token; None where the token is wrong."""
@@ -162,18 +209,41 @@ class Page:
         return host == f"127.0.0.1:{self._server.server_port}"
 
 
+def _given(give: Callable[[], bytes], content_type: str) -> Response:
+    """A file to be saved, or the sentence that says why there is none."""
+    try:
+        return Response(HTTPStatus.OK, content_type, give())
+    except (PentimentoError, OSError) as error:
+        return _sentence(HTTPStatus.CONFLICT, str(error))
+
+
+def _sentence(status: HTTPStatus, text: str) -> Response:
+    return Response(status, "text/plain; charset=utf-8", f"{text}\n".encode())
+
+
 def _handler(page: Page) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         server_version, sys_version = "pentimento", ""
+        timeout = _TIMEOUT_S
 
         def do_GET(self) -> None:
             self._respond(page.get)
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "0")
-            small = length.isdigit() and int(length) <= (MAX_BYTES if self.path.endswith("/draw") else _MAX_BYTES)
-            body = self.rfile.read(int(length)) if small else b""
-            self._respond(lambda path: page.post(path, body))
+            self._respond(lambda path: self._read_and_post(path, int(length) if length.isdecimal() else 0))
+
+        def _read_and_post(self, path: str, length: int) -> Response:
+            if length <= _LIMITS.get(path, _MAX_BYTES):
+                return page.post(path, self.rfile.read(length))
+            # Read to its end, so that the browser is there for the answer.
+            left = min(length, _MAX_DRAINED)
+            while left > 0 and (part := self.rfile.read(min(left, 2**16))):
+                left -= len(part)
+            return _sentence(
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+                f"What was sent has {length / 1e6:.1f} MB, which is too much for this page; nothing of it was used.",
+            )
 
         def log_message(self, format: str, *args: Any) -> None:
             """No log: the terminal shows the progress of the painting."""

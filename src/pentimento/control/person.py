@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Final, Literal, TextIO
 
-Command = Literal["pause", "your turn", "go on", "stop", "wish", "choose", "draw"]
+Command = Literal["pause", "your turn", "go on", "stop", "undo", "wish", "choose", "draw"]
 
-COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "stop")
+COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "undo", "stop")
 """Those without a value."""
 
 _KEYS: Final[dict[str, Command]] = {
-    "p": "pause", "t": "your turn", "": "go on", "s": "stop",
-    "pause": "pause", "your turn": "your turn", "go on": "go on", "stop": "stop",
+    "p": "pause", "t": "your turn", "": "go on", "u": "undo", "s": "stop",
+    "pause": "pause", "your turn": "your turn", "go on": "go on", "undo": "undo", "stop": "stop",
 }  # fmt: skip
 _BAR: Final = 20
 """Characters of the progress bar."""
@@ -32,7 +32,8 @@ class Order:
 
     command: Command
     value: str = ""
-    """The words of a wish, the number of a goal to choose (from 1), or a line that was drawn, see `drawn`."""
+    """The words of a wish, the number of a goal to choose (from 1), a line that was drawn, see `drawn`, or what a
+    person is told first at "your turn"."""
 
 
 class Control:
@@ -58,6 +59,11 @@ class Control:
         """The next order, if any."""
         with self._changed:
             return self._orders.pop(0) if self._orders else None
+
+    def is_waiting(self) -> bool:
+        """Whether an order waits that is no line."""
+        with self._changed:
+            return any(order.command != "draw" for order in self._orders)
 
     def forget(self, command: Command) -> None:
         """Drop such orders that wait: they were given before what they would answer now."""
@@ -113,7 +119,8 @@ class Keyboard:
         self._answered: threading.Event | None = None
         if lines.isatty():
             progress.message(
-                "p and Enter: pause; t: your turn; Enter: go on; s: stop after this stroke; Ctrl-C: at once. "
+                "p and Enter: pause; t: your turn; Enter: go on; u: undo the robot's last strokes; s: stop after this "
+                "stroke; Ctrl-C: at once. "
                 "Other words ask for something new; a number chooses a goal."
             )
             threading.Thread(target=self._read, name="keyboard", daemon=True).start()

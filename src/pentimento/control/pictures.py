@@ -29,9 +29,13 @@ CANVAS: Final = "canvas.png"
 """The canvas as observed last."""
 PREVIEW: Final = "preview.png"
 """The finished painting as predicted now."""
+PHOTOGRAPH: Final = "painting.png"
+"""The canvas as photographed last, enlarged to be looked at."""
 NEXT: Final = "next.png"
 """The next strokes, drawn over the canvas."""
 
+_MIN_SIDE: Final = 800
+"""Pixels of the photograph's shorter side, at least."""
 _ENLARGED: Final = 3
 _SUBPIXEL_BITS: Final = 4  # binary places of OpenCV's coordinates
 _LINE = (214, 40, 57)  # sRGB
@@ -51,6 +55,12 @@ def draw_strokes(canvas: Picture, strokes: Sequence[PlannedStroke], canvas_size_
         column, row = (int(value) for value in fixed[0])
         cv2.circle(picture, (column, row), 5 << _SUBPIXEL_BITS, _DOT, -1, cv2.LINE_AA, _SUBPIXEL_BITS)
     return np.asarray(picture, dtype=np.uint8)
+
+
+def enlarged(picture: Picture) -> Picture:
+    """A picture [H, W, 3] with sides that are a multiple of its own, the shorter one of at least 800 pixels."""
+    times = -(-_MIN_SIDE // min(picture.shape[:2]))
+    return np.asarray(cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
 
 def write_pictures(folder: Path, context: PaintContext, state: PaintingState, count: int) -> None:

@@ -20,6 +20,8 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.control.execute import ExecutedStroke, Session
 from pentimento.robots.tools import Tool
 
+RECORD = "record"
+"""Folder of a painting's recorded strokes."""
 PIXELS_PER_M = 2000.0
 MARGIN_M = 0.012
 """Paper around each stroke's path that its photographs show."""
@@ -56,6 +58,13 @@ class StrokeRecording:
         """The next row begins another shard, if this one has any."""
         if self._rows:
             self._rows, self.shard = [], self.shard + 1
+
+
+def remove_shards(folder: Path, shard: int) -> None:
+    """Delete the files of strokes from a number on."""
+    for path in folder.glob("part-*.parquet"):
+        if int(path.stem.removeprefix("part-")) >= shard:
+            path.unlink()
 
 
 def write_push(folder: Path, row: dict[str, Any]) -> None:

@@ -51,6 +51,7 @@ _SAID_AFTER: Final = frozenset({
     "made", "runs", "sit", "sits", "sleep", "sleeps", "stand", "stands", "swim", "swims",
 })  # fmt: skip
 """What is said of a thing after its name, besides participles and adverbs."""
+_DEFINITE: Final = ("the", "this", "these", "those")
 _SUGGESTIONS: Final = 3
 _ALIKE: Final = 0.7
 """Similarity of two spellings by `difflib`, from which on one may be meant for the other."""
@@ -65,6 +66,8 @@ class Asked:
     number: int
     link: str | None
     """To what is named before: a relation as taught, "and", "," or "with"; None for the first."""
+    is_definite: bool = False
+    """The person said "the": it may stand on the canvas already."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,7 @@ class _Thing:
     number: int
     is_counted: bool
     """The person said how many."""
+    is_definite: bool = False
 
 
 @dataclass(frozen=True)
@@ -238,10 +242,13 @@ def _is_english(said: str) -> bool:
 
 def _thing(link: str | None, before: Sequence[Item], noun: Named) -> _Thing:
     counts = [item for item in before if isinstance(item, Count)]
+    is_definite = any(isinstance(item, Article) and item.said in _DEFINITE for item in before)
     if counts and not (counts[-1].is_pair and not noun.is_plural):
-        return _Thing(link, noun, max(count.number for count in counts), True)
+        return _Thing(link, noun, max(count.number for count in counts), True, is_definite)
     is_single = any(isinstance(item, Article) and item.is_singular for item in before)
-    return _Thing(link, noun, 2 if noun.is_plural and not is_single else 1, is_single or not noun.is_plural)
+    return _Thing(
+        link, noun, 2 if noun.is_plural and not is_single else 1, is_single or not noun.is_plural, is_definite
+    )
 
 
 def _without_pronouns(things: Sequence[_Thing], nouns: Mapping[str, Named]) -> list[_Thing]:
@@ -260,8 +267,8 @@ def _without_pronouns(things: Sequence[_Thing], nouns: Mapping[str, Named]) -> l
     return found
 
 
-def _without_link(thing: _Thing) -> tuple[Named | None, int, bool]:
-    return thing.noun, thing.number, thing.is_counted
+def _without_link(thing: _Thing) -> tuple[Named | None, int, bool, bool]:
+    return thing.noun, thing.number, thing.is_counted, thing.is_definite
 
 
 def _check_number(things: Sequence[_Thing]) -> None:
@@ -294,7 +301,7 @@ def _asked(things: Sequence[_Thing], vocabulary: Vocabulary) -> tuple[Asked, ...
         first, second, it = things
         things = [_Thing(None, *_without_link(second)), _Thing(it.link, *_without_link(first))]
     return tuple(
-        Asked(vocabulary.nouns[thing.noun.noun].one, thing.number, thing.link if at else None)
+        Asked(vocabulary.nouns[thing.noun.noun].one, thing.number, thing.link if at else None, thing.is_definite)
         for at, thing in enumerate(things)
         if thing.noun is not None
     )

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -31,16 +32,21 @@ from pentimento.control.checkpoint import PaintingState, has_state, load_state
 from pentimento.control.commission import Commission, Wanted, exclusive, write_commission
 from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
-from pentimento.control.layout import wishes_for
-from pentimento.control.open_robot import open_robot, rig_named
+from pentimento.control.layout import WHOLE, Wish, in_medium, placed
+from pentimento.control.open_robot import is_in_studio, open_robot, rig_named
 from pentimento.control.page import Page, Pen
 from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
 from pentimento.control.request import MAX_THINGS, Understood, understand
 from pentimento.control.safety import envelope_for
-from pentimento.control.session import PaintingSession, Proposal, begin
+from pentimento.control.saved import saved_files, write_drawings
+from pentimento.control.session import begin
 from pentimento.control.session import resume as resume_session
+from pentimento.control.standing import Standing, beside_standing, known_things, sentences, standing_in
+from pentimento.control.turn import Turn, write_turn
+from pentimento.control.undo import take_back
+from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.target import load_photograph
@@ -157,12 +163,9 @@ def run(
     if not resume:
         write_commission(folder, commission)
     with exclusive(folder):
-        opened = open_robot(
-            commission.robot, tool, canvas_size_m, folder=folder, seed=commission.seed, execute=commission.execute,
-            calibration=calibration, ask=ask,
-        )  # fmt: skip
-        pen = _pen(tool, canvas_size_m) if opened.traits.person_draws else None
-        served = None if page is None else Page(folder, control, pen)
+        pen = _pen(tool, canvas_size_m) if is_in_studio(commission.robot, commission.execute) else None
+        saved = saved_files(folder, tool, canvas_size_m)
+        served = None if page is None else Page(folder, control, pen, saved)
         try:
             if page is not None and served is not None:
                 page(served.address)
@@ -170,26 +173,39 @@ def run(
             context = _paint_context(graphs, commission, canvas_size_m)
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
             goals_for = _goals_for(
-                graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns
-            )
-            session = PaintingSession(
-                robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
-                traits=opened.traits, context=context, strokes=commission.strokes,
-                replan_every=commission.replan_every, folder=folder, control=control,
-                on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
-                in_turns=turns.in_turns,
+                graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns,
+                standing=partial(_standing, folder),
             )  # fmt: skip
-            if not has_state(folder):
-                goal_for = _first_goal(commission.wanted, context, partial(goals_for, count=1), in_turns=turns.in_turns)
-                begin(session, goal_for, log=_planning_log(progress, context.planner))
-            state = resume_session(session, wish)
-            if state.phase == "done":
-                _write_summary(folder, context, state)
-            return state
+            first_goal = _first_goal(
+                commission.wanted, context, partial(goals_for, count=1), folder, in_turns=turns.in_turns
+            )
+            ended: PaintingState | None = None
+            while ended is None or ended.phase == "undoing":
+                if has_state(folder) and load_state(folder).phase == "undoing":
+                    take_back(folder)
+                opened = open_robot(
+                    commission.robot, tool, canvas_size_m, folder=folder, seed=commission.seed,
+                    execute=commission.execute, calibration=calibration, ask=ask,
+                )  # fmt: skip
+                with closing(opened):
+                    session = PaintingSession(
+                        robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
+                        traits=opened.traits, context=context, strokes=commission.strokes,
+                        replan_every=commission.replan_every, folder=folder, control=control,
+                        on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
+                        in_turns=turns.in_turns,
+                    )  # fmt: skip
+                    if not has_state(folder):
+                        begin(session, first_goal, log=_planning_log(progress, context.planner))
+                    ended = resume_session(session, wish if ended is None else "")
+            for message in write_drawings(folder, tool, canvas_size_m):
+                progress.message(message)
+            if ended.phase == "done":
+                _write_summary(folder, context, ended)
+            return ended
         finally:
             if served is not None:
                 served.close()
-            opened.close()
 
 
 def _on_state(page: Page | None, progress: Progress) -> Callable[[PaintingState], None]:
@@ -216,22 +232,46 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
 
 
 def _first_goal(
-    wanted: Wanted, context: PaintContext, goals_for: Callable[[Picture, str], Proposal], *, in_turns: bool
+    wanted: Wanted,
+    context: PaintContext,
+    goals_for: Callable[[Picture, str], Proposal],
+    folder: Path,
+    *,
+    in_turns: bool,
 ) -> Callable[[Picture], Picture]:
-    """A function from the canvas to the first goal, uint8 sRGB [H, W, 3] both."""
+    """A function from the canvas to the first goal, uint8 sRGB [H, W, 3] both, which is written down as turn 0."""
     if wanted.kind == "picture":
         picture = read_image(Path(wanted.value))
         return lambda canvas: goal_from_picture(picture, canvas, context.tool)
     if in_turns and not wanted.value:
         return lambda canvas: canvas  # the person begins
-    return lambda canvas: goals_for(canvas, wanted.value).goals[0]
+
+    def first(canvas: Picture) -> Picture:
+        proposal = goals_for(canvas, wanted.value)
+        write_turn(folder, Turn(0, wanted.value, 0, 0, tuple(proposal.things[0])))
+        return proposal.goals[0]
+
+    return first
+
+
+def _standing(folder: Path) -> Standing:
+    return standing_in(folder, load_state(folder).executed) if has_state(folder) else {}
 
 
 def _goals_for(
-    graphs: Graphs, context: PaintContext, *, setting: str, seed: int, in_turns: bool
+    graphs: Graphs,
+    context: PaintContext,
+    *,
+    setting: str,
+    seed: int,
+    in_turns: bool,
+    standing: Callable[[], Standing],
 ) -> Callable[..., Proposal]:
     """A function from the canvas, a person's words and a `count` to so many goals, uint8 sRGB [H, W, 3], each with
     another seed and in another place, as far as there is room.
+
+    Args:
+        standing: gives the things that stand on the canvas.
     """
     bundle: Bundle = graphs.bundle
     facts = bundle.manifest.goal
@@ -243,22 +283,28 @@ def _goals_for(
 
     def goals(canvas: Picture, words: str, count: int) -> Proposal:
         request = understand(words, bundle.vocabulary) if words else Understood("")
-        number_of_things = sum(thing.number for thing in request.things) or 1
-        largest = min(1.0, _ROOM * math.sqrt(number_of_things)) if in_turns else 1.0
-        found, taken = list[Picture](), canvas.copy()
+        here = standing() if by_window else {}
+        known = known_things(request, here)
+        new = sum(thing.number for thing in request.things) - sum(thing.number for thing in known)
+        largest = min(1.0, _ROOM * math.sqrt(max(new, 1))) if in_turns else 1.0
+        found, things, taken = list[Picture](), list[list[Wish]](), canvas.copy()
         for number in range(count):
-            wishes = wishes_for(
-                request, taken[centred_square(taken)], bundle.setting(setting).words, by_window=by_window,
-                largest=largest,
-            )  # fmt: skip
+            square = taken[centred_square(taken)]
+            places = list[Wish]()
+            if known:
+                places = beside_standing(request, square, here, largest=largest)
+            elif by_window and request.things:
+                places = placed(request, square, largest=largest)
             goal = goal_from_words(
-                wishes, canvas, goal_networks(graphs), has_ink=context.tool.color_srgb is not None,
+                in_medium(places or [Wish(request.text, WHOLE)], bundle.setting(setting).words), canvas,
+                goal_networks(graphs), has_ink=context.tool.color_srgb is not None,
                 schedule=noise_schedule(bundle), tokenizer=tokenizer(bundle, facts.words),
                 sampling=replace(sampling, seed=seed + MAX_THINGS * number),
             )  # fmt: skip
             found.append(goal)
+            things.append(places)
             taken = np.where(goal == canvas, taken, goal)
-        return Proposal(found, request.messages())
+        return Proposal(found, [*request.messages(), *sentences(request, here)], things)
 
     return goals
 

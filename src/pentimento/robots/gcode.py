@@ -1,7 +1,7 @@
 """G-code for pen plotters: a timed motion of the tip as lines in millimetres and millimetres a minute.
 
-Only codes that every GRBL-like controller reads: G21, G90, G94, G1, G4, M3, M5. Each line is a straight segment with
-its own feed, so that the machine keeps the path's times as far as its accelerations allow.
+Only codes that every GRBL-like controller reads: G21, G90, G94, G1, G4, M0, M3, M5. Each line is a straight segment
+with its own feed, so that the machine keeps the path's times as far as its accelerations allow.
 """
 
 from __future__ import annotations
@@ -119,7 +119,15 @@ class GcodeFile:
 
     def close(self) -> None:
         """Write the file, whole or not at all."""
-        atomic_write(self._path, "\n".join((*self._lines, "M5", "")).encode("ascii"))
+        atomic_write(self._path, self.text().encode("ascii"))
+
+    def text(self) -> str:
+        """The commands so far."""
+        return "\n".join((*self._lines, "M5", ""))
+
+    def pause(self, why: str) -> None:
+        """Wait for the person, where the tool is, until the controller is told to go on."""
+        self._lines += [f"({why})", "M0"]
 
 
 def connect(rig: Rig) -> GcodeFile:

@@ -105,15 +105,18 @@ class SvgPlotter:
 
     def close(self) -> None:
         """Write the drawing, whole or not at all. No stroke can follow."""
+        atomic_write(self._path, self.document().encode("utf-8"))
+        self._closed = True
+
+    def document(self) -> str:
+        """The drawing so far."""
         width_mm, height_mm = (_mm(side) for side in self._canvas_size_m)
         head = (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width_mm}mm" height="{height_mm}mm" '
             f'viewBox="0 0 {width_mm} {height_mm}" fill="none" stroke-linecap="round" '
             'stroke-linejoin="round">'
         )
-        document = "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', head, *self._lines, "</svg>", ""))
-        atomic_write(self._path, document.encode("utf-8"))
-        self._closed = True
+        return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', head, *self._lines, "</svg>", ""))
 
 
 def _path_data(path: FloatArray, height_m: float) -> str:

@@ -1,0 +1,141 @@
+"""What a person saves: the photograph, the strokes that stand on the sheet, the recording, and the replay."""
+
+import io
+import json
+import re
+import zipfile
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.images import decode_png, read_image
+from pentimento.control.checkpoint import PaintingState
+from pentimento.control.person import Control
+from pentimento.control.replay import frames_of, replay_page
+from pentimento.control.saved import gcode_of, made_strokes, saved_files, write_drawings
+from pentimento.control.session import resume
+from pentimento.robots.tools import load_tool
+from tests.bundle.line_brush import SIDE_M, journaled_sheet
+from tests.control.paintings import begun, session_of
+from tests.control.test_session import one_bar
+
+PEN = load_tool("marker")
+LINE = {"points": [[0.1, 0.9, 0.5], [0.9, 0.9, 0.5]], "color": None}
+
+
+@pytest.fixture(scope="module")
+def duet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PaintingState]:
+    """A person draws a line below, asks for a bar at the left, and stops."""
+    folder, control, said = tmp_path_factory.mktemp("duet"), Control(), iter([("draw", json.dumps(LINE))])
+    robot = journaled_sheet(folder)
+    begun(robot, folder)
+    control.send("your turn")
+    orders = iter([("draw", json.dumps(LINE)), ("wish", "a bar"), ("stop",)])
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "your turn":
+            control.send(*next(orders))
+
+    session = session_of(robot, folder, control, person, goals_for=one_bar, in_turns=True, in_studio=True)
+    state = resume(session)
+    robot.close()
+    assert state.phase == "done" and next(said)
+    return folder, state
+
+
+def test_strokes_of_the_drawing_are_the_persons_line_and_the_robots(duet: tuple[Path, PaintingState]) -> None:
+    folder, state = duet
+    strokes = made_strokes(folder, PEN)
+    assert len(strokes) == 1 + state.executed
+    assert strokes[0].path[:, 2] == pytest.approx(0.1 * SIDE_M) and (strokes[0].color_srgb == PEN.color_srgb).all()
+    recorded = pq.read_table(folder / "record")["path"].to_pylist()
+    assert all(np.allclose(made.path, path) for made, path in zip(strokes[1:], recorded, strict=True))
+
+
+def test_strokes_of_a_robot_without_a_journal_come_from_its_recording(
+    duet: tuple[Path, PaintingState], tmp_path: Path
+) -> None:
+    folder, state = duet
+    (tmp_path / "record").symlink_to(folder / "record")
+    assert len(made_strokes(tmp_path, PEN)) == state.executed
+
+
+def test_photograph_has_at_least_800_pixels_a_side_and_shows_the_canvas(duet: tuple[Path, PaintingState]) -> None:
+    folder, state = duet
+    picture = decode_png(saved_files(folder, PEN, (SIDE_M, SIDE_M))["painting.png"]())
+    assert min(picture.shape[:2]) >= 800
+    small = cv2.resize(picture, state.canvas.shape[1::-1], interpolation=cv2.INTER_AREA)
+    assert np.abs(small.astype(int) - state.canvas).mean() < 3
+
+
+def test_svg_and_gcode_hold_every_stroke(duet: tuple[Path, PaintingState]) -> None:
+    folder, state = duet
+    files = saved_files(folder, PEN, (SIDE_M, SIDE_M))
+    assert files["painting.svg"]().count(b"<path") == 1 + state.executed
+    lines = files["painting.gcode"]().decode().splitlines()
+    heights = [float(found[1]) for line in lines if (found := re.search(r"Z(-?[\d.]+)", line))]
+    landings = sum(before > -10 >= now for before, now in pairwise(heights))
+    assert landings == 1 + state.executed and heights[-1] > -10 and "M0" not in lines
+
+
+def test_drawing_that_is_too_large_for_the_plotter_is_saved_as_svg_alone(tmp_path: Path) -> None:
+    path = [[0.0, 0.45, 0.1, -0.001, 0.0], [1.0, 0.5, 0.1, -0.001, 0.0]]
+    (tmp_path / "journal.jsonl").write_text(json.dumps(["move", [path]]) + "\n")
+    (sentence,) = write_drawings(tmp_path, PEN, (0.6, 0.4))
+    assert sentence.startswith("There is no painting.gcode: ") and not (tmp_path / "painting.gcode").exists()
+    assert (tmp_path / "painting.svg").read_text().count("<path") == 1
+
+
+def test_another_colour_pauses_the_plotter(tmp_path: Path) -> None:
+    path = [[0.0, 0.05, 0.1, -0.001, 0.0], [1.0, 0.1, 0.1, -0.001, 0.0]]
+    commands = [["load_palette", [[[1, 0, 0], [0, 0, 1]]]]]
+    for paint in (0, 0, 1):
+        commands += [["wipe", []], ["dip", [paint]], ["move", [path]]]
+    (tmp_path / "journal.jsonl").write_text("".join(json.dumps(command) + "\n" for command in commands))
+    strokes = made_strokes(tmp_path, load_tool("round_brush"))
+    assert [stroke.color_srgb.tolist() for stroke in strokes] == [[1, 0, 0], [1, 0, 0], [0, 0, 1]]
+    lines = gcode_of(strokes).decode().splitlines()
+    assert lines.count("M0") == 1 and lines[lines.index("M0") - 1] == "(colour 0000ff)"
+    raised = [line for line in lines[: lines.index("M0")] if "Z" in line][-1]
+    assert raised.split("Z")[1].startswith("-5")  # 5 mm above the sheet at -10 mm
+
+
+def test_recording_is_the_folders(duet: tuple[Path, PaintingState]) -> None:
+    folder, _ = duet
+    with zipfile.ZipFile(io.BytesIO(saved_files(folder, PEN, (SIDE_M, SIDE_M))["recording.zip"]())) as archive:
+        assert archive.testzip() is None
+        assert {name: archive.read(name) for name in archive.namelist()} == {
+            f"record/{file.name}": file.read_bytes() for file in (folder / "record").iterdir()
+        }
+
+
+def test_replay_shows_the_start_each_turn_and_each_stroke(duet: tuple[Path, PaintingState]) -> None:
+    folder, state = duet
+    frames = frames_of(folder)
+    captions = [frame.caption for frame in frames]
+    assert captions[:2] == ["The sheet at the start", "Turn 1, yours; asked for: “a bar”"]
+    assert len(frames) == 2 + state.executed
+    side = frames[0].picture.shape[0]
+    drawn = frames[0].picture.min(-1).astype(int) - frames[1].picture.min(-1) > 60
+    assert drawn[round(0.85 * side) : round(0.95 * side)].sum() > side and not drawn[: round(0.8 * side)].any()
+    last = read_image(folder / "painting.png")
+    times = np.linspace(0, last.shape[0] - 1, side).round().astype(int)
+    assert np.abs(frames[-1].picture.astype(int) - last[times][:, times]).mean() < 6
+
+
+def test_replay_is_one_file_that_loads_nothing(duet: tuple[Path, PaintingState]) -> None:
+    page = replay_page(duet[0])
+    assert page.count("data:image/jpeg;base64,") == len(frames_of(duet[0]))
+    assert not re.search(r"(https?:)?//[a-z]", re.sub(r"base64,[^\"]*", "", page))
+
+
+def test_nothing_to_save_is_one_sentence(tmp_path: Path) -> None:
+    for name, give in saved_files(tmp_path, PEN, (SIDE_M, SIDE_M)).items():
+        with pytest.raises(ConfigError) as raised:
+            give()
+        assert str(raised.value).endswith("."), name
