@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pentimento.cli import Command, count, given, option, seed, words
+from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 
 if TYPE_CHECKING:
-    from pentimento.control.commission import Commission
+    from pentimento.control.commission import Commission, Weights
     from pentimento.control.run import Turns
 
 _OF_CLAY = ("material", "letter", "pushes")
@@ -22,6 +23,7 @@ _OF_PAINT = (
     "goal_text",
     "strokes",
     "replan_every",
+    "weights",
     "execute",
     "page",
     "turns",
@@ -35,6 +37,7 @@ _OF_A_NEW_RUN = (
     "goal_image",
     "strokes",
     "replan_every",
+    "weights",
     "seed",
     "out",
     "execute",
@@ -62,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> None:
         commission = commission_of(
             arguments.bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
-            replan_every=arguments.replan_every, seed=arguments.seed,
+            replan_every=arguments.replan_every, seed=arguments.seed, weights=_weights(arguments.weights),
         )  # fmt: skip
     turns = Turns(arguments.turns, arguments.choices or 1)
     wish = text if arguments.resume is not None else ""
@@ -70,6 +73,26 @@ def _run(arguments: argparse.Namespace) -> None:
         commission, folder, calibration=arguments.calibration, has_page=arguments.page, turns=turns, wish=wish,
         resume=arguments.resume is not None,
     )  # fmt: skip
+
+
+def _weights(text: str | None) -> Weights | None:
+    """The weights of objectives in "print=1,semantic=0.3,text=0.1"; those that are left out are 0.
+
+    Raises:
+        ConfigError: the text says something else.
+    """
+    from pentimento.control.commission import Weights
+
+    if text is None:
+        return None
+    pairs = [part.partition("=")[::2] for part in text.split(",")]
+    try:
+        found = {name.strip(): float(value) for name, value in pairs}
+        return from_plain(Weights, dict.fromkeys(("print", "semantic", "text"), 0.0) | found, "--weights", ConfigError)
+    except ValueError as error:
+        raise ConfigError(
+            f"--weights is {text!r}; give weights of print, semantic and text, such as print=1,semantic=0.3."
+        ) from error
 
 
 def _paint(
@@ -231,6 +254,12 @@ COMMANDS = (
                 type=count,
                 metavar="N",
                 help="strokes between two replannings; by default the setting's",
+            ),
+            option(
+                "--weights",
+                metavar="W",
+                help="of the objectives, such as print=1,semantic=0.3,text=0.1: the goal pixel by pixel, what an "
+                "encoder sees in it, and the words asked for; by default the setting's",
             ),
             option("--material", help="sculpt this clay of the bundle, in the studio, instead of painting"),
             option("--letter", metavar="LETTERS", help="sink this into the clay"),

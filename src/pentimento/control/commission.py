@@ -13,6 +13,7 @@ from typing import Any, Final, Literal
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.ranges import at_least
 
 _NAME: Final = "commission.json"
 
@@ -24,6 +25,21 @@ class Wanted:
     kind: Literal["picture", "words"]
     value: str
     """A picture's file, or a person's words; "" asks only to complete what is on the canvas."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of a plan's objectives; see ``planning.strokes.config.ObjectivesConfig``."""
+
+    print: float
+    semantic: float
+    text: float
+    """Of the words that were asked for last."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "print", "semantic", "text")
+        if self.print + self.semantic + self.text == 0:
+            raise ValueError("print, semantic and text are 0; give at least one of them a weight.")
 
 
 @dataclass(frozen=True)
@@ -43,6 +59,8 @@ class Commission:
     replan_every: int
     """Strokes between two photographs, each of which replans the rest."""
     seed: int
+    weights: Weights | None = None
+    """None for the objectives of the bundle's setting."""
 
 
 @dataclass(frozen=True)

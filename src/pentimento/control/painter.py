@@ -14,11 +14,12 @@ from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float
 from pentimento.contracts.covariates import Memory, fresh_memory
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
+from pentimento.control.commission import Weights
 from pentimento.control.execute import Session, execute
 from pentimento.control.loop import Hooks, run_loop
 from pentimento.planning.strokes.bezier import Strokes, no_strokes, to_planned
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import Log, PlannerConfig
+from pentimento.planning.strokes.config import Log, PlannerConfig, TextConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.planner import plan
@@ -182,6 +183,20 @@ class PaintContext:
     meaning: Meaning | None = None
     """For planners whose objectives include words or what is seen in the target."""
     threads: int = 1
+    weights: Weights | None = None
+    """Of the objectives, in place of the planner's."""
+
+    def about(self, words: str) -> PaintContext:
+        """The context for plans of what these words ask for; "" for none."""
+        if self.weights is None:
+            return self
+        text = TextConfig(self.weights.text, words) if self.weights.text > 0 and words else None
+        is_weighed = text is not None or self.weights.print + self.weights.semantic > 0
+        objectives = replace(
+            self.planner.objectives, print_weight=self.weights.print if is_weighed else 1.0,
+            semantic_weight=self.weights.semantic, text=text,
+        )  # fmt: skip
+        return replace(self, planner=replace(self.planner, objectives=objectives))
 
     def scene(self, target: Array, start: Start) -> Scene:
         """A target [H, W, 3] (linear light) on a canvas in the state ``start``."""

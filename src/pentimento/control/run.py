@@ -29,7 +29,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
-from pentimento.control.commission import Commission, Wanted, exclusive, write_commission
+from pentimento.control.commission import Commission, Wanted, Weights, exclusive, write_commission
 from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.layout import WHOLE, Wish, in_medium, placed
@@ -44,7 +44,7 @@ from pentimento.control.saved import saved_files, write_drawings
 from pentimento.control.session import begin
 from pentimento.control.session import resume as resume_session
 from pentimento.control.standing import Standing, beside_standing, known_things, sentences, standing_in
-from pentimento.control.turn import Turn, write_turn
+from pentimento.control.turn import Turn, words_in, write_turn
 from pentimento.control.undo import take_back
 from pentimento.control.workplace import PaintingSession, Proposal
 from pentimento.planning.strokes.config import PlannerConfig
@@ -90,6 +90,7 @@ def commission_of(
     strokes: int | None = None,
     replan_every: int | None = None,
     seed: int | None = None,
+    weights: Weights | None = None,
 ) -> Commission:
     """The commission of a command; for what is None, the bundle's setting decides.
 
@@ -98,10 +99,13 @@ def commission_of(
 
     Raises:
         BundleError: the bundle is refused, or has no such setting.
-        ConfigError: the bundle has several settings to begin with, and none is named; or the words are not understood.
+        ConfigError: the bundle has several settings to begin with, and none is named; the words are not understood; or
+            words are to weigh, and a picture is the goal.
         ImageError: the goal picture cannot be read.
     """
     opened = open_bundle(bundle)
+    if weights is not None and weights.text > 0 and wanted.kind == "picture":
+        raise ConfigError("The weight of text is that of the words asked for: give --goal-text instead of a picture.")
     # Both are checked here, so that an error leaves no folder behind.
     if wanted.kind == "picture":
         read_image(Path(wanted.value))
@@ -124,6 +128,7 @@ def commission_of(
         strokes=defaults.strokes if strokes is None else strokes,
         replan_every=defaults.replan_every if replan_every is None else replan_every,
         seed=defaults.planner.seed if seed is None else seed,
+        weights=weights,
     )
 
 
@@ -227,7 +232,7 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
     tool = graphs.bundle.tools[commission.setting]
     meaning = GraphMeaning(graphs, planner.seed)
     return PaintContext(
-        tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, meaning, _threads()
+        tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, meaning, _threads(), commission.weights
     )  # fmt: skip
 
 
@@ -334,6 +339,7 @@ def _planning_log(progress: Progress, planner: PlannerConfig) -> Callable[[str, 
 
 def _write_summary(folder: Path, context: PaintContext, state: PaintingState) -> None:
     goal, start = read_image(folder / GOAL), Start(state.memory, state.clock_s, state.executed)
+    context = context.about(words_in(folder))
     errors: dict[str, Any] = {
         name: objective_value(context, as_linear(picture), goal, start)
         for name, picture in (("plan", read_image(folder / PLAN)), ("canvas", state.canvas))

@@ -35,7 +35,7 @@ from pentimento.control.painter import (
 )
 from pentimento.control.person import Order
 from pentimento.control.pictures import PLAN, write_pictures
-from pentimento.control.turn import FOR_A_TURN, note_turn, take_turn
+from pentimento.control.turn import FOR_A_TURN, note_turn, take_turn, words_in
 from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
 from pentimento.planning.strokes.bezier import Strokes, to_planned
@@ -79,7 +79,9 @@ def begin(
         canvas = Camera(robot, context.canvas_size_m, scale, calibrated=calibrated).observe().picture
     goal = goal_for(canvas)
     start = Start(fresh_memory(context.canvas_size_m, context.tool.nominal_width_m), 0.0, 0)
-    remaining, palette = first_plan(context, canvas, goal, count=session.strokes, start=start, log=log)
+    remaining, palette = first_plan(
+        context.about(words_in(session.folder)), canvas, goal, count=session.strokes, start=start, log=log
+    )
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
         executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
@@ -251,7 +253,8 @@ class _StrokeByStroke:
     def _with_new_plan(self, state: PaintingState, changed: bool) -> PaintingState:
         self.at.watchdog.beat(PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
-        remaining = adapt(self.context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state))
+        context = self.context.about(words_in(self.session.folder))
+        remaining = adapt(context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state))
         state = replace(state, remaining=remaining, clock_s=self.at.clock_s)
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         self.at.keep_photograph(state)

@@ -103,6 +103,15 @@ def read_turns(folder: Path) -> list[Turn]:
     return found
 
 
+def words_in(folder: Path) -> str:
+    """What a person asked for last, in words that were taught where they are known; "" for nothing.
+
+    Raises:
+        ContractError: a file is damaged.
+    """
+    return next((_taught(turn) for turn in reversed(read_turns(folder)) if turn.words), "")
+
+
 def turns_in(folder: Path) -> list[Turn]:
     """The turns of a painting that have a photograph, in their order; without those that led to nothing.
 
@@ -116,6 +125,10 @@ def turns_in(folder: Path) -> list[Turn]:
         turn for turn, after in zip(shown, following, strict=True)
         if turn.words or turn.number == 0 or after is None or after.executed_before > turn.executed_before
     ]  # fmt: skip
+
+
+def _taught(turn: Turn) -> str:
+    return " and ".join(wish.words for wish in turn.things) or turn.words
 
 
 def _invitation(state: PaintingState) -> str:
@@ -148,14 +161,15 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     goal, things = proposal.goals[number], proposal.things[number] if proposal.things else ()
     forget(session.folder)
     at.watchdog.beat(PLAN_S, "a new plan")
+    turn = Turn(state.turns, words, state.executed, 0, tuple(things))
     remaining, palette = first_plan(
-        context, state.canvas, goal, count=session.strokes, start=at.start_of(state), log=no_log
+        context.about(_taught(turn)), state.canvas, goal, count=session.strokes, start=at.start_of(state), log=no_log
     )
     at.watchdog.rest()  # a person may have to fill the paints
     at.load(palette)
     turns = session.folder / TURNS
     write_png(turns / f"{state.turns:03d}_goal.png", goal)
-    write_turn(session.folder, Turn(state.turns, words, state.executed, len(remaining), tuple(things)))
+    write_turn(session.folder, replace(turn, planned=len(remaining)))
     message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *_sentences(proposal)])
     predicted = predict_canvas(context, remaining, state.canvas, at.start_of(state))
     write_png(session.folder / PLAN, as_picture(predicted))
