@@ -251,7 +251,10 @@ class _StrokeByStroke:
     def _with_new_plan(self, state: PaintingState, changed: bool) -> PaintingState:
         self.at.watchdog.beat(PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
-        remaining = adapt(self.context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state))
+        remaining = adapt(
+            self.context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state),
+            palette_srgb=state.palette_srgb,
+        )  # fmt: skip
         state = replace(state, remaining=remaining, clock_s=self.at.clock_s)
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         self.at.keep_photograph(state)

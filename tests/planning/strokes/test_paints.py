@@ -125,8 +125,8 @@ def test_picture_palette_has_the_pictures_colours() -> None:
 def test_repaint_never_raises_the_loss() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
     choice = PaletteChoice("given", None, None, ((0.8, 0.25, 0.25), (0.25, 0.66, 0.35)))
-    paints = choose_paints(strokes, choice, 0)
-    wrong = Paints(paints.linear, 1 - paints.index)
+    paints = choose_paints(strokes, scene(), choice, 0)
+    wrong = replace(paints, index=1 - paints.index)
     before = wrong.dipped(strokes)
     after, chosen = repaint(before, wrong, WHITE, scene(), config=CONFIG)
     assert loss(after, WHITE) < loss(before, WHITE)
@@ -136,7 +136,7 @@ def test_repaint_never_raises_the_loss() -> None:
 
 def test_in_order_keeps_colours() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
-    paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]))
+    paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]), np.zeros(2, bool))
     ordered, sorted_paints = in_order(paints.dipped(strokes), paints, scene(), replace(CONFIG, sweeps=1))
     np.testing.assert_allclose(sorted_paints.linear[sorted_paints.index], ordered.color, rtol=1e-5)
     np.testing.assert_allclose(ordered.color[:, 0], [0.8, 0.8, 0.1, 0.1], rtol=1e-5)

@@ -88,6 +88,7 @@ def descend(
         if paints is not None:
             of_paints = np.zeros_like(paints.linear)
             np.add.at(of_paints, paints.index, gradients[-1])
+            of_paints[paints.fixed] = 0.0
             gradients[-1] = of_paints
         share = half_cosine(iteration, iterations, rate, last_rate)
         adam.step(gradients[: len(moved)], [share * step for step in rates])
