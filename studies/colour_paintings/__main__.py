@@ -15,8 +15,8 @@ from pathlib import Path
 
 import torch
 
-from pentimento.contracts.images import write_png
 from pentimento.contracts.colour import linear_to_srgb, to_uint8
+from pentimento.contracts.images import write_png
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
 from pipelines.paint import Paint

@@ -25,7 +25,7 @@ class Picture:
     package: str
     file: str
     licence: str
-    part: Part = Part(0.0, 0.0, 1.0, 1.0)
+    part: Part | None = None
 
     def target(self, shape: tuple[int, int]) -> NDArray[np.float32]:
         """Linear light [H, W, 3] at ``shape``.
@@ -37,7 +37,7 @@ class Picture:
         if found is None or found.origin is None:
             raise ImageError(f"The photograph {self.file} comes with {self.package}, which is not installed.")
         photograph = read_image(Path(found.origin).parent / self.file)
-        return fit_to_canvas(self.part.of(photograph), shape).astype(np.float32)
+        return fit_to_canvas(photograph if self.part is None else self.part.of(photograph), shape).astype(np.float32)
 
 
 _NASA = "public domain (NASA)"

@@ -170,7 +170,7 @@ def replan_rest(
     """
     canvas, strokes = as_linear(photo), _copy(remaining)
     if scene.tool.color_srgb is None and config.relocate_share > 0 and config.objectives.print_weight > 0:
-        strokes = relocated(strokes, canvas, scene, config, palette_srgb=palette_srgb, made=scene.start.made)
+        strokes = relocated(strokes, canvas, scene, config, palette_srgb=palette_srgb)
     optimise(
         strokes, canvas, scene, config, iterations=config.iterations_replan, free_color=False,
         rate=config.replan_rate, log=_ignore,

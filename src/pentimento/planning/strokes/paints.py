@@ -37,6 +37,8 @@ Mask = NDArray[np.bool_]
 
 _COVER_PX = 80
 """Width of the picture in which overlaps of strokes are measured."""
+DARKEST = 0.01
+"""Linear light of the darkest paint: a black acrylic reflects about a hundredth of the light at its surface."""
 _HIDDEN = 1e-3
 """Weight of a hidden stroke's colour, as a share of the mean: it has a paint, and no say in which paints there are."""
 
@@ -90,7 +92,8 @@ def choose_paints(strokes: Strokes, scene: Scene, choice: PaletteChoice, seed: i
         case "ink":
             raise AssertionError("A tool with its own ink takes no paints.")
     fixed = np.zeros(len(palette), dtype=bool) if fixed is None else fixed
-    return Paints(srgb_to_linear(palette.astype(np.float32)), index, fixed)
+    linear = srgb_to_linear(palette.astype(np.float32))
+    return Paints(linear if choice.source == "given" else np.maximum(linear, np.float32(DARKEST)), index, fixed)
 
 
 def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConfig) -> tuple[Strokes, Paints]:

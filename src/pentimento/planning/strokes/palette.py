@@ -40,8 +40,8 @@ class PaletteChoice:
     """Which paints the person lays out."""
 
     source: Literal["plan", "picture", "given", "ink"]
-    """``plan``: the strokes' own colours, clustered with regard to small salient ones, then optimised with the strokes. ``picture``: a picture's colours,
-    clustered. ``given``: ``colors_srgb``. ``ink``: none, the tool has its own."""
+    """``plan``: the strokes' own colours, clustered with regard to small salient ones, then optimised with the strokes.
+    ``picture``: a picture's colours, clustered. ``given``: ``colors_srgb``. ``ink``: none, the tool has its own."""
     size: int | None
     """Number of paints, for ``plan`` and ``picture``."""
     picture: str | None

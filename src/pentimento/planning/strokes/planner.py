@@ -144,21 +144,18 @@ def plan_shapes(
 
 
 def relocated(
-    strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig, *, palette_srgb: FloatArray, made: int
+    strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig, *, palette_srgb: FloatArray
 ) -> Strokes:
-    """The strokes with useless ones relocated in these paints, sRGB [K, 3], in the order of painting.
+    """The strokes with useless ones relocated in these paints, sRGB [K, 3]: on top, from light to dark.
 
-    Args:
-        made: number of strokes before these, by which random numbers differ.
+    The others keep their order, for which they were optimised.
     """
-    linear = srgb_to_linear(palette_srgb.astype(np.float32))
-    family, rng = BezierFamily(config, len(strokes)), np.random.default_rng([config.seed, 6, made])
-    paints = linear.astype(np.float64)
+    paints = srgb_to_linear(np.asarray(palette_srgb, dtype=np.float64))
+    family, rng = BezierFamily(config, len(strokes)), np.random.default_rng([config.seed, 6, scene.start.made])
     moved, count = relocate(strokes, canvas, scene, config=config, family=family, paints=paints, rng=rng)
-    if count == 0:
-        return strokes
-    index = np.square(moved.color[:, None] - linear).sum(-1).argmin(1)
-    return in_order(moved, Paints(linear, index, np.zeros(len(linear), dtype=bool)), scene, config)[0]
+    on_top = moved.color[len(moved) - count :].mean(1)
+    order = np.argsort(-on_top, kind="stable") + len(moved) - count
+    return moved.pick(np.concatenate([np.arange(len(moved) - count), order]))
 
 
 def _in_rounds(planner: Planner[S], strokes: S) -> S:
