@@ -160,7 +160,7 @@ def test_palette_rejects_wrong_tool_and_fields() -> None:
             PaletteChoice(*wrong)  # type: ignore[arg-type]
 
 
-GREEN_EYES = (0.35, 0.50, 0.20)
+GREEN_EYES = (0.40, 0.47, 0.20)
 
 
 def browns_with_eyes(eyes: int) -> tuple[np.ndarray, np.ndarray]:
@@ -169,7 +169,7 @@ def browns_with_eyes(eyes: int) -> tuple[np.ndarray, np.ndarray]:
     light = np.linspace(0.2, 0.9, 200)[:, None]
     browns = light * (0.75, 0.55, 0.4) + rng.normal(0, 0.015, (200, 3))
     greens = np.array(GREEN_EYES) + rng.normal(0, 0.01, (eyes, 3))
-    return np.concatenate([browns, greens]), np.concatenate([np.ones(200), np.full(eyes, 0.15)])
+    return np.concatenate([browns, greens]), np.concatenate([np.ones(200), np.full(eyes, 0.12)])
 
 
 def distance(palette: np.ndarray, color: tuple[float, float, float]) -> float:
